@@ -1,0 +1,69 @@
+"""The few calls into the C library that the engine makes, usable compiled and interpreted.
+
+Compiled code resolves ``numba.types.ExternalFunction`` symbols itself and keeps its cache; interpreted
+code takes the same names from ctypes.  Addresses are plain integers (``array.ctypes.data``).
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from pnfarm.table.compiled import IS_COMPILED, compiled
+
+__all__ = [
+    "CLOCK_MONOTONIC",
+    "CLOCK_REALTIME",
+    "MSG_DONTWAIT",
+    "clock_nanosleep",
+    "recvmmsg",
+    "sendmmsg",
+    "time_ns",
+    "write",
+]
+
+CLOCK_REALTIME = 0
+CLOCK_MONOTONIC = 1
+TIMER_ABSTIME = 1
+MSG_DONTWAIT = 0x40
+
+if IS_COMPILED:
+    from numba import types
+
+    _int = types.int32
+    _word = types.intp
+    recvmmsg: Any = types.ExternalFunction("recvmmsg", _int(_int, _word, types.uint32, _int, _word))
+    sendmmsg: Any = types.ExternalFunction("sendmmsg", _int(_int, _word, types.uint32, _int))
+    clock_gettime: Any = types.ExternalFunction("clock_gettime", _int(_int, _word))
+    clock_nanosleep: Any = types.ExternalFunction("clock_nanosleep", _int(_int, _int, _word, _word))
+    write: Any = types.ExternalFunction("write", _word(_int, _word, _word))
+else:
+    _libc = ctypes.CDLL(None, use_errno=True)
+    _int = ctypes.c_int
+    _word = ctypes.c_ssize_t
+
+    def _function(name: str, result: Any, *arguments: Any) -> Any:
+        function = getattr(_libc, name)
+        function.restype = result
+        function.argtypes = arguments
+        return function
+
+    recvmmsg = _function("recvmmsg", _int, _int, _word, ctypes.c_uint, _int, _word)
+    sendmmsg = _function("sendmmsg", _int, _int, _word, ctypes.c_uint, _int)
+    clock_gettime = _function("clock_gettime", _int, _int, _word)
+    clock_nanosleep = _function("clock_nanosleep", _int, _int, _int, _word, _word)
+    write = _function("write", _word, _int, _word, _word)
+
+
+@compiled
+def time_ns(clock: int, timespec: Any) -> int:
+    """``clock`` in nanoseconds; ``timespec`` is an int64[2] to work in."""
+    clock_gettime(clock, timespec.ctypes.data)
+    return int(timespec[0]) * 1_000_000_000 + int(timespec[1])
+
+
+def timespec() -> Any:
+    """Room for one ``struct timespec``."""
+    return np.zeros(2, np.int64)

@@ -1,0 +1,197 @@
+"""The engine in real time: a thread of its own, outside of the interpreter's lock."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import socket
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pnfarm.engine.libc import CLOCK_MONOTONIC, TIMER_ABSTIME, clock_nanosleep, time_ns, write
+from pnfarm.engine.rings import Ring, make_ring, receive_batch, send_batch
+from pnfarm.engine.tick import next_due, receive, tick
+from pnfarm.errors import InternalError
+from pnfarm.table.columns import RX_BATCH, Columns
+from pnfarm.table.compiled import compiled
+from pnfarm.table.engine_row import LATENESS_EDGES_NS
+
+__all__ = ["RealTimeEngine", "RealTimeSettings", "run_loop"]
+
+#: Batches taken in one tick at most, so that a flood cannot keep the engine from sending.
+MAX_BATCHES = 16
+LATENESS_BUCKETS = len(LATENESS_EDGES_NS) + 1
+#: An array, because indexing a tuple in compiled code copies it.
+_EDGES = np.array(LATENESS_EDGES_NS, np.int64)
+
+
+@compiled
+def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> None:
+    """Tick until ``engine.stop`` or time ``until`` (0 = no end).
+
+    ``wake`` is an eventfd for the event loop, ``one`` an uint64[1] that holds 1.
+    """
+    engine = columns.engine[0]
+    sleep_until = np.zeros(2, np.int64)
+    told = engine.event_head
+    now = time_ns(CLOCK_MONOTONIC, ring.clock)
+    due = next_due(columns, now)
+    while engine.stop == 0 and (until == 0 or now < until):
+        if due > now:
+            sleep_until[0] = due // 1_000_000_000
+            sleep_until[1] = due % 1_000_000_000
+            clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, sleep_until.ctypes.data, 0)
+        now = time_ns(CLOCK_MONOTONIC, ring.clock)
+        late = max(0, now - due)
+        bucket = 0
+        while bucket < LATENESS_BUCKETS - 1 and late > _EDGES[bucket]:
+            bucket += 1
+        engine.lateness[bucket] += 1
+        engine.lateness_sum_ns += late
+        engine.lateness_max_ns = max(engine.lateness_max_ns, late)
+        batches = 0
+        count = receive_batch(columns, ring, now)
+        while count == RX_BATCH and batches < MAX_BATCHES:
+            receive(columns, count)
+            count = receive_batch(columns, ring, now)
+            batches += 1
+        send_batch(columns, ring, tick(columns, count, now))
+        if engine.event_head != told:
+            told = engine.event_head
+            engine.wakes += 1
+            write(wake, one.ctypes.data, 8)
+        due = next_due(columns, now)
+        after = time_ns(CLOCK_MONOTONIC, ring.clock)
+        engine.busy_ns += after - now
+        now = after
+
+
+@dataclass(frozen=True, slots=True)
+class RealTimeSettings:
+    """What the engine asks the kernel for; each may be refused and is then reported, not hidden."""
+
+    cpu: int | None = None
+    fifo_priority: int | None = None
+    lock_memory: bool = False
+    timer_slack_ns: int | None = 1
+    timestamps: bool = True
+
+
+@dataclass(slots=True)
+class RealTimeReport:
+    """What the kernel granted: name -> None, or the reason of the refusal."""
+
+    granted: list[str] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+PR_SET_TIMERSLACK = 29
+MCL_CURRENT, MCL_FUTURE = 1, 2
+
+
+def _apply(settings: RealTimeSettings, report: RealTimeReport) -> None:
+    """Ask for scheduling and memory; runs in the engine's thread, whose own these settings are."""
+    libc = ctypes.CDLL(None, use_errno=True)
+
+    def note(name: str, error: str | None) -> None:
+        if error is None:
+            report.granted.append(name)
+        else:
+            report.refused[name] = error
+
+    if settings.cpu is not None:
+        try:
+            os.sched_setaffinity(0, {settings.cpu})
+            note(f"cpu {settings.cpu}", None)
+        except OSError as exc:
+            note(f"cpu {settings.cpu}", exc.strerror)
+    if settings.fifo_priority is not None:
+        try:
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(settings.fifo_priority))
+            note(f"SCHED_FIFO {settings.fifo_priority}", None)
+        except OSError as exc:
+            note(f"SCHED_FIFO {settings.fifo_priority}", exc.strerror)
+    if settings.lock_memory:
+        failed = libc.mlockall(MCL_CURRENT | MCL_FUTURE)
+        note("mlockall", os.strerror(ctypes.get_errno()) if failed else None)
+    if settings.timer_slack_ns is not None:
+        failed = libc.prctl(PR_SET_TIMERSLACK, settings.timer_slack_ns, 0, 0, 0)
+        note(f"timer slack {settings.timer_slack_ns} ns", os.strerror(ctypes.get_errno()) if failed else None)
+
+
+class RealTimeEngine:
+    """Runs :func:`run_loop` in a thread between :meth:`start` and :meth:`stop`.
+
+    ``wake_fd`` becomes readable whenever the engine has written events; the reader drains it with
+    ``os.eventfd_read``.
+    """
+
+    def __init__(self, columns: Columns, channel_socket: socket.socket, settings: RealTimeSettings | None = None) -> None:
+        self.columns = columns
+        self.settings = settings or RealTimeSettings()
+        self.report = RealTimeReport()
+        self.wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._socket = channel_socket
+        self._ring = make_ring(columns, channel_socket, timestamps=self.settings.timestamps)
+        self._one = np.ones(1, np.uint64)
+        self._thread: threading.Thread | None = None
+        self._failure: BaseException | None = None
+        self._ready = threading.Event()
+
+    @property
+    def running(self) -> bool:
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self) -> None:
+        """Start the thread; returns once its scheduling is settled.
+
+        The loop's machine code is compiled (or loaded) here, in the caller's thread, so that the first
+        tick is on time.
+        """
+        if self._thread is not None:
+            raise InternalError("the engine was started twice")
+        self.warm_up()
+        self.columns.engine[0].stop = 0
+        self._thread = threading.Thread(target=self._run, name="pnfarm-engine", daemon=True)
+        self._thread.start()
+        self._ready.wait()
+
+    def warm_up(self) -> None:
+        """Compile or load the loop without ticking."""
+        run_loop(self.columns, self._ring, self.wake_fd, self._one, 1)
+
+    def _run(self) -> None:
+        try:
+            _apply(self.settings, self.report)
+            self._ready.set()
+            run_loop(self.columns, self._ring, self.wake_fd, self._one, 0)
+        except BaseException as exc:  # noqa: BLE001 - carried to the event loop by stop() and check()
+            self._failure = exc
+            self._ready.set()
+
+    def check(self) -> None:
+        """Raise what ended the thread, if it ended by itself."""
+        if self._failure is not None:
+            raise InternalError(f"the engine's thread ended: {self._failure!r}") from self._failure
+
+    def stop(self) -> None:
+        """Ask the thread to return and wait for it (at most one tick, 5 s for a machine under load)."""
+        if self._thread is not None:
+            self.columns.engine[0].stop = 1
+            self._thread.join(timeout=5.0)
+            if self._thread.is_alive():
+                raise InternalError("the engine's thread did not return within 5 s")
+            self._thread = None
+
+    def close(self) -> None:
+        self.stop()
+        os.close(self.wake_fd)
+
+
+def monotonic_ns() -> int:
+    """The engine's clock, for the event loop beside it."""
+    return time.monotonic_ns()

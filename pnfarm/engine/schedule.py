@@ -1,0 +1,188 @@
+"""Opening and closing rows of the channel tables, and spreading providers over their cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pnfarm.errors import InternalError
+from pnfarm.table.channel import FRAME_SLOT, IDLE, IOXS_GOOD, MAX_IOPS, MAX_WORDS, STATUS_GOOD
+from pnfarm.table.columns import Columns, lookup_rebuild
+
+__all__ = ["UNIT_NS", "ChannelTable", "ConsumerPlan", "ProviderPlan"]
+
+#: PROFINET's time unit: send clock factor and cycle counter count in it.
+UNIT_NS = 31_250
+#: Priority-tagged Ethernet header: 6 + 6 + tag 4 + type 2.
+TAGGED_HEADER = 18
+#: 802.1Q tag of RT frames: priority 6, VLAN 0 (IEC 61158-6-10).
+RT_TAG = bytes.fromhex("8100c000")
+ETHERTYPE = bytes.fromhex("8892")
+
+
+@dataclass(frozen=True, slots=True)
+class ProviderPlan:
+    """What a provider sends.  All offsets count from the first octet of IO data.
+
+    ``words``: (code, offset) of each telegram word; ``iops``: own provider status octets that follow the
+    process image; ``constants``: (offset, octet) of everything that never changes (IOCS, IOPS of modules without data).
+    """
+
+    image: int
+    port: int
+    destination: bytes
+    source: bytes
+    frame_id: int
+    data_length: int
+    send_clock_factor: int
+    reduction_ratio: int
+    words: Sequence[tuple[int, int]]
+    iops: Sequence[int]
+    constants: Sequence[tuple[int, int]] = ()
+    phase: int = 0
+
+    @property
+    def cycle_ns(self) -> int:
+        return UNIT_NS * self.send_clock_factor * self.reduction_ratio
+
+
+@dataclass(frozen=True, slots=True)
+class ConsumerPlan:
+    """What a consumer takes.  Offsets count from the first octet of IO data."""
+
+    image: int
+    port: int
+    source: bytes
+    frame_id: int
+    data_length: int
+    send_clock_factor: int
+    reduction_ratio: int
+    data_hold_factor: int
+    words: Sequence[tuple[int, int]]
+    iops: Sequence[int]
+
+    @property
+    def cycle_ns(self) -> int:
+        return UNIT_NS * self.send_clock_factor * self.reduction_ratio
+
+
+def _check(words: Sequence[tuple[int, int]], iops: Iterable[int], data_length: int) -> None:
+    """The compiled code trusts these offsets, so they are checked here, once."""
+    if len(words) > MAX_WORDS:
+        raise InternalError(f"a channel carries {len(words)} telegram words; the table holds {MAX_WORDS}")
+    for _, offset in words:
+        if not 0 <= offset <= data_length - 2:
+            raise InternalError(f"a telegram word at offset {offset} lies outside of {data_length} octets of IO data")
+    statuses = list(iops)
+    if len(statuses) > MAX_IOPS:
+        raise InternalError(f"a channel carries {len(statuses)} provider status octets; the table holds {MAX_IOPS}")
+    if any(not 0 <= offset < data_length for offset in statuses):
+        raise InternalError(f"a provider status lies outside of {data_length} octets of IO data")
+
+
+class ChannelTable:
+    """Hands out rows of ``columns.ppm`` and ``columns.cpm``.
+
+    A closed row is handed out again only after the engine has seen it closed (its state is IDLE), so that
+    no tick works on a row that is being rewritten.
+    """
+
+    def __init__(self, columns: Columns) -> None:
+        self._columns = columns
+        self._used: dict[str, set[int]] = {"ppm": set(), "cpm": set()}
+
+    def _row(self, name: str) -> int:
+        table: Any = getattr(self._columns, name)
+        used = self._used[name]
+        for row in range(table.shape[0]):
+            if row not in used and table[row].state == IDLE:
+                used.add(row)
+                engine = self._columns.engine[0]
+                if name == "ppm":
+                    engine.ppm_rows = max(int(engine.ppm_rows), row + 1)
+                else:
+                    engine.cpm_rows = max(int(engine.cpm_rows), row + 1)
+                return row
+        raise InternalError(f"all {table.shape[0]} rows of the {name} table are in use")
+
+    def open_provider(self, plan: ProviderPlan) -> int:
+        """A row that sends from the next tick on."""
+        _check(plan.words, plan.iops, plan.data_length)
+        start = TAGGED_HEADER + 2
+        length = start + plan.data_length + 4
+        if length > FRAME_SLOT:
+            raise InternalError(f"a frame of {length} octets does not fit into {FRAME_SLOT}")
+        number = self._row("ppm")
+        columns = self._columns
+        frame = columns.frames[number]
+        frame[:] = 0
+        header = plan.destination + plan.source + RT_TAG + ETHERTYPE + plan.frame_id.to_bytes(2, "big")
+        frame[:start] = list(header)
+        for offset, octet in plan.constants:
+            frame[start + offset] = octet
+        for offset in plan.iops:
+            frame[start + offset] = IOXS_GOOD
+        row = columns.ppm[number]
+        row.image = plan.image
+        row.port = plan.port
+        row.frame_id = plan.frame_id
+        row.length = length
+        row.data_offset = start
+        row.cycle_ns = plan.cycle_ns
+        row.counter_step = plan.send_clock_factor * plan.reduction_ratio
+        row.phase_ns = (plan.phase % plan.reduction_ratio) * plan.send_clock_factor * UNIT_NS
+        row.words = len(plan.words)
+        for i, (code, offset) in enumerate(plan.words):
+            row.word_code[i] = code
+            row.word_offset[i] = start + offset
+        row.iops_count = len(plan.iops)
+        for i, offset in enumerate(plan.iops):
+            row.iops_offset[i] = start + offset
+        row.data_status = STATUS_GOOD
+        row.impairment = 0
+        row.sent = 0
+        row.suppressed = 0
+        row.late = 0
+        row.last_ns = 0
+        row.active = 1
+        return number
+
+    def open_consumer(self, plan: ConsumerPlan) -> int:
+        """A row that listens from the next tick on."""
+        _check(plan.words, plan.iops, plan.data_length)
+        number = self._row("cpm")
+        row = self._columns.cpm[number]
+        row.image = plan.image
+        row.port = plan.port
+        row.frame_id = plan.frame_id
+        row.source = int.from_bytes(plan.source, "big")
+        row.data_length = plan.data_length
+        row.words = len(plan.words)
+        for i, (code, offset) in enumerate(plan.words):
+            row.word_code[i] = code
+            row.word_offset[i] = offset
+        row.iops_count = len(plan.iops)
+        for i, offset in enumerate(plan.iops):
+            row.iops_offset[i] = offset
+        row.generation = (int(row.generation) + 1) & 0xFFFFFFFF
+        row.cycle_ns = plan.cycle_ns
+        row.hold_ns = plan.cycle_ns * plan.data_hold_factor
+        row.impairment = 0
+        row.received = 0
+        row.discarded[:] = 0
+        row.expirations = 0
+        row.intervals[:] = 0
+        row.interval_sum_ns = 0
+        row.active = 1
+        lookup_rebuild(self._columns)
+        return number
+
+    def close_provider(self, number: int) -> None:
+        self._columns.ppm[number].active = 0
+        self._used["ppm"].discard(number)
+
+    def close_consumer(self, number: int) -> None:
+        self._columns.cpm[number].active = 0
+        self._used["cpm"].discard(number)
+        lookup_rebuild(self._columns)

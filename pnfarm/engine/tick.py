@@ -1,0 +1,343 @@
+"""One tick of the engine: frames in, watchdogs, firmware, frames out.
+
+The same functions serve the real-time loop and virtual time, drives and controllers.  A tick never waits,
+never allocates and touches nothing but the table.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pnfarm.engine.impair import impair_received, impair_sent
+from pnfarm.firmware.axis_program import step_program
+from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.step import step
+from pnfarm.table.channel import (
+    DISCARD_COUNTER,
+    DISCARD_IMPAIRED,
+    DISCARD_INVALID,
+    DISCARD_LENGTH,
+    DISCARD_SOURCE,
+    FRUN,
+    IDLE,
+    INTERVAL_BUCKETS,
+    INTERVAL_EDGES_NS,
+    IOXS_BAD,
+    IOXS_GOOD,
+    RUN,
+    STATUS_RUN,
+    STATUS_VALID,
+    W_START,
+)
+from pnfarm.table.columns import Columns, lookup_find
+from pnfarm.table.compiled import compiled
+from pnfarm.table.engine_row import (
+    EXPIRED,
+    FAULT_RAISED,
+    FAULT_REACTED,
+    FAULTS_CLEARED,
+    FIRST_FRAME,
+    IOPS_CHANGED,
+    PHASE_CHANGED,
+    PROVIDER_CHANGED,
+    STATE_CHANGED,
+    WARNING_CHANGED,
+    emit,
+)
+from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
+from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
+
+__all__ = ["next_due", "receive", "run_firmware", "tick", "transmit"]
+
+#: Octets before the frame id of an untagged frame.
+HEADER = 14
+#: Cycle counter, data status, transfer status.
+TRAILER = 4
+#: A cycle counter that lies this far behind the last one belongs to an old frame (IEC 61158-6-10, CPM).
+COUNTER_WINDOW = 61440
+#: An array, because indexing a tuple in compiled code copies it.
+_EDGES = np.array(INTERVAL_EDGES_NS, np.int64)
+
+
+@compiled
+def _unpack(consumer: Any, image: Any, frame: Any, data: int) -> None:
+    """Telegram words into the process image."""
+    for i in range(consumer.words):
+        code = int(consumer.word_code[i])
+        if code == WORD_NONE:
+            continue
+        place = data + consumer.word_offset[i]
+        word = (int(frame[place]) << 8) | int(frame[place + 1])
+        slot = code >> 2
+        part = code & 3
+        if part == PART_HIGH:
+            image.received[slot] = (int(image.received[slot]) & 0xFFFF) | ((word ^ 0x8000) - 0x8000 << 16)
+        elif part == PART_LOW:
+            image.received[slot] = (int(image.received[slot]) >> 16 << 16) | word
+        else:
+            image.received[slot] = word
+
+
+@compiled
+def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns to hand over
+    engine: Any,
+    events: Any,
+    images: Any,
+    impairments: Any,
+    number: int,
+    consumer: Any,
+    frame: Any,
+    length: int,
+    start: int,
+    arrival: int,
+) -> None:
+    """A frame of this consumer: check it as the CPM does, then take its data."""
+    size = consumer.data_length
+    if length != start + 2 + size + TRAILER:
+        consumer.discarded[DISCARD_LENGTH] += 1
+        return
+    source = 0
+    for i in range(6, 12):
+        source = (source << 8) | int(frame[i])
+    if source != consumer.source:
+        consumer.discarded[DISCARD_SOURCE] += 1
+        return
+    if consumer.impairment > 0 and impair_received(impairments, consumer.impairment, arrival):
+        consumer.discarded[DISCARD_IMPAIRED] += 1
+        return
+    trailer = length - TRAILER
+    counter = (int(frame[trailer]) << 8) | int(frame[trailer + 1])
+    status = int(frame[trailer + 2])
+    if consumer.state == RUN:
+        ahead = (counter - int(consumer.counter)) & 0xFFFF
+        if ahead == 0 or ahead > COUNTER_WINDOW:
+            consumer.discarded[DISCARD_COUNTER] += 1
+            return
+    if not status & STATUS_VALID:
+        consumer.discarded[DISCARD_INVALID] += 1
+        return
+
+    iops = IOXS_GOOD
+    data = start + 2
+    for i in range(consumer.iops_count):
+        if not frame[data + consumer.iops_offset[i]] & IOXS_GOOD:
+            iops = IOXS_BAD
+    image = images[consumer.image]
+    first = consumer.state != RUN
+    if first:
+        consumer.state = RUN
+        emit(engine, events, FIRST_FRAME, number, arrival, consumer.generation)
+    else:
+        interval = arrival - consumer.last_ns
+        consumer.interval_sum_ns += interval
+        bucket = 0
+        while bucket < INTERVAL_BUCKETS - 1 and interval > _EDGES[bucket]:
+            bucket += 1
+        consumer.intervals[bucket] += 1
+    if first or (status ^ int(consumer.data_status)) & STATUS_RUN:
+        emit(engine, events, PROVIDER_CHANGED, number, arrival, 1 if status & STATUS_RUN else 0)
+    if first or iops != consumer.iops:
+        emit(engine, events, IOPS_CHANGED, number, arrival, 1 if iops == IOXS_GOOD else 0)
+    consumer.counter = counter
+    consumer.data_status = status
+    consumer.iops = iops
+    consumer.last_ns = arrival
+    consumer.received += 1
+    if status & STATUS_RUN and iops == IOXS_GOOD:
+        _unpack(consumer, image, frame, data)
+        image.valid = 1
+        image.lost = LOST_NOT
+    elif image.valid:
+        image.valid = 0
+        image.lost = LOST_STOP
+
+
+@compiled
+def receive(columns: Columns, count: int) -> None:
+    """Take ``count`` frames out of the receive slots; whatever is wrong with one is counted, nothing else."""
+    engine = columns.engine[0]
+    engine.received += count
+    table = columns.lookup[engine.lookup]
+    consumers = columns.cpm
+    events = columns.events
+    images = columns.image
+    impairments = columns.impairment
+    for i in range(count):
+        frame = columns.rx_frames[i]
+        length = int(columns.rx_length[i])
+        start = HEADER
+        if length < HEADER + 2 + TRAILER or length > frame.shape[0]:
+            engine.malformed += 1
+            continue
+        kind = (int(frame[12]) << 8) | int(frame[13])
+        if kind == 0x8100 and length >= HEADER + 4 + 2 + TRAILER:
+            start = HEADER + 4
+            kind = (int(frame[16]) << 8) | int(frame[17])
+        if kind != 0x8892:
+            engine.malformed += 1
+            continue
+        frame_id = (int(frame[start]) << 8) | int(frame[start + 1])
+        number = lookup_find(table, consumers, columns.rx_port[i], frame_id)
+        if number < 0:
+            engine.unknown += 1
+            continue
+        _take(
+            engine, events, images, impairments, number, consumers[number], frame, length, start, columns.rx_ns[i]
+        )
+
+
+@compiled
+def _watch(columns: Columns, now: int) -> None:
+    """Data hold timers, and rows that the station opened or closed since the last tick."""
+    engine = columns.engine[0]
+    for number in range(engine.cpm_rows):
+        consumer = columns.cpm[number]
+        if consumer.active == 0:
+            if consumer.state != IDLE:
+                consumer.state = IDLE
+                image = columns.image[consumer.image]
+                if image.valid:
+                    image.valid = 0
+                    image.lost = LOST_CLOSED
+        elif consumer.state == IDLE:
+            consumer.state = FRUN
+            consumer.last_ns = now
+        elif consumer.state == RUN and now - consumer.last_ns > consumer.hold_ns:
+            consumer.state = W_START
+            consumer.expirations += 1
+            image = columns.image[consumer.image]
+            if image.valid:
+                image.valid = 0
+                image.lost = LOST_EXPIRED
+            emit(engine, columns.events, EXPIRED, number, now, now - consumer.last_ns)
+
+
+@compiled
+def run_firmware(columns: Columns, now: int) -> None:
+    """Step every drive and every program that is due, and tell what changed."""
+    engine = columns.engine[0]
+    events = columns.events
+    for number in range(engine.axis_rows):
+        axis = columns.axis[number]
+        if axis.firmware == 0 or now - axis.last_ns < axis.step_ns:
+            continue
+        state = axis.state
+        fault = axis.fault_code[0]
+        fault_ns = axis.fault_ns
+        reacted = axis.reacted
+        warning = axis.warning_code
+        step(axis, columns.image[number], now)
+        if axis.state != state:
+            emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.state))
+        if axis.fault_code[0] != fault:
+            if axis.fault_code[0] != 0:
+                emit(engine, events, FAULT_RAISED, number, now, int(axis.fault_code[0]) & NUMBER_MASK)
+            else:
+                emit(engine, events, FAULTS_CLEARED, number, now, now - fault_ns)
+        if axis.reacted and not reacted and axis.fault_ns != 0:
+            emit(engine, events, FAULT_REACTED, number, now, now - axis.fault_ns)
+        if axis.warning_code != warning:
+            emit(engine, events, WARNING_CHANGED, number, now, int(axis.warning_code))
+    for number in range(engine.program_rows):
+        program = columns.program[number]
+        if program.active == 0:
+            continue
+        phase = program.phase
+        step_program(program, columns.image[number], now)
+        if program.phase != phase:
+            emit(engine, events, PHASE_CHANGED, number, now, (int(phase) << 8) | int(program.phase))
+
+
+@compiled
+def _pack(provider: Any, image: Any, frame: Any) -> None:
+    """The process image into telegram words, provider status and APDU status."""
+    for i in range(provider.words):
+        code = int(provider.word_code[i])
+        word = 0
+        if code != WORD_NONE:
+            value = int(image.sent[code >> 2])
+            word = (value >> 16) & 0xFFFF if code & 3 == PART_HIGH else value & 0xFFFF
+        place = provider.word_offset[i]
+        frame[place] = word >> 8
+        frame[place + 1] = word & 0xFF
+    status = IOXS_GOOD if image.good else IOXS_BAD
+    for i in range(provider.iops_count):
+        frame[provider.iops_offset[i]] = status
+    trailer = provider.length - TRAILER
+    frame[trailer] = provider.counter >> 8
+    frame[trailer + 1] = provider.counter & 0xFF
+    frame[trailer + 2] = provider.data_status
+    frame[trailer + 3] = 0
+
+
+@compiled
+def transmit(columns: Columns, now: int) -> int:
+    """Fill every frame that is due; their rows stand in ``tx_row``, the count is returned."""
+    engine = columns.engine[0]
+    count = 0
+    overrun = False
+    for number in range(engine.ppm_rows):
+        provider = columns.ppm[number]
+        if provider.active == 0:
+            if provider.state != IDLE:
+                provider.state = IDLE
+            continue
+        if provider.state == IDLE:
+            # first frame on the grid of the cycle, so that all channels of one cycle share their ticks
+            provider.next_ns = now - now % provider.cycle_ns + provider.phase_ns
+            if provider.next_ns < now:
+                provider.next_ns += provider.cycle_ns
+            provider.counter = (provider.next_ns // 31250) & 0xFFFF
+            provider.state = W_START
+        late = now - provider.next_ns
+        if late < 0:
+            continue
+        if late >= provider.cycle_ns:
+            skipped = late // provider.cycle_ns
+            provider.late += skipped
+            provider.next_ns += skipped * provider.cycle_ns
+            provider.counter = (int(provider.counter) + skipped * int(provider.counter_step)) & 0xFFFF
+            overrun = True
+        provider.next_ns += provider.cycle_ns
+        provider.counter = (int(provider.counter) + int(provider.counter_step)) & 0xFFFF
+        provider.state = RUN
+        frame = columns.frames[number]
+        _pack(provider, columns.image[provider.image], frame)
+        if provider.impairment > 0 and impair_sent(columns.impairment, provider, frame, now):
+            provider.suppressed += 1
+            continue
+        provider.sent += 1
+        provider.last_ns = now
+        columns.tx_row[count] = number
+        count += 1
+    if overrun:
+        engine.overruns += 1
+    engine.sent += count
+    return count
+
+
+@compiled
+def tick(columns: Columns, count: int, now: int) -> int:
+    """One whole tick with ``count`` received frames; returns how many frames to send."""
+    engine = columns.engine[0]
+    receive(columns, count)
+    _watch(columns, now)
+    run_firmware(columns, now)
+    engine.now_ns = now
+    engine.cycles += 1
+    return transmit(columns, now)
+
+
+@compiled
+def next_due(columns: Columns, now: int) -> int:
+    """When the next tick is wanted: the next frame to send, at the latest ``tick_ns`` from ``now``."""
+    engine = columns.engine[0]
+    # on the grid of tick_ns, so that a farm at rest and a farm at work tick at the same times
+    due = now - now % engine.tick_ns + engine.tick_ns
+    for number in range(engine.ppm_rows):
+        provider = columns.ppm[number]
+        if provider.active != 0 and provider.state != IDLE and provider.next_ns < due:
+            due = provider.next_ns
+    return due

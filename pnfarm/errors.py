@@ -1,0 +1,70 @@
+"""One exception tree.  Who is to blame is the type.
+
+========================  ==========================================================  =========
+type                      blame                                                       exit code
+========================  ==========================================================  =========
+:class:`ConfigError`      what the user wrote: a file, a flag, an API body            2
+:class:`DecodeError`      the bytes that a peer sent                                  -
+:class:`RemoteError`      a peer that answered with an error or did not answer        1
+:class:`EnvironmentError_`  the machine: privilege, interface, kernel module, tool      4
+:class:`InternalError`    this program                                                5
+========================  ==========================================================  =========
+
+Every message is one sentence: what, where, what would be right.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "ConfigError",
+    "DecodeError",
+    "EnvironmentError_",
+    "InternalError",
+    "PnfarmError",
+    "RemoteError",
+]
+
+
+class PnfarmError(Exception):
+    """Root of everything this package raises on purpose."""
+
+    exit_code = 5
+
+
+class ConfigError(PnfarmError):
+    """The user's input is wrong."""
+
+    exit_code = 2
+
+
+class DecodeError(PnfarmError):
+    """Received bytes do not follow their format.
+
+    ``reason`` is a short slug, stable enough to be a metric's label (``short``, ``bad-length``,
+    ``bad-type`` ...); ``detail`` says more to a person.
+    """
+
+    exit_code = 5
+
+    def __init__(self, reason: str, detail: str = "") -> None:
+        super().__init__(f"{reason}: {detail}" if detail else reason)
+        self.reason = reason
+        self.detail = detail
+
+
+class RemoteError(PnfarmError):
+    """A peer refused or stayed silent."""
+
+    exit_code = 1
+
+
+class EnvironmentError_(PnfarmError):
+    """This machine cannot: privilege, interface, kernel module or tool missing."""
+
+    exit_code = 4
+
+
+class InternalError(PnfarmError):
+    """A promise of this program's own does not hold."""
+
+    exit_code = 5

@@ -1,0 +1,144 @@
+"""Faults of the drive: raised by commands or by the firmware itself, acknowledged, kept.
+
+AKD PROFINET manual 5.14: a fault situation has up to eight faults; acknowledging moves it down by eight
+places in the fault buffer (PNU 947) and every new situation counts PNU 944 up.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_CLEAR_WARNING,
+    CMD_HOLD_FAULT,
+    CMD_POWER_ON,
+    CMD_RAISE_FAULT,
+    CMD_RAISE_WARNING,
+    CMD_RELEASE_FAULT,
+    CMD_SET_POSITION,
+    COMMANDS,
+    FAULT_SITUATIONS,
+    FAULT_SLOTS,
+)
+from pnfarm.table.compiled import compiled
+
+__all__ = ["acknowledge", "raise_fault", "take_commands"]
+
+#: Where a fault's reaction stands in its code as raised.
+REACTION_SHIFT = 24
+NUMBER_MASK = 0xFFFFFF
+
+
+@compiled
+def raise_fault(axis: Any, code: int, now: int) -> None:
+    """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once."""
+    number = code & NUMBER_MASK
+    if number == 0:
+        return
+    for i in range(FAULT_SLOTS):
+        present = axis.fault_code[i]
+        if (present & NUMBER_MASK) == number:
+            return
+        if present == 0:
+            if i == 0:
+                axis.fault_counter = (axis.fault_counter + 1) & 0xFFFF
+                axis.fault_ns = now
+                axis.reacted = 0
+            axis.fault_code[i] = code
+            axis.fault_buffer[i] = number
+            return
+
+
+@compiled
+def _hold(axis: Any, number: int) -> None:
+    free = -1
+    for i in range(FAULT_SLOTS):
+        if axis.fault_held[i] == number:
+            return
+        if axis.fault_held[i] == 0 and free < 0:
+            free = i
+    if free >= 0:
+        axis.fault_held[free] = number
+
+
+@compiled
+def _release(axis: Any, number: int) -> None:
+    for i in range(FAULT_SLOTS):
+        if axis.fault_held[i] == number:
+            axis.fault_held[i] = 0
+
+
+@compiled
+def acknowledge(axis: Any) -> bool:
+    """Clear the situation unless a cause is still there; true when it was cleared."""
+    if axis.fault_code[0] == 0:
+        return False
+    for i in range(FAULT_SLOTS):
+        if axis.fault_held[i] != 0:
+            return False
+    last = FAULT_SLOTS * FAULT_SITUATIONS - 1
+    for i in range(last, FAULT_SLOTS - 1, -1):
+        axis.fault_buffer[i] = axis.fault_buffer[i - FAULT_SLOTS]
+    for i in range(FAULT_SLOTS):
+        axis.fault_buffer[i] = 0
+        axis.fault_code[i] = 0
+    axis.fault_ns = 0
+    return True
+
+
+@compiled
+def _power_on(axis: Any, now: int) -> None:
+    axis.state = 0
+    axis.stop = 0
+    axis.boot_ns = now
+    axis.stw1 = 0
+    axis.stw1_seen = 0
+    axis.setpoint = 0.0
+    axis.ramp = 0.0
+    axis.velocity = 0.0
+    axis.current = 0.0
+    axis.torque = 0.0
+    axis.following_error = 0.0
+    axis.warning_code = 0
+    axis.image_valid = 0
+    # an active situation becomes history, as if it had been acknowledged; held causes come back at once
+    if axis.fault_code[0] != 0:
+        for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, FAULT_SLOTS - 1, -1):
+            axis.fault_buffer[i] = axis.fault_buffer[i - FAULT_SLOTS]
+        for i in range(FAULT_SLOTS):
+            axis.fault_buffer[i] = 0
+            axis.fault_code[i] = 0
+    axis.fault_ns = 0
+    axis.fault_counter = 0
+    for i in range(FAULT_SLOTS):
+        if axis.fault_held[i] != 0:
+            raise_fault(axis, axis.fault_held[i], now)
+
+
+@compiled
+def take_commands(axis: Any, now: int) -> None:
+    """Carry out what the event loop wrote into the command ring since the last step."""
+    while axis.command_tail != axis.command_head:
+        entry = axis.command[axis.command_tail % COMMANDS]
+        code = entry & 0xFF
+        argument = entry >> 8
+        if code == CMD_RAISE_FAULT:
+            raise_fault(axis, argument, now)
+        elif code == CMD_HOLD_FAULT:
+            _hold(axis, argument & NUMBER_MASK)
+            raise_fault(axis, argument, now)
+        elif code == CMD_RELEASE_FAULT:
+            _release(axis, argument & NUMBER_MASK)
+        elif code == CMD_ACKNOWLEDGE:
+            acknowledge(axis)
+        elif code == CMD_POWER_ON:
+            _power_on(axis, now)
+        elif code == CMD_SET_POSITION:
+            axis.position = argument / 1e6
+            axis.commanded_position = axis.position
+        elif code == CMD_RAISE_WARNING:
+            axis.warning_code = argument & NUMBER_MASK
+        elif code == CMD_CLEAR_WARNING and axis.warning_code == (argument & NUMBER_MASK):
+            axis.warning_code = 0
+        axis.command_tail = (axis.command_tail + 1) & 0xFFFFFFFF

@@ -1,0 +1,76 @@
+"""The velocity command: set point, ramp generator, jogging, stops (AKD PROFINET manual 5.4, 5.9)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import compiled
+
+__all__ = ["approach", "velocity_command"]
+
+RAMP_ENABLED = 0x0010  # STW1.4
+RAMP_UNFROZEN = 0x0020  # STW1.5
+SETPOINT_ENABLED = 0x0040  # STW1.6
+JOG_1 = 0x0100  # STW1.8
+JOG_2 = 0x0200  # STW1.9
+
+
+@compiled
+def approach(value: float, target: float, up: float, down: float, seconds: float) -> float:
+    """``value`` moved towards ``target``: magnitude grows at ``up`` and shrinks at ``down`` per second.
+
+    A reversal first comes to zero along ``down`` and spends what is left of the step along ``up``.
+    """
+    if value * target < 0.0:
+        limit = down * seconds
+        if abs(value) > limit:
+            return value - limit if value > 0.0 else value + limit
+        seconds -= abs(value) / down if down > 0.0 else seconds
+        value = 0.0
+    if abs(target) > abs(value):
+        limit = up * seconds
+        difference = target - value
+        if abs(difference) <= limit:
+            return target
+        return value + limit if difference > 0.0 else value - limit
+    limit = down * seconds
+    difference = target - value
+    if abs(difference) <= limit:
+        return target
+    return value + limit if difference > 0.0 else value - limit
+
+
+@compiled
+def velocity_command(axis: Any, seconds: float) -> None:
+    """Advance ``axis.ramp`` by one step of ``seconds``; ``axis.setpoint`` is what the controller asks for."""
+    stw1 = axis.stw1
+    if axis.state == 5:
+        down = axis.deceleration if axis.stop == 1 else axis.quick_stop_deceleration
+        axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
+        return
+    if axis.state != 4:
+        # the axis coasts or stands: a later start takes up from the speed that it has
+        axis.ramp = axis.velocity
+        return
+    if axis.opmode != 1:
+        axis.ramp = approach(axis.ramp, 0.0, axis.deceleration, axis.deceleration, seconds)
+        return
+    working = stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED)
+    if working == 0 and stw1 & (JOG_1 | JOG_2):
+        target = axis.jog_velocity[0] if stw1 & JOG_1 else axis.jog_velocity[1]
+        if (stw1 & (JOG_1 | JOG_2)) == (JOG_1 | JOG_2):
+            target = 0.0
+        axis.ramp = approach(axis.ramp, target, axis.jog_acceleration, axis.jog_deceleration, seconds)
+        return
+    if not stw1 & RAMP_ENABLED:
+        # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
+        axis.ramp = approach(axis.ramp, 0.0, axis.deceleration, axis.deceleration, seconds)
+        return
+    if not stw1 & RAMP_UNFROZEN:
+        return
+    target = axis.setpoint if stw1 & SETPOINT_ENABLED else 0.0
+    if target > axis.max_velocity:
+        target = axis.max_velocity
+    elif target < -axis.max_velocity:
+        target = -axis.max_velocity
+    axis.ramp = approach(axis.ramp, target, axis.acceleration, axis.deceleration, seconds)

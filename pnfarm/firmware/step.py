@@ -1,0 +1,127 @@
+"""One step of a PROFIdrive axis: control word, faults, state machine, ramp, motor, status word."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
+from pnfarm.firmware.motor import step_motor
+from pnfarm.firmware.ramp import velocity_command
+from pnfarm.firmware.state_machine import advance, conditions
+from pnfarm.firmware.telegram import from_setpoints, to_actuals
+from pnfarm.table.axis import FAULT_SLOTS, REACTION_QUICK_STOP
+from pnfarm.table.compiled import compiled
+from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
+from pnfarm.table.signals import STW1
+
+__all__ = ["BOOT_NS", "step"]
+
+#: From power-on to S1.
+BOOT_NS = 100_000_000
+#: Longest motor step; a longer firmware step is cut into these.
+MOTOR_STEP_NS = 1_000_000
+
+CONTROL_BY_PLC = 0x0400
+FAULT_ACKNOWLEDGE = 0x0080
+
+
+@compiled
+def _status_word(axis: Any) -> int:
+    """ZSW1, bit by bit (AKD PROFINET manual 5.5, velocity mode)."""
+    state = axis.state
+    stw1 = axis.stw1
+    word = 0
+    if state >= 2:
+        word |= 0x0001  # ready to switch on
+    if state >= 3:
+        word |= 0x0002  # ready to operate
+    if state == 4:
+        word |= 0x0004  # operation enabled
+    if axis.fault_code[0] != 0:
+        word |= 0x0008
+    if stw1 & 0x0002:
+        word |= 0x0010  # coast stop not activated
+    if stw1 & 0x0004:
+        word |= 0x0020  # quick stop not activated
+    if state <= 1:
+        word |= 0x0040  # switching on inhibited
+    if axis.warning_code != 0:
+        word |= 0x0080
+    if state > 0:
+        word |= 0x0200  # control requested
+    if axis.opmode == 1:
+        if abs(axis.ramp - axis.velocity) <= axis.velocity_window:
+            word |= 0x0100  # velocity error within range
+        if abs(axis.setpoint - axis.velocity) <= axis.velocity_window:
+            word |= 0x0400  # target velocity reached
+    return word
+
+
+@compiled
+def _control_word(axis: Any, image: Any, now: int) -> None:
+    """Take STW1 over: with bit 10 only, and zero once nobody sends valid set points."""
+    valid = image.valid
+    if axis.image_valid and not valid:
+        if image.lost == LOST_EXPIRED:
+            raise_fault(axis, axis.loss_fault, now)
+        elif image.lost == LOST_STOP:
+            raise_fault(axis, axis.stop_fault, now)
+    axis.image_valid = valid
+    word = image.received[STW1] & 0xFFFF if valid else 0
+    if valid and not word & CONTROL_BY_PLC:
+        # the other bits are not taken over; an edge of bit 7 is none either
+        axis.stw1_seen = word
+        return
+    if word & FAULT_ACKNOWLEDGE and not axis.stw1_seen & FAULT_ACKNOWLEDGE:
+        acknowledge(axis)
+    axis.stw1_seen = word
+    axis.stw1 = word
+    if valid:
+        from_setpoints(axis, image)
+    else:
+        axis.setpoint = 0.0
+    if valid and axis.fault_code[0] != 0 and not axis.reacted and (word & 0x0009) != 0x0009:
+        axis.reacted = 1
+
+
+@compiled
+def step(axis: Any, image: Any, now: int) -> None:
+    """Advance one drive to ``now``; nothing happens without control supply."""
+    elapsed = now - axis.last_ns
+    axis.last_ns = now
+    if not axis.powered:
+        axis.velocity = 0.0
+        axis.current = 0.0
+        axis.torque = 0.0
+        return
+    take_commands(axis, now)
+    _control_word(axis, image, now)
+
+    faulty = axis.fault_code[0] != 0
+    reaction = 0
+    if faulty:
+        reaction = 1
+        for i in range(FAULT_SLOTS):
+            code = axis.fault_code[i]
+            if code != 0 and (code >> 24) != REACTION_QUICK_STOP:
+                reaction = 0
+    stw1 = axis.stw1
+    if axis.state == 5 and axis.stop == 3:
+        # a fault reaction runs to its end; losing the controller meanwhile does not turn it into coasting
+        stw1 |= 0x0006
+    elif axis.state == 4 and reaction:
+        stw1 |= 0x000F
+    standing = abs(axis.velocity) <= axis.standstill and axis.ramp == 0.0
+    advance(axis, conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS))
+
+    if elapsed > 1_000_000_000:
+        elapsed = 1_000_000_000
+    while elapsed > 0:
+        part = MOTOR_STEP_NS if elapsed > MOTOR_STEP_NS else elapsed
+        elapsed -= part
+        seconds = part * 1e-9
+        before = axis.ramp
+        velocity_command(axis, seconds)
+        step_motor(axis, axis.state >= 4, (axis.ramp - before) / seconds, seconds)
+    axis.zsw1 = _status_word(axis)
+    to_actuals(axis, image)

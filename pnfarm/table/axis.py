@@ -1,0 +1,99 @@
+"""The axis: one row per virtual drive (one drive object with one motor).
+
+States and faults as numbers:
+
+* ``state``: 1..5 for S1..S5 of the PROFIdrive general state machine, 0 while the drive boots.
+* fault numbers are the manual's own (AKD: 702 ...); 0 means none.
+"""
+
+from __future__ import annotations
+
+from pnfarm.table.layout import Field, Layout
+
+__all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS"]
+
+#: Faults of one situation, and situations kept (AKD PROFINET manual 5.14: eight of eight).
+FAULT_SLOTS = 8
+FAULT_SITUATIONS = 8
+#: Entries of the command ring from the event loop to the firmware.
+COMMANDS = 16
+
+# What an enabled drive does on a fault: bits 24..31 of a fault as it is raised.
+REACTION_COAST = 0  # power stage off
+REACTION_QUICK_STOP = 1  # controlled stop along the quick stop ramp, then off
+
+# Commands that the event loop sends to the firmware through ``command`` / ``command_head``.  Each is ``code | argument << 8``.
+CMD_RAISE_FAULT = 1  # argument: fault number | reaction << 24; its cause is gone at once
+CMD_HOLD_FAULT = 2  # argument alike; its cause stays until CMD_RELEASE_FAULT
+CMD_RELEASE_FAULT = 3  # argument: fault number
+CMD_ACKNOWLEDGE = 4  # as the edge of STW1.7
+CMD_POWER_ON = 5  # start from boot with a clean state; position and fault history per the model
+CMD_SET_POSITION = 6  # argument: micro-revolutions, signed
+CMD_RAISE_WARNING = 7  # argument: warning number
+CMD_CLEAR_WARNING = 8  # argument: warning number
+
+# Firmware variants (``firmware``).
+FIRMWARE_NONE = 0
+FIRMWARE_PROFIDRIVE = 1
+
+AXIS = Layout(
+    "axis",
+    "One virtual drive: what it was configured with, what its firmware computes, what its motor does.",
+    [
+        # set up
+        Field("firmware", "u1", "", "station", "firmware variant, 0 = row unused"),
+        Field("powered", "u1", "", "station", "1 while the control supply is on"),
+        Field("step_ns", "i8", "ns", "station", "longest time between two firmware steps"),
+        Field("inertia", "f8", "kg m^2", "station", "motor and load"),
+        Field("friction", "f8", "N m", "station", "dry friction, opposes motion"),
+        Field("damping", "f8", "N m s/rad", "station", "viscous friction"),
+        Field("load_torque", "f8", "N m", "fault", "torque that the machine puts on the shaft"),
+        Field("torque_constant", "f8", "N m/A", "station", "torque per ampere"),
+        Field("peak_current", "f8", "A", "station", "DRV.IPEAK: 100 % of the current signals"),
+        Field("velocity_time_constant", "f8", "s", "station", "closed velocity loop, first order"),
+        Field("max_velocity", "f8", "rpm", "station", "limit of the velocity command"),
+        # parameters that the firmware reads
+        Field("opmode", "u1", "", "parameter", "0 torque, 1 velocity, 2 position (DRV.OPMODE)"),
+        Field("velocity_step", "f8", "rpm", "parameter", "one increment of NSOLL_A and NIST_A"),
+        Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
+        Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),
+        Field("quick_stop_deceleration", "f8", "rpm/s", "parameter", "quick stop ramp (CS.DEC)"),
+        Field("velocity_window", "f8", "rpm", "parameter", "ZSW1.8 and ZSW1.10: how near is on target"),
+        Field("standstill", "f8", "rpm", "parameter", "below this the axis stands (CS.VTHRESH)"),
+        Field("position_step", "f8", "rev", "parameter", "one increment of the position signals"),
+        Field("loss_fault", "u4", "", "parameter", "fault raised when cyclic data is lost (number | reaction << 24), 0 = none"),
+        Field("stop_fault", "u4", "", "parameter", "fault raised when the controller goes to STOP, coded alike, 0 = none"),
+        Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
+        Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006"),
+        Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007"),
+        Field("command", "i8", "", "station", "ring of commands to the firmware", (COMMANDS,)),
+        Field("command_head", "u4", "", "station", "commands written so far"),
+        Field("command_tail", "u4", "", "firmware", "commands taken so far"),
+        # state of the firmware
+        Field("last_ns", "i8", "ns", "firmware", "time of the last step"),
+        Field("state", "u1", "", "firmware", "S1..S5 as 1..5, 0 while booting"),
+        Field("stop", "u1", "", "firmware", "why S5 stops: 0 not, 1 ramp stop, 2 quick stop, 3 fault"),
+        Field("zsw1", "u2", "", "firmware", "status word 1"),
+        Field("stw1", "u2", "", "firmware", "control word 1 in force (with bit 10 honoured)"),
+        Field("stw1_seen", "u2", "", "firmware", "control word 1 as it came in last, for edges"),
+        Field("setpoint", "f8", "rpm", "firmware", "velocity that the controller asks for"),
+        Field("ramp", "f8", "rpm", "firmware", "velocity command behind the ramp generator (VL.CMD)"),
+        Field("fault_code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
+        Field("fault_held", "u4", "", "firmware", "faults whose cause is still there", (FAULT_SLOTS,)),
+        Field("fault_buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)),
+        Field("fault_counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
+        Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
+        Field("image_valid", "u1", "", "firmware", "validity of the set points as the last step saw it"),
+        Field("fault_ns", "i8", "ns", "firmware", "when the active situation began, 0 = none"),
+        Field("reacted", "u1", "", "firmware", "1 once the controller withdrew the enable after a fault"),
+        Field("warning_code", "u4", "", "firmware", "active warning, 0 = none"),
+        # the motor
+        Field("velocity", "f8", "rpm", "firmware", "shaft speed (VL.FB)"),
+        Field("position", "f8", "rev", "firmware", "shaft position since power-on (PL.FB)"),
+        Field("current", "f8", "A", "firmware", "torque-building current (IL.FB)"),
+        Field("torque", "f8", "N m", "firmware", "motor torque"),
+        Field("following_error", "f8", "rev", "firmware", "commanded minus actual position (PL.ERR)"),
+        Field("commanded_position", "f8", "rev", "firmware", "integral of the velocity command while enabled (PL.CMD)"),
+        Field("motion_status", "u4", "", "firmware", "DRV.MOTIONSTAT"),
+    ],
+)

@@ -1,0 +1,114 @@
+"""Cyclic channels: providers (PPM) and consumers (CPM), one row per IO communication relation.
+
+The rows carry the names of the two protocol machines of IEC 61158-6-10.  A drive provides its input
+data and consumes its output data; a controller the other way round; the engine does not care.
+"""
+
+from __future__ import annotations
+
+from pnfarm.table.layout import Field, Layout
+
+__all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_EDGES_NS", "INTERVAL_BUCKETS", "MAX_IOPS", "MAX_WORDS", "PPM"]
+
+#: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up.
+FRAME_SLOT = 1536
+#: Telegram words of one channel; the longest telegram of the manuals has 20.
+MAX_WORDS = 32
+#: Provider status octets that a consumer looks at.
+MAX_IOPS = 4
+
+#: Why a cyclic frame was dropped, by index of ``CPM.discarded``.
+DISCARDS = ("wrong-length", "wrong-source", "old-counter", "data-invalid", "impaired")
+DISCARD_LENGTH = 0
+DISCARD_SOURCE = 1
+DISCARD_COUNTER = 2
+DISCARD_INVALID = 3
+DISCARD_IMPAIRED = 4
+
+#: Upper bounds of the interval histogram, nanoseconds; a last bucket takes the rest.
+INTERVAL_EDGES_NS = (
+    250_000, 500_000, 750_000, 900_000, 1_000_000, 1_100_000, 1_250_000, 1_500_000, 2_000_000, 2_500_000, 3_000_000,
+    4_000_000, 5_000_000, 6_000_000, 8_000_000, 10_000_000, 12_000_000, 16_000_000, 20_000_000, 24_000_000, 32_000_000,
+    48_000_000, 64_000_000, 96_000_000, 128_000_000, 256_000_000, 512_000_000, 1_024_000_000,
+)  # fmt: skip
+INTERVAL_BUCKETS = len(INTERVAL_EDGES_NS) + 1
+
+# States of both machines.
+IDLE = 0
+W_START = 1
+FRUN = 2  # CPM only: active, no frame yet
+RUN = 3
+
+# Bits of the data status octet (IEC 61158-6-10, APDU status).
+STATUS_PRIMARY = 0x01
+STATUS_VALID = 0x04
+STATUS_RUN = 0x10
+STATUS_NO_PROBLEM = 0x20
+STATUS_IGNORE = 0x80
+STATUS_GOOD = STATUS_PRIMARY | STATUS_VALID | STATUS_RUN | STATUS_NO_PROBLEM
+
+IOXS_GOOD = 0x80
+IOXS_BAD = 0x60  # BAD, detected by the device (bits 5, 6 = 11: "by controller" 3; see IEC 61158-6-10 IOxS)
+
+PPM = Layout(
+    "ppm",
+    "A provider: one frame sent every ``cycle_ns``. Its Ethernet frame stands ready in the frame store, row for row.",
+    [
+        Field("active", "u1", "", "station", "set last when a row is ready, cleared first when it goes"),
+        Field("state", "u1", "", "transmit", "IDLE, W_START or RUN"),
+        Field("image", "i4", "", "station", "row of the process image that fills it"),
+        Field("port", "i4", "", "station", "where it goes out: interface index, or port of a memory link"),
+        Field("frame_id", "u2", "", "station", ""),
+        Field("length", "u2", "octets", "station", "whole frame from the destination address, without FCS"),
+        Field("data_offset", "u2", "octets", "station", "first octet of the IO data in the frame"),
+        Field("cycle_ns", "i8", "ns", "station", "31,250 ns x send clock factor x reduction ratio"),
+        Field("counter_step", "u2", "31.25 us", "station", "send clock factor x reduction ratio"),
+        Field("phase_ns", "i8", "ns", "station", "offset in the cycle, spreads the farm's frames"),
+        Field("words", "u1", "", "station", "telegram words in the frame"),
+        Field("word_code", "u1", "", "station", "slot * 4 + part of each word", (MAX_WORDS,)),
+        Field("word_offset", "u2", "octets", "station", "each word's place in the frame", (MAX_WORDS,)),
+        Field("iops_count", "u1", "", "station", "provider status octets"),
+        Field("iops_offset", "u2", "octets", "station", "place of each provider status", (MAX_IOPS,)),
+        Field("data_status", "u1", "", "station", "APDU data status while nothing is impaired"),
+        Field("impairment", "i4", "", "fault", "first impairment on this row + 1, 0 = none"),
+        Field("next_ns", "i8", "ns", "transmit", "when the next frame is due"),
+        Field("counter", "u2", "31.25 us", "transmit", "cycle counter of the last frame"),
+        Field("sent", "i8", "frames", "transmit", "frames given to the link"),
+        Field("suppressed", "i8", "frames", "transmit", "frames that an impairment kept back"),
+        Field("last_ns", "i8", "ns", "transmit", "when the last frame went out"),
+        Field("late", "i8", "frames", "transmit", "cycles skipped because the engine came more than a cycle late"),
+    ],
+)
+
+CPM = Layout(
+    "cpm",
+    "A consumer: frames of one frame id at one port, watched by the data hold timer.",
+    [
+        Field("active", "u1", "", "station", "set last when a row is ready, cleared first when it goes"),
+        Field("state", "u1", "", "receive", "IDLE, W_START, FRUN (no frame yet) or RUN"),
+        Field("image", "i4", "", "station", "row of the process image that it fills"),
+        Field("port", "i4", "", "station", "where it comes in"),
+        Field("frame_id", "u2", "", "station", ""),
+        Field("source", "i8", "", "station", "the only sender accepted: MAC as a 48-bit number"),
+        Field("data_length", "u2", "octets", "station", "IO data between frame id and cycle counter, as agreed in the IOCR"),
+        Field("words", "u1", "", "station", "telegram words in the frame"),
+        Field("word_code", "u1", "", "station", "slot * 4 + part of each word", (MAX_WORDS,)),
+        Field("word_offset", "u2", "octets", "station", "each word's place, from the first octet of IO data", (MAX_WORDS,)),
+        Field("iops_count", "u1", "", "station", "provider status octets"),
+        Field("iops_offset", "u2", "octets", "station", "place of each, from the first octet of IO data", (MAX_IOPS,)),
+        Field("generation", "u4", "", "station", "counts the row's uses, so that an old event is told from a new one"),
+        Field("hold_ns", "i8", "ns", "station", "data hold time: cycle x data hold factor"),
+        Field("cycle_ns", "i8", "ns", "station", "cycle that the peer promised"),
+        Field("started_ns", "i8", "ns", "station", "when the row became active: the first frame is awaited from here"),
+        Field("impairment", "i4", "", "fault", "first impairment on this row + 1, 0 = none"),
+        Field("last_ns", "i8", "ns", "receive", "arrival of the last valid frame"),
+        Field("counter", "u2", "31.25 us", "receive", "cycle counter of the last valid frame"),
+        Field("data_status", "u1", "", "receive", "data status of the last valid frame"),
+        Field("iops", "u1", "", "receive", "worst provider status of the last valid frame"),
+        Field("received", "i8", "frames", "receive", "valid frames"),
+        Field("discarded", "i8", "frames", "receive", "dropped frames by reason (DISCARDS)", (len(DISCARDS),)),
+        Field("expirations", "i8", "", "receive", "data hold timer ran out"),
+        Field("intervals", "i8", "frames", "receive", "histogram of the time between valid frames", (INTERVAL_BUCKETS,)),
+        Field("interval_sum_ns", "i8", "ns", "receive", "sum of all intervals"),
+    ],
+)

@@ -1,0 +1,141 @@
+"""All columns together: allocated once, passed to compiled code as one named tuple."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pnfarm.table.axis import AXIS
+from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
+from pnfarm.table.compiled import compiled
+from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS
+from pnfarm.table.image import IMAGE
+from pnfarm.table.impairment import IMPAIRMENT
+from pnfarm.table.program import PROGRAM
+
+__all__ = ["RX_BATCH", "Columns", "allocate", "lookup_find", "lookup_rebuild"]
+
+#: Frames received per batch.
+RX_BATCH = 256
+#: Look-up tables in rotation: a rebuild never touches the one in force, nor its two predecessors.
+_LOOKUPS = 4
+
+
+class Columns(NamedTuple):
+    """The table.  Record arrays, then the frame store, then what one tick takes in and gives out.
+
+    ==============  ==========================  ======================================================
+    field           shape                       meaning
+    ==============  ==========================  ======================================================
+    ``frames``      (providers, FRAME_SLOT)     octets of each provider's frame, row for row
+    ``lookup``      (4, size, 2)                hash tables ``port << 16 | frame id`` -> consumer row + 1
+    ``rx_frames``   (RX_BATCH, FRAME_SLOT)      frames received
+    ``rx_length``   (RX_BATCH,)                 their lengths, octets
+    ``rx_port``     (RX_BATCH,)                 their ports
+    ``rx_ns``       (RX_BATCH,)                 their arrival, ns
+    ``tx_row``      (providers * 2,)            rows of ``frames`` to send, in order
+    ==============  ==========================  ======================================================
+    """
+
+    engine: Any
+    axis: Any
+    image: Any
+    program: Any
+    ppm: Any
+    cpm: Any
+    impairment: Any
+    events: Any
+    frames: Any
+    lookup: Any
+    rx_frames: Any
+    rx_length: Any
+    rx_port: Any
+    rx_ns: Any
+    tx_row: Any
+
+
+def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int = 0, impairments: int = 0) -> Columns:
+    """A zeroed table.
+
+    ``stations`` process images, ``axes`` drives and ``programs`` (both index images), ``channels``
+    providers and as many consumers, ``impairments`` rows for faults.
+    """
+    channels = max(1, channels)
+    size = 64
+    while size < channels * 4:
+        size *= 2
+    columns = Columns(
+        engine=ENGINE.allocate(1),
+        axis=AXIS.allocate(max(1, axes)),
+        image=IMAGE.allocate(max(1, stations)),
+        program=PROGRAM.allocate(max(1, programs)),
+        ppm=PPM.allocate(channels),
+        cpm=CPM.allocate(channels),
+        impairment=IMPAIRMENT.allocate(max(1, impairments)),
+        events=EVENT.allocate(EVENTS),
+        frames=np.zeros((channels, FRAME_SLOT), np.uint8),
+        lookup=np.zeros((_LOOKUPS, size, 2), np.int64),
+        rx_frames=np.zeros((RX_BATCH, FRAME_SLOT), np.uint8),
+        rx_length=np.zeros(RX_BATCH, np.int32),
+        rx_port=np.zeros(RX_BATCH, np.int32),
+        rx_ns=np.zeros(RX_BATCH, np.int64),
+        tx_row=np.zeros(channels * 2, np.int32),
+    )
+    engine = columns.engine[0]
+    engine.axis_rows = axes
+    engine.program_rows = programs
+    engine.tick_ns = 1_000_000
+    columns.image.good[:] = 1
+    return columns
+
+
+@compiled
+def _slot(key: int, mask: int) -> int:
+    # Fibonacci hashing; bits 40 and up depend on the port and on the frame id, and do not care about the sign
+    return ((key * 0x1E3779B97F4A7C15) >> 40) & mask
+
+
+@compiled
+def lookup_rebuild(columns: Columns) -> None:
+    """Hash all active consumers into the next table in rotation and put it in force.
+
+    Called by the event loop while the engine reads the table in force; the engine checks every hit
+    against the row itself, so that a reader of an old table sees at worst an unknown frame.
+    """
+    engine = columns.engine[0]
+    which = (engine.lookup + 1) % columns.lookup.shape[0]
+    table = columns.lookup[which]
+    mask = table.shape[0] - 1
+    table[:, :] = 0
+    for row in range(engine.cpm_rows):
+        consumer = columns.cpm[row]
+        if consumer.active == 0:
+            continue
+        key = (int(consumer.port) << 16) | int(consumer.frame_id)
+        slot = _slot(key, mask)
+        while table[slot, 1] != 0:
+            slot = (slot + 1) & mask
+        table[slot, 0] = key
+        table[slot, 1] = row + 1
+    engine.lookup = which
+
+
+@compiled
+def lookup_find(table: Any, consumers: Any, port: int, frame_id: int) -> int:
+    """The active consumer of ``frame_id`` at ``port`` by one look-up ``table``, or -1."""
+    mask = table.shape[0] - 1
+    key = (int(port) << 16) | int(frame_id)
+    slot = _slot(key, mask)
+    for _ in range(mask + 1):
+        row = table[slot, 1]
+        if row == 0:
+            return -1
+        if table[slot, 0] == key:
+            row -= 1
+            if row < consumers.shape[0]:
+                consumer = consumers[row]
+                if consumer.active != 0 and consumer.port == port and consumer.frame_id == frame_id:
+                    return row
+        slot = (slot + 1) & mask
+    return -1

@@ -1,0 +1,82 @@
+"""The one decorator of everything that runs each tick.
+
+``@compiled`` is ``numba.njit(nogil=True, cache=True)``.  Numba's own cache looks only at the file of
+the decorated function and would keep stale machine code when a *callee* in another file changes.
+So the cache lives in a folder whose name is a digest of every compiled source file together with the
+versions of Python, Numba and NumPy: a change anywhere gives a fresh folder, and an installation in a read-only place caches
+as well.  ``NUMBA_DISABLE_JIT=1`` leaves the plain functions in place, for a debugger and for coverage.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+#: Rooms whose files hold compiled functions; all of them go into the digest.
+_COMPILED_ROOMS = ("table", "firmware", "engine")
+
+__all__ = ["IS_COMPILED", "cache_directory", "compiled", "is_cached"]
+
+
+def _digest() -> str:
+    import numba  # noqa: PLC0415 - the version only; the decorator below imports it anyway
+
+    root = Path(__file__).resolve().parent.parent
+    state = hashlib.sha256(f"{sys.version} {numba.__version__} {np.__version__}".encode())
+    for room in _COMPILED_ROOMS:
+        for path in sorted((root / room).glob("*.py")):
+            state.update(path.name.encode())
+            state.update(path.read_bytes())
+    state.update(os.environ.get("NUMBA_BOUNDSCHECK", "").encode())
+    return state.hexdigest()[:16]
+
+
+def cache_directory() -> Path:
+    """Where machine code is kept: ``NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/pnfarm/<digest>``."""
+    explicit = os.environ.get("NUMBA_CACHE_DIR")
+    if explicit:
+        return Path(explicit)
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "pnfarm" / _digest()
+
+
+def _prepare() -> bool:
+    import numba  # noqa: PLC0415
+
+    if numba.config.DISABLE_JIT:
+        return False
+    directory = cache_directory()
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        # no writable home (a container's arbitrary user): this run compiles again, correctly
+        import tempfile  # noqa: PLC0415
+
+        directory = Path(tempfile.mkdtemp(prefix="pnfarm-cache-"))
+    numba.config.CACHE_DIR = str(directory)
+    return True
+
+
+#: False under ``NUMBA_DISABLE_JIT=1``.
+IS_COMPILED: bool = _prepare()
+
+
+def is_cached() -> bool:
+    """Whether machine code of an earlier run lies ready, so that a start takes no compilation."""
+    directory = cache_directory()
+    return directory.is_dir() and any(directory.rglob("*.nbi"))
+
+
+def compiled(function: _F) -> _F:
+    """Compile on first call, without the interpreter's lock, and keep the machine code."""
+    import numba  # noqa: PLC0415
+
+    return cast("_F", numba.njit(function, nogil=True, cache=True, error_model="numpy"))

@@ -1,0 +1,83 @@
+"""The engine's own counters, and the ring of events by which it tells the event loop what happened."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import compiled
+from pnfarm.table.layout import Field, Layout
+
+__all__ = ["ENGINE", "EVENT", "EVENTS", "LATENESS_EDGES_NS", "emit"]
+
+#: Entries of the event ring.
+EVENTS = 8192
+
+# Kinds of events (``EVENT.kind``) and what ``row`` and ``value`` hold.
+FIRST_FRAME = 1  # cpm row; -
+EXPIRED = 2  # cpm row; ns since the last valid frame
+PROVIDER_CHANGED = 3  # cpm row; 1 = peer in RUN, 0 = in STOP
+IOPS_CHANGED = 4  # cpm row; 1 = good, 0 = bad
+STATE_CHANGED = 5  # axis row; old << 8 | new
+FAULT_RAISED = 6  # axis row; fault number
+FAULTS_CLEARED = 7  # axis row; ns from the fault to its acknowledgement
+FAULT_REACTED = 8  # axis row; ns from the fault to the withdrawal of the enable
+PHASE_CHANGED = 9  # program row; old << 8 | new
+WARNING_CHANGED = 10  # axis row; warning number, 0 = none
+
+#: Upper bounds of the lateness histogram, nanoseconds; a last bucket takes the rest.
+LATENESS_EDGES_NS = (
+    10_000, 20_000, 30_000, 40_000, 50_000, 60_000, 70_000, 80_000, 90_000, 100_000, 110_000, 120_000, 140_000, 160_000,
+    180_000, 200_000, 250_000, 300_000, 400_000, 500_000, 700_000, 1_000_000, 2_000_000, 4_000_000, 8_000_000, 16_000_000,
+    32_000_000, 64_000_000,
+)  # fmt: skip
+
+ENGINE = Layout(
+    "engine",
+    "One row: the engine itself.",
+    [
+        Field("ppm_rows", "i4", "", "station", "rows of the provider table in use (high-water mark)"),
+        Field("cpm_rows", "i4", "", "station", "rows of the consumer table in use"),
+        Field("axis_rows", "i4", "", "station", "rows of the axis table in use"),
+        Field("program_rows", "i4", "", "station", "rows of the program table in use"),
+        Field("lookup", "i4", "", "station", "which of the look-up tables is in force"),
+        Field("tick_ns", "i8", "ns", "station", "longest time between two ticks"),
+        Field("stop", "u1", "", "station", "1 asks the engine's thread to return"),
+        Field("now_ns", "i8", "ns", "engine", "time of the last tick"),
+        Field("cycles", "i8", "", "engine", "ticks so far"),
+        Field("overruns", "i8", "", "engine", "ticks that came so late that at least one frame's cycle was skipped"),
+        Field("lateness", "i8", "", "engine", "histogram of how late a tick began", (len(LATENESS_EDGES_NS) + 1,)),
+        Field("lateness_sum_ns", "i8", "ns", "engine", "sum of all lateness"),
+        Field("lateness_max_ns", "i8", "ns", "engine", "largest lateness"),
+        Field("busy_ns", "i8", "ns", "engine", "time spent in ticks"),
+        Field("received", "i8", "frames", "engine", "cyclic frames taken from the link"),
+        Field("unknown", "i8", "frames", "engine", "frames that belong to no channel"),
+        Field("malformed", "i8", "frames", "engine", "frames too short, too long or of another type"),
+        Field("sent", "i8", "frames", "engine", "frames given to the link"),
+        Field("send_errors", "i8", "frames", "engine", "frames that the link refused"),
+        Field("event_head", "i8", "", "engine", "events written so far"),
+        Field("wakes", "i8", "", "engine", "times that the event loop was woken"),
+    ],
+)
+
+EVENT = Layout(
+    "event",
+    "The ring of events; the reader keeps its own tail and detects what it lost by the difference.",
+    [
+        Field("kind", "u1", "", "engine", ""),
+        Field("row", "i4", "", "engine", ""),
+        Field("now_ns", "i8", "ns", "engine", ""),
+        Field("value", "i8", "", "engine", ""),
+    ],
+)
+
+
+@compiled
+def emit(engine: Any, events: Any, kind: int, row: int, now: int, value: int) -> None:
+    """Append one event; ``engine`` is the engine's row."""
+    head = engine.event_head
+    entry = events[head % EVENTS]
+    entry.kind = kind
+    entry.row = row
+    entry.now_ns = now
+    entry.value = value
+    engine.event_head = head + 1

@@ -1,0 +1,31 @@
+"""The process image: what a station exchanges with its peer each cycle.
+
+Row *i* belongs to axis *i* on a farm and to program *i* on a controller.  For a drive ``received`` holds
+set points and ``sent`` actual values; for a controller it is the other way round.
+"""
+
+from __future__ import annotations
+
+from pnfarm.table.layout import Field, Layout
+from pnfarm.table.signals import SLOTS
+
+__all__ = ["IMAGE"]
+
+# Why set points are not valid (``lost``).
+LOST_NOT = 0  # they are valid
+LOST_NEVER = 1  # no controller yet
+LOST_EXPIRED = 2  # the data hold timer ran out
+LOST_STOP = 3  # the provider is in STOP, or its IOPS is BAD
+LOST_CLOSED = 4  # the connection was taken down
+
+IMAGE = Layout(
+    "image",
+    "Signals of one station by slot (:mod:`pnfarm.table.signals`); a 16-bit signal stands unsigned in its 32 bits.",
+    [
+        Field("received", "i4", "", "receive", "signals that the peer sends", (SLOTS,)),
+        Field("valid", "u1", "", "receive", "1 while a peer in RUN sends them with good status"),
+        Field("lost", "u1", "", "receive", "why they are not valid: LOST_* below"),
+        Field("sent", "i4", "", "firmware", "signals that this station sends (a controller's are written by its program)", (SLOTS,)),
+        Field("good", "u1", "", "station", "1 = own IOPS is GOOD"),
+    ],
+)

@@ -1,0 +1,41 @@
+"""A controller's axis program: what the built-in PLC does with one drive.  Row *i* uses image row *i*."""
+
+from __future__ import annotations
+
+from pnfarm.table.layout import Field, Layout
+
+__all__ = ["PROGRAM"]
+
+# What an enabled axis runs (``kind``).
+IDLE = 0  # enabled, at zero speed
+CONSTANT = 1
+RAMP = 2  # triangle between +speed and -speed
+SINE = 3
+
+# Where the program is (``phase``).
+OFFLINE = 0  # no valid data from the drive
+SWITCHING_ON = 1  # walking S1, S2, S3
+RUNNING = 2  # S4, following the set point
+FAULTED = 3  # fault seen, enable withdrawn, waiting before the acknowledgement
+ACKNOWLEDGING = 4  # STW1.7 set
+STOPPED = 5  # not enabled by the user
+
+PROGRAM = Layout(
+    "program",
+    "One axis of the built-in controller.",
+    [
+        Field("active", "u1", "", "station", "row in use"),
+        Field("kind", "u1", "", "station", "IDLE, CONSTANT, RAMP or SINE"),
+        Field("enable", "u1", "", "station", "1 = switch the drive on, 0 = leave it ready"),
+        Field("speed", "f8", "rpm", "station", "speed, or amplitude"),
+        Field("period_ns", "i8", "ns", "station", "of ramp and sine"),
+        Field("velocity_step", "f8", "rpm", "station", "one increment of NSOLL_A"),
+        Field("acknowledge_after_ns", "i8", "ns", "station", "wait between seeing a fault and acknowledging it; negative: never"),
+        Field("phase", "u1", "", "program", "OFFLINE .. STOPPED"),
+        Field("phase_ns", "i8", "ns", "program", "when the phase began"),
+        Field("run_ns", "i8", "ns", "program", "when RUNNING began, start of ramp and sine"),
+        Field("faults", "i8", "", "program", "faults seen"),
+        Field("zsw1", "u2", "", "program", "status word that was seen last"),
+        Field("stw1", "u2", "", "program", "control word sent"),
+    ],
+)

@@ -1,0 +1,101 @@
+"""Slots of a process image: one per signal, whatever telegram carries it.
+
+A telegram is a list of 16-bit words; each word names the slot that it fills or shows.  The names are
+PROFIdrive's (signal numbers of the profile's table and of the vendors' manuals map to these slots in
+each model's data).  ``SETPOINT_*`` travel from the controller to the drive, ``ACTUAL_*`` back.
+
+A word of a telegram is coded ``slot * 4 + part``: the part says which half of the slot's 32 bits it is.
+"""
+
+from __future__ import annotations
+
+__all__ = [
+    "ACTUAL_SLOTS",
+    "PART_HIGH",
+    "PART_LOW",
+    "PART_WORD",
+    "SETPOINT_SLOTS",
+    "SLOTS",
+    "WORD_NONE",
+    "word_code",
+]
+
+#: Slots in each direction of an image.
+SLOTS = 48
+
+#: A 16-bit signal.
+PART_WORD = 0
+#: Bits 31..16 of a 32-bit signal: comes first on the wire (big-endian).
+PART_HIGH = 1
+#: Bits 15..0 of a 32-bit signal.
+PART_LOW = 2
+#: A word that no signal uses: received and forgotten, sent as zero.
+WORD_NONE = SLOTS * 4 - 1
+
+# Controller to drive.
+STW1 = 0
+NSOLL_A = 1
+SATZANW = 2
+STW2 = 3
+MDI_TARPOS = 4
+MDI_VELOCITY = 5
+MDI_ACC = 6
+MDI_DEC = 7
+MDI_MOD = 8
+HOME_DIST = 9
+MT_FEEDRATE = 10
+IL_CMD_FIELDBUS = 11
+HOME_MODE = 12
+DRV_ACC = 13
+DRV_DEC = 14
+NSOLL_B = 15
+
+# Drive to controller.
+ZSW1 = 0
+NIST_A = 1
+AKTSATZ = 2
+ZSW2 = 3
+XIST_A = 4
+ITIST_GLATT = 5
+XIST_ERROR = 6
+DRIVE_MOTION_STATUS = 7
+DRIVE_INPUTS = 8
+NIST_B = 9
+
+SETPOINT_SLOTS: dict[str, int] = {
+    "STW1": STW1,
+    "NSOLL_A": NSOLL_A,
+    "SATZANW": SATZANW,
+    "STW2": STW2,
+    "MDI_TARPOS": MDI_TARPOS,
+    "MDI_VELOCITY": MDI_VELOCITY,
+    "MDI_ACC": MDI_ACC,
+    "MDI_DEC": MDI_DEC,
+    "MDI_MOD": MDI_MOD,
+    "HOME_DIST": HOME_DIST,
+    "MT_FEEDRATE": MT_FEEDRATE,
+    "IL_CMD_FIELDBUS": IL_CMD_FIELDBUS,
+    "HOME_MODE": HOME_MODE,
+    "DRV_ACC": DRV_ACC,
+    "DRV_DEC": DRV_DEC,
+    "NSOLL_B": NSOLL_B,
+}
+ACTUAL_SLOTS: dict[str, int] = {
+    "ZSW1": ZSW1,
+    "NIST_A": NIST_A,
+    "AKTSATZ": AKTSATZ,
+    "ZSW2": ZSW2,
+    "XIST_A": XIST_A,
+    "ITIST_GLATT": ITIST_GLATT,
+    "XIST_ERROR": XIST_ERROR,
+    "DRIVE_MOTION_STATUS": DRIVE_MOTION_STATUS,
+    "DRIVE_INPUTS": DRIVE_INPUTS,
+    "NIST_B": NIST_B,
+}
+
+
+def word_code(slot: int, part: int = PART_WORD) -> int:
+    """The code of one telegram word; see the module's head."""
+    if not 0 <= slot < SLOTS or part not in {PART_WORD, PART_HIGH, PART_LOW}:
+        raise ValueError(f"no such word: slot {slot}, part {part}")
+    return slot * 4 + part

@@ -1,0 +1,172 @@
+"""Bounded reading and writing of octets.
+
+The two classes under every codec.  A :class:`Reader` never reads beyond its window and raises
+:class:`~pnfarm.errors.DecodeError` (reason ``short``) instead; it only moves forward, so that no
+parser built on it can loop over the same byte.  Numbers are big-endian (network order) unless the
+name ends in ``le``.
+"""
+
+from __future__ import annotations
+
+import struct
+
+from pnfarm.errors import DecodeError
+
+__all__ = ["Reader", "Writer"]
+
+
+class Reader:
+    """A forward-only cursor over ``data[start:end]``."""
+
+    __slots__ = ("_data", "_end", "_pos")
+
+    def __init__(self, data: bytes | bytearray | memoryview) -> None:
+        self._data = memoryview(data).cast("B") if not isinstance(data, memoryview) else data
+        self._pos = 0
+        self._end = len(self._data)
+
+    @property
+    def remaining(self) -> int:
+        """Octets not read yet."""
+        return self._end - self._pos
+
+    @property
+    def position(self) -> int:
+        """Octets read so far, for alignment relative to the start of this reader."""
+        return self._pos
+
+    def _take(self, count: int) -> int:
+        start = self._pos
+        if count < 0 or start + count > self._end:
+            raise DecodeError("short", f"{count} octets wanted, {self._end - start} left")
+        self._pos = start + count
+        return start
+
+    def u8(self) -> int:
+        return self._data[self._take(1)]
+
+    def u16(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], "big")
+
+    def u32(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], "big")
+
+    def u64(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(8)) : p + 8], "big")
+
+    def i16(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], "big", signed=True)
+
+    def i32(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], "big", signed=True)
+
+    def u16le(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], "little")
+
+    def u32le(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], "little")
+
+    def u64le(self) -> int:
+        return int.from_bytes(self._data[(p := self._take(8)) : p + 8], "little")
+
+    def f32(self) -> float:
+        (value,) = struct.unpack(">f", self._data[(p := self._take(4)) : p + 4])
+        return float(value)
+
+    def bytes(self, count: int) -> bytes:
+        """The next ``count`` octets."""
+        start = self._take(count)
+        return bytes(self._data[start : start + count])
+
+    def rest(self) -> bytes:
+        """All octets that are left."""
+        return self.bytes(self.remaining)
+
+    def skip(self, count: int) -> None:
+        self._take(count)
+
+    def align(self, width: int) -> None:
+        """Skip padding up to the next multiple of ``width`` from this reader's start; a frame may end early."""
+        self._take(min(-self._pos % width, self.remaining))
+
+    def sub(self, count: int) -> Reader:
+        """A reader over the next ``count`` octets alone; this one moves past them."""
+        start = self._take(count)
+        return Reader(self._data[start : start + count])
+
+    def expect_end(self) -> None:
+        """Raise ``trailing`` unless everything was read."""
+        if self.remaining:
+            raise DecodeError("trailing", f"{self.remaining} octets after the end")
+
+
+class Writer:
+    """Appends octets; values out of range raise :class:`ValueError` (ours, never a peer's)."""
+
+    __slots__ = ("_buf",)
+
+    def __init__(self) -> None:
+        self._buf = bytearray()
+
+    def __len__(self) -> int:
+        return len(self._buf)
+
+    def _put(self, value: int, width: int, order: str, signed: bool = False) -> Writer:
+        try:
+            self._buf += value.to_bytes(width, order, signed=signed)  # type: ignore[arg-type]  # order is a literal at every caller
+        except OverflowError as exc:
+            raise ValueError(f"{value} does not fit in {width} octets") from exc
+        return self
+
+    def u8(self, value: int) -> Writer:
+        return self._put(value, 1, "big")
+
+    def u16(self, value: int) -> Writer:
+        return self._put(value, 2, "big")
+
+    def u32(self, value: int) -> Writer:
+        return self._put(value, 4, "big")
+
+    def u64(self, value: int) -> Writer:
+        return self._put(value, 8, "big")
+
+    def i16(self, value: int) -> Writer:
+        return self._put(value, 2, "big", signed=True)
+
+    def i32(self, value: int) -> Writer:
+        return self._put(value, 4, "big", signed=True)
+
+    def u16le(self, value: int) -> Writer:
+        return self._put(value, 2, "little")
+
+    def u32le(self, value: int) -> Writer:
+        return self._put(value, 4, "little")
+
+    def u64le(self, value: int) -> Writer:
+        return self._put(value, 8, "little")
+
+    def f32(self, value: float) -> Writer:
+        self._buf += struct.pack(">f", value)
+        return self
+
+    def bytes(self, data: bytes | bytearray | memoryview) -> Writer:
+        self._buf += data
+        return self
+
+    def zeros(self, count: int) -> Writer:
+        self._buf += bytes(count)
+        return self
+
+    def align(self, width: int) -> Writer:
+        """Pad with zeros to the next multiple of ``width`` from this writer's start."""
+        return self.zeros(-len(self._buf) % width)
+
+    def patch_u16(self, position: int, value: int) -> Writer:
+        """Overwrite two octets already written (a length that is known only at the end)."""
+        if not 0 <= position <= len(self._buf) - 2:
+            raise ValueError(f"position {position} lies outside of {len(self._buf)} octets")
+        self._buf[position : position + 2] = value.to_bytes(2, "big")
+        return self
+
+    def getvalue(self) -> bytes:
+        return bytes(self._buf)
