@@ -18,10 +18,10 @@ RPM_TO_RAD = 2.0 * pi / 60.0
 
 
 @compiled
-def step_motor(axis: Any, powered_stage: bool, slope: float, seconds: float) -> None:
+def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     """Advance torque, current, speed and position by ``seconds``.
 
-    ``powered_stage``: the power stage is on; ``slope``: of the velocity command, rpm/s (feed-forward).
+    ``powered_stage``: the power stage is on.
     """
     velocity = axis.velocity
     omega = velocity * RPM_TO_RAD
@@ -33,8 +33,6 @@ def step_motor(axis: Any, powered_stage: bool, slope: float, seconds: float) -> 
     if powered_stage:
         error = (axis.ramp - velocity) * RPM_TO_RAD
         wanted = error / (axis.velocity_time_constant + seconds)
-        if axis.ramp != velocity:
-            wanted += slope * RPM_TO_RAD * axis.velocity_time_constant / (axis.velocity_time_constant + seconds)
         if moving:
             dry = friction if velocity > 0.0 else -friction
         else:

@@ -120,8 +120,7 @@ def step(axis: Any, image: Any, now: int) -> None:
         part = MOTOR_STEP_NS if elapsed > MOTOR_STEP_NS else elapsed
         elapsed -= part
         seconds = part * 1e-9
-        before = axis.ramp
         velocity_command(axis, seconds)
-        step_motor(axis, axis.state >= 4, (axis.ramp - before) / seconds, seconds)
+        step_motor(axis, axis.state >= 4, seconds)
     axis.zsw1 = _status_word(axis)
     to_actuals(axis, image)

@@ -1,0 +1,249 @@
+"""Drives and controller over an ideal wire in virtual time."""
+
+import numpy as np
+import pytest
+from bench_axis import MS
+from virtual_pair import Pair
+
+from pnfarm.engine.schedule import ChannelTable, ProviderPlan
+from pnfarm.errors import InternalError
+from pnfarm.table.columns import allocate, lookup_find, lookup_rebuild
+from pnfarm.table.impairment import DATA_INVALID, IOPS_BAD, LOSS, PROVIDER_STOP
+from pnfarm.table.program import FAULTED, RUNNING
+
+ALWAYS = 0xFFFFFFFF
+
+
+def impair(pair: Pair, table: str, row: int, kind: int, **values: int) -> np.record:
+    """Link one impairment in front of a channel of the farm."""
+    number = next(i for i in range(pair.farm.impairment.shape[0]) if pair.farm.impairment[i].kind == 0)
+    entry = pair.farm.impairment[number]
+    entry.kind, entry.threshold, entry.random = kind, ALWAYS, 88172645463325252
+    for name, value in values.items():
+        setattr(entry, name, value)
+    getattr(pair.farm, table)[row].impairment = number + 1
+    return entry
+
+
+def test_a_controller_brings_a_drive_to_its_speed():
+    pair = Pair(speed=600.0)
+    pair.run(1.0)
+    assert pair.farm.axis[0].state == 4
+    assert pair.controller.program[0].phase == RUNNING
+    assert pair.farm.axis[0].velocity == pytest.approx(600.0, abs=0.3)
+    assert [value & 0xFF for _, value in pair.seen("state_changed")] == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(("factor", "ratio"), [(8, 1), (16, 1), (32, 1), (64, 2), (32, 16), (128, 4), (3, 1), (48, 1), (32, 512)])
+def test_every_send_clock_and_reduction_ratio_keeps_its_period_exactly(factor, ratio):
+    pair = Pair(drives=2, factor=factor, ratio=ratio, hold=8)
+    pair.run(max(0.005, pair.cycle_ns * 2e-9))
+    before = [int(pair.farm.ppm[row].sent) for row in range(2)]
+    pair.run(pair.cycle_ns * 20 / 1e9)
+    assert [int(pair.farm.ppm[row].sent) - before[row] for row in range(2)] == [20, 20]
+    assert pair.farm.ppm.late.sum() == 0
+    assert pair.farm.cpm.discarded.sum() == 0
+    assert pair.farm.cpm[0].received >= 20
+
+
+def test_cycle_counter_advances_by_factor_times_ratio():
+    pair = Pair(factor=32, ratio=4)
+    pair.run(0.1)
+    before = int(pair.farm.ppm[0].counter)
+    pair.run(0.004)
+    assert (int(pair.farm.ppm[0].counter) - before) & 0xFFFF == 128
+
+
+def test_phases_spread_the_frames_of_one_cycle_over_its_send_clocks():
+    pair = Pair(drives=16, factor=32, ratio=16)
+    pair.run(0.1)
+    due = {int(pair.farm.ppm[i].next_ns) % (16 * MS) for i in range(16)}
+    assert due == {i * MS for i in range(16)}
+
+
+def test_data_hold_time_expires_once_and_raises_702():
+    pair = Pair(hold=3)
+    pair.run(0.5)
+    pair.controller.ppm[0].active = 0
+    pair.run(0.1)
+    assert len(pair.seen("expired")) == 1
+    assert pair.seen("fault_raised") == [(0, 702)]
+    ((_, silent_ns),) = pair.seen("expired")
+    assert 3 * MS < silent_ns <= 5 * MS
+
+
+def test_controller_that_comes_back_is_told_as_a_first_frame_and_recovers_the_drive():
+    pair = Pair()
+    pair.run(0.5)
+    pair.controller.ppm[0].active = 0
+    pair.run(0.1)
+    pair.controller.ppm[0].active = 1
+    pair.run(1.0)
+    assert len(pair.seen("first_frame")) == 2
+    assert pair.farm.axis[0].state == 4
+    assert pair.farm.axis[0].fault_code[0] == 0
+
+
+def test_a_fault_is_seen_acknowledged_and_its_reaction_time_told():
+    pair = Pair()
+    pair.run(0.5)
+    axis = pair.farm.axis[0]
+    axis.command[0], axis.command_head = 1 | 529 << 8, 1
+    pair.run(0.02)
+    assert pair.controller.program[0].phase == FAULTED
+    pair.run(1.0)
+    ((_, reaction),) = pair.seen("fault_reacted")
+    assert 0 < reaction <= 4 * MS
+    assert pair.controller.program[0].phase == RUNNING
+    assert pair.controller.program[0].faults == 1
+
+
+def test_loss_drops_received_frames_with_its_probability_and_counts_evidence():
+    pair = Pair(hold=64)
+    pair.run(0.1)
+    entry = impair(pair, "cpm", 0, LOSS, threshold=int(0.25 * 2**32))
+    pair.run(4.0)
+    assert entry.checks == pytest.approx(4000, abs=2)
+    assert entry.activations == pytest.approx(1000, rel=0.15)
+    assert pair.farm.cpm[0].discarded[4] == entry.activations
+
+
+def test_the_same_seed_loses_the_same_frames():
+    def lost() -> list[int]:
+        pair = Pair(hold=64)
+        impair(pair, "cpm", 0, LOSS, threshold=1 << 30)
+        marks = []
+        for _ in range(100):
+            pair.run(0.001)
+            marks.append(int(pair.farm.cpm[0].discarded[4]))
+        return marks
+
+    assert lost() == lost()
+
+
+def test_provider_stop_reaches_the_controller_within_one_cycle_and_clears_with_it():
+    pair = Pair()
+    pair.run(0.5)
+    impair(pair, "ppm", 0, PROVIDER_STOP)
+    pair.run(0.002)
+    assert pair.seen("provider_changed", "controller")[-1] == (0, 0)
+    assert not pair.controller.image[0].valid
+    pair.farm.ppm[0].impairment = 0
+    pair.run(0.002)
+    assert pair.seen("provider_changed", "controller")[-1] == (0, 1)
+
+
+def test_bad_iops_reaches_the_controller_within_one_cycle():
+    pair = Pair()
+    pair.run(0.5)
+    impair(pair, "ppm", 0, IOPS_BAD, limit=5)
+    pair.run(0.002)
+    assert pair.seen("iops_changed", "controller")[-1] == (0, 0)
+    pair.run(0.1)
+    assert pair.seen("iops_changed", "controller")[-1] == (0, 1)
+
+
+def test_invalid_data_is_discarded_by_the_consumer():
+    pair = Pair(hold=64)
+    pair.run(0.5)
+    impair(pair, "ppm", 0, DATA_INVALID, limit=7)
+    pair.run(0.1)
+    assert pair.controller.cpm[0].discarded[3] == 7
+
+
+def test_impairment_waits_for_its_healthy_frames_and_its_time_window():
+    pair = Pair()
+    pair.run(0.1)
+    entry = impair(pair, "ppm", 0, LOSS, after=10, limit=3, start_ns=pair.now + 50 * MS)
+    pair.run(0.04)
+    assert entry.checks == 0
+    pair.run(0.1)
+    assert entry.activations == 3
+    assert entry.first_ns >= pair.now - 100 * MS
+    assert pair.farm.ppm[0].suppressed == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"length": 63}, 0),
+        ({"length": 65}, 0),
+        ({11: 0x77}, 1),
+    ],
+)
+def test_a_frame_that_is_not_as_agreed_is_counted_and_dropped(change, reason):
+    pair = Pair(hold=64)
+    pair.run(0.1)
+    for key, value in change.items():
+        if key == "length":
+            pair.controller.ppm[0].length = value
+        else:
+            pair.controller.frames[0][key] = value
+    pair.run(0.01)
+    assert pair.farm.cpm[0].discarded[reason] == 10
+
+
+def test_frames_of_nobody_are_counted_as_unknown():
+    pair = Pair()
+    pair.run(0.1)
+    pair.controller.frames[0][18] = 0xC1
+    pair.run(0.01)
+    assert pair.farm.engine[0].unknown == 10
+
+
+def test_a_repeated_cycle_counter_is_an_old_frame():
+    pair = Pair(hold=64)
+    pair.run(0.1)
+    pair.controller.ppm[0].counter_step = 0
+    pair.run(0.01)
+    assert pair.farm.cpm[0].discarded[2] >= 9
+
+
+def test_a_closed_row_is_not_handed_out_before_the_engine_has_seen_it():
+    columns = allocate(stations=1, axes=0, channels=2)
+    channels = ChannelTable(columns)
+    plan = ProviderPlan(
+        image=0, port=1, destination=bytes(6), source=bytes(6), frame_id=0x8000, data_length=40,
+        send_clock_factor=32, reduction_ratio=1, words=[(0, 0)], iops=[2],
+    )  # fmt: skip
+    first = channels.open_provider(plan)
+    columns.ppm[first].state = 3
+    channels.close_provider(first)
+    assert channels.open_provider(plan) != first
+
+
+def test_a_full_table_says_so():
+    columns = allocate(stations=1, channels=1)
+    channels = ChannelTable(columns)
+    plan = ProviderPlan(
+        image=0, port=1, destination=bytes(6), source=bytes(6), frame_id=0x8000, data_length=40,
+        send_clock_factor=32, reduction_ratio=1, words=[], iops=[],
+    )  # fmt: skip
+    channels.open_provider(plan)
+    with pytest.raises(InternalError, match="all 1 rows of the ppm table"):
+        channels.open_provider(plan)
+
+
+@pytest.mark.parametrize(("words", "iops"), [([(0, 39)], [4]), ([(0, -1)], [4]), ([(0, 0)], [40]), ([(0, 0)] * 33, [4]), ([(0, 0)], [1] * 5)])
+def test_offsets_outside_of_the_data_are_refused_before_compiled_code_sees_them(words, iops):
+    channels = ChannelTable(allocate(stations=1, channels=1))
+    with pytest.raises(InternalError):
+        channels.open_provider(
+            ProviderPlan(
+                image=0, port=1, destination=bytes(6), source=bytes(6), frame_id=0x8000, data_length=40,
+                send_clock_factor=32, reduction_ratio=1, words=words, iops=iops,
+            )
+        )  # fmt: skip
+
+
+def test_lookup_finds_every_consumer_by_port_and_frame_id_and_nothing_else():
+    columns = allocate(stations=1, channels=300)
+    columns.engine[0].cpm_rows = 300
+    for i in range(300):
+        columns.cpm[i].active, columns.cpm[i].port, columns.cpm[i].frame_id = 1, 7 + i % 5, 0x8000 + i // 5
+    lookup_rebuild(columns)
+    table = columns.lookup[columns.engine[0].lookup]
+    assert [lookup_find(table, columns.cpm, 7 + i % 5, 0x8000 + i // 5) for i in range(300)] == list(range(300))
+    assert lookup_find(table, columns.cpm, 12, 0x8000) == -1
+    columns.cpm[5].active = 0
+    assert lookup_find(table, columns.cpm, 7, 0x8001) == -1

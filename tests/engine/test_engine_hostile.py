@@ -1,0 +1,58 @@
+"""Whatever arrives, the engine counts it and goes on."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from virtual_pair import Pair
+
+from pnfarm.engine.tick import receive
+from pnfarm.table.channel import FRAME_SLOT
+from pnfarm.table.columns import RX_BATCH
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_random_and_mutated_frames_never_disturb_anything_but_counters():
+    pair = Pair(drives=4, hold=64)
+    pair.run(0.05)
+    random = np.random.default_rng(8892)
+    good = pair.controller.frames[0].copy()
+    rounds = 4 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 100
+    for _ in range(rounds):
+        frames = random.integers(0, 256, (RX_BATCH, FRAME_SLOT), dtype=np.uint8)
+        frames[::2] = good
+        for i in range(0, RX_BATCH, 2):
+            for _ in range(random.integers(0, 4)):
+                frames[i, random.integers(0, 64)] = random.integers(0, 256)
+        pair.farm.rx_frames[:] = frames
+        pair.farm.rx_length[:] = random.integers(-5, FRAME_SLOT + 50, RX_BATCH)
+        pair.farm.rx_length[::4] = 64
+        pair.farm.rx_port[:] = random.integers(-3, 8, RX_BATCH)
+        pair.farm.rx_ns[:] = pair.now
+        receive(pair.farm, RX_BATCH)
+    engine = pair.farm.engine[0]
+    assert engine.malformed > 0
+    assert engine.unknown > 0
+    pair.run(0.3)
+    assert (pair.farm.axis.state[:4] == 4).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
+def test_engine_and_firmware_behave_alike_interpreted_and_with_bounds_checked(variable):
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1" or os.environ.get("NUMBA_BOUNDSCHECK") == "1":
+        return  # this is the inner run
+    run = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "tests/engine", "tests/firmware"],
+        cwd=ROOT,
+        env={**os.environ, variable: "1"},
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
+    )
+    assert run.returncode == 0, run.stdout[-3000:]

@@ -1,0 +1,254 @@
+"""The general state machine as a controller sees it: STW1 in, ZSW1 out."""
+
+import pytest
+from bench_axis import BenchAxis
+
+from pnfarm.firmware.state_machine import PRIORITY, S5_FAULT, TRANSITIONS
+from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
+from pnfarm.table.axis import REACTION_QUICK_STOP
+from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_STOP
+
+READY, INHIBITED = 0x0001, 0x0040
+
+
+def state_bits(zsw1: int) -> tuple[int, int, int, int]:
+    return zsw1 & 1, zsw1 >> 1 & 1, zsw1 >> 2 & 1, zsw1 >> 6 & 1
+
+
+def test_akd_5_9_control_words_walk_from_s1_to_s4():
+    drive = BenchAxis()
+    assert state_bits(drive.write(0x0470)) == (0, 0, 0, 1)
+    assert state_bits(drive.write(0x0476)) == (1, 0, 0, 0)
+    assert state_bits(drive.write(0x0477)) == (1, 1, 0, 0)
+    assert state_bits(drive.write(0x047F)) == (1, 1, 1, 0)
+
+
+def test_akd_7_1_4_sample_words_0x047f_gives_0x0237_while_the_axis_speeds_up():
+    drive = BenchAxis()
+    drive.enable()
+    assert drive.write(0x047F, 0x00A3 * 0.366, run=2) == 0x0237
+
+
+def test_switching_on_inhibit_is_left_only_with_bit_0_withdrawn():
+    drive = BenchAxis()
+    drive.write(0x0477, run=20)
+    assert drive.axis.state == 1
+    drive.write(0x0476)
+    assert drive.axis.state == 2
+
+
+@pytest.mark.parametrize("state_word", [0x0476, 0x0477, 0x047F])
+@pytest.mark.parametrize("stop_word", [0x0474, 0x0475, 0x047D])
+def test_coast_stop_leads_to_s1_from_everywhere(state_word, stop_word):
+    drive = BenchAxis()
+    for word in (0x0470, 0x0476, 0x0477, 0x047F):
+        drive.write(word)
+        if word == state_word:
+            break
+    drive.write(stop_word, run=2)
+    assert drive.axis.state == 1
+
+
+def test_off_in_operation_ramps_down_with_the_deceleration_then_s2():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.run(300)
+    drive.write(0x047E, 1000.0)
+    assert drive.axis.state == 5
+    assert state_bits(drive.zsw1) == (1, 1, 0, 0)
+    drive.run(98)
+    assert drive.axis.velocity == pytest.approx(1000 - 5000 * 0.099, rel=0.03)
+    drive.run(120)
+    assert drive.axis.state == 2
+
+
+def test_on_again_during_the_ramp_stop_returns_to_operation():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.run(300)
+    drive.write(0x047E, 1000.0, run=50)
+    drive.write(0x047F, 1000.0)
+    assert drive.axis.state == 4
+
+
+def test_quick_stop_uses_its_own_ramp_and_ends_in_s1():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.run(300)
+    drive.write(0x047B, 1000.0)
+    assert drive.axis.state == 5
+    assert drive.zsw1 & 0x0020 == 0
+    drive.run(60)
+    assert drive.axis.state == 1
+    assert drive.axis.velocity == pytest.approx(0.0, abs=0.5)
+
+
+def test_quick_stop_overrides_a_ramp_stop():
+    drive = BenchAxis()
+    drive.enable(2000.0)
+    drive.run(400)
+    drive.write(0x047E, run=10)
+    assert drive.axis.stop == 1
+    drive.write(0x047A, run=2)
+    assert drive.axis.stop == 2
+
+
+def test_disable_operation_takes_the_power_stage_off_and_the_axis_coasts():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.run(300)
+    drive.write(0x0477, 1000.0, run=2)
+    assert drive.axis.state == 3
+    assert drive.axis.current == 0.0
+    assert drive.axis.velocity > 900.0
+
+
+def test_without_control_by_plc_the_other_bits_are_not_taken_over():
+    drive = BenchAxis()
+    drive.enable(500.0)
+    drive.write(0x0000, run=20)
+    assert drive.axis.state == 4
+    drive.write(0x0400, run=2)
+    assert drive.axis.state == 1
+
+
+def test_a_fault_in_operation_sets_bit_3_and_ends_in_s1():
+    drive = BenchAxis()
+    drive.enable(500.0)
+    drive.command(CMD_RAISE_FAULT, 529)
+    drive.run(2)
+    assert drive.axis.state == 1
+    assert drive.zsw1 & 0x0008
+
+
+def test_a_fault_with_controlled_stop_brakes_first():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.run(200)
+    drive.command(CMD_RAISE_FAULT, 702 | REACTION_QUICK_STOP << 24)
+    drive.run(2)
+    assert drive.axis.state == 5
+    assert drive.axis.current < 0.0
+    drive.run(60)
+    assert drive.axis.state == 1
+
+
+def test_acknowledgement_needs_an_edge_of_bit_7():
+    drive = BenchAxis()
+    drive.write(0x04F6)
+    drive.command(CMD_RAISE_FAULT, 529)
+    drive.write(0x04F6, run=50)
+    assert drive.zsw1 & 0x0008
+    drive.write(0x0476)
+    drive.write(0x04F6)
+    assert not drive.zsw1 & 0x0008
+
+
+def test_a_controller_that_holds_bit_0_through_a_fault_stays_in_s1():
+    drive = BenchAxis()
+    drive.enable()
+    drive.command(CMD_RAISE_FAULT, 529)
+    drive.run(5)
+    drive.write(0x04FF)
+    drive.write(0x047F, run=50)
+    assert not drive.zsw1 & 0x0008
+    assert drive.axis.state == 1
+    drive.write(0x0476)
+    assert drive.axis.state == 2
+
+
+def test_a_fault_whose_cause_is_still_there_cannot_be_acknowledged():
+    drive = BenchAxis()
+    drive.command(CMD_HOLD_FAULT, 501)
+    drive.write(0x0476)
+    drive.write(0x04F6)
+    assert drive.zsw1 & 0x0008
+    drive.command(CMD_RELEASE_FAULT, 501)
+    drive.write(0x0476)
+    drive.write(0x04F6)
+    assert not drive.zsw1 & 0x0008
+
+
+def test_akd_5_14_acknowledging_shifts_the_fault_buffer_by_eight_and_each_situation_counts():
+    drive = BenchAxis()
+    for number in (501, 502):
+        drive.command(CMD_RAISE_FAULT, number)
+    drive.run(1)
+    assert list(drive.axis.fault_buffer[:3]) == [501, 502, 0]
+    assert drive.axis.fault_counter == 1
+    drive.command(CMD_ACKNOWLEDGE)
+    drive.run(1)
+    assert list(drive.axis.fault_buffer[:3]) == [0, 0, 0]
+    assert list(drive.axis.fault_buffer[8:11]) == [501, 502, 0]
+    drive.command(CMD_RAISE_FAULT, 702)
+    drive.run(1)
+    assert drive.axis.fault_counter == 2
+    assert drive.axis.fault_buffer[0] == 702
+    assert list(drive.axis.fault_buffer[8:10]) == [501, 502]
+
+
+def test_a_ninth_situation_pushes_the_oldest_out():
+    drive = BenchAxis()
+    for number in range(1, 11):
+        drive.command(CMD_RAISE_FAULT, number)
+        drive.command(CMD_ACKNOWLEDGE)
+        drive.run(1)
+    assert list(drive.axis.fault_buffer[0::8]) == [0, 10, 9, 8, 7, 6, 5, 4]
+
+
+def test_the_same_fault_twice_is_one_entry():
+    drive = BenchAxis()
+    drive.command(CMD_RAISE_FAULT, 501)
+    drive.command(CMD_RAISE_FAULT, 501 | REACTION_QUICK_STOP << 24)
+    drive.run(1)
+    assert list(drive.axis.fault_code[:2]) == [501, 0]
+
+
+def test_loss_of_cyclic_data_raises_702_and_stops_the_axis_along_its_ramp():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.run(200)
+    drive.lose(LOST_EXPIRED)
+    assert drive.axis.fault_buffer[0] == 702
+    assert drive.axis.state == 5
+    drive.run(60)
+    assert drive.axis.state == 1
+    assert drive.axis.velocity == pytest.approx(0.0, abs=0.5)
+
+
+def test_an_orderly_release_coasts_without_a_fault():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.lose(LOST_CLOSED)
+    drive.run(2)
+    assert drive.axis.fault_code[0] == 0
+    assert drive.axis.state == 1
+
+
+def test_provider_stop_raises_702_only_where_fbus_param02_asks_for_it():
+    drive = BenchAxis()
+    drive.enable()
+    drive.lose(LOST_STOP)
+    assert drive.axis.fault_code[0] == 0
+    drive.enable()
+    drive.axis.stop_fault = 702
+    drive.lose(LOST_STOP)
+    assert drive.axis.fault_code[0] == 702
+
+
+def test_power_on_boots_for_a_while_and_moves_the_open_situation_into_history():
+    drive = BenchAxis()
+    drive.command(CMD_RAISE_FAULT, 501)
+    drive.run(1)
+    drive.command(CMD_POWER_ON)
+    drive.run(1)
+    assert drive.axis.state == 0
+    drive.run(100)
+    assert drive.axis.state == 1
+    assert not drive.zsw1 & 0x0008
+    assert drive.axis.fault_buffer[8] == 501
+
+
+def test_every_row_of_the_table_is_reachable_by_priority():
+    assert {event for _, event in TRANSITIONS} == set(PRIORITY)
+    assert all(0 <= following <= S5_FAULT for following in TRANSITIONS.values())
