@@ -9,6 +9,7 @@ from typing import Any
 from pnfarm.errors import InternalError
 from pnfarm.table.channel import FRAME_SLOT, IDLE, IOXS_GOOD, MAX_IOPS, MAX_WORDS, STATUS_GOOD
 from pnfarm.table.columns import Columns, lookup_rebuild
+from pnfarm.table.signals import PART_HIGH, WORD_NONE
 
 __all__ = ["UNIT_NS", "ChannelTable", "ConsumerPlan", "ProviderPlan"]
 
@@ -177,6 +178,38 @@ class ChannelTable:
         row.active = 1
         lookup_rebuild(self._columns)
         return number
+
+    def provided(self, number: int) -> bytes:
+        """The IO data of a provider as the engine filled it last."""
+        row = self._columns.ppm[number]
+        start = int(row.data_offset)
+        return bytes(self._columns.frames[number][start : int(row.length) - 4])
+
+    def consumed(self, number: int) -> bytes:
+        """The IO data of a consumer, rebuilt from its words and provider status; what no word carries is zero."""
+        row = self._columns.cpm[number]
+        image = self._columns.image[row.image]
+        data = bytearray(int(row.data_length))
+        for i in range(int(row.words)):
+            code, offset = int(row.word_code[i]), int(row.word_offset[i])
+            if code != WORD_NONE:
+                value = int(image.received[code >> 2])
+                data[offset : offset + 2] = ((value >> 16 if code & 3 == PART_HIGH else value) & 0xFFFF).to_bytes(2, "big")
+        for i in range(int(row.iops_count)):
+            data[int(row.iops_offset[i])] = int(row.iops)
+        return bytes(data)
+
+    def rewrite_words(self, name: str, number: int, words: Sequence[tuple[int, int]]) -> None:
+        """Lay other telegram words into an open channel; offsets as in the plans."""
+        row = getattr(self._columns, name)[number]
+        start = TAGGED_HEADER + 2 if name == "ppm" else 0
+        _check(words, (), int(row.length) - start - 4 if name == "ppm" else int(row.data_length))
+        # no words while the codes change, so that no tick mixes two mappings
+        row.words = 0
+        for i, (code, offset) in enumerate(words):
+            row.word_code[i] = code
+            row.word_offset[i] = start + offset
+        row.words = len(words)
 
     def close_provider(self, number: int) -> None:
         self._columns.ppm[number].active = 0

@@ -47,8 +47,10 @@ STATUS_NO_PROBLEM = 0x20
 STATUS_IGNORE = 0x80
 STATUS_GOOD = STATUS_PRIMARY | STATUS_VALID | STATUS_RUN | STATUS_NO_PROBLEM
 
+#: GOOD; a bit of its own, so that consumers test it alone.
 IOXS_GOOD = 0x80
-IOXS_BAD = 0x60  # BAD, detected by the device (bits 5, 6 = 11: "by controller" 3; see IEC 61158-6-10 IOxS)
+#: BAD, found by the IO device (IEC 61158-6-10, IOxS: DataState 0, Instance 2).
+IOXS_BAD = 0x40
 
 PPM = Layout(
     "ppm",

@@ -8,6 +8,7 @@ name ends in ``le``.
 
 from __future__ import annotations
 
+import builtins
 import struct
 
 from pnfarm.errors import DecodeError
@@ -20,7 +21,7 @@ class Reader:
 
     __slots__ = ("_data", "_end", "_pos")
 
-    def __init__(self, data: bytes | bytearray | memoryview) -> None:
+    def __init__(self, data: builtins.bytes | bytearray | memoryview) -> None:
         self._data = memoryview(data).cast("B") if not isinstance(data, memoryview) else data
         self._pos = 0
         self._end = len(self._data)
@@ -73,12 +74,12 @@ class Reader:
         (value,) = struct.unpack(">f", self._data[(p := self._take(4)) : p + 4])
         return float(value)
 
-    def bytes(self, count: int) -> bytes:
+    def bytes(self, count: int) -> builtins.bytes:
         """The next ``count`` octets."""
         start = self._take(count)
-        return bytes(self._data[start : start + count])
+        return builtins.bytes(self._data[start : start + count])
 
-    def rest(self) -> bytes:
+    def rest(self) -> builtins.bytes:
         """All octets that are left."""
         return self.bytes(self.remaining)
 
@@ -149,12 +150,12 @@ class Writer:
         self._buf += struct.pack(">f", value)
         return self
 
-    def bytes(self, data: bytes | bytearray | memoryview) -> Writer:
+    def bytes(self, data: builtins.bytes | bytearray | memoryview) -> Writer:
         self._buf += data
         return self
 
     def zeros(self, count: int) -> Writer:
-        self._buf += bytes(count)
+        self._buf += builtins.bytes(count)
         return self
 
     def align(self, width: int) -> Writer:
@@ -168,5 +169,5 @@ class Writer:
         self._buf[position : position + 2] = value.to_bytes(2, "big")
         return self
 
-    def getvalue(self) -> bytes:
-        return bytes(self._buf)
+    def getvalue(self) -> builtins.bytes:
+        return builtins.bytes(self._buf)

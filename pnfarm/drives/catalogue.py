@@ -1,0 +1,184 @@
+"""The drive models that come with pnfarm; each is read when it is first asked for."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.loader import load_model, read_toml
+from pnfarm.drives.model import Model, submodule_json
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.telegram import Module
+
+__all__ = ["Entry", "as_json", "model", "models"]
+
+_FOLDER = Path(__file__).resolve().parent / "models"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A model in the list of models, before it is loaded."""
+
+    name: str
+    aliases: tuple[str, ...]
+    title: str
+    maker: str
+    bus: str
+    edition: str
+    folder: Path
+
+
+@cache
+def _entries() -> dict[str, Entry]:
+    found: dict[str, Entry] = {}
+    for path in sorted(_FOLDER.glob("*/model.toml")):
+        data = read_toml(path)
+        texts = {key: str(data.get(key, "")) for key in ("name", "title", "maker", "bus", "edition")}
+        found[texts["name"]] = Entry(**texts, aliases=tuple(data.get("aliases", ())), folder=path.parent)
+    return found
+
+
+def models() -> dict[str, Entry]:
+    """All models by name."""
+    return dict(_entries())
+
+
+@cache
+def _loaded(name: str) -> Model:
+    return load_model(_entries()[name].folder)
+
+
+def model(name: str) -> Model:
+    """The model of this name or alias; raises :class:`ConfigError` that says which there are."""
+    entries = _entries()
+    for entry in entries.values():
+        if name == entry.name or name in entry.aliases:
+            return _loaded(entry.name)
+    known = [word for entry in entries.values() for word in (entry.name, *entry.aliases)]
+    close = difflib.get_close_matches(name, known, 1)
+    hint = f"; did you mean {close[0]}?" if close else ""
+    raise ConfigError(f"there is no drive model {name!r}, there are {', '.join(entries)}{hint}")
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _fact_json(described: Model, section: str) -> dict[str, Any]:
+    prefix = f"{section}."
+    return {
+        key.removeprefix(prefix): {
+            "value": _plain(fact.value),
+            "unit": fact.unit,
+            "source": fact.source,
+            "note": fact.note,
+        }
+        for key, fact in described.facts.items()
+        if key.startswith(prefix)
+    }
+
+
+def _with_sources(described: Model, section: str, values: dict[str, Any]) -> dict[str, Any]:
+    """The values in force, and beside them where each comes from (``farm file`` where it was overridden)."""
+    sources: dict[str, Any] = {}
+    for key, value in values.items():
+        fact = described.facts[f"{section}.{key}"]
+        overridden = value != fact.value
+        sources[key] = {"source": "farm file" if overridden else fact.source, "note": "" if overridden else fact.note}
+    return {**{key: _plain(value) for key, value in values.items()}, "sources": sources}
+
+
+def _module_json(module: Module) -> dict[str, Any]:
+    return {
+        "module_ident": module.ident,
+        "module_source": module.source,
+        "module_note": module.note,
+        "submodules": [submodule_json(submodule) for submodule in module.submodules],
+    }
+
+
+def _parameter_json(parameter: Parameter) -> dict[str, Any]:
+    return {
+        "pnu": parameter.pnu,
+        "name": parameter.name,
+        "type": parameter.type.name.lower(),
+        "signed": parameter.signed,
+        "elements": parameter.elements,
+        "access": "r" * parameter.readable + "w" * parameter.writable,
+        "min": parameter.minimum,
+        "max": parameter.maximum,
+        "default": parameter.default,
+        "unit": parameter.unit,
+        "scale": parameter.scale,
+        "nonvolatile": parameter.nonvolatile,
+        "behaviour": parameter.behaviour.name.lower(),
+        "source": parameter.source,
+        "values_source": parameter.values_source,
+        "note": parameter.note,
+    }
+
+
+def as_json(described: Model) -> dict[str, Any]:
+    """A model in full, of plain JSON values: what ``pnfarm models MODEL --format json`` prints."""
+    return {
+        "name": described.name,
+        "aliases": list(described.aliases),
+        "title": described.title,
+        "maker": described.maker,
+        "bus": described.bus,
+        "profile": described.profile,
+        "manual": described.manual,
+        "edition": described.edition,
+        "firmware_version": described.firmware_version,
+        "identity": _with_sources(described, "identity", asdict(described.identity)),
+        "dap": _module_json(described.dap),
+        "default_telegram": described.default_telegram,
+        "telegrams": [
+            {
+                "number": telegram.number,
+                "name": telegram.name,
+                "free_mapping": telegram.free_mapping,
+                **_module_json(telegram.module),
+                "output": [signal.name if signal else None for signal in telegram.output],
+                "input": [signal.name if signal else None for signal in telegram.input],
+                "source": telegram.source,
+                "note": telegram.note,
+            }
+            for telegram in described.telegrams.values()
+        ],
+        "signals": [
+            {
+                "number": signal.number,
+                "name": signal.name,
+                "bits": signal.bits,
+                "direction": "setpoint" if signal.setpoint else "actual",
+                "drive_signal": signal.drive_signal,
+                "source": signal.source,
+                "note": signal.note,
+            }
+            for signal in described.signals.values()
+        ],
+        "parameters": [_parameter_json(parameter) for parameter in described.parameters.values()],
+        "faults": [
+            {
+                "number": fault.number,
+                "name": fault.name,
+                "kind": "warning" if fault.warning else "fault",
+                "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],
+                "cause": fault.cause,
+                "source": fault.source,
+                "note": fault.note,
+            }
+            for fault in described.faults.values()
+        ],
+        "limits": _with_sources(described, "limits", asdict(described.limits)),
+        "motor": _fact_json(described, "motor"),
+        "communication_loss": _fact_json(described, "communication_loss"),
+        "parameter_access": _fact_json(described, "parameter_access"),
+    }

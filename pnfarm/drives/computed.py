@@ -1,0 +1,134 @@
+"""Parameters that are functions of the drive: identification, lists, fault buffer, states.
+
+Each function takes the store and the parameter's row and gives all elements (one for a plain parameter).  The names
+are those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing number there is ``parameter.index``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.parameter import Parameter
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
+from pnfarm.drives.telegram import signal_numbers
+
+if TYPE_CHECKING:
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.store import ParameterStore
+
+__all__ = ["COMPUTED"]
+
+#: PNU 980..989 do not list themselves (profile 4.1, 6.2.1.2).
+LISTS = range(980, 990)
+
+
+def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
+    """``values`` with zeros up to the array's length."""
+    return list(values) + [0] * (parameter.elements - len(values))
+
+
+def _setpoint_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    return _fill(signal_numbers(store.mapping(setpoint=True)), parameter)
+
+
+def _actual_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    return _fill(signal_numbers(store.mapping(setpoint=False)), parameter)
+
+
+def _telegram(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [store.telegram_number]
+
+
+def _signal_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """PNU 923: at a signal's number the PNU that shows it; every signal with a PNU has its own number."""
+    parameters = store.model.parameters
+    return [
+        number if number in store.model.signals and number in parameters else 0 for number in range(parameter.elements)
+    ]
+
+
+def _fault_counter(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [fault_counter(store.handle.axis)]
+
+
+def _fault_buffer(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    return [parameter.clamp(number) for number in fault_numbers(store.handle.axis)]
+
+
+def _firmware(model: Model) -> tuple[int, int, int]:
+    """Version as decimal xxyy, year, day and month as decimal ddmm (HIWIN E1 manual, PNU 964)."""
+    major, minor, _ = model.identity.software_version
+    return (major * 100 + minor, *model.identity.firmware_date)
+
+
+def _unit_identification(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """PNU 964: manufacturer, drive unit type, version, year, day and month."""
+    identity = store.model.identity
+    return [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model)]
+
+
+def _object_identification(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """PNU 975: as 964, then class, application classes and number of the drive object."""
+    identity = store.model.identity
+    return [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model), *identity.object_class]
+
+
+def _parameter_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """PNU 980 + index: defined parameters, rising; a list that is not the last ends with the next one's number."""
+    size = parameter.elements - 1
+    numbers = [pnu for pnu in store.model.parameters if pnu not in LISTS]
+    part = numbers[size * parameter.index : size * (parameter.index + 1)]
+    if len(numbers) > size * (parameter.index + 1):
+        return [*part, LISTS[parameter.index + 1]]
+    return _fill(part, parameter)
+
+
+def _fault(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    active = active_faults(store.handle.axis)
+    return [active[parameter.index] if parameter.index < len(active) else 0]
+
+
+def _warning(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    return [int(store.handle.axis.warning_code) if parameter.index == 0 else 0]
+
+
+def _active(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [int(store.handle.in_operation)]
+
+
+def _controlled_stop(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    axis = store.handle.axis
+    return [int(int(axis.state) == 5 and int(axis.stop) in {2, 3})]
+
+
+def _velocity_error(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    axis = store.handle.axis
+    return [store.scaled(parameter, float(axis.ramp) - float(axis.velocity))]
+
+
+def _timeout(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [store.watchdog_ns // 1_000_000]
+
+
+_Function = Callable[["ParameterStore", Parameter], Sequence[int]]
+
+
+#: ``computed:<name>`` -> function.
+COMPUTED: dict[str, _Function] = {
+    "setpoint-mapping": _setpoint_mapping,
+    "actual-mapping": _actual_mapping,
+    "telegram": _telegram,
+    "signal-list": _signal_list,
+    "fault-counter": _fault_counter,
+    "fault-buffer": _fault_buffer,
+    "unit-identification": _unit_identification,
+    "object-identification": _object_identification,
+    "parameter-list": _parameter_list,
+    "fault": _fault,
+    "warning": _warning,
+    "active": _active,
+    "controlled-stop": _controlled_stop,
+    "velocity-error": _velocity_error,
+    "timeout": _timeout,
+}

@@ -1,0 +1,36 @@
+"""A drive's non-volatile memory: what survives a power cycle.
+
+The farm keeps it in SQLite; tests and farms in memory use :class:`VolatileMemory`.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, Protocol
+
+__all__ = ["NonVolatile", "VolatileMemory"]
+
+
+class NonVolatile(Protocol):
+    """Keeps one dict of plain JSON values for each station."""
+
+    def load(self, station: str) -> dict[str, Any] | None:
+        """What was saved last for this station name, None if nothing ever was."""
+        ...
+
+    def save(self, station: str, values: dict[str, Any]) -> None:
+        """Replace what is kept for this station."""
+        ...
+
+
+class VolatileMemory:
+    """A :class:`NonVolatile` that lives as long as the process."""
+
+    def __init__(self) -> None:
+        self._kept: dict[str, dict[str, Any]] = {}
+
+    def load(self, station: str) -> dict[str, Any] | None:
+        return copy.deepcopy(self._kept.get(station))
+
+    def save(self, station: str, values: dict[str, Any]) -> None:
+        self._kept[station] = copy.deepcopy(values)

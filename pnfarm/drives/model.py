@@ -1,0 +1,364 @@
+"""A drive model: everything that is known about one product before a drive of it is switched on.
+
+A model is immutable and shared by all drives of its kind.  Each value that can be doubted carries a :class:`Fact`: the
+manual's section, or ``assumed`` with the reason.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.telegram import Module, Submodule
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
+
+if TYPE_CHECKING:
+    from pnfarm.drives.telegram import Signal, Telegram
+
+__all__ = ["COMMANDS", "CommunicationLoss", "Fact", "Fault", "Identity", "Limits", "Model", "ParameterAccess"]
+
+#: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
+COMMANDS = frozenset({"acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse"})
+REACTIONS = {"coast": REACTION_COAST, "quick-stop": REACTION_QUICK_STOP}
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """Where a value comes from."""
+
+    value: Any
+    source: str
+    note: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a drive says that it is (DCP, I&M0, PNU 964 and 975)."""
+
+    vendor_id: int
+    device_id: int
+    station_type: str
+    order_id: str
+    hardware_revision: int
+    software_prefix: str
+    software_version: tuple[int, int, int]
+    profile_id: int
+    profile_specific_type: int
+    drive_unit_type: int
+    firmware_date: tuple[int, int]
+    object_class: tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the manual denies: cycle in ns, counts, octets."""
+
+    min_cycle_ns: int
+    io_controllers: int
+    ports: int
+    max_parameters: int
+    max_elements: int
+    max_response: int
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterAccess:
+    """How base mode parameter access differs from drive to drive."""
+
+    record_indexes: tuple[int, ...]
+    axis: tuple[int, ...]
+    change_response_values: bool
+
+
+@dataclass(frozen=True, slots=True)
+class CommunicationLoss:
+    """The fault on lost cyclic data, and the parameters that govern it."""
+
+    fault: int
+    action_parameter: int
+    stop_parameter: int
+    stop_bit: int
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault or warning by the manual's number; ``cause`` is what a fault kind asks for, empty if none raises it."""
+
+    number: int
+    name: str
+    warning: bool
+    reaction: int
+    cause: str
+    source: str
+    note: str
+
+    @property
+    def code(self) -> int:
+        """Number with its reaction, as the axis record and ``CMD_RAISE_FAULT`` take it."""
+        return self.number | self.reaction << 24
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """One product; see the module's head."""
+
+    name: str
+    aliases: tuple[str, ...]
+    title: str
+    maker: str
+    bus: str
+    profile: str
+    manual: str
+    edition: str
+    firmware_version: str
+    default_telegram: int
+    identity: Identity
+    limits: Limits
+    access: ParameterAccess
+    communication_loss: CommunicationLoss
+    motor: Mapping[str, float]
+    firmware: Mapping[str, float]
+    dap: Module
+    signals: Mapping[int, Signal]
+    telegrams: Mapping[int, Telegram]
+    parameters: Mapping[int, Parameter]
+    parameter_names: Mapping[str, int]
+    axis_parameters: tuple[Parameter, ...]
+    faults: Mapping[int, Fault]
+    facts: Mapping[str, Fact]
+
+    # parameters
+
+    def resolve(self, text: str | int) -> tuple[Parameter, int]:
+        """The parameter and subindex that ``922``, ``"947.3"``, ``"DRV.OPMODE"`` or ``"VL.FB"`` names.
+
+        A name that stands twice in the manual gives its first row; a name is also found without its ``_32``.
+        Raises :class:`ParameterError` (impermissible parameter number).
+        """
+        wanted = str(text).strip()
+        pnu, subindex = self.parameter_names.get(wanted.upper()), 0
+        if pnu is None:
+            number, _, index = wanted.partition(".")
+            if number.isascii() and number.isdigit() and (not index or (index.isascii() and index.isdigit())):
+                pnu, subindex = int(number), int(index or 0)
+            else:
+                name, _, index = wanted.rpartition(".")
+                if index.isascii() and index.isdigit():
+                    pnu, subindex = self.parameter_names.get(name.upper()), int(index)
+        if pnu is None or pnu not in self.parameters:
+            raise ParameterError(
+                ParameterErrorNumber.IMPERMISSIBLE_PNU,
+                detail=f"{self.name} has no parameter {wanted!r}; give a number or a name of its manual",
+            )
+        return self.parameters[pnu], subindex
+
+    def canonical(self, parameter: Parameter) -> Parameter:
+        """The parameter that an alias stands for, or itself."""
+        return self.parameters[parameter.index] if parameter.behaviour is Behaviour.ALIAS else parameter
+
+    # faults
+
+    def fault(self, wanted: str | int) -> Fault:
+        """The fault of this number, name or cause (``F702``, ``undervoltage``); raises :class:`ConfigError`."""
+        text = str(wanted).strip()
+        number = text[1:] if text[:1] in {"F", "f", "n"} and text[1:].isdigit() else text
+        if number.isascii() and number.isdigit() and int(number) in self.faults:
+            return self.faults[int(number)]
+        for fault in self.faults.values():
+            if text.lower() in {fault.name.lower(), fault.cause} and text:
+                return fault
+        known = ", ".join(str(n) for n in self.faults)
+        raise ConfigError(f"{self.name} has no fault {text!r}; it has {known}, their names and causes")
+
+    # telegrams
+
+    def telegram_by_module(self, module_ident: int) -> Telegram | None:
+        """The telegram whose module has this ident number, None if none has."""
+        return next((telegram for telegram in self.telegrams.values() if telegram.module.ident == module_ident), None)
+
+    def signals_of(self, numbers: Sequence[int]) -> tuple[Signal | None, ...]:
+        """Signals by number, 0 for none; raises :class:`ParameterError` (value impermissible) with the index."""
+        found: list[Signal | None] = []
+        for index, number in enumerate(numbers):
+            signal = self.signals.get(number)
+            if signal is None and number:
+                raise ParameterError(
+                    ParameterErrorNumber.VALUE_IMPERMISSIBLE,
+                    index,
+                    f"word {index + 1}: {self.name} has no signal {number}",
+                )
+            found.append(signal)
+        return tuple(found)
+
+    # set-up
+
+    def apply_motor(self, axis: Any) -> None:
+        """Write motor and hardware of this model into an axis record (fields of writer ``station``)."""
+        for field, value in self.motor.items():
+            setattr(axis, field, value)
+
+    def with_identity(self, overrides: Mapping[str, Any]) -> Model:
+        """This model under another identity; see :data:`OVERRIDES` for the keys.  Raises :class:`ConfigError`."""
+        return override_identity(self, overrides) if overrides else self
+
+    def source_of(self, what: str) -> Fact:
+        """Where a value such as ``identity.device_id`` comes from; :class:`KeyError` for an unknown one."""
+        return self.facts[what]
+
+
+#: Keys of the farm file's ``identity`` section.
+OVERRIDES: Mapping[str, str] = {
+    "vendor": "vendor id, 0..0xFFFF",
+    "device": "device id, 0..0xFFFF",
+    "order_number": "order number, up to 20 ASCII characters",
+    "station_type": "DCP station type, up to 25 ASCII characters",
+    "hardware_revision": "0..0xFFFF",
+    "software_version": "such as V1.17.0",
+    "profile_id": "0..0xFFFF",
+    "profile_specific_type": "0..0xFFFF",
+    "dap": "module ident of the device access point",
+    "dap_submodules": "mapping: subslot -> submodule ident",
+    "access_point": "submodule ident of the parameter access point",
+    "telegrams": "mapping: telegram -> module ident, or {module: ident, submodule: ident}",
+}
+
+
+def _number(value: Any, where: str, maximum: int) -> int:
+    try:
+        number = int(value, 0) if isinstance(value, str) else value
+    except ValueError:
+        number = None
+    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number <= maximum:
+        raise ConfigError(f"identity.{where}: {value!r} is not a number from 0 to 0x{maximum:X}")
+    return number
+
+
+def _text(value: Any, where: str, length: int) -> str:
+    if not isinstance(value, str) or not value.isascii() or not value.isprintable() or not 0 < len(value) <= length:
+        raise ConfigError(f"identity.{where}: {value!r} is not a text of 1 to {length} ASCII characters")
+    return value
+
+
+def _version(value: Any) -> tuple[str, tuple[int, int, int]]:
+    text = _text(value, "software_version", 16)
+    prefix, digits = (text[0], text[1:]) if text[0] in "VRPUT" else ("V", text)
+    parts = digits.split(".")
+    if len(parts) != 3 or not all(part.isdigit() and int(part) <= 255 for part in parts):
+        raise ConfigError(
+            f"identity.software_version: {value!r} is not like V1.17.0 (V, R, P, U or T and three numbers up to 255)"
+        )
+    major, minor, internal = (int(part) for part in parts)
+    return prefix, (major, minor, internal)
+
+
+def _mapping(value: Any, where: str) -> Mapping[Any, Any]:
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"identity.{where}: {value!r} is not a mapping")
+    return value
+
+
+_IDENT = 0xFFFFFFFF
+_Part = TypeVar("_Part", Module, Submodule)
+#: Override -> field of Identity, for the plain numbers and texts.
+_NUMBERS = {
+    "vendor": "vendor_id",
+    "device": "device_id",
+    "hardware_revision": "hardware_revision",
+    "profile_id": "profile_id",
+    "profile_specific_type": "profile_specific_type",
+}
+_TEXTS = {"order_number": ("order_id", 20), "station_type": ("station_type", 25)}
+
+
+def _from_farm_file(part: _Part, ident: int) -> _Part:
+    return dataclasses.replace(part, ident=ident, source="farm file", note="")
+
+
+def _with_ident(module: Module, subslot: int, ident: int, where: str) -> Module:
+    if all(submodule.subslot != subslot for submodule in module.submodules):
+        known = ", ".join(f"0x{submodule.subslot:X}" for submodule in module.submodules)
+        raise ConfigError(f"identity.{where}: there is no subslot 0x{subslot:X}; there are {known}")
+    submodules = tuple(_from_farm_file(s, ident) if s.subslot == subslot else s for s in module.submodules)
+    return dataclasses.replace(module, submodules=submodules)
+
+
+def _telegram_subslot(module: Module) -> int:
+    return max(submodule.subslot for submodule in module.submodules)
+
+
+def override_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
+    """See :meth:`Model.with_identity`."""
+    for key in overrides:
+        if key not in OVERRIDES:
+            raise ConfigError(f"identity.{key}: unknown; there are {', '.join(OVERRIDES)}")
+    changes: dict[str, Any] = {}
+    for key, field in _NUMBERS.items():
+        if key in overrides:
+            changes[field] = _number(overrides[key], key, 0xFFFF)
+    for key, (field, length) in _TEXTS.items():
+        if key in overrides:
+            changes[field] = _text(overrides[key], key, length)
+    if "software_version" in overrides:
+        changes["software_prefix"], changes["software_version"] = _version(overrides["software_version"])
+
+    dap = model.dap
+    if "dap" in overrides:
+        dap = _from_farm_file(dap, _number(overrides["dap"], "dap", _IDENT))
+    for subslot, ident in _mapping(overrides.get("dap_submodules", {}), "dap_submodules").items():
+        where = f"dap_submodules.{subslot}"
+        dap = _with_ident(dap, _number(subslot, where, 0xFFFF), _number(ident, where, _IDENT), where)
+
+    telegrams = dict(model.telegrams)
+    if "access_point" in overrides:
+        ident = _number(overrides["access_point"], "access_point", _IDENT)
+        for number, telegram in telegrams.items():
+            module = _with_ident(
+                telegram.module, min(s.subslot for s in telegram.module.submodules), ident, "access_point"
+            )
+            telegrams[number] = dataclasses.replace(telegram, module=module)
+    for key, wanted in _mapping(overrides.get("telegrams", {}), "telegrams").items():
+        where = f"telegrams.{key}"
+        number = _number(key, where, 0xFFFF)
+        if number not in telegrams:
+            raise ConfigError(
+                f"identity.{where}: {model.name} has no telegram {number}; it has {', '.join(map(str, telegrams))}"
+            )
+        parts = wanted if isinstance(wanted, Mapping) else {"module": wanted}
+        if not parts.keys() <= {"module", "submodule"}:
+            raise ConfigError(f"identity.{where}: {dict(parts)!r} may hold module and submodule only")
+        module = telegrams[number].module
+        if "module" in parts:
+            module = _from_farm_file(module, _number(parts["module"], f"{where}.module", _IDENT))
+        if "submodule" in parts:
+            module = _with_ident(
+                module, _telegram_subslot(module), _number(parts["submodule"], f"{where}.submodule", _IDENT), where
+            )
+        telegrams[number] = dataclasses.replace(telegrams[number], module=module)
+    idents = [telegram.module.ident for telegram in telegrams.values()]
+    if len(set(idents)) != len(idents):
+        raise ConfigError(
+            "identity.telegrams: two telegrams have the same module ident; a controller could not tell them apart"
+        )
+    return dataclasses.replace(
+        model, identity=dataclasses.replace(model.identity, **changes), dap=dap, telegrams=telegrams
+    )
+
+
+def submodule_json(submodule: Submodule) -> dict[str, Any]:
+    """A submodule as ``pnfarm models MODEL --format json`` shows it."""
+    return {
+        "slot": submodule.slot,
+        "subslot": submodule.subslot,
+        "ident": submodule.ident,
+        "api": submodule.api,
+        "input_bytes": submodule.input_bytes,
+        "output_bytes": submodule.output_bytes,
+        "name": submodule.name,
+        "source": submodule.source,
+        "note": submodule.note,
+    }

@@ -1,0 +1,1 @@
+"""PROFIdrive over records: base mode parameter access and the fault buffer."""

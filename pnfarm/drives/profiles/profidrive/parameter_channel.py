@@ -1,0 +1,204 @@
+"""The drive's end of the parameter channel: a request is written as a record, its response is read from the same.
+
+Record indexes 47 (AKD PROFINET manual 3.6), 0xB02E (local) and 0xB02F (global) lead here; each has its own channel with
+one request at a time (profile 4.1, 8.6): a read while none is pending is a state conflict (0xB5).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.profiles.profidrive.base_mode import (
+    ATTRIBUTE_DESCRIPTION,
+    ATTRIBUTE_TEXT,
+    ATTRIBUTE_VALUE,
+    FORMAT_BYTE,
+    FORMAT_DWORD,
+    FORMAT_OCTET_STRING,
+    FORMAT_WORD,
+    FORMAT_ZERO,
+    NEGATIVE,
+    REQUEST_CHANGE,
+    REQUEST_READ,
+    ParameterAddress,
+    ParameterRequest,
+    ParameterResponse,
+    ParameterValues,
+    emit_response,
+    entry_octets,
+    error_values,
+    format_octets,
+    parse_request,
+)
+from pnfarm.drives.profiles.profidrive.description import describe
+from pnfarm.drives.profiles.profidrive.requester import format_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.drives.store import ParameterStore
+
+__all__ = ["LOCAL", "ParameterChannel"]
+
+#: Base mode parameter access, local: the axis number does not address anything.
+LOCAL = 0xB02E
+#: Length of an error entry with its two values.
+ERROR_OCTETS = 6
+HEADER_OCTETS = 4
+
+#: Formats that carry integers: what a parameter takes if the width fits.
+_INTEGER_FORMATS = {
+    0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x0A, 0x71, 0x72, 0x7B, 0x7C, FORMAT_BYTE, FORMAT_WORD, FORMAT_DWORD,
+}  # fmt: skip
+
+
+class ParameterChannel:
+    """Requests on one record index of one drive.
+
+    ``index`` is the record's; on the local one the axis number is mirrored and not looked at.
+
+    ``busy`` (a fault kind sets it) holds every response back, so that reads meet the state conflict of a drive that is
+    still working; clearing it lets the response through.  ``refuse`` (a fault kind sets it) answers every parameter
+    with that error.
+    """
+
+    __slots__ = ("_local", "_response", "_store", "busy", "refuse")
+
+    def __init__(self, store: ParameterStore, index: int = 47) -> None:
+        self._store = store
+        self._local = index == LOCAL
+        self._response: bytes | None = None
+        self.busy = False
+        self.refuse: ParameterErrorNumber | None = None
+
+    @property
+    def pending(self) -> bool:
+        """Whether a response waits to be read."""
+        return self._response is not None
+
+    def reset(self) -> None:
+        """The connection went down: forget what was asked."""
+        self._response = None
+
+    def write_request(self, data: bytes) -> None:
+        """Take a request over and carry it out; it replaces one whose response nobody read.
+
+        Raises :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is
+        refused (0xB1, length error).  Everything else is answered by a response.
+        """
+        request = parse_request(data)
+        self._response = None
+        self._response = emit_response(self._answer(request))
+
+    def read_response(self, maximum: int = 0xFFFF) -> bytes | None:
+        """The response, once; None when there is none (record error 0xB5, state conflict).
+
+        A response longer than ``maximum`` octets becomes the error "response too long", if that fits.
+        """
+        if self.busy or self._response is None:
+            return None
+        response, self._response = self._response, None
+        if len(response) <= maximum:
+            return response
+        too_long = error_values(ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG))
+        short = emit_response(ParameterResponse(response[0], response[1] | NEGATIVE, response[2], 1, (too_long,)))
+        return short if len(short) <= maximum else None
+
+    # inside
+
+    def _answer(self, request: ParameterRequest) -> ParameterResponse:
+        access = self._store.model.access
+        if request.fault is not None:
+            return self._refused(request, request.fault.number)
+        if not self._local and request.axis not in access.axis:
+            return self._refused(request, ParameterErrorNumber.AXIS_NONEXISTENT)
+        if self.refuse is not None:
+            return self._refused(request, self.refuse)
+        limit = self._store.model.limits.max_response
+        entries: list[ParameterValues] = []
+        negative = False
+        used = HEADER_OCTETS
+        for position, address in enumerate(request.addresses):
+            # room for the errors of those that follow, so that the response never outgrows its block
+            room = limit - used - ERROR_OCTETS * (request.count - position - 1)
+            try:
+                entry = self._one(request, position, address)
+                if entry_octets(entry) > room:
+                    raise ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG)
+            except ParameterError as exc:
+                negative = True
+                entry = error_values(exc)
+            entries.append(entry)
+            used += entry_octets(entry)
+        if not negative and request.request_id == REQUEST_CHANGE:
+            # 3.6.2 shows format 0 and number of values 0 behind the header; other drives send the header alone
+            entries = [ParameterValues(0)] * request.count if access.change_response_values else []
+        response_id = request.request_id | (NEGATIVE if negative else 0)
+        return ParameterResponse(request.reference, response_id, request.axis, request.count, tuple(entries))
+
+    def _refused(self, request: ParameterRequest, number: ParameterErrorNumber) -> ParameterResponse:
+        """The same error for every parameter; one entry when the number of parameters is not to be believed."""
+        count = request.count if request.addresses else 1
+        entry = error_values(ParameterError(number))
+        return ParameterResponse(
+            request.reference, request.request_id | NEGATIVE, request.axis, count, (entry,) * count
+        )
+
+    def _one(self, request: ParameterRequest, position: int, address: ParameterAddress) -> ParameterValues:
+        handlers: dict[tuple[int, int], Callable[[], ParameterValues]] = {
+            (REQUEST_READ, ATTRIBUTE_VALUE): lambda: self._read(address),
+            (REQUEST_CHANGE, ATTRIBUTE_VALUE): lambda: self._change(address, request.values[position]),
+            (REQUEST_READ, ATTRIBUTE_DESCRIPTION): lambda: self._describe(address),
+        }
+        handler = handlers.get((request.request_id, address.attribute))
+        if handler is not None:
+            return handler()
+        self._row(address)
+        refusals = {
+            (REQUEST_CHANGE, ATTRIBUTE_DESCRIPTION): ParameterErrorNumber.DESCRIPTION_NOT_CHANGEABLE,
+            (REQUEST_READ, ATTRIBUTE_TEXT): ParameterErrorNumber.NO_TEXT_ARRAY,
+            (REQUEST_CHANGE, ATTRIBUTE_TEXT): ParameterErrorNumber.TEXT_NOT_CHANGEABLE,
+        }
+        number = refusals.get((request.request_id, address.attribute), ParameterErrorNumber.ADDRESS_IMPERMISSIBLE)
+        raise ParameterError(number, address.subindex)
+
+    def _row(self, address: ParameterAddress) -> Parameter:
+        """The row of the model, once the address lies within the ranges of 3.6."""
+        parameter = self._store.model.parameters.get(address.pnu)
+        if parameter is None:
+            raise ParameterError(ParameterErrorNumber.IMPERMISSIBLE_PNU)
+        if not 1 <= address.elements <= self._store.model.limits.max_elements or address.subindex > 0xFFFE:
+            raise ParameterError(ParameterErrorNumber.ADDRESS_IMPERMISSIBLE)
+        return parameter
+
+    def _read(self, address: ParameterAddress) -> ParameterValues:
+        parameter = self._row(address)
+        mask = (1 << (8 * parameter.octets)) - 1
+        values = self._store.read(address.pnu, address.subindex, address.elements)
+        return ParameterValues(format_of(parameter), tuple(value & mask for value in values))
+
+    def _change(self, address: ParameterAddress, given: ParameterValues) -> ParameterValues:
+        parameter = self._row(address)
+        if not parameter.writable:
+            raise ParameterError(ParameterErrorNumber.NOT_CHANGEABLE, address.subindex)
+        if given.format not in _INTEGER_FORMATS:
+            raise ParameterError(ParameterErrorNumber.INCORRECT_DATA_TYPE)
+        # a command takes a value of any width (AKD EtherNet/IP manual 6.6 writes one of one octet and one of four)
+        command = parameter.behaviour is Behaviour.COMMAND
+        if not command and format_octets(given.format) != parameter.octets:
+            raise ParameterError(ParameterErrorNumber.INCORRECT_DATA_TYPE)
+        if len(given.values) != address.elements:
+            raise ParameterError(ParameterErrorNumber.NUMBER_OF_VALUES)
+        values = (
+            [min(value, parameter.maximum) for value in given.values]
+            if command
+            else [parameter.wrap(value) for value in given.values]
+        )
+        self._store.write(address.pnu, address.subindex, values)
+        return ParameterValues(FORMAT_ZERO)
+
+    def _describe(self, address: ParameterAddress) -> ParameterValues:
+        parameter = self._row(address)
+        octets = describe(parameter, address.subindex, changed=self._store.changed(parameter))
+        return ParameterValues(FORMAT_OCTET_STRING, tuple(octets))

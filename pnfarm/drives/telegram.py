@@ -1,0 +1,123 @@
+"""Signals, telegrams, and the words that the engine moves.
+
+A telegram has a list of words for each direction; a double word takes two consecutive ones, its upper half first.
+``output`` travels from the controller to the drive (set points), ``input`` back (actual values).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError
+from pnfarm.table.signals import ACTUAL_SLOTS, PART_HIGH, PART_LOW, PART_WORD, SETPOINT_SLOTS, WORD_NONE, word_code
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+__all__ = ["MappingError", "Module", "Signal", "Submodule", "Telegram", "signal_codes", "signal_numbers"]
+
+
+class MappingError(ConfigError):
+    """A list of signals cannot be a telegram; ``index`` is the entry to blame."""
+
+    def __init__(self, index: int, sentence: str) -> None:
+        super().__init__(f"word {index + 1}: {sentence}")
+        self.index = index
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` tells set points from actual values."""
+
+    number: int
+    name: str
+    bits: int
+    setpoint: bool
+    drive_signal: str
+    source: str
+    note: str = ""
+
+    @property
+    def slot(self) -> int:
+        """Its slot in the process image."""
+        return (SETPOINT_SLOTS if self.setpoint else ACTUAL_SLOTS)[self.name]
+
+
+@dataclass(frozen=True, slots=True)
+class Submodule:
+    """What is plugged in a subslot; data lengths in octets without IOPS and IOCS."""
+
+    slot: int
+    subslot: int
+    ident: int
+    api: int
+    input_bytes: int
+    output_bytes: int
+    name: str = ""
+    source: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Module:
+    """A module of the drive; ``slot`` is that of its submodules."""
+
+    ident: int
+    submodules: tuple[Submodule, ...]
+    source: str = ""
+    note: str = ""
+
+    @property
+    def slot(self) -> int:
+        return self.submodules[0].slot
+
+
+@dataclass(frozen=True, slots=True)
+class Telegram:
+    """A telegram: its module in slot 1 and its words.
+
+    ``output`` and ``input`` name the signals, None for a word without one; ``output_words`` and ``input_words`` are the
+    same as word codes (:func:`pnfarm.table.signals.word_code`).  With ``free_mapping`` the words are only the default.
+    """
+
+    number: int
+    name: str
+    free_mapping: bool
+    output: tuple[Signal | None, ...]
+    input: tuple[Signal | None, ...]
+    output_words: tuple[int, ...]
+    input_words: tuple[int, ...]
+    module: Module
+    source: str
+    note: str
+
+
+def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[int, ...]:
+    """Word codes of a list of signals; :class:`MappingError` on a torn double word, a wrong direction, a repetition."""
+    codes: list[int] = []
+    seen: set[int] = set()
+    while len(codes) < len(signals):
+        index = len(codes)
+        signal = signals[index]
+        if signal is None:
+            codes.append(WORD_NONE)
+            continue
+        if signal.setpoint != setpoint:
+            wanted, given = ("set point", "an actual value") if setpoint else ("actual value", "a set point")
+            raise MappingError(index, f"{signal.name} is {given}; this direction takes {wanted}s")
+        if signal.number in seen:
+            raise MappingError(index, f"{signal.name} stands twice")
+        seen.add(signal.number)
+        if signal.bits == 16:
+            codes.append(word_code(signal.slot, PART_WORD))
+            continue
+        if index + 1 >= len(signals) or signals[index + 1] is not signal:
+            raise MappingError(index, f"{signal.name} is a double word and takes two consecutive words")
+        codes += [word_code(signal.slot, PART_HIGH), word_code(signal.slot, PART_LOW)]
+    return tuple(codes)
+
+
+def signal_numbers(signals: Iterable[Signal | None]) -> tuple[int, ...]:
+    """The signal numbers word by word, 0 for none: what PNU 915 and 916 show."""
+    return tuple(signal.number if signal else 0 for signal in signals)

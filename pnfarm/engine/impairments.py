@@ -1,0 +1,113 @@
+"""Impairments of a station's cyclic channels: rows handed out, chained, linked to whatever channels are open.
+
+A connection may come and go while an impairment stays; so the chains belong to stations, and a channel that
+opens is linked to its station's chain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pnfarm.errors import InternalError
+from pnfarm.table.columns import Columns
+
+__all__ = ["CyclicEvidence", "ImpairmentTable"]
+
+Way = Literal["in", "out"]
+ALWAYS = 0xFFFFFFFF
+
+
+@dataclass(frozen=True, slots=True)
+class CyclicEvidence:
+    """Frames looked at, frames changed or dropped, and when (None: never)."""
+
+    checks: int
+    activations: int
+    first_ns: int | None
+    last_ns: int | None
+
+
+class ImpairmentTable:
+    """``way`` is seen from the station: ``in`` acts on what it consumes, ``out`` on what it provides."""
+
+    def __init__(self, columns: Columns) -> None:
+        self._columns = columns
+        self._chains: dict[tuple[int, Way], list[int]] = {}
+        self._channels: dict[tuple[int, Way], set[int]] = {}
+        self._free = list(range(columns.impairment.shape[0] - 1, -1, -1))
+        self._owner: dict[int, tuple[int, Way]] = {}
+
+    def add(
+        self,
+        station: int,
+        way: Way,
+        kind: int,
+        *,
+        probability: float = 1.0,
+        seed: int = 1,
+        count: int = 0,
+        after: int = 0,
+        start_ns: int = 0,
+        stop_ns: int = 0,
+    ) -> int:
+        """Put an impairment in force; its row.  ``count`` and ``stop_ns`` 0 mean without end.
+
+        Raises :class:`InternalError` when all rows are in use.
+        """
+        if not self._free:
+            raise InternalError(f"all {self._columns.impairment.shape[0]} impairment rows are in use")
+        number = self._free.pop()
+        row = self._columns.impairment[number]
+        row.kind = kind
+        row.threshold = ALWAYS if probability >= 1.0 else int(probability * 2**32)
+        row.limit = count
+        row.after = after
+        row.start_ns = start_ns
+        row.stop_ns = stop_ns
+        # a generator that starts at zero would stay there
+        row.random = (seed * 0x9E3779B97F4A7C15 + 0x1234567) & 0x7FFFFFFFFFFFFFFF or 1
+        row.checks = row.activations = row.first_ns = row.last_ns = 0
+        chain = self._chains.setdefault((station, way), [])
+        chain.append(number)
+        self._owner[number] = (station, way)
+        self._link(station, way)
+        return number
+
+    def remove(self, number: int) -> CyclicEvidence:
+        """Take an impairment back; its final evidence."""
+        evidence = self.evidence(number)
+        station, way = self._owner.pop(number)
+        self._chains[station, way].remove(number)
+        self._link(station, way)
+        self._columns.impairment[number].kind = 0
+        self._free.insert(0, number)
+        return evidence
+
+    def evidence(self, number: int) -> CyclicEvidence:
+        row = self._columns.impairment[number]
+        return CyclicEvidence(
+            int(row.checks), int(row.activations), int(row.first_ns) or None, int(row.last_ns) or None
+        )
+
+    def channel_opened(self, station: int, way: Way, row: int) -> None:
+        """A provider (``out``) or consumer (``in``) of this station now runs in ``row``."""
+        self._channels.setdefault((station, way), set()).add(row)
+        self._link(station, way)
+
+    def channel_closed(self, station: int, way: Way, row: int) -> None:
+        self._table(way)[row].impairment = 0
+        self._channels.get((station, way), set()).discard(row)
+
+    def _table(self, way: Way) -> Any:
+        return self._columns.cpm if way == "in" else self._columns.ppm
+
+    def _link(self, station: int, way: Way) -> None:
+        """Rewrite the chain and its heads; a reader in the middle of it sees the old or the new order."""
+        chain = self._chains.get((station, way), [])
+        for here, following in zip(chain, [*chain[1:], None], strict=True):
+            self._columns.impairment[here].next = 0 if following is None else following + 1
+        head = chain[0] + 1 if chain else 0
+        table = self._table(way)
+        for row in self._channels.get((station, way), ()):
+            table[row].impairment = head

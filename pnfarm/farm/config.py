@@ -1,0 +1,306 @@
+"""The farm file (``*.pnfarm.yml``): read, checked as a whole, expanded to drives.
+
+A file is read in one go and **all** that is wrong with it is said at once (:class:`FarmFileError`), each with
+its line, its key, and what would be right.  Four stages lead there:
+
+1. text to values with places (:mod:`pnfarm.farm.yaml_lines`);
+2. values to typed sections (:mod:`pnfarm.farm.config_model`), errors to sentences (:mod:`pnfarm.farm.config_errors`);
+3. where a section is wrong, its wrong keys are set aside, so that the rest can still be looked at;
+4. what sections must hold between them (:mod:`pnfarm.farm.config_expand`), with what the drive models know
+   (:mod:`pnfarm.farm.config_known`).
+"""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field, PrivateAttr, ValidationError
+
+from pnfarm.farm.config_checks import check
+from pnfarm.farm.config_errors import explain
+from pnfarm.farm.config_expand import Clock, DriveConfig, clock_of, controller_mac, expand_sections
+from pnfarm.farm.config_issue import FarmFileError, FileIssue, Location, field_path, shown
+from pnfarm.farm.config_known import Known, catalogue
+from pnfarm.farm.config_model import FAULT_KINDS, DriveGroup, FarmSections
+from pnfarm.farm.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+__all__ = [
+    "Clock",
+    "DriveConfig",
+    "FarmConfig",
+    "FarmFileError",
+    "FileIssue",
+    "Known",
+    "clock_of",
+    "controller_mac",
+    "expand",
+    "load_farm",
+    "parse_farm",
+]
+
+
+class FarmConfig(FarmSections):
+    """A farm file that holds together.  Made by :func:`load_farm` and :func:`parse_farm`."""
+
+    _path: Path | None = PrivateAttr(default=None)
+    _values: dict[str, Any] = PrivateAttr(default_factory=dict)
+    _document: Document | None = PrivateAttr(default=None)
+    _known: Known | None = PrivateAttr(default=None)
+
+    def adopted(self, path: Path | None, values: dict[str, Any], document: Document | None, known: Known) -> FarmConfig:
+        """Remember where the sections come from; the last stage of reading."""
+        self._path, self._values, self._document, self._known = path, values, document, known
+        return self
+
+    @property
+    def path(self) -> Path | None:
+        """The file, or None for a text of no file."""
+        return self._path
+
+    @property
+    def known(self) -> Known:
+        """The models and fault kinds against which the file was checked."""
+        return self._known or catalogue()
+
+    @property
+    def state_directory(self) -> Path | None:
+        """``state``, seen from the file's folder; None: the drives forget at the end."""
+        if self.state is None:
+            return None
+        base = self._path.parent if self._path is not None else Path()
+        return base / Path(self.state).expanduser()
+
+    def with_overrides(self, overrides: Mapping[str, Any], origin: str = "override") -> FarmConfig:
+        """The same file with some keys set from outside, checked anew as a whole.
+
+        Keys are paths as messages write them (``api``, ``link.parent``, ``realtime.cpu``, ``drives[0].count``).
+        Text is read as YAML, so ``"3"`` is a number and ``"off"`` a word; other values are taken as they are.
+        ``origin`` names where they come from (``PNFARM_UP_API``, ``--api``) in messages.  Raises
+        :class:`FarmFileError`.
+        """
+        if not overrides:
+            return self
+        values = copy.deepcopy(self._values)
+        issues: list[FileIssue] = []
+        set_here: set[Location] = set()
+        for key, value in overrides.items():
+            location = _parse_key(key)
+            try:
+                _set(values, location, parse_yaml(value).root.plain() if _is_text(value) else value)
+            except YamlError as error:
+                issues.append(FileIssue(origin, 0, 0, key, error.problem.what, error.problem.allowed))
+            except LookupError:
+                issues.append(FileIssue(origin, 0, 0, key, "is no key of a farm file", "a path such as link.parent"))
+            else:
+                set_here.add(location)
+
+        def place(location: Location) -> tuple[str, int, int]:
+            if any(location[: len(path)] == path for path in set_here):
+                return origin, 0, 0
+            return _place(self._path, self._document, location)
+
+        return _build(values, place, issues, self._path, self._document, self.known)
+
+
+def load_farm(path: str | Path, known: Known | None = None) -> FarmConfig:
+    """Read and check a farm file.
+
+    ``known`` is what the drive models and the fault catalogue allow; by default the installed models.
+    Raises :class:`FarmFileError` with everything that is wrong, also when the file cannot be read.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_OCTETS + 1)
+    except OSError as error:
+        what = f"cannot be read: {(error.strerror or str(error)).lower()}"
+        raise FarmFileError([FileIssue(str(path), 0, 0, "", what, "a farm file, *.pnfarm.yml")]) from error
+    return parse_farm(data, path, known)
+
+
+def parse_farm(text: str | bytes, path: str | Path | None = None, known: Known | None = None) -> FarmConfig:
+    """Check a farm file's text; ``path`` names it in messages and is what ``state`` is relative to."""
+    file = Path(path) if path is not None else None
+    try:
+        document = parse_yaml(text)
+    except YamlError as error:
+        found = error.problem
+        issue = FileIssue(_file_name(file), found.line, found.column, found.field, found.what, found.allowed)
+        raise FarmFileError([issue]) from error
+    issues = [
+        FileIssue(_file_name(file), found.line, found.column, found.field, found.what, found.allowed)
+        for found in document.problems
+    ]
+    return _build(
+        document.root.plain(),
+        lambda location: _place(file, document, location),
+        issues,
+        file,
+        document,
+        known if known is not None else catalogue(),
+    )
+
+
+def expand(config: FarmConfig) -> list[DriveConfig]:
+    """One entry per drive, in the file's order; names, addresses and MACs are counted up and unique."""
+    return list(expand_sections(config, config.known))
+
+
+# --- stages -----------------------------------------------------------------------------------------------------
+
+
+def _build(
+    values: Any,
+    place: Callable[[Location], tuple[str, int, int]],
+    issues: list[FileIssue],
+    path: Path | None,
+    document: Document | None,
+    known: Known,
+) -> FarmConfig:
+    def report(location: Location, what: str, allowed: str) -> None:
+        file, line, column = place(location)
+        issue = FileIssue(file, line, column, field_path(location), what, allowed)
+        if issue not in issues:
+            issues.append(issue)
+
+    if not isinstance(values, dict):
+        report((), f"is {shown(values)}", "a mapping such as `farm: line-1` ...")
+        raise FarmFileError(issues)
+    config = None
+    context = {FAULT_KINDS: known.fault_kinds}
+    try:
+        config = FarmConfig.model_validate(values, context=context)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        for found in errors:
+            report(*explain(FarmConfig, found))
+        wrong = [found["loc"] for found in errors]
+        rest, moved = _set_aside(values, wrong)
+        partial = _Partial.model_validate(rest, context=context)
+        check(
+            partial,
+            known,
+            lambda location, what, allowed: report(_moved(location, moved), what, allowed),
+            hangs_together=not _says_nothing_of_links(wrong),
+        )
+    else:
+        check(config, known, report)
+    if issues or config is None:
+        raise FarmFileError(issues)
+    return config.adopted(path, values, document, known)
+
+
+class _Partial(FarmSections):
+    """What is left of a file whose wrong keys were set aside."""
+
+    drives: list[DriveGroup] = Field(default_factory=list)
+
+
+#: Keys that only together say something; where one is wrong the others are set aside with it.
+_TOGETHER = {
+    "ip": ("ip", "gateway"),
+    "cycle": ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor"),
+    "send_clock_factor": ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor"),
+    "reduction_ratio": ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor"),
+}
+#: Where one of these is wrong, nothing is known of a group's drives.
+_ESSENTIAL = frozenset(("name", "model", "start"))
+
+
+def _set_aside(values: dict[str, Any], wrong: list[Location]) -> tuple[dict[str, Any], list[int]]:
+    """``values`` without what is wrong, and for each remaining drive group its place in the file.
+
+    A wrong key of a group or of the controller goes alone, so that the others are still checked against each
+    other; where an essential key is wrong, its whole group goes.
+    """
+    rest = copy.deepcopy(values)
+    lost_groups: set[int] = set()
+    for location in wrong:
+        match location:
+            case ("drives", int(number), "params" | "load" | "motor" as section, str(key), *_):
+                rest["drives"][number][section].pop(key, None)
+            case ("drives", int(number), str(key), *_) if key not in _ESSENTIAL:
+                _drop(rest["drives"][number], key)
+                if key == "limits":
+                    # a wrong word here must not bring a second complaint about the cycle
+                    rest["drives"][number]["limits"] = "lax"
+            case ("drives", int(number), *_):
+                lost_groups.add(number)
+            case ("controller", str(key), *_):
+                _drop(rest["controller"], key)
+            case (key, *_):
+                rest.pop(str(key), None)
+            case _:
+                pass
+    groups = rest.get("drives", [])
+    moved = [number for number in range(len(groups)) if number not in lost_groups]
+    rest["drives"] = [groups[number] for number in moved]
+    return rest, moved
+
+
+def _drop(section: dict[str, Any], key: str) -> None:
+    for each in _TOGETHER.get(key, (key,)):
+        section.pop(each, None)
+
+
+def _says_nothing_of_links(wrong: list[Location]) -> bool:
+    """Whether an error hides how the sections hang together."""
+    return any(location[0] in {"farm", "link"} or location[:2] in _LINKING for location in wrong)
+
+
+_LINKING = frozenset((("controller",), ("controller", "interface"), ("controller", "link")))
+
+
+def _moved(location: Location, moved: list[int]) -> Location:
+    match location:
+        case ("drives", int(number), *inside):
+            return ("drives", moved[number], *inside)
+        case _:
+            return location
+
+
+def _file_name(path: Path | None) -> str:
+    return str(path) if path is not None else "<text>"
+
+
+def _place(path: Path | None, document: Document | None, location: Location) -> tuple[str, int, int]:
+    line, column = document.locate(location) if document is not None else (0, 0)
+    return _file_name(path), line, column
+
+
+# --- overrides --------------------------------------------------------------------------------------------------
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and value.strip() != ""
+
+
+def _parse_key(key: str) -> Location:
+    steps: list[str | int] = []
+    for part in key.split("."):
+        name, *indexes = part.replace("]", "").split("[")
+        steps.append(name)
+        steps += [int(index) if index.isdecimal() else index for index in indexes]
+    return tuple(steps)
+
+
+def _set(values: dict[str, Any], location: Location, value: Any) -> None:
+    """Set one key, making the sections on the way; LookupError where something else stands there."""
+    target: Any = values
+    for step, following in zip(location, (*location[1:], None), strict=True):
+        if isinstance(target, list):
+            if not isinstance(step, int) or step >= len(target):
+                raise LookupError(step)
+        elif not isinstance(target, dict) or not isinstance(step, str) or not step:
+            raise LookupError(step)
+        if following is None:
+            target[step] = value
+        else:
+            if isinstance(target, dict) and target.get(step) is None:
+                target[step] = {}
+            target = target[step]

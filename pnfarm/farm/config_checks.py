@@ -1,0 +1,237 @@
+"""What a farm file's sections and groups must hold between them.
+
+Each check reports a place, what is wrong, and what is allowed; one report per group and cause, not one per drive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING
+
+from pnfarm.farm.config_cycle import MAX_WATCHDOG_NS, format_duration
+from pnfarm.farm.config_expand import Clock, clock_of, controller_mac, expand_sections
+from pnfarm.farm.config_issue import Location, did_you_mean, shown
+from pnfarm.farm.config_model import MAX_DRIVES, ControllerSection, DriveGroup, FarmSections, MacvlanLink
+from pnfarm.farm.config_values import expand_name, numbered
+from pnfarm.protocols.profinet.wire.names import check_station_name
+from pnfarm.wire.mac import format_mac, is_group, mac_from_int, mac_to_int
+
+if TYPE_CHECKING:
+    from pnfarm.farm.config_known import Known, ModelFacts
+
+__all__ = ["Report", "check"]
+
+#: Says that something is wrong: where, what, and what is allowed.
+Report = Callable[[Location, str, str], None]
+
+
+def check(sections: FarmSections, known: Known, report: Report, *, hangs_together: bool = True) -> None:
+    """Report all that does not fit together; one report per group and cause, not one per drive.
+
+    ``hangs_together=False`` leaves out what the sections owe each other, for a file that lost some.
+    """
+    if hangs_together:
+        _check_sections(sections, report)
+    total = sum(group.count for group in sections.drives)
+    for number, group in enumerate(sections.drives):
+        _check_group(("drives", number), group, known, report)
+    if total > MAX_DRIVES:
+        report(("drives",), f"makes {total} drives", f"at most {MAX_DRIVES} in one farm")
+    else:
+        _check_names(sections, report)
+        _check_between(sections, known, report)
+    if sections.controller is not None:
+        _check_controller(sections, sections.controller, known, report)
+
+
+def _check_sections(sections: FarmSections, report: Report) -> None:
+    controller = sections.controller
+    if sections.farm is None and controller is None:
+        report((), "has neither `farm` nor `controller`", "farm: NAME for drives, controller: for foreign devices")
+    if sections.farm is not None and sections.link is None:
+        report(
+            (),
+            "has no `link`, so that the drives hang in the air",
+            "link: {kind: macvlan, parent: eth1} or another kind",
+        )
+    elif sections.farm is None and sections.link is not None and controller is not None:
+        report(("link",), "stands in a file without `farm`", "farm: NAME beside it, or controller.interface")
+    if controller is None:
+        return
+    at = ("controller",)
+    if controller.interface is not None and controller.link is not None:
+        report((*at, "interface"), "stands beside `link`", "one of the two")
+    if controller.interface is None and controller.link is None and sections.farm is None:
+        report(at, "has no interface to use", "interface: eth1")
+    if isinstance(sections.link, MacvlanLink):
+        parent = sections.link.parent
+        if controller.interface == parent:
+            what = f"{parent} does not hear the macvlans that stand on it"
+            report((*at, "interface"), what, "another interface, or none: the controller gets a macvlan of its own")
+        shares = controller.interface is None and (controller.link is None or controller.link == sections.link)
+        if sections.link.transmit == "parent" and shares:
+            what = "frames sent through the parent do not reach a controller on the same link"
+            report(("link", "transmit"), what, "interface, or a controller with an interface of its own")
+
+
+def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) -> None:
+    if group.count > 1 and not numbered(group.name):
+        report(
+            (*at, "name"),
+            f"{group.count} drives cannot all be called {shown(group.name)}",
+            "a name with {n}, or count: 1",
+        )
+    _check_addresses(at, group, report)
+    model = known.model(group.model)
+    if model is None:
+        hint = did_you_mean(group.model, known.models)
+        report((*at, "model"), f"{shown(group.model)} is no model of this version{hint}", ", ".join(known.models))
+    else:
+        _check_model(at, group, model, report)
+
+
+def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Report) -> None:
+    if group.telegram is not None and group.telegram not in set(model.telegrams):
+        what = f"{model.name} has no telegram {group.telegram}"
+        report((*at, "telegram"), what, ", ".join(map(str, sorted(model.telegrams))))
+    for key, what, allowed in model.parameter_complaints(group.params):
+        report((*at, "params", key), what, allowed)
+    for key, what, allowed in model.identity_complaints(group.identity):
+        report((*at, "identity", key) if key else (*at, "identity"), what, allowed)
+    _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
+
+
+def _check_limit(at: Location, group: DriveGroup, model: ModelFacts, cycle_ns: int | None, report: Report) -> None:
+    if cycle_ns is None or group.limits != "strict" or cycle_ns >= model.min_cycle_ns:
+        return
+    fastest = format_duration(model.min_cycle_ns)
+    what = f"{format_duration(cycle_ns)} is faster than {model.name} can; the nearest is {fastest}"
+    report(at, what, f"{fastest} and slower, or limits: lax on drives {shown(group.name)}")
+
+
+def _check_names(sections: FarmSections, report: Report) -> None:
+    allowed = "a-z, 0-9, - and . as PROFINET has it"
+    for number, group in enumerate(sections.drives):
+        for step in range(group.count):
+            name = expand_name(group.name, group.start + step)
+            if (wrong := check_station_name(name)) is not None:
+                report(("drives", number, "name"), f"{shown(name)} is no station name: {wrong}", allowed)
+                break
+
+
+def _check_addresses(at: Location, group: DriveGroup, report: Report) -> None:
+    if isinstance(group.mac, bytes):
+        last = mac_to_int(group.mac) + group.count - 1
+        if last >> 48 or is_group(mac_from_int(last)):
+            report((*at, "mac"), f"counts {group.count} drives up into multicast addresses", "a lower first address")
+    if group.ip is None:
+        if group.gateway is not None:
+            report((*at, "gateway"), "stands without `ip`", "ip: ADDRESS/PREFIX beside it")
+        return
+    network = group.ip.network
+    first, last = int(network.network_address) + 1, int(network.broadcast_address) - 1
+    start = int(group.ip)
+    if start < first:
+        report((*at, "ip"), f"{group.ip.ip} is the address of the network {network}", _hosts(first, last))
+    elif start > last:
+        report((*at, "ip"), f"{group.ip.ip} is the broadcast address of {network}", _hosts(first, last))
+    elif start + group.count - 1 > last:
+        name = expand_name(group.name, group.start + last + 1 - start)
+        report((*at, "ip"), f"counts past the end of {network} at {shown(name)}", _hosts(first, last))
+    if group.gateway is None:
+        return
+    gateway = int(group.gateway)
+    if not first <= gateway <= last:
+        report((*at, "gateway"), f"{group.gateway} is no host of the drives' subnet {network}", _hosts(first, last))
+    elif start <= gateway < start + group.count:
+        name = expand_name(group.name, group.start + gateway - start)
+        report((*at, "gateway"), f"{group.gateway} is the address of the drive {shown(name)}", _hosts(first, last))
+
+
+def _hosts(first: int, last: int) -> str:
+    return f"{IPv4Address(first)} to {IPv4Address(last)}"
+
+
+def _check_between(sections: FarmSections, known: Known, report: Report) -> None:
+    """Duplicates: one report for a group and the group (or the controller) that it collides with."""
+    seen: dict[tuple[str, object], tuple[str, str]] = {}
+    controller = sections.controller
+    if controller is not None:
+        owner = ("the controller", controller.name)
+        seen["name", controller.name] = owner
+        if (mac := controller_mac(sections)) is not None:
+            seen["mac", mac] = owner
+        if controller.ip is not None:
+            seen["ip", controller.ip.ip] = owner
+    reported: set[tuple[int, str, str]] = set()
+    for drive in expand_sections(sections, known):
+        group = sections.drives[drive.group]
+        values: list[tuple[str, object, str]] = [("mac", drive.mac, format_mac(drive.mac))]
+        # a pattern that does not count is reported as that
+        if group.count == 1 or numbered(group.name):
+            values.append(("name", drive.name, shown(drive.name)))
+        if drive.ip is not None:
+            values.append(("ip", drive.ip.ip, str(drive.ip.ip)))
+        for field, value, words in values:
+            own = (f"drives[{drive.group}]", drive.name)
+            where, who = owner = seen.setdefault((field, value), own)
+            if owner != own and (drive.group, field, where) not in reported:
+                reported.add((drive.group, field, where))
+                by = "the controller" if where == "the controller" else f"{shown(who)} of {where}"
+                what = f"{words} belongs to {by} already"
+                if field != "name":
+                    what = f"{shown(drive.name)}: {what}"
+                report(("drives", drive.group, field), what, "each once in the farm")
+
+
+def _check_controller(sections: FarmSections, controller: ControllerSection, known: Known, report: Report) -> None:
+    at: Location = ("controller",)
+    if (wrong := check_station_name(controller.name)) is not None:
+        report(
+            (*at, "name"),
+            f"{shown(controller.name)} is no station name: {wrong}",
+            "a-z, 0-9, - and . as PROFINET has it",
+        )
+    if controller.ip is not None:
+        network = controller.ip.network
+        first, last = int(network.network_address) + 1, int(network.broadcast_address) - 1
+        if not first <= int(controller.ip) <= last:
+            what = f"{controller.ip.ip} is the network's or the broadcast address of {network}"
+            report((*at, "ip"), what, _hosts(first, last))
+        for number, group in enumerate(sections.drives):
+            if group.ip is not None and group.gateway is None and group.ip.ip not in network:
+                what = f"{controller.ip} cannot reach drives[{number}], {group.ip}, which has no gateway"
+                report((*at, "ip"), what, f"an address in {group.ip.network}")
+    try:
+        general = clock_of(controller)
+    except ValueError as error:
+        key = next(
+            (key for key in ("send_clock_factor", "reduction_ratio") if getattr(controller, key) is not None), "cycle"
+        )
+        report((*at, key), str(error), "cycle = 31.25us x send_clock_factor x reduction_ratio")
+        return
+    for number, group in enumerate(sections.drives):
+        _check_clock(("drives", number), group, controller, general, known, report)
+
+
+def _check_clock(
+    at: Location, group: DriveGroup, controller: ControllerSection, general: Clock, known: Known, report: Report
+) -> None:
+    """One group's cycle against the controller's send clock, the watchdog and the model."""
+    own = group.cycle_ns is not None
+    place: Location = (*at, "cycle") if own else ("controller", "cycle")
+    try:
+        clock = clock_of(controller, group.cycle_ns) if own else general
+    except ValueError as error:
+        report(place, f"does not fit the controller's send clock: {error}", "a multiple of it by a power of two to 512")
+        return
+    watchdog_ns = clock.cycle_ns * controller.watchdog_factor
+    if watchdog_ns > MAX_WATCHDOG_NS:
+        cycle, watchdog = format_duration(clock.cycle_ns), format_duration(watchdog_ns)
+        what = f"{controller.watchdog_factor} cycles of {cycle} are {watchdog}"
+        most = MAX_WATCHDOG_NS // clock.cycle_ns
+        report(("controller", "watchdog_factor"), what, f"a watchdog of at most 1.92s, here a factor to {most}")
+    model = known.model(group.model)
+    if not own and model is not None:
+        _check_limit(place, group, model, clock.cycle_ns, report)

@@ -1,0 +1,187 @@
+"""From the validator's errors to sentences: what is wrong, and what the key allows."""
+
+from __future__ import annotations
+
+import typing
+from typing import Any, Literal
+
+import annotated_types
+from pydantic import BaseModel
+
+from pnfarm.farm.config_issue import Location, did_you_mean, shown
+
+if typing.TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from pydantic.fields import FieldInfo
+
+__all__ = ["explain", "strip_tags"]
+
+#: Sections whose location carries the union's tag after the key: ``("link", "veth", "bridge")``.
+_TAGGED = frozenset(("link",))
+
+#: Link kinds that are promised, but for buses that this version does not run.
+_LATER_LINKS = {"serial": "serial is for PROFIBUS, which this version does not run"}
+
+_BY_TYPE = {
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "bool_type": "true or false",
+    "string_type": "a word",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "finite_number": "a finite number",
+}
+
+
+def strip_tags(location: Location) -> Location:
+    """The location as the file has it."""
+    steps: list[str | int] = []
+    after_tagged = False
+    for step in location:
+        if not after_tagged:
+            steps.append(step)
+        after_tagged = not after_tagged and step in _TAGGED
+    return tuple(steps)
+
+
+def explain(root: type[BaseModel], error: Mapping[str, Any]) -> tuple[Location, str, str]:
+    """One of pydantic's errors as (place in the file, what is wrong, what is allowed)."""
+    location: Location = error["loc"]
+    place = strip_tags(location)
+    kind: str = error["type"]
+    value = error.get("input")
+    context = error.get("ctx", {})
+    field = _field_at(root, location)
+    if kind == "pnfarm":
+        return place, context["what"], context["allowed"]
+    if kind == "missing":
+        return place, "is missing", _described(field)
+    if kind == "extra_forbidden":
+        return place, *_unknown_key(root, location)
+    if kind in {"union_tag_invalid", "union_tag_not_found"} or (place[-1:] == ("link",) and kind in _BY_TYPE):
+        return place, *_wrong_tag(value)
+    if kind == "literal_error":
+        words = [_word(word) for word in _literals(field)]
+        hint = did_you_mean(value, words) if isinstance(value, str) else ""
+        return place, f"is {shown(value)}{hint}", ", ".join(words) or context["expected"]
+    if kind in _BY_TYPE:
+        return place, f"is {shown(value)}", _BY_TYPE[kind] + _bounds(field)
+    if kind.startswith(("greater_than", "less_than")):
+        return place, f"is {shown(value)}", "a number" + _bounds(field)
+    if kind in {"too_short", "string_too_short", "string_too_long", "too_long"}:
+        return place, "is empty" if not value else "is too short or too long", _described(field)
+    if kind == "string_pattern_mismatch":
+        return place, f"{shown(value)} is no such word", f"{_described(field)} ({context['pattern']})"
+    return place, f"is {shown(value)}: {error['msg']}", _described(field)
+
+
+def _unknown_key(root: type[BaseModel], location: Location) -> tuple[str, str]:
+    keys = [key for model in _models_at(root, location[:-1]) for key in _keys(model)]
+    return f"is no key here{did_you_mean(str(location[-1]), keys)}", ", ".join(keys)
+
+
+def _wrong_tag(value: Any) -> tuple[str, str]:
+    kinds = ("macvlan", "veth", "tap", "memory")
+    allowed = "kind: " + ", ".join(kinds)
+    tag = value.get("kind") if isinstance(value, dict) else None
+    if tag is None:
+        return "has no kind" if isinstance(value, dict) else f"is {shown(value)}, not a mapping with a kind", allowed
+    if isinstance(tag, str) and tag in _LATER_LINKS:
+        return _LATER_LINKS[tag], allowed
+    hint = did_you_mean(tag, kinds) if isinstance(tag, str) else ""
+    return f"{shown(tag)} is no kind of link{hint}", allowed
+
+
+# --- the models behind a location -------------------------------------------------------------------------------
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _members(annotation: Any) -> Iterator[type[BaseModel]]:
+    """The models inside ``X | None``, ``list[X]``, ``Annotated[X | Y, ...]``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+        return
+    for argument in typing.get_args(annotation):
+        yield from _members(argument)
+
+
+def _models_at(root: type[BaseModel], location: Location) -> list[type[BaseModel]]:
+    models = [root]
+    for step in location:
+        if isinstance(step, int):
+            continue
+        tagged = [model for model in models if step in _literals(model.model_fields.get("kind"))]
+        if tagged and len(models) > 1:
+            models = tagged
+            continue
+        fields = [field for model in models if (field := _field(model, step)) is not None]
+        models = [member for field in fields for member in _members(field.annotation)]
+    return models
+
+
+def _field(model: type[BaseModel], key: str) -> FieldInfo | None:
+    for name, field in model.model_fields.items():
+        if key == (field.alias or name):
+            return field
+    return None
+
+
+def _field_at(root: type[BaseModel], location: Location) -> FieldInfo | None:
+    # a place inside a list or a mapping of values is described by the key that holds it
+    for end in range(len(location), 0, -1):
+        step = location[end - 1]
+        if isinstance(step, str):
+            for model in _models_at(root, location[: end - 1]):
+                if (field := _field(model, step)) is not None:
+                    return field
+    return None
+
+
+def _described(field: FieldInfo | None) -> str:
+    if field is None or not field.description:
+        return ""
+    text = field.description.split(". ", maxsplit=1)[0].rstrip(".")
+    return text[:1].lower() + text[1:] if text[:2] != text[:2].upper() else text
+
+
+def _literals(field: FieldInfo | None) -> list[Any]:
+    if field is None:
+        return []
+    found: list[Any] = []
+    pending = [field.annotation]
+    while pending:
+        annotation = pending.pop()
+        if typing.get_origin(annotation) is Literal:
+            found += typing.get_args(annotation)
+        else:
+            pending += typing.get_args(annotation)
+    return found
+
+
+def _word(value: Any) -> str:
+    return value if isinstance(value, str) else str(value)
+
+
+def _bounds(field: FieldInfo | None) -> str:
+    """`` from 1 to 99``, `` above 0`` ... as the key's own bounds say."""
+    if field is None:
+        return ""
+    low = high = ""
+    for rule in field.metadata:
+        match rule:
+            case annotated_types.Ge(ge=bound):
+                low = f" from {bound}"
+            case annotated_types.Gt(gt=bound):
+                low = f" above {bound}"
+            case annotated_types.Le(le=bound):
+                high = f" to {bound}"
+            case _:
+                pass
+    return low + high

@@ -1,0 +1,91 @@
+"""What is wrong with a user's file: every place of it, with its line."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pydantic_core import PydanticCustomError
+
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+__all__ = ["FarmFileError", "FileIssue", "Location", "did_you_mean", "field_path", "problem", "shown"]
+
+#: Where a value stands in a file: keys and list indexes from the root.
+Location = tuple[str | int, ...]
+
+#: A value longer than this is cut when a message quotes it.
+_SHOWN = 60
+
+
+@dataclass(frozen=True, slots=True)
+class FileIssue:
+    """One thing wrong: ``line`` and ``column`` count from 1; 0 means the whole file, or a setting from outside it."""
+
+    path: str
+    line: int
+    column: int
+    field: str
+    what: str
+    allowed: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.path}:{self.line}" if self.line else self.path
+        field = f" {self.field}:" if self.field else ""
+        allowed = f"; allowed: {self.allowed}" if self.allowed else ""
+        return f"{place}:{field} {self.what}{allowed}"
+
+
+class FarmFileError(ConfigError):
+    """A farm file with everything that is wrong in it, in the file's order, one line each."""
+
+    def __init__(self, issues: Iterable[FileIssue]) -> None:
+        self.issues: Sequence[FileIssue] = tuple(sorted(issues, key=lambda issue: (issue.line, issue.column)))
+        super().__init__("\n".join(map(str, self.issues)))
+
+
+def problem(what: str, allowed: str = "") -> PydanticCustomError:
+    """An error that a validator raises: said to the user as it stands here."""
+    # the text goes in as a value, because pydantic reads braces in a template
+    return PydanticCustomError("pnfarm", "{what}", {"what": what, "allowed": allowed})
+
+
+def field_path(location: Location) -> str:
+    """``("drives", 0, "load")`` as a person writes it: ``drives[0].load``."""
+    text = ""
+    for step in location:
+        if isinstance(step, int):
+            text += f"[{step}]"
+        else:
+            text += f".{step}" if text else step
+    return text
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """``"; did you mean X?"`` without the semicolon's sentence end, or ``""`` when nothing is near."""
+    candidates = list(known)
+    folded = {candidate.lower(): candidate for candidate in candidates}
+    near = difflib.get_close_matches(word.lower(), folded, n=1, cutoff=0.6)
+    return f", did you mean {folded[near[0]]}?" if near else ""
+
+
+def shown(value: object) -> str:
+    """A value as a message quotes it: bounded, on one line, in the file's words."""
+    match value:
+        case None:
+            return "nothing"
+        case bool():
+            return "true" if value else "false"
+        case str():
+            text = repr(value)
+        case dict():
+            return "a mapping"
+        case list():
+            return "a list"
+        case _:
+            text = str(value)
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."

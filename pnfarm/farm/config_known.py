@@ -1,0 +1,148 @@
+"""What a farm file may name: drive models and fault kinds, as far as the checks need them.
+
+The checks take this as an argument, so that they depend on no installed model; :func:`catalogue` is the one with
+the models of :mod:`pnfarm.drives.catalogue`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pnfarm.drives import catalogue as drives
+from pnfarm.drives.parameter import ParameterError
+from pnfarm.errors import ConfigError
+from pnfarm.farm.config_issue import did_you_mean, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from pnfarm.drives.model import Model
+
+__all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue"]
+
+#: What is wrong with one key below a section, and what is allowed: ``("vendor", "is 70000", "...")``.
+Complaint = tuple[str, str, str]
+
+
+class ModelFacts(Protocol):
+    """A drive model, seen from the farm file."""
+
+    @property
+    def name(self) -> str:
+        """The name under which the model is listed."""
+        ...
+
+    @property
+    def min_cycle_ns(self) -> int:
+        """The fastest cycle that its manual grants."""
+        ...
+
+    @property
+    def telegrams(self) -> Iterable[int]:
+        """The telegrams it has."""
+        ...
+
+    @property
+    def default_telegram(self) -> int:
+        """The telegram of a drive that is told none."""
+        ...
+
+    def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
+        """What is wrong with the ``params`` of a group."""
+        ...
+
+    def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
+        """What is wrong with the ``identity`` of a group."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class InstalledModel:
+    """:class:`ModelFacts` of a model of the catalogue."""
+
+    model: Model
+
+    @property
+    def name(self) -> str:
+        return self.model.name
+
+    @property
+    def min_cycle_ns(self) -> int:
+        return self.model.limits.min_cycle_ns
+
+    @property
+    def telegrams(self) -> Iterable[int]:
+        return self.model.telegrams
+
+    @property
+    def default_telegram(self) -> int:
+        return self.model.default_telegram
+
+    def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
+        complaints: list[Complaint] = []
+        for key, value in params.items():
+            try:
+                parameter, _ = self.model.resolve(key)
+            except ParameterError:
+                hint = did_you_mean(key, self.model.parameter_names)
+                what = f"{self.name} has no such parameter{hint}"
+                complaints.append((key, what, f"a name or number of `pnfarm models {self.name}`"))
+                continue
+            if not parameter.writable:
+                complaints.append((key, f"{parameter.name} can only be read", "a parameter that can be written"))
+            elif not parameter.scale:
+                low, high = parameter.minimum, parameter.maximum
+                if not isinstance(value, int) or not low <= value <= high:
+                    complaints.append((key, f"is {shown(value)}", f"a whole number from {low} to {high}"))
+            elif isinstance(value, str):
+                complaints.append((key, f"is {shown(value)}", "a number"))
+        return complaints
+
+    def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
+        allowed = f"what `pnfarm models {self.name}` shows under identity, dap and telegrams"
+        complaints: list[Complaint] = []
+        # each key alone, so that every wrong one is named
+        for key, value in identity.items():
+            if (wrong := self._identity_error({key: value})) is not None:
+                complaints.append((key, wrong, allowed))
+        if not complaints and (wrong := self._identity_error(identity)) is not None:
+            complaints.append(("", wrong, allowed))
+        return complaints
+
+    def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
+        try:
+            self.model.with_identity(identity)
+        except ConfigError as error:
+            return str(error).removeprefix("identity.").split(": ", maxsplit=1)[-1]
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """The words that are known: model names, how to get a model by name or alias, and the kinds of faults.
+
+    ``fault_kinds=None`` leaves the kinds unchecked, for callers that have no fault catalogue at hand.
+    """
+
+    models: tuple[str, ...]
+    find: Callable[[str], ModelFacts | None]
+    fault_kinds: frozenset[str] | None = None
+
+    def model(self, name: str) -> ModelFacts | None:
+        """The model of this name or alias, None if there is none."""
+        return self.find(name)
+
+
+def _find(name: str) -> ModelFacts | None:
+    for entry in drives.models().values():
+        if name == entry.name or name in entry.aliases:
+            return InstalledModel(drives.model(entry.name))
+    return None
+
+
+@cache
+def catalogue(fault_kinds: frozenset[str] | None = None) -> Known:
+    """The installed drive models; the fault kinds are the caller's, who may know the fault catalogue."""
+    return Known(tuple(drives.models()), _find, fault_kinds)

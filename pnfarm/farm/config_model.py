@@ -1,0 +1,382 @@
+"""The farm file as types: every key with its unit, its default and its bounds.
+
+What one value says stands here; what several say together is checked in :mod:`pnfarm.farm.config_expand`.
+Keys are the file's; where a number leaves its unit behind, the attribute carries the unit (``cycle`` -> ``cycle_ns``).
+"""
+
+from __future__ import annotations
+
+import re
+from ipaddress import ip_address
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainValidator,
+    ValidationInfo,
+    WithJsonSchema,
+)
+
+from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR
+from pnfarm.farm.config_issue import did_you_mean, problem, shown
+from pnfarm.farm.config_values import (
+    AUTO,
+    Cidr,
+    Cycle,
+    Duration,
+    FarmName,
+    Gateway,
+    Interface,
+    Listen,
+    MacSetting,
+    NamePattern,
+    OctetString,
+    Scalar,
+)
+
+__all__ = [
+    "DEFAULT_CYCLE_NS",
+    "DEFAULT_LISTEN",
+    "FAULT_KINDS",
+    "MAX_DRIVES",
+    "OFF",
+    "Api",
+    "ControllerSection",
+    "DriveGroup",
+    "FarmSections",
+    "Impairment",
+    "Link",
+    "Load",
+    "MacvlanLink",
+    "MemoryLink",
+    "Motor",
+    "ParameterRecord",
+    "Program",
+    "Realtime",
+    "Reconnect",
+    "TapLink",
+    "VethLink",
+]
+
+#: Drives of one farm.
+MAX_DRIVES = 4094
+#: AKD PROFINET manual 4.2.2: the fastest cycle of the drive that the built-in controller is for first.
+DEFAULT_CYCLE_NS = 16_000_000
+
+#: Where the API is served when a file says nothing.
+DEFAULT_LISTEN = "127.0.0.1:8702"
+#: The word that switches a section off; ``false`` says the same, for editors that read YAML 1.1.
+OFF = "off"
+
+#: Key of the validation context: the kinds of the fault catalogue, or None where nobody asks.
+FAULT_KINDS = "fault_kinds"
+
+_U16 = 0xFFFF
+_U32 = 0xFFFF_FFFF
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+# --- link -------------------------------------------------------------------------------------------------------
+
+
+class MacvlanLink(_Section):
+    """One macvlan per drive on an interface of this machine: the drives stand on the real wire."""
+
+    kind: Literal["macvlan"]
+    parent: Interface = Field(description="Interface that carries the drives, such as eth1; it must be up.")
+    transmit: Literal["interface", "parent"] = Field(
+        default="interface",
+        description="Where cyclic frames leave: each drive's own interface, or the parent, which costs less "
+        "but does not reach a controller on this machine.",
+    )
+
+
+class VethLink(_Section):
+    """One veth pair per drive, joined by a bridge: a farm and a controller on one machine."""
+
+    kind: Literal["veth"]
+    bridge: Interface | None = Field(
+        default=None, description="Existing bridge to join; left out, the farm makes its own."
+    )
+
+
+class TapLink(_Section):
+    """One TAP per drive: for virtual machines, or where no other interface can be made.  Slower."""
+
+    kind: Literal["tap"]
+    bridge: Interface | None = Field(
+        default=None, description="Existing bridge to join; left out, the TAPs stand alone."
+    )
+
+
+class MemoryLink(_Section):
+    """No wire: drives and controller in one process, in virtual time."""
+
+    kind: Literal["memory"]
+
+
+Link = Annotated[Union[MacvlanLink, VethLink, TapLink, MemoryLink], Discriminator("kind")]  # noqa: UP007 - pydantic reads the members
+
+
+# --- the farm's own sections ------------------------------------------------------------------------------------
+
+
+class Api(_Section):
+    """Where the HTTP API, the metrics and the web page are served."""
+
+    listen: Listen = Field(description="HOST:PORT; port 0 takes any free one.")
+    token: str | None = Field(
+        default=None,
+        min_length=8,
+        description="Bearer token that a client must show; left out, a port beyond loopback gets one at start.",
+    )
+
+    @property
+    def host(self) -> str:
+        """The address to bind to."""
+        return self.listen[0]
+
+    @property
+    def port(self) -> int:
+        """The TCP port, 0 for any free one."""
+        return self.listen[1]
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine can reach it."""
+        try:
+            return ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host == "localhost"
+
+
+def _open_api(value: Any) -> Any:
+    """The short forms: ``off``, and an address alone."""
+    if value is False or value == OFF:
+        return None
+    if isinstance(value, (dict, Api)):
+        return value
+    return {"listen": value}
+
+
+class Realtime(_Section):
+    """How the cyclic engine's thread runs.  `pnfarm doctor` says what this machine permits."""
+
+    cpu: int | None = Field(default=None, ge=0, le=4095, description="CPU to stay on; left out, any.")
+    fifo: int | None = Field(
+        default=None, ge=1, le=99, description="SCHED_FIFO priority; left out, the ordinary scheduler."
+    )
+    mlockall: bool = Field(default=False, description="Keep all memory in RAM.")
+    timer_slack_ns: int = Field(
+        default=1, ge=1, le=1_000_000_000, description="How late the kernel may wake the engine, nanoseconds."
+    )
+
+
+# --- drives -----------------------------------------------------------------------------------------------------
+
+
+class Load(_Section):
+    """What hangs on the shaft."""
+
+    inertia: float | None = Field(default=None, gt=0, description="Motor and load, kg m^2; left out, the model's.")
+    friction: float | None = Field(default=None, ge=0, description="Dry friction, N m.")
+    damping: float | None = Field(default=None, ge=0, description="Viscous friction, N m s/rad.")
+    torque: float = Field(default=0.0, description="Torque that the machine puts on the shaft, N m, signed.")
+
+
+class Motor(_Section):
+    """Motor and amplifier, where they differ from the model's."""
+
+    torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere.")
+    peak_current: float | None = Field(default=None, gt=0, description="A; 100 % of the current signals (DRV.IPEAK).")
+    velocity_time_constant: float | None = Field(
+        default=None, gt=0, description="Closed velocity loop, first order, s."
+    )
+    max_velocity: float | None = Field(default=None, gt=0, description="Limit of the velocity command, rpm.")
+
+
+def _read_globs(value: Any) -> list[str]:
+    globs = [value] if isinstance(value, str) else value
+    if not isinstance(globs, list) or not globs or not all(isinstance(item, str) and item for item in globs):
+        raise problem(
+            f"is {shown(value)}", "a glob over drive names such as axis-*, model:NAME, all, or a list of them"
+        )
+    return globs
+
+
+_WORD_OR_LIST = WithJsonSchema(
+    {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
+)
+Globs = Annotated[list[str], PlainValidator(_read_globs), _WORD_OR_LIST]
+
+
+def _read_kind(value: Any, info: ValidationInfo) -> str:
+    allowed = "a kind of `pnfarm fault kinds`, such as loss or f702"
+    if not isinstance(value, str) or not _KIND.fullmatch(value):
+        raise problem(f"{shown(value)} is no kind of fault", allowed)
+    kinds = (info.context or {}).get(FAULT_KINDS)
+    if kinds is not None and value not in kinds:
+        raise problem(f"{shown(value)} is no kind of fault{did_you_mean(value, kinds)}", allowed)
+    return value
+
+
+_KIND = re.compile(r"[a-z0-9][a-z0-9-]*")
+FaultKind = Annotated[
+    str, PlainValidator(_read_kind), WithJsonSchema({"type": "string", "pattern": f"^{_KIND.pattern}$"})
+]
+
+
+class Impairment(_Section):
+    """A fault that is there from the start; the kinds are those of `pnfarm fault kinds`."""
+
+    kind: FaultKind = Field(description="What it does, such as loss or f702.")
+    on: Globs | None = Field(default=None, description="Which drives; left out, all of the group.")
+    params: dict[str, Scalar] = Field(default_factory=dict, description="The kind's own parameters.")
+    probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence.")
+    seed: int | None = Field(default=None, ge=0, le=(1 << 64) - 1, description="Makes the same run twice.")
+    direction: Literal["in", "out", "both"] | None = Field(default=None, description="Seen from the drive.")
+    after_cycles: int | None = Field(default=None, ge=0, description="Healthy cycles to let pass first.")
+    after_ns: Duration | None = Field(default=None, alias="after", description="Time to let pass first.")
+    count: int | None = Field(default=None, ge=1, description="Occurrences, then it ends.")
+    for_ns: Duration | None = Field(default=None, alias="for", description="How long, then it ends.")
+    cycles: int | None = Field(default=None, ge=1, description="Cycles, then it ends.")
+
+
+Identity = Annotated[dict[str, Any], Field(description="What the drive says it is, where it is not the model's own.")]
+
+
+class DriveGroup(_Section):
+    """One drive, or `count` alike."""
+
+    name: NamePattern = Field(description="Station name; {n} counts, {n:02} with leading zeros.")
+    count: int = Field(default=1, ge=1, le=MAX_DRIVES, description="How many.")
+    start: int = Field(default=1, ge=0, le=1_000_000, description="First number that {n} takes.")
+    model: str = Field(description="Drive model, one of `pnfarm models`.", examples=["akd-profinet"])
+    ip: Cidr | None = Field(
+        default=None, description="First drive's address; counts up.  Left out, the drive waits for DCP."
+    )
+    gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
+    mac: MacSetting = Field(
+        default=AUTO, description="auto: stable, locally administered; or the first drive's address, which counts up."
+    )
+    load: Load = Field(default_factory=Load)
+    motor: Motor = Field(default_factory=Motor)
+    limits: Literal["strict", "lax"] = Field(
+        default="strict", description="strict: refuse what the manual denies; lax: for load tests."
+    )
+    identity: Identity = Field(default_factory=dict)
+    params: dict[str, Scalar] = Field(
+        default_factory=dict,
+        description="Parameters at power-on, by the manual's name or by number.",
+        examples=[{"DRV.OPMODE": 1}],
+    )
+    impair: list[Impairment] = Field(default_factory=list, description="Impairments from the start.")
+    telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the model's.")
+    cycle_ns: Cycle | None = Field(
+        default=None, alias="cycle", description="Cycle at which the built-in controller runs these drives."
+    )
+
+
+# --- the built-in controller ------------------------------------------------------------------------------------
+
+
+class Program(_Section):
+    """What the axis program does with each drive."""
+
+    kind: Literal["constant", "ramp", "sine", "idle"] = Field(
+        default="idle", description="Course of the speed; idle exchanges data and leaves the drive disabled."
+    )
+    speed_rpm: float = Field(default=100.0, ge=-100_000, le=100_000, description="Speed, or its peak, rpm.")
+    period_ns: Duration = Field(default=2_000_000_000, alias="period", description="Of one ramp or sine.")
+    enable: bool = Field(default=True, description="Whether it takes the drive to S4 operation.")
+    acknowledge_after_ns: Duration | None = Field(
+        default=None, alias="acknowledge_after", description="Acknowledge a fault so long after it; left out, never."
+    )
+
+
+class ParameterRecord(_Section):
+    """A record that is written before the end of parametrisation."""
+
+    api: int = Field(default=0, ge=0, le=_U32, description="Application process identifier; PROFIdrive's is 0x3A00.")
+    slot: int = Field(ge=0, le=0x7FFF, description="Slot of the submodule, a number.")
+    subslot: int = Field(ge=1, le=0x9FFF, description="Subslot of the submodule, a number.")
+    index: int = Field(ge=0, le=_U16, description="Record index, a number.")
+    data: OctetString = Field(description="Octets in hexadecimal.")
+    on: Globs | None = Field(default=None, description="Which drives; left out, all.")
+
+
+class Reconnect(_Section):
+    """What follows a lost connection."""
+
+    after_ns: Duration = Field(default=1_000_000_000, alias="after", description="Pause before the next Connect.")
+
+
+def _open_reconnect(value: Any) -> Any:
+    if value is False or value == OFF:
+        return None
+    if isinstance(value, (dict, Reconnect)):
+        return value
+    raise problem(f"is {shown(value)}", "off, or a mapping such as {after: 1s}")
+
+
+class ControllerSection(_Section):
+    """The built-in PROFINET IO controller."""
+
+    name: NamePattern = Field(default="plc", description="Its station name.")
+    ip: Cidr | None = Field(default=None, description="Its address.")
+    mac: MacSetting | None = Field(
+        default=None, description="Its MAC address; left out, the interface's own, or a stable one on the farm's link."
+    )
+    interface: Interface | None = Field(default=None, description="Existing interface to use; it is not changed.")
+    link: Link | None = Field(default=None, description="Link of its own; left out, the farm's.")
+    cycle_ns: Cycle | None = Field(
+        default=None, alias="cycle", description="Cycle of the IO data; left out, 16ms, or what factor and ratio say."
+    )
+    send_clock_factor: Literal[1, 2, 4, 8, 16, 32, 64, 128] | None = Field(
+        default=None, description="Send clock in units of 31.25 us; left out, it follows from the cycle."
+    )
+    reduction_ratio: Literal[1, 2, 4, 8, 16, 32, 64, 128, 256, 512] | None = Field(
+        default=None, description="Send clocks per frame; left out, it follows from the cycle."
+    )
+    watchdog_factor: int = Field(
+        default=3, ge=1, le=MAX_DATA_HOLD_FACTOR, description="Missed cycles until the connection is given up."
+    )
+    startup: Literal["legacy", "advanced"] = Field(default="legacy", description="Start-up mode of the connection.")
+    assign_ip: bool = Field(default=True, description="Whether it gives the drives their addresses by DCP.")
+    telegram: int = Field(default=1, ge=0, le=_U16, description="Telegram of drives whose group names none.")
+    program: Program = Field(default_factory=Program)
+    records: list[ParameterRecord] = Field(default_factory=list)
+    reconnect: Annotated[Reconnect | None, BeforeValidator(_open_reconnect)] = Field(
+        default_factory=Reconnect, description="`off`: stay disconnected."
+    )
+
+
+# --- the file ---------------------------------------------------------------------------------------------------
+
+
+class FarmSections(_Section):
+    """A farm file; or, without `farm` and `link`, what the built-in controller needs to run foreign devices."""
+
+    farm: FarmName | None = Field(default=None, description="The farm's name.", examples=["line-1"])
+    link: Link | None = Field(default=None, description="What the drives are attached to.")
+    state: str | None = Field(
+        default=None,
+        min_length=1,
+        description="Folder of the drives' non-volatile memory, relative to this file; left out, they forget.",
+        examples=["./state"],
+    )
+    api: Annotated[Api | None, BeforeValidator(_open_api)] = Field(
+        default_factory=lambda: Api.model_validate({"listen": DEFAULT_LISTEN}),
+        description="Where the HTTP API listens, HOST:PORT; `off`: nowhere.",
+        examples=[DEFAULT_LISTEN, OFF],
+    )
+    realtime: Realtime = Field(default_factory=Realtime)
+    drives: list[DriveGroup] = Field(min_length=1, description="The drives, group by group.")
+    controller: ControllerSection | None = Field(default=None, description="The built-in controller, for `pnfarm plc`.")

@@ -1,0 +1,241 @@
+"""Small words of the farm file: station patterns, addresses, ports, records' octets.
+
+Each ``read_*`` takes what stood in the file and returns the value, or raises the pydantic error that
+says what would be right; the ``Annotated`` types beneath carry them into the models and into the JSON Schema.
+"""
+
+from __future__ import annotations
+
+import re
+from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError
+from typing import Annotated, Any
+
+from pydantic import PlainValidator, WithJsonSchema
+
+from pnfarm.farm.config_cycle import format_duration, nearest_cycles, parse_duration
+from pnfarm.farm.config_issue import problem, shown
+from pnfarm.wire.mac import format_mac, parse_mac
+
+__all__ = [
+    "AUTO",
+    "Cidr",
+    "Cycle",
+    "Duration",
+    "FarmName",
+    "Gateway",
+    "Interface",
+    "Listen",
+    "MacSetting",
+    "NamePattern",
+    "OctetString",
+    "Scalar",
+    "expand_name",
+    "numbered",
+]
+
+#: ``mac: auto``.
+AUTO = "auto"
+
+#: IFNAMSIZ of Linux less the closing NUL.
+MAX_INTERFACE_NAME = 15
+
+_FARM_NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,38}[a-z0-9])?")
+_COUNTER = re.compile(r"\{n(?::0([1-9]))?\}")
+_INTERFACE = re.compile(r"[^\s/:\x00-\x1f]+")
+_LISTEN = re.compile(r"(?:\[([0-9a-fA-F:.]+)\]|([A-Za-z0-9._-]+)):([0-9]{1,5})")
+_HOST_LABEL = re.compile(r"[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?")
+_CIDR = re.compile(r"([0-9.]{7,15})/([0-9]{1,2})")
+
+
+def _text(value: Any, allowed: str) -> str:
+    if not isinstance(value, str):
+        raise problem(f"is {shown(value)}, not a word", allowed)
+    return value
+
+
+def read_farm_name(value: Any) -> str:
+    allowed = "a-z, 0-9 and - inside, at most 40 characters"
+    text = _text(value, allowed)
+    if not _FARM_NAME.fullmatch(text):
+        raise problem(f"{shown(text)} is no farm name", allowed)
+    return text
+
+
+def read_name_pattern(value: Any) -> str:
+    allowed = "a station name such as press, axis-{n} or axis-{n:02}"
+    text = _text(value, allowed)
+    if not text or len(text) > 240:
+        raise problem("a station name has 1 to 240 characters", allowed)
+    rest = _COUNTER.sub("0", text)
+    if "{" in rest or "}" in rest:
+        raise problem(f"{shown(text)} has braces other than {{n}} and {{n:02}}", allowed)
+    return text
+
+
+def numbered(pattern: str) -> bool:
+    """Whether the pattern counts."""
+    return _COUNTER.search(pattern) is not None
+
+
+def expand_name(pattern: str, n: int) -> str:
+    """``axis-{n:02}`` and 3: ``axis-03``; a number longer than its width keeps all its digits."""
+    return _COUNTER.sub(lambda match: f"{n:0{match[1] or 1}}", pattern)
+
+
+def read_cidr(value: Any) -> IPv4Interface:
+    allowed = "an IPv4 address with its prefix length, such as 10.77.0.11/24"
+    text = _text(value, allowed)
+    if not _CIDR.fullmatch(text):
+        raise problem(f"{shown(text)} is no address with a prefix length", allowed)
+    try:
+        interface = IPv4Interface(text)
+    except (AddressValueError, NetmaskValueError) as error:
+        raise problem(f"{shown(text)} is no address with a prefix length", allowed) from error
+    if not 1 <= interface.network.prefixlen <= 30:
+        raise problem(f"/{interface.network.prefixlen} leaves no room for a drive and its controller", "/1 to /30")
+    if (what := _unusable(interface.ip)) is not None:
+        raise problem(f"{interface.ip} is {what}", allowed)
+    return interface
+
+
+def read_gateway(value: Any) -> IPv4Address:
+    allowed = "an IPv4 address such as 10.77.0.1"
+    text = _text(value, allowed)
+    try:
+        address = IPv4Address(text)
+    except AddressValueError as error:
+        raise problem(f"{shown(text)} is no address", allowed) from error
+    if (what := _unusable(address)) is not None:
+        raise problem(f"{address} is {what}", allowed)
+    return address
+
+
+def _unusable(address: IPv4Address) -> str | None:
+    if address.is_multicast:
+        return "a multicast address"
+    if address.is_loopback:
+        return "a loopback address"
+    if int(address) >> 24 in {0, *range(240, 256)}:
+        return "no address of a station"
+    return None
+
+
+def read_mac(value: Any) -> bytes | str:
+    allowed = "auto, or a unicast address such as 02:00:00:00:00:01"
+    text = _text(value, allowed)
+    if text == AUTO:
+        return AUTO
+    try:
+        mac = parse_mac(text)
+    except ValueError as error:
+        raise problem(f"{shown(text)} is no MAC address", allowed) from error
+    if mac[0] & 1:
+        raise problem(f"{format_mac(mac)} is a multicast address", allowed)
+    if not any(mac):
+        raise problem("a MAC address of zeros belongs to nobody", allowed)
+    return mac
+
+
+def read_duration(value: Any) -> int:
+    allowed = "a number with a unit, such as 500ms, 2s or 31.25us"
+    if not isinstance(value, str):
+        raise problem(f"is {shown(value)}, which has no unit", allowed)
+    try:
+        return parse_duration(value)
+    except ValueError as error:
+        raise problem(f"{shown(value)} is no duration", str(error)) from error
+
+
+def read_cycle(value: Any) -> int:
+    cycle_ns = read_duration(value)
+    nearest = nearest_cycles(cycle_ns)
+    if nearest != (cycle_ns,):
+        words = " or ".join(map(format_duration, nearest))
+        raise problem(f"{value} is no PROFINET cycle; the nearest is {words}", "31.25us times a power of two, to 512ms")
+    return cycle_ns
+
+
+def read_interface(value: Any) -> str:
+    allowed = "a network interface such as eth1"
+    text = _text(value, allowed)
+    if len(text.encode()) > MAX_INTERFACE_NAME:
+        raise problem(f"{shown(text)} is longer than an interface name can be", f"{MAX_INTERFACE_NAME} octets")
+    if not _INTERFACE.fullmatch(text) or text in {".", ".."}:
+        raise problem(f"{shown(text)} is no interface name", allowed)
+    return text
+
+
+def read_listen(value: Any) -> tuple[str, int]:
+    allowed = "HOST:PORT such as 127.0.0.1:8702"
+    text = _text(value, allowed)
+    match = _LISTEN.fullmatch(text)
+    if match is None:
+        raise problem(f"{shown(text)} is no HOST:PORT", allowed)
+    host, port = match[1] or match[2], int(match[3])
+    if port > 65535:
+        raise problem(f"{port} is no TCP port", "0 (any free one) to 65535")
+    if match[2] and not _is_host(host):
+        raise problem(f"{shown(host)} is no host", allowed)
+    return host, port
+
+
+def _is_host(host: str) -> bool:
+    if re.fullmatch(r"[0-9.]+", host):
+        try:
+            IPv4Address(host)
+        except AddressValueError:
+            return False
+        return True
+    return len(host) <= 253 and all(_HOST_LABEL.fullmatch(label) for label in host.split("."))
+
+
+def read_octets(value: Any) -> bytes:
+    allowed = "octets in hexadecimal, such as '00 01 0a'; in quotes when only digits"
+    text = _text(value, allowed)
+    try:
+        return bytes.fromhex(text)
+    except ValueError as error:
+        raise problem(f"{shown(text)} is no hexadecimal", allowed) from error
+
+
+def read_scalar(value: Any) -> int | float | str | bool:
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        raise problem(f"is {value}", "a finite number")
+    if not isinstance(value, (int, float, str)):
+        raise problem(f"is {shown(value)}", "a number or a word")
+    return value
+
+
+def _words(**schema: Any) -> WithJsonSchema:
+    return WithJsonSchema({"type": "string", **schema})
+
+
+_DURATION_SCHEMA = _words(pattern=r"^[0-9]+(\.[0-9]+)? ?(ns|us|µs|ms|s|min|h)$", examples=["500ms", "2s", "31.25us"])
+
+FarmName = Annotated[str, PlainValidator(read_farm_name), _words(pattern=f"^{_FARM_NAME.pattern}$", maxLength=40)]
+NamePattern = Annotated[
+    str,
+    PlainValidator(read_name_pattern),
+    _words(minLength=1, maxLength=240, examples=["press", "axis-{n}", "axis-{n:02}"]),
+]
+Cidr = Annotated[
+    IPv4Interface,
+    PlainValidator(read_cidr),
+    _words(pattern=r"^[0-9]{1,3}(\.[0-9]{1,3}){3}/[0-9]{1,2}$", examples=["10.77.0.11/24"]),
+]
+Gateway = Annotated[IPv4Address, PlainValidator(read_gateway), _words(format="ipv4", examples=["10.77.0.1"])]
+MacSetting = Annotated[
+    bytes | str,
+    PlainValidator(read_mac),
+    _words(pattern=r"^(auto|[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5})$", examples=["auto", "02:00:00:00:00:01"]),
+]
+Duration = Annotated[int, PlainValidator(read_duration), _DURATION_SCHEMA]
+Cycle = Annotated[int, PlainValidator(read_cycle), _DURATION_SCHEMA]
+Interface = Annotated[str, PlainValidator(read_interface), _words(minLength=1, maxLength=15, examples=["eth1"])]
+Listen = Annotated[tuple[str, int], PlainValidator(read_listen), _words(examples=["127.0.0.1:8702"])]
+OctetString = Annotated[bytes, PlainValidator(read_octets), _words(pattern="^([0-9a-fA-F]{2} *)*$")]
+Scalar = Annotated[
+    int | float | str | bool,
+    PlainValidator(read_scalar),
+    WithJsonSchema({"type": ["number", "string", "boolean"]}),
+]

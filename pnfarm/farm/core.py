@@ -1,0 +1,270 @@
+"""A whole farm without a clock and without tasks: stations, table, link, and what goes between them.
+
+:class:`Node` is what a runtime drives, in real time (:mod:`pnfarm.farm.realtime`) or virtual
+(:mod:`pnfarm.farm.virtual`); the built-in controller is one too.
+"""
+
+from __future__ import annotations
+
+import heapq
+import hashlib
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+from uuid import UUID
+
+from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.engine.impairments import ImpairmentTable
+from pnfarm.engine.schedule import ChannelTable
+from pnfarm.errors import ConfigError, InternalError
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.station import DriveStation, StationServices
+from pnfarm.table import engine_row
+from pnfarm.table.axis import FIRMWARE_PROFIDRIVE
+from pnfarm.table.columns import Columns, allocate
+from pnfarm.table.image import LOST_NEVER
+
+if TYPE_CHECKING:
+    from pnfarm.drives.memory import NonVolatile
+    from pnfarm.drives.model import Model
+    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.links.base import Link, Port
+
+__all__ = ["Deadlines", "FarmCore", "Node", "uuid_source"]
+
+#: Impairment rows for each drive: faults on its frames that can be active at once.
+IMPAIRMENTS_PER_DRIVE = 8
+#: Channel rows for each drive: one AR, and a second one while the first is being torn down.
+CHANNELS_PER_DRIVE = 2
+
+
+class Node(Protocol):
+    """One end of the wire as a runtime sees it."""
+
+    columns: Columns
+    link: Link
+
+    def receive(self, port: int, frame: bytes, now: int) -> None:
+        """One acyclic frame."""
+        ...
+
+    def service(self, now: int) -> None:
+        """Take the engine's events and whatever timers are due."""
+        ...
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`service` is wanted at the latest."""
+        ...
+
+
+def uuid_source(seed: bytes) -> Callable[[], UUID]:
+    """UUIDs that differ from each other, and from those of any other seed: version 8, digest of seed and count."""
+    count = 0
+
+    def new() -> UUID:
+        nonlocal count
+        count += 1
+        digest = bytearray(hashlib.sha256(seed + count.to_bytes(8, "big")).digest()[:16])
+        digest[6] = digest[6] & 0x0F | 0x80
+        digest[8] = digest[8] & 0x3F | 0x80
+        return UUID(bytes=bytes(digest))
+
+    return new
+
+
+class Deadlines:
+    """The earliest of many deadlines, by key; stale heap entries are passed over."""
+
+    def __init__(self) -> None:
+        self._due: dict[int, int] = {}
+        self._heap: list[tuple[int, int]] = []
+
+    def set(self, key: int, due: int | None) -> None:
+        if due is None:
+            self._due.pop(key, None)
+        elif self._due.get(key) != due:
+            self._due[key] = due
+            heapq.heappush(self._heap, (due, key))
+
+    def first(self) -> int | None:
+        while self._heap and self._due.get(self._heap[0][1]) != self._heap[0][0]:
+            heapq.heappop(self._heap)
+        return self._heap[0][0] if self._heap else None
+
+    def take(self, now: int) -> list[int]:
+        """Keys that are due, each once; they are forgotten until set again."""
+        keys = []
+        while (due := self.first()) is not None and due <= now:
+            _, key = heapq.heappop(self._heap)
+            del self._due[key]
+            keys.append(key)
+        return keys
+
+
+class FarmCore:
+    """``ports`` belong to ``drives`` one by one; ``models`` gives a drive's model under its own identity."""
+
+    def __init__(
+        self,
+        name: str,
+        drives: Sequence[DriveConfig],
+        models: Callable[[DriveConfig], Model],
+        link: Link,
+        ports: Sequence[Port],
+        *,
+        memory: NonVolatile,
+        log: EventLog,
+        seed: bytes,
+        tick_ns: int = 1_000_000,
+    ) -> None:
+        self.name = name
+        self.link = link
+        self.log = log
+        count = len(drives)
+        self.columns = allocate(
+            stations=count,
+            axes=count,
+            channels=count * CHANNELS_PER_DRIVE + 8,
+            impairments=count * IMPAIRMENTS_PER_DRIVE + 8,
+        )
+        self.columns.engine[0].tick_ns = tick_ns
+        self.columns.image.lost[:] = LOST_NEVER
+        self.impairments = ImpairmentTable(self.columns)
+        self.channels = ChannelTable(self.columns)
+        self.stations: list[DriveStation] = []
+        self._by_port: dict[int, DriveStation] = {}
+        self._by_name: dict[str, DriveStation] = {}
+        self._deadlines = Deadlines()
+        self._tail = 0
+        #: Called with (station, kind, now, value) for each event of the engine, after the station took it.
+        self.listeners: list[Callable[[DriveStation, int, int, int], None]] = []
+        self.events_lost = 0
+        for index, (config, port) in enumerate(zip(drives, ports, strict=True)):
+            axis, image = self.columns.axis[index], self.columns.image[index]
+            model = models(config)
+            model.apply_motor(axis)
+            _apply_load(axis, config)
+            axis.step_ns = 4_000_000
+            services = StationServices(
+                self.channels, self.impairments, memory, log, uuid_source(seed + port.mac)
+            )
+            station = DriveStation(config, model, index, port, AxisHandle(axis, image), services)
+            axis.powered = 1
+            axis.firmware = FIRMWARE_PROFIDRIVE
+            self.stations.append(station)
+            self._by_port[port.index] = station
+            self._by_name[config.name] = station
+        link.set_receiver(self.receive)
+
+    def start(self, now: int) -> None:
+        """Power on at ``now``: announce addresses."""
+        for axis in self.columns.axis[: len(self.stations)]:
+            axis.last_ns = now
+            axis.boot_ns = now
+        for station in self.stations:
+            self.settle(station, now)
+
+    def station(self, name: str) -> DriveStation:
+        """By the name in the farm file, or the one that DCP gave; raises :class:`ConfigError`."""
+        found = self._by_name.get(name) or next((s for s in self.stations if s.name == name), None)
+        if found is None:
+            raise ConfigError(f"there is no drive {name!r} in farm {self.name}; `pnfarm inspect` lists them")
+        return found
+
+    # -- frames and time ---------------------------------------------------------------------------------------------
+
+    def receive(self, port: int, frame: bytes, now: int) -> None:
+        station = self._by_port.get(port)
+        if station is None:
+            raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
+        station.receive(frame, now)
+        self.settle(station, now)
+
+    def settle(self, station: DriveStation, now: int) -> None:
+        """Let a station finish what an input began, send its frames, note when it wants to be called."""
+        for frame in station.pump(now):
+            self.link.send(station.port.index, frame)
+        self._deadlines.set(station.index, station.next_deadline())
+
+    def service(self, now: int) -> None:
+        self._drain(now)
+        for index in self._deadlines.take(now):
+            station = self.stations[index]
+            station.handle_timeout(now)
+            self.settle(station, now)
+
+    def next_deadline(self) -> int | None:
+        return self._deadlines.first()
+
+    # -- the engine's events -----------------------------------------------------------------------------------------
+
+    def _drain(self, now: int) -> None:
+        head = int(self.columns.engine[0].event_head)
+        size = self.columns.events.shape[0]
+        if head - self._tail > size:
+            self.events_lost += head - self._tail - size
+            self.log.record(now, "", "engine events lost", level="warning", count=head - self._tail - size)
+            self._tail = head - size
+        touched: dict[int, DriveStation] = {}
+        while self._tail < head:
+            event = self.columns.events[self._tail % size]
+            kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
+            self._tail += 1
+            station = self._take(kind, row, when, value, now)
+            if station is not None:
+                touched[station.index] = station
+                for listener in self.listeners:
+                    listener(station, kind, when, value)
+        for station in touched.values():
+            self.settle(station, now)
+
+    def _take(self, kind: int, row: int, when: int, value: int, now: int) -> DriveStation | None:
+        if kind in {
+            engine_row.FIRST_FRAME,
+            engine_row.EXPIRED,
+            engine_row.PROVIDER_CHANGED,
+            engine_row.IOPS_CHANGED,
+        }:
+            station = self.stations[int(self.columns.cpm[row].image)]
+            if kind == engine_row.FIRST_FRAME:
+                station.first_frame(row, when)
+            elif kind == engine_row.EXPIRED:
+                station.expired(row, value, now)
+            elif kind == engine_row.PROVIDER_CHANGED:
+                self.log.record(when, station.configured_name, "controller in run" if value else "controller in stop")
+            else:
+                self.log.record(when, station.configured_name, "outputs good" if value else "outputs bad")
+            return station
+        station = self.stations[row]
+        name = station.configured_name
+        match kind:
+            case engine_row.STATE_CHANGED:
+                self.log.record(when, name, "state changed", before=f"S{value >> 8}", after=f"S{value & 0xFF}")
+            case engine_row.FAULT_RAISED:
+                station.fault_counts[value] = station.fault_counts.get(value, 0) + 1
+                self.log.record(when, name, "fault", level="warning", number=value)
+            case engine_row.FAULTS_CLEARED:
+                self.log.record(when, name, "fault acknowledged", after_seconds=value / 1e9)
+            case engine_row.FAULT_REACTED:
+                self.log.record(when, name, "controller reacted to fault", after_seconds=value / 1e9)
+            case engine_row.WARNING_CHANGED:
+                self.log.record(when, name, "warning", number=value)
+            case _:
+                return None
+        return station
+
+
+def _apply_load(axis: Any, config: DriveConfig) -> None:
+    """What the farm file says of motor and load, over the model's values."""
+    load, motor = config.load, config.motor
+    for field, value in (
+        ("inertia", load.inertia),
+        ("friction", load.friction),
+        ("damping", load.damping),
+        ("load_torque", load.torque),
+        ("torque_constant", motor.torque_constant),
+        ("peak_current", motor.peak_current),
+        ("velocity_time_constant", motor.velocity_time_constant),
+        ("max_velocity", motor.max_velocity),
+    ):
+        if value is not None:
+            setattr(axis, field, value)

@@ -1,0 +1,85 @@
+"""What happened in a farm: one line for every change of a connection, a state, a fault.
+
+The log keeps the last entries of the whole farm and of each drive, tells subscribers (the API's event stream)
+and writes structlog events.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import structlog
+
+__all__ = ["EventLog", "LogEntry"]
+
+#: Entries kept for the whole farm, and for each drive.
+FARM_ENTRIES = 4096
+DRIVE_ENTRIES = 64
+
+logger = structlog.get_logger("pnfarm")
+
+
+@dataclass(frozen=True, slots=True)
+class LogEntry:
+    """``now_ns`` is the farm's clock (monotonic or virtual), ``wall`` seconds since the epoch; ``drive`` "" = the farm."""
+
+    sequence: int
+    now_ns: int
+    wall: float
+    drive: str
+    event: str
+    data: dict[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "sequence": self.sequence,
+            "time": self.wall,
+            "farm_seconds": self.now_ns / 1e9,
+            "drive": self.drive,
+            "event": self.event,
+            **self.data,
+        }
+
+
+class EventLog:
+    """``quiet`` keeps structlog out, for tests and for the demo's live table."""
+
+    def __init__(self, *, quiet: bool = False) -> None:
+        self.quiet = quiet
+        self._sequence = 0
+        self._farm: deque[LogEntry] = deque(maxlen=FARM_ENTRIES)
+        self._drives: dict[str, deque[LogEntry]] = {}
+        self._subscribers: list[Callable[[LogEntry], None]] = []
+
+    def record(self, now: int, drive: str, event: str, *, level: str = "info", **data: Any) -> LogEntry:
+        """Append one entry; ``event`` is a few lower-case words, ``data`` plain JSON values."""
+        self._sequence += 1
+        entry = LogEntry(self._sequence, now, time.time(), drive, event, data)
+        self._farm.append(entry)
+        if drive:
+            self._drives.setdefault(drive, deque(maxlen=DRIVE_ENTRIES)).append(entry)
+        if not self.quiet:
+            getattr(logger, level)(event, **({"drive": drive} if drive else {}), **data)
+        for subscriber in list(self._subscribers):
+            subscriber(entry)
+        return entry
+
+    def entries(self, drive: str | None = None, *, after: int = 0) -> list[LogEntry]:
+        """Oldest first; of one drive or all, with a sequence number above ``after``."""
+        source = self._farm if drive is None else self._drives.get(drive, ())
+        return [entry for entry in source if entry.sequence > after]
+
+    def subscribe(self, subscriber: Callable[[LogEntry], None]) -> Callable[[], None]:
+        """Call ``subscriber`` for each new entry; the returned function ends that."""
+        self._subscribers.append(subscriber)
+
+        def unsubscribe() -> None:
+            if subscriber in self._subscribers:
+                self._subscribers.remove(subscriber)
+
+        return unsubscribe

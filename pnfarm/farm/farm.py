@@ -1,0 +1,217 @@
+"""A running farm: what ``pnfarm up`` runs and what Python code uses.
+
+::
+
+    async with Farm.from_file("line-1.pnfarm.yml") as farm:
+        await farm.drive("axis-01").fault("f702")
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.engine.realtime import RealTimeSettings
+from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.farm.config import FarmConfig, expand, load_farm
+from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
+from pnfarm.farm.config_model import TapLink as TapSection
+from pnfarm.farm.config_model import VethLink as VethSection
+from pnfarm.farm.core import FarmCore
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.realtime import RealTimeDriver
+from pnfarm.farm.state import FarmState
+from pnfarm.links.base import PortSpec
+from pnfarm.links.macvlan import MacvlanLink
+from pnfarm.links.ownership import FarmLock
+from pnfarm.links.tap import TapLink
+from pnfarm.links.veth import VethLink
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+
+    from pnfarm.drives.model import Model
+    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.links.base import Link
+
+__all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
+
+
+def model_of(config: DriveConfig) -> Model:
+    """A drive's model under the identity that the farm file gives it."""
+    return model_by_name(config.model).with_identity(config.identity)
+
+
+def make_link(config: FarmConfig) -> Link:
+    """The link that a farm file asks for, not open yet.
+
+    Raises :class:`ConfigError` for one that has no real interfaces.
+    """
+    name, section = config.farm or "farm", config.link
+    match section:
+        case MacvlanSection():
+            return MacvlanLink(name, section.parent)
+        case VethSection():
+            return VethLink(name, bridge=section.bridge, own_bridge=section.bridge is None)
+        case TapSection():
+            return TapLink(name, bridge=section.bridge)
+        case None:
+            raise ConfigError("the file has no link; add for example `link: {kind: macvlan, parent: eth1}`")
+        case _:
+            raise ConfigError(f"a {section.kind} link runs in tests and in the demo only; use macvlan, veth or tap")
+
+
+def realtime_settings(config: FarmConfig) -> RealTimeSettings:
+    section = config.realtime
+    return RealTimeSettings(
+        cpu=section.cpu,
+        fifo_priority=section.fifo,
+        lock_memory=section.mlockall,
+        timer_slack_ns=section.timer_slack_ns,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class DriveHandle:
+    """One drive, for Python code."""
+
+    farm: Farm
+    name: str
+
+    def snapshot(self) -> dict[str, Any]:
+        """State, telegram, controller, motor; as ``GET drives/{name}`` gives it."""
+        from pnfarm.farm.snapshot import drive_snapshot  # noqa: PLC0415 - snapshot looks at farms, farms do not need it
+
+        return drive_snapshot(self.farm.core, self.farm.core.station(self.name), time.monotonic_ns())
+
+
+class Farm:
+    """See the module's head.  Use as an asynchronous context manager, or ``open`` and ``close``."""
+
+    def __init__(self, config: FarmConfig, *, log: EventLog | None = None, link: Link | None = None) -> None:
+        self.config = config
+        self.log = log or EventLog()
+        self.link = link or make_link(config)
+        self.drives = expand(config)
+        self._lock = FarmLock(config.farm or "farm", config.state_directory)
+        self._state: FarmState | None = None
+        self._driver: RealTimeDriver | None = None
+        self._core: FarmCore | None = None
+        self.started_ns = 0
+        #: Called before the engine starts, with the core; how faults attach themselves.
+        self.on_start: list[Callable[[FarmCore], None]] = []
+
+    @classmethod
+    def from_file(cls, path: str | Path, **overrides: Any) -> Self:
+        """A farm from its file; ``overrides`` as in :meth:`FarmConfig.with_overrides`."""
+        config = load_farm(path)
+        return cls(config.with_overrides(overrides, origin="argument"))
+
+    @property
+    def core(self) -> FarmCore:
+        if self._core is None:
+            raise ConfigError("the farm is not running: use it inside `async with`")
+        return self._core
+
+    @property
+    def driver(self) -> RealTimeDriver:
+        if self._driver is None:
+            raise ConfigError("the farm is not running: use it inside `async with`")
+        return self._driver
+
+    def drive(self, name: str) -> DriveHandle:
+        self.core.station(name)
+        return DriveHandle(self, name)
+
+    async def open(self) -> None:
+        """Make the interfaces, power the drives on, start the engine.  On failure nothing is left behind."""
+        if not self.drives:
+            raise ConfigError("the farm has no drives")
+        self._lock.acquire()
+        try:
+            remove_leftovers = getattr(self.link, "remove_leftovers", None)
+            if remove_leftovers is not None:
+                await remove_leftovers()
+            self._state = FarmState(self.config.state_directory)
+            ports = await self.link.open([PortSpec(drive.name, drive.mac) for drive in self.drives])
+            self._core = FarmCore(
+                self.config.farm or "farm",
+                self.drives,
+                model_of,
+                self.link,
+                ports,
+                memory=self._state,
+                log=self.log,
+                seed=os.urandom(16),
+            )
+            for action in self.on_start:
+                action(self._core)
+            self._driver = RealTimeDriver(self._core, realtime_settings(self.config))
+            now = time.monotonic_ns()
+            self._core.start(now)
+            await self._driver.start()
+            self.started_ns = now
+            self._report(now)
+        except BaseException:
+            await self.close()
+            raise
+
+    def _report(self, now: int) -> None:
+        engine = self.driver.engine
+        granted = engine.report.granted if engine else []
+        refused = engine.report.refused if engine else {}
+        self.log.record(now, "", "farm started", drives=len(self.drives), link=self.link.kind, granted=granted)
+        for what, why in refused.items():
+            self.log.record(now, "", "real-time option refused", level="warning", option=what, reason=why)
+
+    async def close(self) -> None:
+        """Stop, and remove every interface that the farm made."""
+        try:
+            if self._driver is not None:
+                await self._driver.close()
+        finally:
+            try:
+                await self.link.close()
+            finally:
+                if self._state is not None:
+                    self._state.close()
+                    self._state = None
+                self._lock.release()
+                self._driver = None
+
+    async def wait(self) -> None:
+        """Until something fails; raises it."""
+        await self.driver.wait()
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+
+def remove_farm(config: FarmConfig) -> list[str]:
+    """Remove what a killed run of this farm left; the names of the interfaces removed.
+
+    Raises :class:`EnvironmentError_` when the farm is running.
+    """
+    from pnfarm.links.interfaces import Interfaces  # noqa: PLC0415 - netlink is needed here only
+
+    name = config.farm or "farm"
+    lock = FarmLock(name, config.state_directory)
+    lock.acquire()
+    try:
+        with Interfaces() as interfaces:
+            return interfaces.remove_leftovers(name)
+    except PermissionError as exc:
+        raise EnvironmentError_("removing interfaces needs CAP_NET_ADMIN: run as root") from exc
+    finally:
+        lock.release()

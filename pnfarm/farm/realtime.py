@@ -1,0 +1,189 @@
+"""A node in real time: the engine's thread beside the event loop, and the only clock that the farm reads.
+
+Three things wake the loop: a frame from the link, the engine's eventfd, and the earliest deadline of a protocol
+machine.  All work is done in the callback at once; it is short, and nothing of it waits.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import time
+from typing import TYPE_CHECKING
+
+from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
+from pnfarm.engine.tick import next_due, tick
+from pnfarm.errors import InternalError
+from pnfarm.links.base import EngineLink, unwrap
+from pnfarm.links.tap import TapLink
+from pnfarm.table.columns import RX_BATCH
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Callable
+
+    from pnfarm.farm.core import Node
+
+__all__ = ["RealTimeDriver"]
+
+#: How often the driver makes sure that the engine's thread still runs.
+CHECK_SECONDS = 0.5
+
+
+class RealTimeDriver:
+    """Runs one node until :meth:`close`.  What goes wrong in a callback is raised by :meth:`wait`."""
+
+    def __init__(self, node: Node, settings: RealTimeSettings | None = None) -> None:
+        self.node = node
+        self.settings = settings or RealTimeSettings()
+        self.engine: RealTimeEngine | None = None
+        self._socket: socket.socket | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_due: int | None = None
+        self._failed: asyncio.Future[None] | None = None
+        self._in_loop: _LoopEngine | None = None
+
+    async def start(self) -> None:
+        """Start the engine and listen.  The node's link is open already."""
+        loop = asyncio.get_running_loop()
+        self._failed = loop.create_future()
+        link = unwrap(self.node.link)
+        if isinstance(link, EngineLink):
+            self._socket = link.engine_socket()
+            self.engine = RealTimeEngine(self.node.columns, self._socket, self.settings)
+            self.engine.start()
+            loop.add_reader(self.engine.wake_fd, self._guard, self._woken)
+        elif isinstance(link, TapLink):
+            self._in_loop = _LoopEngine(self.node, link, self._guard)
+            self._in_loop.start()
+        else:
+            raise InternalError(f"a {link.kind} link has no real time of its own")
+        self.node.link.set_receiver(self._received)
+        self._guard(self._service)
+        self._check(loop)
+
+    async def wait(self) -> None:
+        """Until something fails; raises it."""
+        if self._failed is None:
+            raise InternalError("the driver was not started")
+        await asyncio.shield(self._failed)
+
+    async def close(self) -> None:
+        """Stop the engine's thread; harmless when nothing runs."""
+        loop = asyncio.get_running_loop()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if self._in_loop is not None:
+            self._in_loop.stop()
+        if self.engine is not None:
+            loop.remove_reader(self.engine.wake_fd)
+            self.engine.close()
+            self.engine = None
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        if self._failed is not None and not self._failed.done():
+            self._failed.cancel()
+
+    def poke(self) -> None:
+        """Somebody changed the node from outside: take what follows from it now."""
+        self._guard(self._service)
+
+    # -- callbacks ---------------------------------------------------------------------------------------------------
+
+    def _guard(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as exc:  # noqa: BLE001 - carried to wait(), which ends the farm with it
+            if self._failed is not None and not self._failed.done():
+                self._failed.set_exception(exc)
+
+    def _received(self, port: int, frame: bytes, now: int) -> None:
+        self._guard(lambda: self.node.receive(port, frame, now))
+        self._arm()
+
+    def _woken(self) -> None:
+        if self.engine is not None:
+            with contextlib.suppress(BlockingIOError):
+                os.eventfd_read(self.engine.wake_fd)
+        self._service()
+
+    def _service(self) -> None:
+        self.node.service(time.monotonic_ns())
+        self._arm()
+
+    def _arm(self) -> None:
+        due = self.node.next_deadline()
+        if due == self._timer_due and self._timer is not None:
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self._timer_due = due
+        if due is not None:
+            delay = max(0.0, (due - time.monotonic_ns()) / 1e9)
+            self._timer = asyncio.get_running_loop().call_later(delay, self._timed)
+
+    def _timed(self) -> None:
+        self._timer = None
+        self._timer_due = None
+        self._guard(self._service)
+
+    def _check(self, loop: asyncio.AbstractEventLoop) -> None:
+        engine = self.engine
+        if engine is not None:
+            self._guard(engine.check)
+            loop.call_later(CHECK_SECONDS, self._check, loop)
+
+
+class _LoopEngine:
+    """Ticks in the event loop, for links without a packet socket: correct, and as exact as asyncio's timers."""
+
+    def __init__(self, node: Node, link: TapLink, guard: Callable[[Callable[[], None]], None]) -> None:
+        self._node = node
+        self._link = link
+        self._guard = guard
+        self._waiting = 0
+        self._head = 0
+        self._handle: asyncio.TimerHandle | None = None
+
+    def start(self) -> None:
+        self._link.set_cyclic_receiver(self._received)
+        self._head = int(self._node.columns.engine[0].event_head)
+        self._handle = asyncio.get_running_loop().call_soon(lambda: self._guard(self._tick))  # type: ignore[assignment]  # a Handle is cancelled alike
+
+    def stop(self) -> None:
+        if self._handle is not None:
+            self._handle.cancel()
+
+    def _received(self, port: int, frame: bytes, now: int) -> None:
+        columns = self._node.columns
+        if self._waiting == RX_BATCH:
+            self._advance(now)
+        slot = self._waiting
+        length = min(len(frame), columns.rx_frames.shape[1])
+        columns.rx_frames[slot, :length] = memoryview(frame)[:length]
+        columns.rx_length[slot] = len(frame)
+        columns.rx_port[slot] = port
+        columns.rx_ns[slot] = now
+        self._waiting += 1
+
+    def _advance(self, now: int) -> None:
+        columns = self._node.columns
+        count, self._waiting = self._waiting, 0
+        for i in range(tick(columns, count, now)):
+            row = int(columns.tx_row[i])
+            provider = columns.ppm[row]
+            self._link.send(int(provider.port), columns.frames[row, : int(provider.length)].tobytes())
+
+    def _tick(self) -> None:
+        now = time.monotonic_ns()
+        self._advance(now)
+        engine = self._node.columns.engine[0]
+        if int(engine.event_head) != self._head:
+            self._head = int(engine.event_head)
+            self._node.service(now)
+        delay = max(0.0, (next_due(self._node.columns, now) - time.monotonic_ns()) / 1e9)
+        self._handle = asyncio.get_running_loop().call_later(delay, lambda: self._guard(self._tick))

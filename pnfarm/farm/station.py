@@ -1,0 +1,626 @@
+"""One virtual drive on the wire: its protocol machines, its parameters, its row of the table, joined.
+
+A station is bytes and ``now`` in, frames out, like the machines that it is made of; the farm's runtime carries
+the frames.  What it decides itself is what lies between the machines:
+
+* an address that DCP set goes to the IP host and into non-volatile memory;
+* an AR that was connected opens rows of the channel tables, one that ended closes them;
+* the engine's word that a data hold timer ran out aborts the AR.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from ipaddress import IPv4Address, IPv4Interface
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+from pnfarm.drives.store import (
+    DisplayBlinkRequested,
+    NonVolatileSaved,
+    ParameterStore,
+    RebootRequested,
+    TelegramChanged,
+)
+from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
+from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
+from pnfarm.protocols.profinet.binding import channel_layout, describe_device
+from pnfarm.protocols.profinet.cmdev import CmDevice
+from pnfarm.protocols.profinet.dcp_device import (
+    DcpDevice,
+    DcpIdentity,
+    FactoryReset,
+    IpSet,
+    NameSet,
+    SignalRequested,
+)
+from pnfarm.protocols.profinet.events import (
+    ApplicationReadyConfirmed,
+    ArAborted,
+    ArConnected,
+    ArEstablished,
+    ArReleased,
+    ConnectRefused,
+    PrmEndReceived,
+    RecordWritten,
+)
+from pnfarm.protocols.profinet.description import Plugged
+from pnfarm.protocols.profinet.record_store import DeviceRecords, IoData
+from pnfarm.protocols.profinet.rpc_client import RpcClient
+from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
+from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, RpcServerConfig
+from pnfarm.protocols.profinet.rpc_server import RpcServer
+from pnfarm.protocols.profinet.wire.epm import annotation
+from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
+from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
+from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
+from pnfarm.table.channel import IOXS_GOOD
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
+
+if TYPE_CHECKING:
+    from pnfarm.drives.axis_handle import AxisHandle
+    from pnfarm.drives.memory import NonVolatile
+    from pnfarm.drives.model import Model
+    from pnfarm.engine.impairments import ImpairmentTable
+    from pnfarm.engine.schedule import ChannelTable
+    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.farm.event_log import EventLog
+    from pnfarm.links.base import Port
+    from pnfarm.protocols.profinet.ar import IocrLayout
+
+__all__ = ["ArChannels", "DriveStation", "StationServices"]
+
+#: UDP port from which a device calls its controller (any free one will do; the answer comes back to it).
+CALL_PORT = 49_152
+#: Priority tag of alarm frames of low priority (IEC 61158-6-10: 5).
+RTA_TAG = VlanTag(priority=5)
+#: Octets that an answer of the controller may have.
+ARGS_MAXIMUM = 16_384
+#: Fastest firmware step; slower channels step four times a cycle.
+FASTEST_STEP_NS = 1_000_000
+SLOWEST_STEP_NS = 4_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class StationServices:
+    """What a station uses and does not own."""
+
+    channels: ChannelTable
+    impairments: ImpairmentTable
+    memory: NonVolatile
+    log: EventLog
+    uuids: Callable[[], UUID]
+
+
+@dataclass(slots=True)
+class ArChannels:
+    """The rows of one AR, and who is behind it."""
+
+    initiator: str
+    ip: IPv4Address
+    mac: bytes
+    cycle_ns: int
+    watchdog_ns: int
+    providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
+    consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
+    unusable: frozenset[Any] = frozenset()
+    established: bool = False
+    connected_ns: int = 0
+
+
+class DriveStation:
+    """See the module's head.  ``index`` is the row of axis and image."""
+
+    def __init__(
+        self, config: DriveConfig, model: Model, index: int, port: Port, handle: AxisHandle, services: StationServices
+    ) -> None:
+        self.config = config
+        self.model = model
+        self.index = index
+        self.port = port
+        self.handle = handle
+        self.configured_name = config.name
+        self._services = services
+        #: Frames dropped by reason, before any machine saw them.
+        self.dropped: dict[str, int] = {}
+        self.connects = 0
+        self.aborts: dict[str, int] = {}
+        self.watchdog_expirations = 0
+        self.fault_counts: dict[int, int] = {}
+        self.ars: dict[int, ArChannels] = {}
+        self.signalled_ns: int | None = None
+        #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
+        self.ready_delay_ns: int | None = 0
+        self._ready_due: list[tuple[int, int]] = []
+        self._outbox: list[bytes] = []
+        self._calls: dict[int, int] = {}
+        self._kept: dict[str, Any] = {}
+        self._build()
+
+    # -- life --------------------------------------------------------------------------------------------------------
+
+    def _build(self) -> None:
+        """The machines as they are after power-on, with what non-volatile memory holds."""
+        mac = self.port.mac
+        kept = self._services.memory.load(self.configured_name) or {}
+        self._kept = dict(kept)
+        name = kept.get("name", self.configured_name)
+        address, gateway = self.config.ip, self.config.gateway
+        if "ip" in kept:
+            address = IPv4Interface(kept["ip"]) if kept["ip"] else None
+            gateway = IPv4Address(kept["gateway"]) if kept.get("gateway") else None
+        identity = self.model.identity
+        self.store = ParameterStore(self.model, self.handle)
+        self.store.restore(kept.get("drive"))
+        self.store.commission({key: _raw(value) for key, value in self.config.params.items()})
+        self.store.power_on()
+        self.description = describe_device(
+            self.model, mac, strict=self.config.strict, telegram=self.config.telegram
+        )
+        slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
+        self.parameter_records = ParameterRecords(self.store, slot, api)
+        self.dcp = DcpDevice(
+            mac,
+            DcpIdentity(
+                identity.station_type, identity.vendor_id, identity.device_id, instance=(0, self.description.instance)
+            ),
+            name=name,
+            address=address,
+            gateway=gateway,
+        )
+        self.ip = IpHost(mac)
+        self.ip.open_ports = {RPC_PORT, CALL_PORT}
+        self.ip.set_address(address, gateway)
+        version = identity.software_version
+        self._object_uuid = object_uuid(self.description.instance, identity.device_id, identity.vendor_id)
+        self.rpc = RpcServer(
+            RpcServerConfig(
+                endpoints=(
+                    Endpoint(
+                        self._object_uuid,
+                        annotation(
+                            identity.station_type,
+                            identity.order_id,
+                            identity.hardware_revision,
+                            identity.software_prefix,
+                            version,
+                        ),
+                    ),
+                )
+            )
+        )
+        if address is not None:
+            self.rpc.set_address(address.ip)
+        self.client = RpcClient(self._services.uuids)
+        plugged = Plugged(self.description)
+        self.records = DeviceRecords(
+            self.description, plugged, lambda: self.cm.ars, application=self.parameter_records, io_data=self._io_data
+        )
+        self.cm = CmDevice(self.description, plugged, self.records, mac=mac, station_name=name)
+
+    @property
+    def name(self) -> str:
+        """Station name now: DCP may have changed it."""
+        return self.dcp.name
+
+    @property
+    def powered(self) -> bool:
+        return bool(self.handle.axis.powered)
+
+    def power_off(self, now: int) -> None:
+        """Cut the supply: channels close, nothing is answered any more."""
+        for key in list(self.ars):
+            self._close(key)
+        self.handle.axis.powered = 0
+        self._note(now, "power off")
+
+    def power_on(self, now: int) -> None:
+        """Boot with what non-volatile memory holds."""
+        self._build()
+        self._ready_due.clear()
+        self._calls.clear()
+        self.handle.axis.powered = 1
+        self.handle.push_command(CMD_POWER_ON)
+        self._note(now, "power on")
+
+    def power_cycle(self, now: int) -> None:
+        self.power_off(now)
+        self.power_on(now)
+
+    # -- frames ------------------------------------------------------------------------------------------------------
+
+    def receive(self, data: bytes, now: int) -> None:
+        """One acyclic frame of this port."""
+        if not self.powered:
+            return
+        try:
+            frame = parse_ethernet(data)
+        except DecodeError as exc:
+            self._drop(exc.reason)
+            return
+        if frame.ethertype == ETHERTYPE_PROFINET:
+            self._receive_profinet(frame, now)
+        else:
+            self.ip.receive(frame, now)
+
+    def _receive_profinet(self, frame: EthernetFrame, now: int) -> None:
+        if len(frame.payload) < 2:
+            self._drop("short")
+        elif DCP_HELLO <= int.from_bytes(frame.payload[:2], "big") <= DCP_IDENTIFY_RESPONSE:
+            self.dcp.in_operation = any(ar.providers for ar in self.ars.values())
+            self.dcp.receive(frame, now)
+        elif frame.destination != self.port.mac:
+            self._drop("other-destination")
+        else:
+            self.cm.receive_rta(frame.payload, frame.source, now)
+
+    def _drop(self, reason: str) -> None:
+        self.dropped[reason] = self.dropped.get(reason, 0) + 1
+
+    def discards(self) -> dict[str, int]:
+        """Every frame and PDU that was dropped, by reason, over all machines."""
+        total = dict(self.dropped)
+        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+            for reason, count in machine.dropped.items():
+                total[reason] = total.get(reason, 0) + count
+        return total
+
+    def next_deadline(self) -> int | None:
+        if not self.powered:
+            return None
+        deadlines = [m.next_deadline() for m in (self.dcp, self.ip, self.rpc, self.client, self.cm)]
+        deadlines += [due for due, _ in self._ready_due]
+        return min((d for d in deadlines if d is not None), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        if not self.powered:
+            return
+        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+            deadline = machine.next_deadline()
+            if deadline is not None and deadline <= now:
+                machine.handle_timeout(now)
+        for entry in [e for e in self._ready_due if e[0] <= now]:
+            self._ready_due.remove(entry)
+            self.cm.application_ready(entry[1], now)
+
+    def pump(self, now: int) -> list[bytes]:
+        """Carry events between the machines until nothing moves; the frames to send."""
+        if not self.powered:
+            return []
+        moved = True
+        while moved:
+            moved = False
+            for step in (self._pump_dcp, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_drive):
+                moved = step(now) or moved
+        for datagram in (*self.rpc.to_send(now), *self.client.to_send(now)):
+            self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
+        frames = self._outbox
+        self._outbox = []
+        frames += self.dcp.to_send(now)
+        frames += self.ip.to_send(now)
+        frames += [
+            emit_ethernet(EthernetFrame(destination, self.port.mac, ETHERTYPE_PROFINET, payload, RTA_TAG))
+            for destination, payload in self.cm.rta_to_send()
+        ]
+        return frames
+
+    # -- between the machines ----------------------------------------------------------------------------------------
+
+    def _pump_dcp(self, now: int) -> bool:
+        events = self.dcp.events()
+        for event in events:
+            match event:
+                case NameSet(name, permanent):
+                    self.cm.station_name = name
+                    self._keep(now, "name", name if permanent else "")
+                    self._note(now, "name set", name=name, permanent=permanent)
+                case IpSet(interface, gateway, permanent):
+                    self.ip.set_address(interface, gateway)
+                    if interface is not None:
+                        self.rpc.set_address(interface.ip)
+                    self._keep(now, "ip", str(interface) if interface and permanent else "")
+                    self._keep(now, "gateway", str(gateway) if gateway and permanent else "")
+                    self._note(now, "address set", ip=str(interface or ""), permanent=permanent)
+                case SignalRequested():
+                    self.signalled_ns = now
+                    self._note(now, "signal")
+                case FactoryReset(mode):
+                    self._note(now, "factory reset", mode=mode.name.lower())
+                    self._factory_reset(now)
+        return bool(events)
+
+    def _factory_reset(self, now: int) -> None:
+        """All that the reset's mode cleared has events of its own; the parameters go back to the model's."""
+        self._keep(now, "drive", None)
+        self.store.restore(None)
+        self.store.power_on()
+
+    def _pump_ip(self, now: int) -> bool:
+        events = self.ip.events()
+        for event in events:
+            if isinstance(event, DatagramReceived):
+                peer = Peer(event.source_ip, event.source_port)
+                if event.destination_port == RPC_PORT:
+                    self.rpc.receive(peer, RPC_PORT, event.data, now, event.source_mac)
+                else:
+                    self.client.receive(peer, event.destination_port, event.data, now)
+            elif isinstance(event, AddressConflict):
+                self.dcp.ip_conflict = True
+                self._note(now, "address conflict", level="warning", ip=str(event.ip), mac=event.mac.hex(":"))
+        return bool(events)
+
+    def _pump_rpc(self, now: int) -> bool:
+        requests = self.rpc.events()
+        for request in requests:
+            if isinstance(request, CallReceived):
+                self.cm.receive_call(
+                    request.call, request.opnum, request.payload, request.args_maximum, request.peer, now
+                )
+        answers = self.client.events()
+        for answer in answers:
+            key = self._calls.pop(answer.call_id, None)
+            if key is None:
+                continue
+            if isinstance(answer, CallReturned):
+                self.cm.call_returned(key, answer.status, answer.payload, now)
+            elif isinstance(answer, CallFailed):
+                self.cm.call_failed(key, answer.reason, now)
+        return bool(requests or answers)
+
+    def _pump_cm(self, now: int) -> bool:
+        responses = self.cm.responses()
+        for call, status, payload in responses:
+            self.rpc.respond(call, status, payload, now)
+        calls = self.cm.calls()
+        for call in calls:
+            call_id = self.client.call(
+                Peer(call.peer_ip, call.port or RPC_PORT),
+                CALL_PORT,
+                UUID_PNIO_CONTROLLER,
+                self._object_uuid,
+                call.opnum,
+                args_maximum=ARGS_MAXIMUM,
+                payload=call.payload,
+                now=now,
+            )
+            self._calls[call_id] = call.ar_key
+        events = self.cm.events()
+        for event in events:
+            self._handle_cm(event, now)
+        return bool(responses or calls or events)
+
+    def _handle_cm(self, event: object, now: int) -> None:
+        match event:
+            case ArConnected():
+                self._connected(event, now)
+            case ConnectRefused(ip, status, detail):
+                self._note(now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail)
+            case PrmEndReceived(key):
+                if self.ready_delay_ns is None:
+                    self._note(now, "application ready withheld")
+                elif self.ready_delay_ns == 0:
+                    self.cm.application_ready(key, now)
+                else:
+                    self._ready_due.append((now + self.ready_delay_ns, key))
+            case ApplicationReadyConfirmed():
+                pass
+            case ArEstablished(key):
+                ar = self.ars.get(key)
+                if ar is not None and not ar.established:
+                    ar.established = True
+                    self.connects += 1
+                    self._note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
+            case ArAborted(key, code1, code2, reason, by_peer):
+                self._lost(key, now)
+                self.aborts[reason] = self.aborts.get(reason, 0) + 1
+                self._note(
+                    now, "ar aborted", level="warning", reason=reason, code1=code1, code2=code2, by_controller=by_peer
+                )
+            case ArReleased(key):
+                self._close(key)
+                self._note(now, "ar released")
+            case RecordWritten(_, api, slot, subslot, index, data):
+                self._note(
+                    now, "record written", level="debug", api=api, slot=slot, subslot=subslot, index=index, octets=len(data)
+                )
+
+    def _pump_drive(self, now: int) -> bool:
+        events = self.store.events()
+        for event in events:
+            match event:
+                case NonVolatileSaved():
+                    self._keep(now, "drive", self.store.snapshot())
+                    self._note(now, "parameters saved")
+                case TelegramChanged(number):
+                    self._relay_words()
+                    self._note(now, "telegram changed", telegram=number)
+                case RebootRequested():
+                    self.power_cycle(now)
+                case DisplayBlinkRequested():
+                    self.signalled_ns = now
+                case _:
+                    pass
+        return bool(events)
+
+    # -- channels ----------------------------------------------------------------------------------------------------
+
+    def _connected(self, event: ArConnected, now: int) -> None:
+        if not event.iocrs:
+            return
+        module = self.cm.plugged.module(self.description.modules[0].slot)
+        telegram = self.model.telegram_by_module(module.module_ident) if module else None
+        if telegram is not None:
+            self.store.plug_telegram(telegram.number)
+        outputs = [cr for cr in event.iocrs if not cr.is_input]
+        cycle = min(cr.cycle_ns for cr in event.iocrs)
+        watchdog = min((cr.data_hold_ns for cr in outputs), default=0)
+        ar = ArChannels(
+            initiator=event.initiator_name,
+            ip=event.initiator_ip,
+            mac=event.initiator_mac,
+            cycle_ns=cycle,
+            watchdog_ns=watchdog,
+            unusable=event.unusable,
+            connected_ns=now,
+        )
+        self.ars[event.ar_key] = ar
+        self.store.watchdog_ns = watchdog
+        self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, cycle // 4))
+        services = self._services
+        for cr in event.iocrs:
+            words = self.store.input_words() if cr.is_input else self.store.output_words()
+            layout = channel_layout(cr, words, event.unusable)
+            if cr.is_input:
+                row = services.channels.open_provider(
+                    ProviderPlan(
+                        image=self.index,
+                        port=self.port.index,
+                        destination=event.initiator_mac,
+                        source=self.port.mac,
+                        frame_id=cr.frame_id,
+                        data_length=cr.data_length,
+                        send_clock_factor=cr.send_clock_factor,
+                        reduction_ratio=cr.reduction_ratio,
+                        words=layout.words,
+                        iops=layout.iops,
+                        constants=layout.constants,
+                        phase=max(0, cr.phase - 1) if cr.phase > 1 else self.index,
+                    )
+                )
+                ar.providers.append((row, cr))
+                services.impairments.channel_opened(self.index, "out", row)
+            else:
+                row = services.channels.open_consumer(
+                    ConsumerPlan(
+                        image=self.index,
+                        port=self.port.index,
+                        source=event.initiator_mac,
+                        frame_id=cr.frame_id,
+                        data_length=cr.data_length,
+                        send_clock_factor=cr.send_clock_factor,
+                        reduction_ratio=cr.reduction_ratio,
+                        data_hold_factor=cr.data_hold_factor,
+                        words=layout.words,
+                        iops=layout.iops,
+                    )
+                )
+                ar.consumers.append((row, cr))
+                services.impairments.channel_opened(self.index, "in", row)
+        self._note(
+            now,
+            "ar connected",
+            controller=event.initiator_name,
+            ip=str(event.initiator_ip),
+            telegram=self.store.telegram_number,
+            cycle_seconds=cycle / 1e9,
+            watchdog_seconds=watchdog / 1e9,
+        )
+
+    def _relay_words(self) -> None:
+        """A new mapping: rewrite the words of the open channels in place, longest-lived field last."""
+        for ar in self.ars.values():
+            for row, cr in ar.providers:
+                layout = channel_layout(cr, self.store.input_words(), ar.unusable)
+                self._services.channels.rewrite_words("ppm", row, layout.words)
+            for row, cr in ar.consumers:
+                layout = channel_layout(cr, self.store.output_words(), ar.unusable)
+                self._services.channels.rewrite_words("cpm", row, layout.words)
+
+    def _close(self, key: int) -> None:
+        ar = self.ars.pop(key, None)
+        if ar is None:
+            return
+        for row, _ in ar.providers:
+            self._services.impairments.channel_closed(self.index, "out", row)
+            self._services.channels.close_provider(row)
+        for row, _ in ar.consumers:
+            self._services.impairments.channel_closed(self.index, "in", row)
+            self._services.channels.close_consumer(row)
+        if not any(a.providers for a in self.ars.values()):
+            self.handle.axis.step_ns = SLOWEST_STEP_NS
+            self.parameter_records.reset()
+
+    def _lost(self, key: int, now: int) -> None:
+        """An established connection ended without a release: the drive's own fault, unless it has it already."""
+        ar = self.ars.get(key)
+        if ar is None:
+            return
+        established = ar.established
+        self._close(key)
+        code = int(self.handle.axis.loss_fault)
+        if established and code and ar.consumers:
+            self.handle.push_command(CMD_RAISE_FAULT, code)
+        del now
+
+    def _io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:  # noqa: FBT001 - the record handler's signature
+        """One submodule's cyclic data as it is on the wire, for the records that show it."""
+        for ar in self.ars.values():
+            consumer_iocs = {(c.slot, c.subslot): c.iocs_offset for _, cr in ar.providers for c in cr.iocs}
+            for row, cr in ar.consumers if output else ar.providers:
+                place = cr.data_of(slot, subslot)
+                if place is None:
+                    continue
+                channels = self._services.channels
+                octets = channels.consumed(row) if output else channels.provided(row)
+                data = octets[place.data_offset : place.data_offset + place.data_length]
+                iocs = IOXS_GOOD
+                if output and (slot, subslot) in consumer_iocs and ar.providers:
+                    iocs = channels.provided(ar.providers[0][0])[consumer_iocs[slot, subslot]]
+                return IoData(data, octets[place.iops_offset], iocs)
+        return None
+
+    # -- the engine's events -----------------------------------------------------------------------------------------
+
+    def _ar_of_consumer(self, row: int) -> int | None:
+        return next((key for key, ar in self.ars.items() if any(r == row for r, _ in ar.consumers)), None)
+
+    def first_frame(self, row: int, now: int) -> None:
+        """Valid cyclic data arrived on this consumer for the first time."""
+        key = self._ar_of_consumer(row)
+        if key is not None:
+            self.cm.data_received(key, now)
+
+    def expired(self, row: int, silent_ns: int, now: int) -> None:
+        """The data hold timer of this consumer ran out."""
+        key = self._ar_of_consumer(row)
+        if key is not None:
+            self.watchdog_expirations += 1
+            self._note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)
+            self.cm.watchdog_expired(key, now)
+
+    # -- faults ------------------------------------------------------------------------------------------------------
+
+    def raise_fault(self, wanted: str | int, *, hold: bool) -> int:
+        """Raise a fault of the model by number, name or cause; with ``hold`` its cause stays.  Its number."""
+        fault = self.model.fault(wanted)
+        self.handle.push_command(CMD_HOLD_FAULT if hold else CMD_RAISE_FAULT, fault.code)
+        return fault.number
+
+    def release_fault(self, number: int) -> None:
+        """The cause of a held fault is gone; it can be acknowledged."""
+        self.handle.push_command(CMD_RELEASE_FAULT, number)
+
+    # -- inside ------------------------------------------------------------------------------------------------------
+
+    def _note(self, now: int, event: str, *, level: str = "info", **data: Any) -> None:
+        self._services.log.record(now, self.configured_name, event, level=level, **data)
+
+    def _keep(self, now: int, key: str, value: Any) -> None:
+        """Write one value of non-volatile memory through; None forgets it."""
+        del now
+        if value is None:
+            self._kept.pop(key, None)
+        else:
+            self._kept[key] = value
+        self._services.memory.save(self.configured_name, self._kept)
+
+
+def _raw(value: float | str | bool) -> int:
+    """A parameter of the farm file as the raw number that the drive takes."""
+    if isinstance(value, str):
+        return int(value, 0)
+    return int(value)

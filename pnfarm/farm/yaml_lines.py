@@ -1,0 +1,297 @@
+"""YAML with positions: what a value is, and in which line and column it stands.
+
+A user's file is read as a stream of YAML events and built into :class:`Node` trees here, so that every
+later complaint can name its line, and so that nothing in the file can cost more than its size:
+
+* scalars follow the YAML 1.2 core schema: ``on`` and ``off`` are words, ``10:20:30`` is no number,
+  ``2e4`` is one; keys are always text (``947.3`` stays ``947.3``);
+* a duplicate key is an error, as YAML 1.2 clause 3.2.1.1 says;
+* anchors, aliases and ``<<`` merges work, but the *expanded* document has a bound;
+* nesting and file size have a bound; a second document and tags beyond the core schema are refused.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import yaml
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["MAX_DEPTH", "MAX_NODES", "MAX_OCTETS", "Document", "Node", "YamlError", "YamlProblem", "parse_yaml"]
+
+#: Longest file, octets: 4,094 drives written out one by one take about a third of it.
+MAX_OCTETS = 1 << 20
+#: Most values of a document after its aliases are followed.
+MAX_NODES = 200_000
+#: Deepest nesting.
+MAX_DEPTH = 32
+#: Longest key, characters.
+MAX_KEY = 256
+
+#: The parser of libyaml where PyYAML was built with it; the same events from the slower one otherwise.
+_LOADER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+# YAML 1.2 clause 10.3.2, the core schema's tag resolution.
+_NULL = frozenset(("", "~", "null", "Null", "NULL"))
+_TRUE = frozenset(("true", "True", "TRUE"))
+_FALSE = frozenset(("false", "False", "FALSE"))
+_INT = re.compile(r"[-+]?[0-9]{1,40}")
+_OCTAL = re.compile(r"0o[0-7]{1,40}")
+_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]{1,40}")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
+_SPECIAL = re.compile(r"([-+]?)\.(inf|Inf|INF|nan|NaN|NAN)")
+
+_CORE_TAG = "tag:yaml.org,2002:"
+_MERGE_KEY = "<<"
+
+
+@dataclass(frozen=True, slots=True)
+class YamlProblem:
+    """One thing wrong with the text; line and column count from 1, 0 where the whole file is meant."""
+
+    line: int
+    column: int
+    field: str
+    what: str
+    allowed: str
+
+
+class YamlError(Exception):
+    """The text is no usable YAML; nothing can be read from it."""
+
+    def __init__(self, problem: YamlProblem) -> None:
+        super().__init__(problem.what)
+        self.problem = problem
+
+
+@dataclass(slots=True)
+class Node:
+    """A value with its place.
+
+    ``content`` is a scalar, a ``list[Node]`` or a ``dict[str, tuple[Node, Node]]`` (key node, value node).
+    ``size`` counts the values below it and itself, aliases followed.
+    """
+
+    line: int
+    column: int
+    content: Any
+    size: int = 1
+
+    def plain(self) -> Any:
+        """The value without positions; aliases become separate copies."""
+        if isinstance(self.content, dict):
+            return {key: value.plain() for key, (_, value) in self.content.items()}
+        if isinstance(self.content, list):
+            return [item.plain() for item in self.content]
+        return self.content
+
+
+@dataclass(slots=True)
+class Document:
+    """A parsed file: its root, and the duplicate keys met on the way (the first of them was taken)."""
+
+    root: Node
+    problems: list[YamlProblem] = field(default_factory=list)
+
+    def locate(self, path: tuple[str | int, ...]) -> tuple[int, int]:
+        """Line and column of ``path``: of the key where there is one, else of the nearest parent that exists."""
+        node, place = self.root, (self.root.line, self.root.column)
+        for step in path:
+            if isinstance(step, str) and isinstance(node.content, dict) and step in node.content:
+                key, node = node.content[step]
+                place = (key.line, key.column)
+            elif isinstance(step, int) and isinstance(node.content, list) and 0 <= step < len(node.content):
+                node = node.content[step]
+                place = (node.line, node.column)
+            else:
+                break
+        return place
+
+
+def parse_yaml(data: bytes | str) -> Document:
+    """Read one YAML document.  Raises :class:`YamlError`, and nothing else, when there is none."""
+    text = _decode(data)
+    try:
+        return _Builder(text).build()
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
+        what = " ".join(part for part in (error.context, error.problem) if part)
+        raise YamlError(YamlProblem(line, column, "", f"is no YAML here: {what}", "YAML 1.2")) from error
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1 if isinstance(error.position, int) else 0
+        what = f"holds a character that YAML forbids: {error.reason}"
+        raise YamlError(YamlProblem(line, 0, "", what, "printable UTF-8 text")) from error
+
+
+def _decode(data: bytes | str) -> str:
+    if len(data) > MAX_OCTETS:
+        raise YamlError(YamlProblem(0, 0, "", "is too large for a farm file", f"at most {MAX_OCTETS} octets"))
+    if isinstance(data, str):
+        text = data.removeprefix("\ufeff")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            line = data.count(b"\n", 0, error.start) + 1
+            what = f"is no UTF-8 text: octet 0x{data[error.start]:02x} at offset {error.start}"
+            raise YamlError(YamlProblem(line, 0, "", what, "UTF-8")) from error
+    # libyaml would stop silently at the first of these
+    nul = text.find("\0")
+    if nul >= 0:
+        line = text.count("\n", 0, nul) + 1
+        raise YamlError(YamlProblem(line, 0, "", "holds a NUL character", "printable UTF-8 text"))
+    surrogate = re.search("[\ud800-\udfff]", text)
+    if surrogate:
+        line = text.count("\n", 0, surrogate.start()) + 1
+        raise YamlError(YamlProblem(line, 0, "", "holds half a surrogate pair", "printable UTF-8 text"))
+    return text
+
+
+class _Builder:
+    """Builds nodes from events; recursion is bounded by :data:`MAX_DEPTH`."""
+
+    def __init__(self, text: str) -> None:
+        self.events: Iterator[Any] = yaml.parse(text, Loader=_LOADER)
+        self.anchors: dict[str, Node | None] = {}
+        self.problems: list[YamlProblem] = []
+        self.nodes = 0
+
+    def build(self) -> Document:
+        root: Node | None = None
+        for event in self.events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                if root is not None:
+                    self._refuse(event, "starts a second document", "one document per file")
+                root = self._node(next(self.events), 0, "")
+        if root is None or root.content is None:
+            raise YamlError(YamlProblem(0, 0, "", "is empty", "a mapping such as `farm: line-1` ..."))
+        return Document(root, self.problems)
+
+    def _node(self, event: Any, depth: int, path: str) -> Node:
+        if depth > MAX_DEPTH:
+            self._refuse(event, "is nested too deeply", f"at most {MAX_DEPTH} levels")
+        if isinstance(event, yaml.AliasEvent):
+            return self._alias(event, path)
+        node = _node_at(event, None)
+        if event.anchor is not None:
+            # known but unfinished: an alias to it from inside would be a loop
+            self.anchors[event.anchor] = None
+        if isinstance(event, yaml.ScalarEvent):
+            node.content = self._scalar(event, path)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            self._sequence(event, node, depth, path)
+        else:
+            self._mapping(event, node, depth, path)
+        self._count(event, 1)
+        if event.anchor is not None:
+            self.anchors[event.anchor] = node
+        return node
+
+    def _alias(self, event: Any, path: str) -> Node:
+        if event.anchor not in self.anchors:
+            self._refuse(event, f"refers to *{event.anchor}, which no anchor defines", "an anchor above", path)
+        target = self.anchors[event.anchor]
+        if target is None:
+            self._refuse(event, f"*{event.anchor} contains itself", "an anchor that is complete", path)
+        self._count(event, target.size)
+        return _node_at(event, target.content, target.size)
+
+    def _count(self, event: Any, size: int) -> None:
+        self.nodes += size
+        if self.nodes > MAX_NODES:
+            self._refuse(event, "holds too many values once its aliases are followed", f"at most {MAX_NODES}")
+
+    def _sequence(self, event: Any, node: Node, depth: int, path: str) -> None:
+        self._check_tag(event, "seq", path)
+        items: list[Node] = []
+        while not isinstance(item := next(self.events), yaml.SequenceEndEvent):
+            items.append(self._node(item, depth + 1, f"{path}[{len(items)}]"))
+        node.content = items
+        node.size += sum(item.size for item in items)
+
+    def _mapping(self, event: Any, node: Node, depth: int, path: str) -> None:
+        self._check_tag(event, "map", path)
+        entries: dict[str, tuple[Node, Node]] = {}
+        merged: list[Node] = []
+        while not isinstance(key := next(self.events), yaml.MappingEndEvent):
+            if not isinstance(key, yaml.ScalarEvent):
+                self._refuse(key, "has a key that is no word", "keys are words", path)
+            name = key.value
+            if len(name) > MAX_KEY:
+                self._refuse(key, "has a key that is too long", f"at most {MAX_KEY} characters", path)
+            place = _node_at(key, name)
+            child = f"{path}.{name}" if path else name
+            value = self._node(next(self.events), depth + 1, child)
+            if name == _MERGE_KEY and key.implicit[0]:
+                merged += self._merge_sources(key, value, path)
+            elif name in entries:
+                what = f"stands twice; it is already in line {entries[name][0].line}"
+                self.problems.append(YamlProblem(place.line, place.column, child, what, "each key once"))
+            else:
+                entries[name] = (place, value)
+        # YAML's merge key type: a key of the mapping itself wins, then the earlier source
+        for source in merged:
+            for name, entry in source.content.items():
+                entries.setdefault(name, entry)
+        node.content = entries
+        node.size += sum(value.size for _, value in entries.values())
+
+    def _merge_sources(self, event: Any, value: Node, path: str) -> list[Node]:
+        sources = value.content if isinstance(value.content, list) else [value]
+        for source in sources:
+            if not isinstance(source.content, dict):
+                self._refuse(event, "<< merges something that is no mapping", "a mapping, or a list of them", path)
+            self._count(event, source.size)
+        return sources
+
+    def _scalar(self, event: Any, path: str) -> Any:
+        tag, text = event.tag, event.value
+        if event.implicit[0] and tag is None:
+            return _resolve(text)
+        if tag is None or tag in {"!", _CORE_TAG + "str"}:
+            return text
+        value = _resolve(text)
+        if tag == _CORE_TAG + "float" and type(value) is int:
+            return float(value)
+        names = {"int": int, "float": float, "bool": bool, "null": type(None)}
+        if names.get(tag.removeprefix(_CORE_TAG)) is type(value):
+            return value
+        return self._refuse(event, f"has a tag that does not fit or is not known here: {tag}", "plain values", path)
+
+    def _check_tag(self, event: Any, name: str, path: str) -> None:
+        if event.tag not in {None, "!", _CORE_TAG + name}:
+            self._refuse(event, f"has a tag that is not known here: {event.tag}", "plain values", path)
+
+    @staticmethod
+    def _refuse(event: Any, what: str, allowed: str, path: str = "") -> NoReturn:
+        mark = event.start_mark
+        raise YamlError(YamlProblem(mark.line + 1, mark.column + 1, path, what, allowed))
+
+
+def _node_at(event: Any, content: Any, size: int = 1) -> Node:
+    return Node(event.start_mark.line + 1, event.start_mark.column + 1, content, size)
+
+
+def _resolve(text: str) -> Any:
+    """A plain scalar's value in the core schema."""
+    if text in _NULL:
+        return None
+    if text in _TRUE:
+        return True
+    if text in _FALSE:
+        return False
+    if _INT.fullmatch(text):
+        return int(text)
+    if _OCTAL.fullmatch(text) or _HEXADECIMAL.fullmatch(text):
+        return int(text, 0)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    special = _SPECIAL.fullmatch(text)
+    if special and (special[2].lower() == "inf" or not special[1]):
+        return float(special[1] + special[2])
+    return text

@@ -1,0 +1,131 @@
+"""Socket filters (classic BPF) that keep other people's frames out of the farm's sockets.
+
+The kernel runs such a program on each frame before it is copied or queued, so a frame that is not
+ours costs next to nothing.  A program is a list of :class:`Instruction` with symbolic jump targets
+(:func:`assemble` lays them out); registers: ``A`` only.  Offsets count from the destination address.
+
+Sources: linux/filter.h (ancillary loads), Documentation/networking/filter.rst.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import socket
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["Instruction", "acyclic_filter", "assemble", "attach", "cyclic_filter", "ethertype_filter"]
+
+SO_ATTACH_FILTER = 26
+MAX_INSTRUCTIONS = 4096  # BPF_MAXINSNS
+
+# Operation codes (linux/bpf_common.h): class | size or operation | mode or source.
+_LD_WORD_ABS = 0x20
+_LD_HALF_ABS = 0x28
+_JUMP_EQUAL = 0x15
+_JUMP_GREATER = 0x25
+_JUMP_GREATER_EQUAL = 0x35
+_RETURN = 0x06
+
+# linux/filter.h: loads at these negative offsets read the packet's meta data.
+_ANCILLARY = 0x1_0000_0000 - 0x1000
+_ANCILLARY_PACKET_TYPE = _ANCILLARY + 4
+_ANCILLARY_IFINDEX = _ANCILLARY + 8
+
+# linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.
+_LAST_PACKET_TYPE_FOR_US = 2
+
+#: After destination, source and ethertype; priority tags (VLAN id 0) are gone when a socket sees the frame.
+_FRAME_ID_OFFSET = 14
+
+_NEXT = ""
+_ACCEPT = "accept"
+_DROP = "drop"
+
+
+@dataclass(frozen=True, slots=True)
+class Instruction:
+    """One operation; a jump names where it goes if true and if false (empty: the next instruction)."""
+
+    code: int
+    k: int
+    if_true: str = _NEXT
+    if_false: str = _NEXT
+
+
+def _load_word(offset: int) -> Instruction:
+    return Instruction(_LD_WORD_ABS, offset)
+
+
+def _load_half(offset: int) -> Instruction:
+    return Instruction(_LD_HALF_ABS, offset)
+
+
+def _for_these_ports(lowest: int, highest: int) -> list[Instruction]:
+    """Frames that came in for us at one of the farm's interfaces; everything else is dropped."""
+    return [
+        _load_word(_ANCILLARY_IFINDEX),
+        Instruction(_JUMP_GREATER_EQUAL, lowest, _NEXT, _DROP),
+        Instruction(_JUMP_GREATER, highest, _DROP, _NEXT),
+        _load_word(_ANCILLARY_PACKET_TYPE),
+        Instruction(_JUMP_GREATER, _LAST_PACKET_TYPE_FOR_US, _DROP, _NEXT),
+    ]
+
+
+def ethertype_filter(lowest: int, highest: int) -> bytes:
+    """For a socket of one ethertype: all frames that came in for interfaces ``lowest`` to ``highest``."""
+    return assemble(_for_these_ports(lowest, highest))
+
+
+def acyclic_filter(lowest: int, highest: int) -> bytes:
+    """For a 0x8892 socket: alarms and DCP (frame id from 0xFC00).  A frame too short for a frame id is dropped."""
+    return assemble(
+        [
+            *_for_these_ports(lowest, highest),
+            _load_half(_FRAME_ID_OFFSET),
+            Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _ACCEPT, _DROP),
+        ]
+    )
+
+
+def cyclic_filter(lowest: int, highest: int) -> bytes:
+    """For the engine's 0x8892 socket: the other half, frame ids below 0xFC00."""
+    return assemble(
+        [
+            *_for_these_ports(lowest, highest),
+            _load_half(_FRAME_ID_OFFSET),
+            Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _DROP, _ACCEPT),
+        ]
+    )
+
+
+def assemble(instructions: Sequence[Instruction]) -> bytes:
+    """Lay out as an array of ``struct sock_filter``; ends with *accept whole frame* and *drop*.
+
+    Falling off the end accepts.  Raises :class:`ValueError` for a jump that a program cannot express.
+    """
+    places = {_ACCEPT: len(instructions), _DROP: len(instructions) + 1}
+    if len(instructions) + 2 > MAX_INSTRUCTIONS:
+        raise ValueError(f"{len(instructions)} instructions are more than a socket filter may have")
+    code = bytearray()
+    for place, instruction in enumerate(instructions):
+        jumps = [places.get(target, place + 1) - place - 1 for target in (instruction.if_true, instruction.if_false)]
+        if max(jumps) > 0xFF:
+            raise ValueError(f"instruction {place} jumps over more than 255 others")
+        code += struct.pack("=HBBI", instruction.code, *jumps, instruction.k)
+    code += struct.pack("=HBBI", _RETURN, 0, 0, 0xFFFF)
+    code += struct.pack("=HBBI", _RETURN, 0, 0, 0)
+    return bytes(code)
+
+
+def attach(sock: socket.socket, code: bytes) -> None:
+    """Attach an assembled program to a socket; the kernel checks it and copies it.  Raises :class:`OSError`."""
+    buffer = ctypes.create_string_buffer(code, len(code))
+    fprog = struct.pack("HP", len(code) // 8, ctypes.addressof(buffer))
+    sock.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, fprog)

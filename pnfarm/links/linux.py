@@ -1,0 +1,94 @@
+"""What macvlan, veth and plain interfaces have in common: packet sockets over interfaces of the kernel."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import InternalError
+from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.interfaces import Interfaces, to_its_end
+from pnfarm.links.packet import PacketSockets
+
+if TYPE_CHECKING:
+    import socket
+    from collections.abc import Sequence
+
+__all__ = ["PacketLink"]
+
+
+class PacketLink(ABC):
+    """A link over interfaces of the kernel.  Subclasses make and remove them, in a worker thread."""
+
+    kind: str
+
+    def __init__(self, *, clock: Clock = time.monotonic_ns) -> None:
+        self._counters = LinkCounters()
+        self._sockets = PacketSockets(self._counters, clock)
+        self._ports: dict[int, Port] = {}
+        self._touched = False
+
+    @property
+    def counters(self) -> LinkCounters:
+        self._sockets.collect_overflows()
+        return self._counters
+
+    async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
+        if self._touched:
+            raise InternalError(f"this {self.kind} link is open already")
+        if not wanted:
+            return []
+        self._touched = True
+        try:
+            ports = await to_its_end(self._create, list(wanted))
+            self._ports = {port.index: port for port in ports}
+            self._sockets.open(ports)
+        except BaseException:
+            await self.close()
+            raise
+        return ports
+
+    async def close(self) -> None:
+        self._sockets.close()
+        self._ports = {}
+        if self._touched:
+            await to_its_end(self._remove)
+            self._touched = False
+
+    def send(self, port_index: int, frame: bytes) -> None:
+        self._sockets.send(port_index, frame)
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        self._sockets.set_receiver(receiver)
+
+    def engine_socket(self) -> socket.socket:
+        return self._sockets.engine_socket()
+
+    async def set_carrier(self, port_index: int, up: bool) -> None:
+        await to_its_end(self._set_carrier, self._port(port_index), up)
+
+    async def set_mac(self, port_index: int, mac: bytes) -> None:
+        await to_its_end(self._set_mac, self._port(port_index), mac)
+
+    def _port(self, index: int) -> Port:
+        port = self._ports.get(index)
+        if port is None:
+            raise InternalError(f"this {self.kind} link has no port {index}")
+        return port
+
+    @abstractmethod
+    def _create(self, wanted: Sequence[PortSpec]) -> list[Port]:
+        """Make the interfaces, all or none."""
+
+    @abstractmethod
+    def _remove(self) -> None:
+        """Remove what :meth:`_create` made, and nothing else."""
+
+    @abstractmethod
+    def _set_carrier(self, port: Port, up: bool) -> None:
+        """Pull or plug the cable."""
+
+    def _set_mac(self, port: Port, mac: bytes) -> None:
+        with Interfaces() as interfaces:
+            interfaces.set_mac(port.index, mac)

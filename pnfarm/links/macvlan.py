@@ -1,0 +1,49 @@
+"""One macvlan per drive on a NIC: each drive has its own MAC address on the real network.
+
+Mode ``bridge``: drives of one farm hear each other, and the NIC's own traffic goes on as before.  The parent
+itself (an address that this host has on the NIC) and the drives do not hear each other: a controller on this
+host takes a macvlan of its own on the same parent.  The parent is never changed.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from pnfarm.links.interfaces import Interfaces
+from pnfarm.links.linux import PacketLink
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.links.base import Clock, Port, PortSpec
+
+__all__ = ["MacvlanLink"]
+
+
+class MacvlanLink(PacketLink):
+    """``link: {kind: macvlan, parent: eth1}``.  ``farm`` names and tags what is made."""
+
+    kind = "macvlan"
+
+    def __init__(self, farm: str, parent: str, *, clock: Clock = time.monotonic_ns) -> None:
+        super().__init__(clock=clock)
+        self._farm = farm
+        self._parent = parent
+        self._made: set[int] = set()
+
+    def _create(self, wanted: Sequence[PortSpec]) -> list[Port]:
+        with Interfaces() as interfaces:
+            ports = interfaces.create_macvlans(self._farm, self._parent, wanted)
+        self._made = {port.index for port in ports}
+        return ports
+
+    def _remove(self) -> None:
+        with Interfaces() as interfaces:
+            interfaces.remove(self._farm, self._made)
+
+    def _set_carrier(self, port: Port, up: bool) -> None:
+        # The interface itself goes down: it has no cable of its own.  Its address and the memberships that the
+        # socket holds survive in the kernel, and are programmed into the parent again when it comes up.
+        with Interfaces() as interfaces:
+            interfaces.set_up(port.index, up)

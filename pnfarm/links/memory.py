@@ -1,0 +1,180 @@
+"""A switch in memory: whole farms in one process and in virtual time.
+
+Ports know their addresses, so nothing is learnt: a unicast frame goes to the ports with that address, a
+broadcast or multicast to all others. A frame is handed over at the time it was sent plus the switch's
+latency, in the order of sending, when :meth:`MemorySwitch.deliver` is called for that time; frames sent while
+frames are delivered belong to the same call when they are due, so that a question and its answer pass in one
+instant.
+
+Cyclic frames are exchanged by the compiled engine inside its tables; these are the acyclic ones.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import InternalError
+from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["MemoryLink", "MemorySwitch"]
+
+#: Frames that one :meth:`MemorySwitch.deliver` takes at most: two stations may answer each other for ever.
+MAX_DELIVERIES = 1_000_000
+
+
+class _Socket:
+    """One port's side of the switch."""
+
+    __slots__ = ("carrier", "counters", "mac", "receiver")
+
+    def __init__(self, mac: bytes, counters: LinkCounters) -> None:
+        self.mac = mac
+        self.counters = counters
+        self.receiver: Receiver | None = None
+        self.carrier = True
+
+
+class MemorySwitch:
+    """Joins ports.  ``latency_ns`` passes between sending and delivery.  Port indexes count from 1."""
+
+    def __init__(self, latency_ns: int = 0) -> None:
+        if latency_ns < 0:
+            raise ValueError(f"latency of {latency_ns} ns: a frame cannot arrive before it was sent")
+        self._latency_ns = latency_ns
+        self._sockets: dict[int, _Socket] = {}
+        self._by_mac: dict[bytes, list[int]] = {}
+        self._next_index = 1
+        self._under_way: deque[tuple[int, int, bytes]] = deque()
+
+    def attach(
+        self, mac: bytes, receiver: Receiver | None = None, *, name: str = "", counters: LinkCounters | None = None
+    ) -> Port:
+        """A new port.  ``counters`` may be shared by the ports of one link."""
+        index = self._next_index
+        self._next_index += 1
+        socket = _Socket(mac, counters if counters is not None else LinkCounters())
+        socket.receiver = receiver
+        self._sockets[index] = socket
+        self._by_mac.setdefault(mac, []).append(index)
+        return Port(name or f"memory-{index}", index, mac)
+
+    def detach(self, port_index: int) -> None:
+        """Take a port away; frames on their way to it are lost."""
+        socket = self._sockets.pop(port_index, None)
+        if socket is not None:
+            self._by_mac[socket.mac].remove(port_index)
+
+    def set_receiver(self, port_index: int, receiver: Receiver) -> None:
+        self._socket(port_index).receiver = receiver
+
+    def set_carrier(self, port_index: int, up: bool) -> None:
+        """Pull or plug a cable; frames on their way are delivered only if it is plugged when they arrive."""
+        self._socket(port_index).carrier = up
+
+    def set_mac(self, port_index: int, mac: bytes) -> None:
+        """Change a port's address.  Two ports may share one, as on a wire with a duplicate address."""
+        socket = self._socket(port_index)
+        self._by_mac[socket.mac].remove(port_index)
+        self._by_mac.setdefault(mac, []).append(port_index)
+        socket.mac = mac
+
+    def _socket(self, port_index: int) -> _Socket:
+        socket = self._sockets.get(port_index)
+        if socket is None:
+            raise InternalError(f"the switch has no port {port_index}")
+        return socket
+
+    def send(self, port_index: int, frame: bytes, now: int) -> None:
+        """Put a frame on the wire at ``now``."""
+        socket = self._socket(port_index)
+        if not socket.carrier:
+            socket.counters.dropped["cable-pulled"] += 1
+            return
+        socket.counters.sent += 1
+        self._under_way.append((now + self._latency_ns, port_index, bytes(frame)))
+
+    def next_deadline(self) -> int | None:
+        """When the oldest frame on its way is due."""
+        return self._under_way[0][0] if self._under_way else None
+
+    def deliver(self, now: int) -> int:
+        """Hand over every frame that is due; how many were handed to a port.
+
+        Raises :class:`~pnfarm.errors.InternalError` when stations keep answering each other within one instant.
+        """
+        delivered = 0
+        for _ in range(MAX_DELIVERIES):
+            if not self._under_way or self._under_way[0][0] > now:
+                return delivered
+            due, source_port, frame = self._under_way.popleft()
+            destination = frame[:6]
+            to_all = bool(destination and destination[0] & 1)
+            for index in list(self._sockets) if to_all else list(self._by_mac.get(destination, ())):
+                # a receiver earlier in this round may have taken the port away
+                socket = self._sockets.get(index)
+                if socket is None or index == source_port:
+                    continue
+                if not socket.carrier:
+                    socket.counters.dropped["cable-pulled"] += 1
+                    continue
+                socket.counters.received += 1
+                delivered += 1
+                if socket.receiver is not None:
+                    socket.receiver(index, frame, due)
+        raise InternalError(
+            f"stations exchanged {MAX_DELIVERIES} frames in one instant: do two of them answer each other for ever?"
+        )
+
+
+class MemoryLink:
+    """The ports of one farm (or of one controller) on a switch.  ``clock`` is the virtual time at which it sends."""
+
+    kind = "memory"
+
+    def __init__(self, switch: MemorySwitch, clock: Clock) -> None:
+        self._switch = switch
+        self._clock = clock
+        self._counters = LinkCounters()
+        self._receiver: Receiver | None = None
+        self._indexes: set[int] = set()
+
+    @property
+    def counters(self) -> LinkCounters:
+        return self._counters
+
+    async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
+        if self._indexes:
+            raise InternalError("this memory link is open already")
+        ports = [
+            self._switch.attach(spec.mac, self._receive, name=spec.station, counters=self._counters) for spec in wanted
+        ]
+        self._indexes = {port.index for port in ports}
+        return ports
+
+    async def close(self) -> None:
+        for index in self._indexes:
+            self._switch.detach(index)
+        self._indexes = set()
+
+    def _receive(self, port_index: int, frame: bytes, now: int) -> None:
+        if self._receiver is not None:
+            self._receiver(port_index, frame, now)
+
+    def send(self, port_index: int, frame: bytes) -> None:
+        if port_index not in self._indexes:
+            self._counters.dropped["unknown-port"] += 1
+            return
+        self._switch.send(port_index, frame, self._clock())
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        self._receiver = receiver
+
+    async def set_carrier(self, port_index: int, up: bool) -> None:
+        self._switch.set_carrier(port_index, up)
+
+    async def set_mac(self, port_index: int, mac: bytes) -> None:
+        self._switch.set_mac(port_index, mac)

@@ -1,0 +1,270 @@
+"""AF_PACKET sockets of a whole farm: one per ethertype, for all interfaces of the namespace.
+
+A socket per interface would cost one wake-up per drive and frame; these are bound to no interface,
+their filter (:mod:`pnfarm.links.bpf`) keeps the farm's interfaces, and the index in each message's
+``sockaddr_ll`` says which drive a frame is for.  One ``recvmmsg`` takes a batch; the batch is bounded, so that a
+storm on one ethertype does not starve the event loop: what is left waits in the kernel's queue.
+
+A macvlan hears multicast only where somebody asked for it: the memberships are held by a socket here, and go with it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ctypes
+import errno
+import os
+import socket
+import struct
+import time
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import EnvironmentError_, InternalError
+from pnfarm.links import bpf
+from pnfarm.links.base import (
+    ETHERTYPE_ARP,
+    ETHERTYPE_IPV4,
+    ETHERTYPE_LLDP,
+    ETHERTYPE_PROFINET,
+    MULTICAST_DCP_IDENTIFY,
+    MULTICAST_LLDP,
+    Clock,
+    LinkCounters,
+    Port,
+    Receiver,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+__all__ = ["BATCH", "MULTICAST_GROUPS", "PacketSockets", "open_packet_socket"]
+
+# linux/if_packet.h
+_SOL_PACKET = 263
+_PACKET_ADD_MEMBERSHIP = 1
+_PACKET_STATISTICS = 6
+_PACKET_IGNORE_OUTGOING = 23
+_PACKET_MR_MULTICAST = 0
+_SO_RCVBUFFORCE = 33
+
+#: Frames taken per socket and wake-up of the event loop.
+BATCH = 64
+#: Octets of receive queue per socket: a DCP Identify reaches each of 1,024 drives as a copy of its own, 800 octets.
+RECEIVE_BUFFER = 16 * 1024 * 1024
+MULTICAST_GROUPS = (MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP)
+
+_SLOT = 2048
+_ADDRESS_SLOT = 32
+_SOCKADDR_LL = struct.Struct("=HHiHBB8s")
+_SOCKADDR_LL_IFINDEX = struct.Struct("=i")
+
+_SEND_REASONS = {
+    errno.ENETDOWN: "interface-down",
+    errno.ENXIO: "interface-down",
+    errno.ENODEV: "interface-down",
+    errno.EAGAIN: "queue-full",
+    errno.ENOBUFS: "queue-full",
+    errno.EMSGSIZE: "too-long",
+}
+
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+class _Iovec(ctypes.Structure):
+    _fields_ = (("base", ctypes.c_void_p), ("length", ctypes.c_size_t))
+
+
+class _Msghdr(ctypes.Structure):
+    _fields_ = (
+        ("name", ctypes.c_void_p),
+        ("name_length", ctypes.c_uint32),
+        ("iov", ctypes.POINTER(_Iovec)),
+        ("iov_length", ctypes.c_size_t),
+        ("control", ctypes.c_void_p),
+        ("control_length", ctypes.c_size_t),
+        ("flags", ctypes.c_int),
+    )
+
+
+class _Mmsghdr(ctypes.Structure):
+    _fields_ = (("header", _Msghdr), ("length", ctypes.c_uint))
+
+
+def open_packet_socket(ethertype: int, filter_code: bytes, receive_buffer: int = RECEIVE_BUFFER) -> socket.socket:
+    """A non-blocking raw socket that receives ``ethertype`` at all interfaces, through ``filter_code``.
+
+    It is bound only after the filter is in place, so no foreign frame ever enters its queue.
+    Raises :class:`~pnfarm.errors.EnvironmentError_` without CAP_NET_RAW.
+    """
+    try:
+        sock = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC, 0)
+    except PermissionError as exc:
+        raise EnvironmentError_(
+            "raw Ethernet sockets need CAP_NET_RAW in this network namespace: run as root, or try `pnfarm demo`, "
+            "which brings a namespace of its own"
+        ) from exc
+    try:
+        bpf.attach(sock, filter_code)
+        with contextlib.suppress(OSError):  # before Linux 4.20: the filter drops outgoing frames as well
+            sock.setsockopt(_SOL_PACKET, _PACKET_IGNORE_OUTGOING, 1)
+        try:
+            sock.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, receive_buffer)
+        except PermissionError:  # in a user namespace only as much as net.core.rmem_max allows
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
+        # Python's own bind() asks for an interface's name; index 0 is all of them
+        address = _SOCKADDR_LL.pack(socket.AF_PACKET, socket.htons(ethertype), 0, 0, 0, 0, bytes(8))
+        if _libc.bind(sock.fileno(), address, len(address)) != 0:
+            code = ctypes.get_errno()
+            raise OSError(code, os.strerror(code))
+    except OSError as exc:
+        sock.close()
+        raise EnvironmentError_(f"the packet socket for ethertype 0x{ethertype:04X} failed: {exc.strerror}") from exc
+    return sock
+
+
+class _BatchReader:
+    """``recvmmsg`` into fixed slots; one per socket."""
+
+    def __init__(self, sock: socket.socket, batch: int) -> None:
+        self._fd = sock.fileno()
+        self._batch = batch
+        self._data = (ctypes.c_char * (_SLOT * batch))()
+        self._names = (ctypes.c_char * (_ADDRESS_SLOT * batch))()
+        self._iovecs = (_Iovec * batch)()
+        self._headers = (_Mmsghdr * batch)()
+        data, names = ctypes.addressof(self._data), ctypes.addressof(self._names)
+        for i in range(batch):
+            self._iovecs[i] = _Iovec(data + i * _SLOT, _SLOT)
+            header = self._headers[i].header
+            header.name = names + i * _ADDRESS_SLOT
+            header.name_length = _ADDRESS_SLOT
+            header.iov = ctypes.pointer(self._iovecs[i])
+            header.iov_length = 1
+
+    def read(self) -> list[tuple[int, bytes | None]]:
+        """(interface index, frame) of what waits, at most one batch; None for a frame longer than a slot."""
+        count = _libc.recvmmsg(self._fd, self._headers, self._batch, socket.MSG_DONTWAIT, None)
+        if count < 0:
+            code = ctypes.get_errno()
+            if code in {errno.EAGAIN, errno.EINTR, errno.ENETDOWN}:
+                return []
+            raise OSError(code, os.strerror(code))
+        data, names = memoryview(self._data), memoryview(self._names)
+        frames: list[tuple[int, bytes | None]] = []
+        for i in range(count):
+            message = self._headers[i]
+            (index,) = _SOCKADDR_LL_IFINDEX.unpack_from(names, i * _ADDRESS_SLOT + 4)
+            if message.header.flags & socket.MSG_TRUNC:
+                frames.append((index, None))
+            else:
+                frames.append((index, bytes(data[i * _SLOT : i * _SLOT + message.length])))
+        return frames
+
+
+class PacketSockets:
+    """Receives and sends the acyclic frames of a set of ports.
+
+    ``counters`` is written here.  ``clock`` stamps each batch with the farm's time.
+    """
+
+    def __init__(self, counters: LinkCounters, clock: Clock = time.monotonic_ns) -> None:
+        self._counters = counters
+        self._clock = clock
+        self._names: dict[int, str] = {}
+        self._receiver: Receiver | None = None
+        self._sockets: list[socket.socket] = []
+        self._sender: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        self._receiver = receiver
+
+    def open(self, ports: Sequence[Port]) -> None:
+        """Open the sockets and watch them in the running event loop."""
+        self._names = {port.index: port.name for port in ports}
+        lowest, highest = min(self._names), max(self._names)
+        try:
+            profinet = self._watch(ETHERTYPE_PROFINET, bpf.acyclic_filter(lowest, highest))
+            for ethertype in (ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP):
+                self._watch(ethertype, bpf.ethertype_filter(lowest, highest))
+            for index in self._names:
+                for group in MULTICAST_GROUPS:
+                    _join(profinet, index, group)
+            # protocol 0: this one never receives
+            self._sender = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
+        except BaseException:
+            self.close()
+            raise
+
+    def _watch(self, ethertype: int, filter_code: bytes) -> socket.socket:
+        sock = open_packet_socket(ethertype, filter_code)
+        self._sockets.append(sock)
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(sock.fileno(), self._reader_of(_BatchReader(sock, BATCH)))
+        return sock
+
+    def _reader_of(self, reader: _BatchReader) -> Callable[[], None]:
+        counters, names = self._counters, self._names
+
+        def receive_batch() -> None:
+            now = self._clock()
+            for index, frame in reader.read():
+                # an interface of someone else may lie between the farm's first and last index
+                if index not in names:
+                    continue
+                if frame is None:
+                    counters.dropped["too-long"] += 1
+                    continue
+                counters.received += 1
+                if self._receiver is not None:
+                    self._receiver(index, frame, now)
+
+        return receive_batch
+
+    def send(self, port_index: int, frame: bytes) -> None:
+        """Send now or count why not."""
+        name = self._names.get(port_index)
+        if name is None or self._sender is None:
+            self._counters.dropped["unknown-port"] += 1
+            return
+        try:
+            self._sender.sendto(frame, (name, 0))
+        except OSError as exc:
+            self._counters.dropped[_SEND_REASONS.get(exc.errno or 0, "refused")] += 1
+        else:
+            self._counters.sent += 1
+
+    def engine_socket(self) -> socket.socket:
+        """See :meth:`pnfarm.links.base.EngineLink.engine_socket`."""
+        if not self._names:
+            raise InternalError("the engine's socket can be opened only after the link's ports are up")
+        return open_packet_socket(ETHERTYPE_PROFINET, bpf.cyclic_filter(min(self._names), max(self._names)))
+
+    def collect_overflows(self) -> None:
+        """Add frames that the kernel dropped because a receive queue was full to the counters."""
+        for sock in self._sockets:
+            _packets, drops = struct.unpack("II", sock.getsockopt(_SOL_PACKET, _PACKET_STATISTICS, 8))
+            if drops:
+                self._counters.dropped["receive-overflow"] += drops
+
+    def close(self) -> None:
+        for sock in self._sockets:
+            if self._loop is not None and not self._loop.is_closed():
+                self._loop.remove_reader(sock.fileno())
+            sock.close()
+        self._sockets.clear()
+        if self._sender is not None:
+            self._sender.close()
+            self._sender = None
+        self._names = {}
+
+
+def _join(sock: socket.socket, index: int, group: bytes) -> None:
+    request = struct.pack("=iHH8s", index, _PACKET_MR_MULTICAST, len(group), group)
+    try:
+        sock.setsockopt(_SOL_PACKET, _PACKET_ADD_MEMBERSHIP, request)
+    except OSError as exc:
+        raise EnvironmentError_(
+            f"multicast group {group.hex(':')} at interface {index} was refused by the kernel: {exc.strerror}"
+        ) from exc

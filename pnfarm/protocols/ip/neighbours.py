@@ -1,0 +1,50 @@
+"""Which MAC address an IPv4 neighbour has: a bounded table whose entries age."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
+__all__ = ["CAPACITY", "LIFETIME_NS", "NeighbourTable"]
+
+#: Neighbours remembered; the one not heard of for longest makes room.
+CAPACITY = 256
+#: How long an entry is good without a sign of the neighbour.
+LIFETIME_NS = 60 * 10**9
+
+
+class NeighbourTable:
+    """IPv4 address to MAC address. Time is in nanoseconds and only moves forward."""
+
+    __slots__ = ("_entries",)
+
+    def __init__(self) -> None:
+        self._entries: dict[IPv4Address, tuple[bytes, int]] = {}  # in the order in which they were heard of
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def learn(self, ip: IPv4Address, mac: bytes, now: int) -> None:
+        """Remember a neighbour, or that it was heard of again."""
+        self._entries.pop(ip, None)
+        if len(self._entries) >= CAPACITY:
+            del self._entries[next(iter(self._entries))]
+        self._entries[ip] = (mac, now)
+
+    def refresh(self, ip: IPv4Address, mac: bytes, now: int) -> None:
+        """Take over a neighbour's new MAC address if the neighbour is known (an announcement to everybody)."""
+        if ip in self._entries:
+            self.learn(ip, mac, now)
+
+    def lookup(self, ip: IPv4Address, now: int) -> bytes | None:
+        """The MAC address, or None when it is unknown or too old."""
+        entry = self._entries.get(ip)
+        if entry is None or now - entry[1] > LIFETIME_NS:
+            return None
+        return entry[0]
+
+    def clear(self) -> None:
+        """Forget everybody."""
+        self._entries.clear()

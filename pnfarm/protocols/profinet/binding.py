@@ -1,0 +1,178 @@
+"""Between PROFINET and the drive: the model as a device description, telegrams as words of a frame, parameter records.
+
+The only file of this protocol that knows what a drive is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.description import (
+    SEND_CLOCK_NS,
+    DeviceDescription,
+    Im0Description,
+    Limits,
+    ModuleDescription,
+    SubmoduleDescription,
+)
+from pnfarm.protocols.profinet.errors import AccessError, RecordError
+from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
+
+if TYPE_CHECKING:
+    from collections.abc import Container, Sequence
+
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.telegram import Module
+    from pnfarm.protocols.profinet.ar import Ar, ExpectedKey, IocrLayout
+
+__all__ = ["ChannelLayout", "DriveRecords", "channel_layout", "describe_device", "serial_number"]
+
+
+def serial_number(mac: bytes) -> str:
+    """16 characters at most, unique like the MAC address that it is made of."""
+    return f"PNF{mac.hex().upper()}"
+
+
+def _module(module: Module) -> ModuleDescription:
+    return ModuleDescription(
+        slot=module.slot,
+        module_ident=module.ident,
+        submodules=tuple(
+            SubmoduleDescription(
+                slot=s.slot,
+                subslot=s.subslot,
+                api=s.api,
+                module_ident=module.ident,
+                submodule_ident=s.ident,
+                input_bytes=s.input_bytes,
+                output_bytes=s.output_bytes,
+            )
+            for s in module.submodules
+        ),
+    )
+
+
+def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | None = None) -> DeviceDescription:
+    """What this drive answers to a controller; ``telegram`` is plugged first, the model's default otherwise."""
+    first = model.default_telegram if telegram is None else telegram
+    order = sorted(model.telegrams, key=lambda number: number != first)
+    identity = model.identity
+    prefix, version = identity.software_prefix, identity.software_version
+    return DeviceDescription(
+        vendor_id=identity.vendor_id,
+        device_id=identity.device_id,
+        station_type=identity.station_type,
+        dap=_module(model.dap),
+        modules=tuple(_module(model.telegrams[number].module) for number in order),
+        min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 8,
+        im0=Im0Description(
+            order_id=identity.order_id,
+            serial_number=serial_number(mac),
+            hardware_revision=identity.hardware_revision,
+            software_revision=(prefix, *version),
+            profile_id=identity.profile_id,
+            profile_specific_type=identity.profile_specific_type,
+        ),
+        limits=Limits(
+            strict=strict,
+            min_cycle_ns=model.limits.min_cycle_ns if strict else 0,
+            max_ars=model.limits.io_controllers,
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelLayout:
+    """One frame in the engine's words; offsets count from the first octet of IO data.
+
+    ``words``: (code, offset); ``iops``: provider status of submodules with telegram words; ``constants``: (offset, octet)
+    of all other status octets.
+    """
+
+    words: tuple[tuple[int, int], ...]
+    iops: tuple[int, ...]
+    constants: tuple[tuple[int, int], ...]
+
+
+def channel_layout(layout: IocrLayout, words: Sequence[int], unusable: Container[ExpectedKey]) -> ChannelLayout:
+    """Lay the telegram's ``words`` into the frame of ``layout``, in the order of its submodules with data.
+
+    A submodule that the device does not have (``unusable``) carries no word and BAD status.
+    """
+    placed: list[tuple[int, int]] = []
+    iops: list[int] = []
+    constants: list[tuple[int, int]] = []
+    waiting = list(words)
+    for place in sorted(layout.data, key=lambda d: (d.slot, d.subslot)):
+        key = (place.api, place.slot, place.subslot)
+        if key in unusable:
+            constants.append((place.iops_offset, IOXS_BAD))
+            continue
+        if not place.data_length:
+            constants.append((place.iops_offset, IOXS_GOOD))
+            continue
+        iops.append(place.iops_offset)
+        for offset in range(place.data_offset, place.data_offset + place.data_length - 1, 2):
+            if not waiting:
+                break
+            placed.append((waiting.pop(0), offset))
+    for status in layout.iocs:
+        good = (status.api, status.slot, status.subslot) not in unusable
+        constants.append((status.iocs_offset, IOXS_GOOD if good else IOXS_BAD))
+    return ChannelLayout(tuple(placed), tuple(iops), tuple(constants))
+
+
+class DriveRecords:
+    """The drive's own records (a ``RecordHandler``): base mode parameter access, and nothing else.
+
+    They stand at the parameter access point, which is any submodule of the drive's slot in the profile's API; index
+    47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``error`` (a fault kind sets it) refuses every access.
+    """
+
+    def __init__(self, store: ParameterStore, slot: int, api: int) -> None:
+        self.channels = {index: ParameterChannel(store, index) for index in store.model.access.record_indexes}
+        self.error: RecordError | None = None
+        self._slot = slot
+        self._api = api
+
+    def reset(self) -> None:
+        """A connection ended: nobody reads the pending answers any more."""
+        for channel in self.channels.values():
+            channel.reset()
+
+    def _channel(self, api: int, slot: int, index: int) -> ParameterChannel | RecordError:
+        if self.error is not None:
+            return self.error
+        channel = self.channels.get(index)
+        if channel is None:
+            return RecordError(AccessError.INVALID_INDEX)
+        if slot != self._slot or api != self._api:
+            return RecordError(AccessError.INVALID_SLOT_SUBSLOT)
+        return channel
+
+    def read(
+        self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
+    ) -> bytes | RecordError:
+        """The pending response; without one the access is a state conflict."""
+        del ar, subslot, now
+        channel = self._channel(api, slot, index)
+        if isinstance(channel, RecordError):
+            return channel
+        response = channel.read_response(max_length)
+        return RecordError(AccessError.STATE_CONFLICT) if response is None else response
+
+    def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
+        """Take a parameter request; what is wrong inside it is told by its response."""
+        del ar, subslot, now
+        channel = self._channel(api, slot, index)
+        if isinstance(channel, RecordError):
+            return channel
+        try:
+            channel.write_request(data)
+        except DecodeError:
+            return RecordError(AccessError.WRITE_LENGTH_ERROR)
+        return None

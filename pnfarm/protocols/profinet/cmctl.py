@@ -1,0 +1,525 @@
+"""CMCTL: context management of one AR on the initiator's side (IEC 61158-6-10).
+
+One :class:`CmController` brings one AR up, keeps it and takes it down; a new attempt is a new machine with a new AR
+UUID.  It speaks in RPC calls, each ``(opnum, args_maximum, payload)``: :meth:`CmController.calls` gives the next one,
+``call_returned`` or ``call_failed`` end it, and one call is under way at a time.  What the device calls
+(ApplicationReady) comes in by ``receive_call`` and is answered by :meth:`CmController.responses`.
+
+State     waits for                                    and then
+--------  -------------------------------------------  -------------------------------------------------
+IDLE      the owner                                    Connect
+W_CCNF    Connect.cnf                                  checks every block, ``Connected``: cyclic data starts
+W_WCNF    Write.cnf of each parameter record           PrmEnd
+W_PECNF   DControl.cnf (PrmEnd)                        ``Parametrised``
+W_ARDY    CControl.ind (ApplicationReady)              confirms it, ``ArEstablished``
+DATA      records, Release, the end
+W_RLCNF   Release.cnf                                  ``ArReleased``
+CLOSED    nothing
+
+The legacy and the advanced start-up walk through the same states; they differ in ARProperties and in the RT class that
+they allow.  A captured S7-1500 (advanced) sends its outputs from Connect.cnf on, before PrmEnd; here both do.
+
+An ApplicationReady that overtakes the confirmation of PrmEnd is kept and answered after it.  A start-up that breaks
+after the device has accepted the Connect is told to the device: by Release while the answer to Connect is unusable, by
+an RTA error afterwards.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, replace
+from enum import Enum, StrEnum
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+
+from pnfarm.errors import DecodeError, RemoteError
+from pnfarm.protocols.profinet import cmctl_request as request
+from pnfarm.protocols.profinet import cmctl_response as response
+from pnfarm.protocols.profinet.cmctl_calls import Answer, CallQueue, Kind, Pending, read_result, write_results
+from pnfarm.protocols.profinet.cmctl_events import (
+    ApplicationReadyReceived,
+    ArAborted,
+    ArEstablished,
+    ArFailed,
+    ArReleased,
+    CmctlEvent,
+    Connected,
+    ControllerCall,
+    Parametrised,
+    Phase,
+    RecordRead,
+    RecordWriteDone,
+    Timeouts,
+)
+from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
+from pnfarm.protocols.profinet.errors import OK, ConnectFault, PnioStatus, RtaError, describe_status
+from pnfarm.protocols.profinet.rta import emit_rta_error, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.wire.blocks import BlockType
+from pnfarm.protocols.profinet.wire.iod import NIL_UUID
+from pnfarm.protocols.profinet.wire.rpc import Opnum
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Hashable
+
+__all__ = ["CmController", "CmctlState"]
+
+
+class CmctlState(StrEnum):
+    """Named by the confirmation or indication that is waited for, as the states of CMDEV are."""
+
+    IDLE = "IDLE"
+    W_CCNF = "W_CCNF"
+    W_WCNF = "W_WCNF"
+    W_PECNF = "W_PECNF"
+    W_ARDY = "W_ARDY"
+    DATA = "DATA"
+    W_RLCNF = "W_RLCNF"
+    CLOSED = "CLOSED"
+
+
+class _Signal(Enum):
+    CONNECT = "connect.req"
+    CONNECT_CNF = "connect.cnf"
+    RECORDS_WRITTEN = "write.cnf of the last record"
+    PRM_END_CNF = "dcontrol.cnf"
+    READY_IND = "ccontrol.ind"
+    FAULT = "the start-up cannot go on"
+    ABORT = "abort"
+    RELEASE = "release.req"
+    RELEASE_CNF = "release.cnf"
+
+
+_PHASE: dict[CmctlState, Phase] = {
+    CmctlState.W_CCNF: "connect",
+    CmctlState.W_WCNF: "write",
+    CmctlState.W_PECNF: "parameter-end",
+    CmctlState.W_ARDY: "application-ready",
+}
+#: States in which the device has the AR, so that records can be read and written in it.
+_CONNECTED = {CmctlState.W_WCNF, CmctlState.W_PECNF, CmctlState.W_ARDY, CmctlState.DATA}
+
+#: What a row of the table does: machine, state it comes from, detail of the signal, now.
+_Action: TypeAlias = "Callable[[CmController, CmctlState, Any, int], None]"
+
+
+@dataclass(frozen=True, slots=True)
+class _Ready:
+    call: Any
+    said: response.ReadyCall
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Why an AR ends.  ``rta`` is the code that the device is told, None when it needs no telling."""
+
+    reason: str
+    status: PnioStatus | None = None
+    rta: int | None = None
+    by_device: bool = False
+    error_code1: int = ConnectFault.RTA_ERR_CLS_PROTOCOL
+    error_code2: int = RtaError.ABORT_REQUEST
+
+
+class CmController:
+    """One AR, seen from its controller.  Times are integer nanoseconds; see the module for the states.
+
+    ``dropped`` counts what came in and did not fit, by reason.
+    """
+
+    def __init__(self, plan: ArPlan, timeouts: Timeouts | None = None) -> None:
+        """Lay the frames out.  Raises ConfigError when the plan's data cannot be laid out."""
+        self.plan = plan
+        self.timeouts = timeouts if timeouts is not None else Timeouts()
+        self.input_layout, self.output_layout = plan_frames(plan)
+        self.dropped: Counter[str] = Counter()
+        self._state = CmctlState.IDLE
+        self._device_mac: bytes | None = None
+        self._device_alarm_reference = 0
+        self._calls = CallQueue(self.timeouts)
+        self._parameters_open = 0
+        self._held_ready: _Ready | None = None
+        self._ready_deadline: int | None = None
+        self._events: list[CmctlEvent] = []
+        self._responses: list[tuple[Any, PnioStatus, bytes]] = []
+        self._rta: list[tuple[bytes, bytes]] = []
+
+    @property
+    def state(self) -> CmctlState:
+        return self._state
+
+    @property
+    def device_mac(self) -> bytes | None:
+        """Where the device's cyclic frames come from; None before it accepted the Connect."""
+        return self._device_mac
+
+    # What the owner asks for
+
+    def connect(self, now: int) -> None:
+        """Start.  A machine connects once; a further call is counted in ``dropped`` and changes nothing."""
+        self._signal(_Signal.CONNECT, None, now)
+
+    def release(self, now: int) -> None:
+        """Take the AR down in order; ends in ArReleased.  Records that have not been sent end with a reason."""
+        self._signal(_Signal.RELEASE, None, now)
+
+    def abort(
+        self, now: int, error_code2: int = RtaError.ABORT_REQUEST, reason: str = "aborted by the controller"
+    ) -> None:
+        """Break the AR off: the device gets an RTA error of class RTA_ERR_CLS_PROTOCOL with ``error_code2``."""
+        self._signal(_Signal.ABORT, _End(reason, rta=error_code2, error_code2=error_code2), now)
+
+    def watchdog_expired(self, now: int) -> None:
+        """The consumer of the input CR had no valid frame for its data hold time: abort with code 5."""
+        self.abort(now, RtaError.CONSUMER_DHT_EXPIRED, "no input data within the data hold time")
+
+    def read_record(self, tag: Hashable, api: int, slot: int, subslot: int, index: int, length: int) -> None:
+        """Read up to ``length`` octets of a record; ends in ``RecordRead(tag, ...)``."""
+        if self._state not in _CONNECTED:
+            self._events.append(RecordRead(tag, None, reason=f"there is no connection (state {self._state})"))
+            return
+        at = self._calls.address(api, slot, subslot, index)
+        payload = request.read_payload(self.plan.ar_uuid, at, length)
+        self._calls.put(Kind.READ, Opnum.READ, payload, (at,), (tag,), length)
+
+    def read_implicit(self, tag: Hashable, api: int, slot: int, subslot: int, index: int, length: int) -> None:
+        """Read a record outside of the AR (ReadImplicit), in any state; ends in ``RecordRead(tag, ...)``."""
+        at = self._calls.address(api, slot, subslot, index)
+        payload = request.read_payload(NIL_UUID, at, length)
+        self._calls.put(Kind.READ_IMPLICIT, Opnum.READ_IMPLICIT, payload, (at,), (tag,), length)
+
+    def write_record(self, tag: Hashable, api: int, slot: int, subslot: int, index: int, data: bytes) -> None:
+        """Write a record; ends in ``RecordWriteDone(tag, ...)``."""
+        if self._state not in _CONNECTED:
+            self._events.append(RecordWriteDone(tag, None, f"there is no connection (state {self._state})"))
+            return
+        at = self._calls.address(api, slot, subslot, index)
+        self._calls.put(Kind.WRITE, Opnum.WRITE, request.write_payload(self.plan.ar_uuid, at, data), (at,), (tag,))
+
+    # What goes out
+
+    def calls(self, now: int) -> list[ControllerCall]:
+        """The next call to make, once the one before has ended; its timeout runs from here."""
+        return self._calls.next_calls(now)
+
+    def responses(self) -> list[tuple[Any, PnioStatus, bytes]]:
+        """Answers to the device's calls: ``(call, status, payload)``."""
+        out, self._responses = self._responses, []
+        return out
+
+    def rta_to_send(self) -> list[tuple[bytes, bytes]]:
+        """RTA frames: ``(destination MAC, octets after the EtherType)``."""
+        out, self._rta = self._rta, []
+        return out
+
+    def events(self) -> list[CmctlEvent]:
+        """What happened since the last call, in order."""
+        out, self._events = self._events, []
+        return out
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`handle_timeout` wants to be called."""
+        return min((at for at in (self._ready_deadline, self._calls.deadline) if at is not None), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        pending = self._calls.take_expired(now)
+        if pending is not None:
+            reason = f"no answer to {pending.kind.value} within {pending.timeout_ns / 1e9:g} s"
+            self._ended(pending, Answer(None, reason=reason), now)
+        if self._ready_deadline is not None and now >= self._ready_deadline:
+            seconds = self.timeouts.application_ready_ns / 1e9
+            reason = f"no ApplicationReady from the device within {seconds:g} s"
+            self._signal(_Signal.FAULT, _End(reason, rta=RtaError.ABORT_REQUEST), now)
+
+    # What comes in
+
+    def call_returned(self, key: int, status: PnioStatus, payload: bytes, now: int) -> None:
+        """The device answered call ``key``."""
+        self._returned(key, Answer(status, payload), now)
+
+    def call_failed(self, key: int, reason: str, now: int) -> None:
+        """Call ``key`` ended without a PNIOStatus: silence, reject, fault."""
+        self._returned(key, Answer(None, reason=reason), now)
+
+    def receive_call(self, call: Any, opnum: int, payload: bytes, peer: Any, now: int) -> None:
+        """A call of the device to the controller's interface.  ``call`` comes back in :meth:`responses`.
+
+        ``peer`` does not decide anything: the AR UUID and the session key say whose call it is.
+        """
+        del peer
+        try:
+            said = response.check_ready(self.plan, opnum, payload)
+        except response.CallRefusedError as exc:
+            self.dropped[exc.reason] += 1
+            self._responses.append((call, exc.status, b""))
+            return
+        if (self._state, _Signal.READY_IND) not in self._TABLE:
+            self.dropped["ready-out-of-turn"] += 1
+            self._responses.append((call, response.STATE_CONFLICT, b""))
+            return
+        misfits = response.misfits(said.module_diff)
+        if misfits and self.plan.on_module_diff == "fail" and self._state is not CmctlState.DATA:
+            self._responses.append((call, response.STATE_CONFLICT, b""))
+            self._signal(_Signal.FAULT, _End(misfits, rta=RtaError.ABORT_REQUEST), now)
+            return
+        self._signal(_Signal.READY_IND, _Ready(call, said), now)
+
+    def receive_rta(self, payload: bytes, source_mac: bytes, now: int) -> None:
+        """An RTA frame (octets after the EtherType): an RTA error of this AR's device ends the AR."""
+        if source_mac != self._device_mac:
+            self.dropped["rta-of-another-station"] += 1
+            return
+        try:
+            error = parse_rta_error(payload)
+        except DecodeError as exc:
+            self.dropped[f"rta-{exc.reason}"] += 1
+            return
+        if error.destination != self.plan.local_alarm_reference:
+            self.dropped["rta-of-another-ar"] += 1
+            return
+        status = error.status
+        end = _End(
+            f"the device aborts: {describe_status(status)}",
+            status=status,
+            by_device=True,
+            error_code1=status.error_code1,
+            error_code2=status.error_code2,
+        )
+        self._signal(_Signal.ABORT, end, now)
+
+    # Ends of calls
+
+    def _returned(self, key: int, answer: Answer, now: int) -> None:
+        pending = self._calls.take(key)
+        if pending is None:
+            self.dropped["late-answer"] += 1
+            return
+        self._ended(pending, answer, now)
+
+    def _ended(self, pending: Pending, answer: Answer, now: int) -> None:
+        self._ENDED[pending.kind](self, pending, answer, now)
+
+    def _connect_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
+        if not answer.ok:
+            self._signal(_Signal.FAULT, _End(answer.words, answer.status), now)
+            return
+        try:
+            accepted = response.check_connect(self.plan, answer.payload)
+            misfits = response.misfits(accepted.module_diff)
+            if misfits and self.plan.on_module_diff == "fail":
+                raise RemoteError(misfits)
+        except RemoteError as exc:
+            if self._state is CmctlState.W_CCNF:  # elsewhere a Release waits already
+                self._say_farewell()
+            self._signal(_Signal.FAULT, _End(str(exc)), now)
+        else:
+            self._signal(_Signal.CONNECT_CNF, accepted, now)
+
+    def _parameters_ended(self, pending: Pending, answer: Answer, now: int) -> None:
+        results = write_results(pending, answer)
+        self._events += results
+        self._parameters_open -= len(results)
+        failed = next(((at, r) for at, r in zip(pending.wants, results, strict=True) if not r.ok), None)
+        if failed is not None and self.plan.on_record_error == "fail":
+            at, result = failed
+            words = result.reason if result.status is None else describe_status(result.status)
+            reason = f"slot {at.slot} subslot 0x{at.subslot:04X} index 0x{at.index:04X}: {words}"
+            self._signal(_Signal.FAULT, _End(reason, result.status, RtaError.RPC_WRITE_ERROR), now)
+        elif self._parameters_open == 0:
+            self._signal(_Signal.RECORDS_WRITTEN, None, now)
+
+    def _parameter_end_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
+        end = _End(answer.words, answer.status, RtaError.RPC_CONTROL_ERROR)
+        if answer.ok:
+            try:
+                response.check_control(self.plan, answer.payload, BlockType.PRM_END_RES, "PrmEnd")
+            except RemoteError as exc:
+                end = replace(end, status=None, reason=str(exc))
+            else:
+                self._signal(_Signal.PRM_END_CNF, None, now)
+                return
+        self._signal(_Signal.FAULT, end, now)
+
+    def _release_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
+        reason = "" if answer.ok else answer.words
+        if answer.ok:
+            try:
+                response.check_control(self.plan, answer.payload, BlockType.RELEASE_RES, "Release")
+            except RemoteError as exc:
+                reason = str(exc)
+        # a Release that is not confirmed is followed by what the device cannot overhear
+        self._signal(_Signal.RELEASE_CNF, _End(reason, rta=RtaError.ABORT_REQUEST if reason else None), now)
+
+    def _farewell_ended(self, _pending: Pending, answer: Answer, _now: int) -> None:
+        if not answer.ok:
+            self.dropped["farewell-unconfirmed"] += 1
+
+    def _read_ended(self, pending: Pending, answer: Answer, _now: int) -> None:
+        self._events.append(read_result(pending, answer))
+
+    def _write_ended(self, pending: Pending, answer: Answer, _now: int) -> None:
+        self._events += write_results(pending, answer)
+
+    _ENDED: ClassVar[dict[Kind, Callable[[CmController, Pending, Answer, int], None]]] = {
+        Kind.CONNECT: _connect_ended,
+        Kind.PARAMETERS: _parameters_ended,
+        Kind.PARAMETER_END: _parameter_end_ended,
+        Kind.RELEASE: _release_ended,
+        Kind.FAREWELL: _farewell_ended,
+        Kind.READ: _read_ended,
+        Kind.WRITE: _write_ended,
+        Kind.READ_IMPLICIT: _read_ended,
+    }
+
+    # The state machine
+
+    def _signal(self, signal: _Signal, detail: Any, now: int) -> None:
+        row = self._TABLE.get((self._state, signal))
+        if row is None:
+            self.dropped[f"{signal.name}-in-{self._state}".lower().replace("_", "-")] += 1
+            return
+        state, action = row
+        before = self._state
+        self._enter(state)
+        action(self, before, detail, now)
+
+    def _enter(self, state: CmctlState) -> None:
+        self._state = state
+        if state is not CmctlState.W_ARDY:
+            self._ready_deadline = None
+
+    def _send_connect(self, _before: CmctlState, _detail: None, _now: int) -> None:
+        payload = request.connect_payload(self.plan, self.input_layout, self.output_layout)
+        self._calls.put(Kind.CONNECT, Opnum.CONNECT, payload)
+
+    def _connected(self, _before: CmctlState, accepted: response.ConnectAnswer, now: int) -> None:
+        self.input_layout = replace(self.input_layout, frame_id=accepted.input_frame_id)
+        self.output_layout = replace(self.output_layout, frame_id=accepted.output_frame_id)
+        self._device_mac = accepted.device_mac
+        self._device_alarm_reference = accepted.alarm_reference
+        self._events.append(
+            Connected(
+                self.input_layout,
+                self.output_layout,
+                accepted.device_mac,
+                accepted.alarm_reference,
+                accepted.max_alarm_data_length,
+                accepted.module_diff,
+            )
+        )
+        self._parameters_open = len(self.plan.records)
+        self._send_parameters()
+        if not self.plan.records:
+            self._signal(_Signal.RECORDS_WRITTEN, None, now)
+
+    def _send_parameters(self) -> None:
+        records = self.plan.records
+        size = self.plan.multiple_write_octets if self.plan.multiple_write else 0
+        for group in request.groups_of_records(records, size):
+            outer = self._calls.sequence_number() if self.plan.multiple_write else 0
+            wants = tuple(self._calls.address(r.api, r.slot, r.subslot, r.index) for r in group)
+            writes = [(at, record.data) for at, record in zip(wants, group, strict=True)]
+            if self.plan.multiple_write:
+                payload = request.multiple_write_payload(self.plan.ar_uuid, outer, writes)
+            else:
+                payload = request.write_payload(self.plan.ar_uuid, *writes[0])
+            self._calls.put(Kind.PARAMETERS, Opnum.WRITE, payload, wants, group)
+
+    def _send_parameter_end(self, _before: CmctlState, _detail: None, _now: int) -> None:
+        self._calls.put(Kind.PARAMETER_END, Opnum.CONTROL, request.parameter_end_payload(self.plan))
+
+    def _parametrised(self, _before: CmctlState, _detail: None, now: int) -> None:
+        self._ready_deadline = now + self.timeouts.application_ready_ns
+        self._events.append(Parametrised())
+        if self._held_ready is not None:
+            held, self._held_ready = self._held_ready, None
+            self._signal(_Signal.READY_IND, held, now)
+
+    def _hold_ready(self, _before: CmctlState, ready: _Ready, _now: int) -> None:
+        if self._held_ready is not None:
+            self.dropped["ready-twice"] += 1
+            self._responses.append((self._held_ready.call, response.STATE_CONFLICT, b""))
+        self._held_ready = ready
+
+    def _established(self, _before: CmctlState, ready: _Ready, now: int) -> None:
+        self._ready_again(_before, ready, now)
+        self._events.append(ArEstablished())
+
+    def _ready_again(self, _before: CmctlState, ready: _Ready, _now: int) -> None:
+        self._events.append(ApplicationReadyReceived(ready.said.module_diff, ready.said.after_plug))
+        self._responses.append((ready.call, OK, ready.said.answer))
+
+    def _send_release(self, _before: CmctlState, _detail: None, _now: int) -> None:
+        self._clear("the connection is being released")
+        self._calls.put(Kind.RELEASE, Opnum.RELEASE, request.release_payload(self.plan))
+
+    def _say_farewell(self) -> None:
+        self._calls.put(Kind.FAREWELL, Opnum.RELEASE, request.release_payload(self.plan))
+
+    def _never_connected(self, _before: CmctlState, _detail: object, _now: int) -> None:
+        self._events.append(ArReleased("there was no connection"))
+
+    def _released(self, _before: CmctlState, end: _End, _now: int) -> None:
+        self._tell_device(end)
+        confirmed = end.by_device and end.error_code2 == RtaError.RELEASE_RECEIVED
+        self._events.append(ArReleased("" if confirmed else end.reason))
+
+    def _failed(self, before: CmctlState, end: _End, _now: int) -> None:
+        self._clear("the connection failed")
+        self._tell_device(end)
+        self._events.append(ArFailed(_PHASE[before], end.status, end.reason))
+
+    def _connect_given_up(self, before: CmctlState, end: _End, now: int) -> None:
+        self._failed(before, end, now)
+        if self._calls.is_under_way(Kind.CONNECT):  # the device may accept it all the same
+            self._say_farewell()
+
+    def _aborted(self, _before: CmctlState, end: _End, _now: int) -> None:
+        self._clear("the connection was aborted")
+        self._tell_device(end)
+        self._events.append(ArAborted(end.by_device, end.error_code1, end.error_code2, end.reason))
+
+    def _clear(self, reason: str) -> None:
+        """Forget what belongs to the AR: calls that have not gone out, a call of the device that was kept."""
+        self._events += self._calls.drop_waiting(reason)
+        if self._held_ready is not None:
+            self._responses.append((self._held_ready.call, response.STATE_CONFLICT, b""))
+            self._held_ready = None
+
+    def _tell_device(self, end: _End) -> None:
+        if end.rta is not None and self._device_mac is not None:
+            pdu = rta_error(self._device_alarm_reference, self.plan.local_alarm_reference, end.rta)
+            self._rta.append((self._device_mac, emit_rta_error(pdu)))
+
+    # IEC 61158-6-10 names the services; a pair that does not stand here is counted in ``dropped`` and changes nothing.
+    _TABLE: ClassVar[dict[tuple[CmctlState, _Signal], tuple[CmctlState, _Action]]] = {
+        (CmctlState.IDLE, _Signal.CONNECT): (CmctlState.W_CCNF, _send_connect),
+        (CmctlState.IDLE, _Signal.RELEASE): (CmctlState.CLOSED, _never_connected),
+        (CmctlState.IDLE, _Signal.ABORT): (CmctlState.CLOSED, _never_connected),
+        # connecting
+        (CmctlState.W_CCNF, _Signal.CONNECT_CNF): (CmctlState.W_WCNF, _connected),
+        (CmctlState.W_CCNF, _Signal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_CCNF, _Signal.ABORT): (CmctlState.CLOSED, _connect_given_up),
+        (CmctlState.W_CCNF, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        # writing the parameter records
+        (CmctlState.W_WCNF, _Signal.RECORDS_WRITTEN): (CmctlState.W_PECNF, _send_parameter_end),
+        (CmctlState.W_WCNF, _Signal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_WCNF, _Signal.ABORT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_WCNF, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        # ending the parametrisation
+        (CmctlState.W_PECNF, _Signal.READY_IND): (CmctlState.W_PECNF, _hold_ready),
+        (CmctlState.W_PECNF, _Signal.PRM_END_CNF): (CmctlState.W_ARDY, _parametrised),
+        (CmctlState.W_PECNF, _Signal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_PECNF, _Signal.ABORT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_PECNF, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        # waiting for the application of the device
+        (CmctlState.W_ARDY, _Signal.READY_IND): (CmctlState.DATA, _established),
+        (CmctlState.W_ARDY, _Signal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_ARDY, _Signal.ABORT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_ARDY, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        # exchanging data
+        (CmctlState.DATA, _Signal.READY_IND): (CmctlState.DATA, _ready_again),
+        (CmctlState.DATA, _Signal.ABORT): (CmctlState.CLOSED, _aborted),
+        (CmctlState.DATA, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        # releasing
+        (CmctlState.W_RLCNF, _Signal.RELEASE_CNF): (CmctlState.CLOSED, _released),
+        (CmctlState.W_RLCNF, _Signal.ABORT): (CmctlState.CLOSED, _released),
+    }

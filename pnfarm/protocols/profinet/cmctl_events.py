@@ -1,0 +1,161 @@
+"""What a controller's AR tells its owner, and the calls that it asks for.
+
+Every end of an AR is one of three events: :class:`ArFailed` before it was established, :class:`ArAborted` after,
+:class:`ArReleased` when the owner asked for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
+    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.cmctl_response import ModuleDeviation
+    from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+
+__all__ = [
+    "ApplicationReadyReceived",
+    "ArAborted",
+    "ArEstablished",
+    "ArFailed",
+    "ArReleased",
+    "CmctlEvent",
+    "Connected",
+    "ControllerCall",
+    "Parametrised",
+    "Phase",
+    "RecordRead",
+    "RecordWriteDone",
+    "Timeouts",
+]
+
+#: Where a start-up stood when it failed.
+Phase = Literal["connect", "write", "parameter-end", "application-ready"]
+
+
+@dataclass(frozen=True, slots=True)
+class Timeouts:
+    """How long each phase may take, nanoseconds.
+
+    The call's own retries live in the RPC client; these bound what it may need altogether.  ``application_ready`` has
+    the default that a GSDML gives a device (RemoteApplicationTimeout, 300 s).
+    """
+
+    connect_ns: int = 10_000_000_000
+    write_ns: int = 10_000_000_000
+    parameter_end_ns: int = 10_000_000_000
+    application_ready_ns: int = 300_000_000_000
+    release_ns: int = 5_000_000_000
+    record_ns: int = 10_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerCall:
+    """One RPC call to the device's interface; its end comes back through ``call_returned`` or ``call_failed``."""
+
+    key: int
+    opnum: int
+    args_maximum: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """The device accepted the Connect: both cyclic channels start now, with the frame ids as the device answered."""
+
+    input_layout: IocrLayout
+    output_layout: IocrLayout
+    device_mac: bytes
+    device_alarm_reference: int
+    device_max_alarm_data_length: int
+    module_diff: tuple[ModuleDeviation, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Parametrised:
+    """The device confirmed PrmEnd; ApplicationReady is awaited."""
+
+
+@dataclass(frozen=True, slots=True)
+class ApplicationReadyReceived:
+    """The device is ready, or ready again after a plug (``after_plug``)."""
+
+    module_diff: tuple[ModuleDeviation, ...]
+    after_plug: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ArEstablished:
+    """ApplicationReady was answered: outputs are valid from now on."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArFailed:
+    """The AR did not come up.  ``status`` is the device's, when it was the device that refused."""
+
+    phase: Phase
+    status: PnioStatus | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArAborted:
+    """An established AR ended.
+
+    The two codes are those of the RTA error that was sent or received; ``error_code1`` is RTA_ERR_CLS_PROTOCOL unless
+    the device says otherwise, ``error_code2`` then one of ``errors.RtaError``.
+    """
+
+    by_device: bool
+    error_code1: int
+    error_code2: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArReleased:
+    """The owner's release is through; ``reason`` is empty when the device confirmed it."""
+
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordRead:
+    """The end of a read: ``data``, or the device's ``status``, or a ``reason`` why there is neither."""
+
+    tag: Hashable
+    data: bytes | None
+    status: PnioStatus | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordWriteDone:
+    """The end of a write.  ``tag`` of a parameter record is the plan's ParameterRecord itself.
+
+    ``status`` is the device's, None when no usable answer came; then ``reason`` says why.
+    """
+
+    tag: Hashable
+    status: PnioStatus | None
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        return self.status is not None and self.status.ok
+
+
+CmctlEvent = (
+    Connected
+    | Parametrised
+    | ApplicationReadyReceived
+    | ArEstablished
+    | ArFailed
+    | ArAborted
+    | ArReleased
+    | RecordRead
+    | RecordWriteDone
+)

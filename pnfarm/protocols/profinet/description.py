@@ -1,0 +1,207 @@
+"""What a device is, as data: identity, modules, limits; and which modules stand in its slots now.
+
+:class:`DeviceDescription` is made once from a drive model and never changes.  :class:`Plugged` is the one
+moving part: a slot for which the description knows several modules (a drive with a module per telegram)
+takes the one that the controller expects, unless it was pulled or replaced on purpose.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = [
+    "SEND_CLOCK_NS",
+    "DeviceDescription",
+    "Im0Description",
+    "Limits",
+    "ModuleDescription",
+    "Plugged",
+    "SubmoduleDescription",
+]
+
+#: One step of SendClockFactor and of MinDeviceInterval: 31.25 us.
+SEND_CLOCK_NS = 31_250
+
+
+@dataclass(frozen=True, slots=True)
+class SubmoduleDescription:
+    """A submodule in its place; ``input_bytes`` go to the controller, ``output_bytes`` come from it."""
+
+    slot: int
+    subslot: int
+    api: int
+    module_ident: int
+    submodule_ident: int
+    input_bytes: int = 0
+    output_bytes: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleDescription:
+    """A module that one slot can take."""
+
+    slot: int
+    module_ident: int
+    submodules: tuple[SubmoduleDescription, ...]
+
+    def submodule(self, subslot: int) -> SubmoduleDescription | None:
+        return next((s for s in self.submodules if s.subslot == subslot), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Im0Description:
+    """I&M0.  ``software_revision`` is a prefix letter ('V') and three numbers; the texts may be shorter than
+    their fields (20 and 16 octets)."""
+
+    order_id: str
+    serial_number: str
+    hardware_revision: int = 1
+    software_revision: tuple[str, int, int, int] = ("V", 1, 0, 0)
+    revision_counter: int = 0
+    profile_id: int = 0
+    profile_specific_type: int = 0
+    #: IM_Supported: bit 1 for I&M1 ... bit 4 for I&M4; I&M0 is always there.
+    im_supported: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the device refuses at Connect.
+
+    ``min_cycle_ns``: shortest send cycle of a CR; 0 leaves it to ``min_device_interval``.  With ``strict`` False
+    neither is enforced.  ``max_ars`` counts IO controllers, ``max_device_access_ars`` the acyclic ones beside them.
+    """
+
+    strict: bool = True
+    min_cycle_ns: int = 0
+    max_ars: int = 1
+    max_device_access_ars: int = 1
+    max_iocrs: int = 2
+    max_alarm_data_length: int = 200
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceDescription:
+    """One device.
+
+    ``min_device_interval`` counts 31.25 us.  ``modules`` lists, for each slot but the DAP's, every module that it
+    can take; the first one of a slot is in it at power-on.  ``send_clocks`` are the SendClockFactors accepted.
+    """
+
+    vendor_id: int
+    device_id: int
+    station_type: str
+    dap: ModuleDescription
+    im0: Im0Description
+    modules: tuple[ModuleDescription, ...] = ()
+    instance: int = 1
+    min_device_interval: int = 32
+    send_clocks: tuple[int, ...] = (8, 16, 32, 64, 128)
+    limits: Limits = Limits()
+
+    @property
+    def min_cycle_ns(self) -> int:
+        """Shortest cycle that a CR may ask for; 0 when the limits are lax."""
+        if not self.limits.strict:
+            return 0
+        return max(self.limits.min_cycle_ns, self.min_device_interval * SEND_CLOCK_NS)
+
+    def module(self, slot: int, module_ident: int) -> ModuleDescription | None:
+        """The module of that ident which ``slot`` can take."""
+        if slot == self.dap.slot:
+            return self.dap if module_ident == self.dap.module_ident else None
+        return next((m for m in self.modules if m.slot == slot and m.module_ident == module_ident), None)
+
+    def default_module(self, slot: int) -> ModuleDescription | None:
+        """The module in ``slot`` at power-on."""
+        if slot == self.dap.slot:
+            return self.dap
+        return next((m for m in self.modules if m.slot == slot), None)
+
+    @property
+    def slots(self) -> tuple[int, ...]:
+        """Slots that exist, the DAP's first."""
+        return (self.dap.slot, *dict.fromkeys(m.slot for m in self.modules))
+
+
+class Plugged:
+    """The modules in the slots: a mapping ``(slot, subslot) -> SubmoduleDescription`` with hands.
+
+    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`force` and :meth:`restore` are for the one who
+    disturbs the device.
+    """
+
+    __slots__ = ("_description", "_fixed", "_modules")
+
+    def __init__(self, description: DeviceDescription) -> None:
+        self._description = description
+        self._modules: dict[int, ModuleDescription] = {}
+        self._fixed: set[int] = set()
+        for slot in description.slots:
+            self.restore(slot)
+
+    def follow(self, slot: int, module_ident: int) -> None:
+        """Take the expected module when the slot can have it and nobody holds the slot."""
+        if slot in self._fixed:
+            return
+        module = self._description.module(slot, module_ident)
+        if module is not None:
+            self._modules[slot] = module
+
+    def pull(self, slot: int) -> None:
+        """Leave ``slot`` empty, whatever a controller expects, until :meth:`restore`."""
+        self._fixed.add(slot)
+        self._modules.pop(slot, None)
+
+    def force(self, module: ModuleDescription) -> None:
+        """Put ``module`` into its slot, whatever a controller expects, until :meth:`restore`."""
+        self._fixed.add(module.slot)
+        self._modules[module.slot] = module
+
+    def restore(self, slot: int) -> None:
+        """Back to the module of power-on, free to follow again."""
+        self._fixed.discard(slot)
+        module = self._description.default_module(slot)
+        if module is None:
+            self._modules.pop(slot, None)
+        else:
+            self._modules[slot] = module
+
+    def module(self, slot: int) -> ModuleDescription | None:
+        return self._modules.get(slot)
+
+    def modules(self) -> tuple[ModuleDescription, ...]:
+        """In the order of their slots."""
+        return tuple(self._modules[slot] for slot in sorted(self._modules))
+
+    def apis(self) -> tuple[int, ...]:
+        """Every API that some submodule belongs to, ascending."""
+        return tuple(sorted({s.api for m in self._modules.values() for s in m.submodules}))
+
+    def submodule(self, api: int, slot: int, subslot: int) -> SubmoduleDescription | None:
+        """The submodule there, if it belongs to ``api``."""
+        found = self.get((slot, subslot))
+        return found if found is not None and found.api == api else None
+
+    def get(self, key: tuple[int, int]) -> SubmoduleDescription | None:
+        module = self._modules.get(key[0])
+        return module.submodule(key[1]) if module else None
+
+    def __getitem__(self, key: tuple[int, int]) -> SubmoduleDescription:
+        found = self.get(key)
+        if found is None:
+            raise KeyError(key)
+        return found
+
+    def __contains__(self, key: tuple[int, int]) -> bool:
+        return self.get(key) is not None
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return iter([(s.slot, s.subslot) for m in self.modules() for s in m.submodules])
+
+    def __len__(self) -> int:
+        return sum(len(m.submodules) for m in self._modules.values())

@@ -1,0 +1,117 @@
+"""What the device's AR machine reports: frozen values, named in the past tense."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+    from uuid import UUID
+
+    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+
+__all__ = [
+    "ApplicationReadyConfirmed",
+    "ArAborted",
+    "ArConnected",
+    "ArEstablished",
+    "ArReleased",
+    "CmEvent",
+    "ConnectRefused",
+    "PrmEndReceived",
+    "RecordWritten",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class ArConnected:
+    """Connect was answered positively: the cyclic channels start now, in both start-up modes.
+
+    ``unusable`` are the expected submodules that the device does not have so (:data:`ExpectedKey`): their IOPS
+    and IOCS stay BAD.  ``iocrs`` is empty for an acyclic AR (``device_access``).
+    """
+
+    ar_key: int
+    uuid: UUID
+    initiator_name: str
+    initiator_ip: IPv4Address
+    initiator_mac: bytes
+    iocrs: tuple[IocrLayout, ...]
+    unusable: frozenset[ExpectedKey]
+    advanced_startup: bool
+    device_access: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectRefused:
+    """``detail`` says in words what ``status`` says in numbers."""
+
+    initiator_ip: IPv4Address
+    status: PnioStatus
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class PrmEndReceived:
+    """The parameters are complete; the application may now say that it is ready."""
+
+    ar_key: int
+
+
+@dataclass(frozen=True, slots=True)
+class ApplicationReadyConfirmed:
+    ar_key: int
+
+
+@dataclass(frozen=True, slots=True)
+class ArEstablished:
+    """CMDEV is in DATA."""
+
+    ar_key: int
+
+
+@dataclass(frozen=True, slots=True)
+class ArAborted:
+    """The AR is over without a release.  ``by_peer``: the controller's ERR-RTA ended it.
+
+    The numbers are ErrorCode1 and ErrorCode2; ``reason`` says them in words.
+    """
+
+    ar_key: int
+    error_code1: int
+    error_code2: int
+    reason: str
+    by_peer: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ArReleased:
+    """The controller released the AR."""
+
+    ar_key: int
+
+
+@dataclass(frozen=True, slots=True)
+class RecordWritten:
+    """A record was written and accepted."""
+
+    ar_key: int
+    api: int
+    slot: int
+    subslot: int
+    index: int
+    data: bytes
+
+
+CmEvent = (
+    ArConnected
+    | ConnectRefused
+    | PrmEndReceived
+    | ApplicationReadyConfirmed
+    | ArEstablished
+    | ArAborted
+    | ArReleased
+    | RecordWritten
+)

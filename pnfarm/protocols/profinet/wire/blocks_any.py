@@ -1,0 +1,125 @@
+"""Any block: from its type to its codec.  What has no codec stays a :class:`RawBlock`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.protocols.profinet.wire import blocks_connect as connect
+from pnfarm.protocols.profinet.wire import blocks_control as control
+from pnfarm.protocols.profinet.wire import blocks_expected as expected
+from pnfarm.protocols.profinet.wire import iocr, records
+from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+__all__ = ["Block", "emit_block", "emit_blocks", "parse_block", "parse_blocks"]
+
+Block = (
+    connect.ArBlockReq
+    | connect.ArBlockRes
+    | connect.AlarmCrBlockReq
+    | connect.AlarmCrBlockRes
+    | connect.PrmServerBlockReq
+    | connect.PrmServerBlockRes
+    | connect.McrBlockReq
+    | connect.ArRpcBlockReq
+    | connect.ArRpcBlockRes
+    | connect.ArServerBlock
+    | connect.ArVendorBlockReq
+    | connect.ArVendorBlockRes
+    | iocr.IocrBlockReq
+    | iocr.IocrBlockRes
+    | expected.ExpectedSubmoduleBlockReq
+    | expected.ModuleDiffBlock
+    | control.ControlBlock
+    | records.Im0
+    | records.ImText
+    | records.IdentificationData
+    | records.ApiData
+    | records.ArData
+    | records.RecordInputData
+    | records.RecordOutputData
+    | RawBlock
+)
+
+_PARSERS: dict[int, Callable[[RawBlock], Block]] = {
+    BlockType.AR_REQ: connect.parse_ar_block_req,
+    BlockType.AR_RES: connect.parse_ar_block_res,
+    BlockType.ALARM_CR_REQ: connect.parse_alarm_cr_block_req,
+    BlockType.ALARM_CR_RES: connect.parse_alarm_cr_block_res,
+    BlockType.PRM_SERVER_REQ: connect.parse_prm_server_block_req,
+    BlockType.PRM_SERVER_RES: connect.parse_prm_server_block_res,
+    BlockType.MCR_REQ: connect.parse_mcr_block_req,
+    BlockType.AR_RPC_REQ: connect.parse_ar_rpc_block_req,
+    BlockType.AR_RPC_RES: connect.parse_ar_rpc_block_res,
+    BlockType.AR_SERVER_RES: connect.parse_ar_server_block,
+    BlockType.AR_VENDOR_REQ: connect.parse_ar_vendor_block_req,
+    BlockType.AR_VENDOR_RES: connect.parse_ar_vendor_block_res,
+    BlockType.IOCR_REQ: iocr.parse_iocr_block_req,
+    BlockType.IOCR_RES: iocr.parse_iocr_block_res,
+    BlockType.EXPECTED_SUBMODULE_REQ: expected.parse_expected_submodule_block_req,
+    BlockType.MODULE_DIFF: expected.parse_module_diff_block,
+    **dict.fromkeys(control.CONTROL_BLOCK_TYPES, control.parse_control_block),
+    BlockType.IM0: records.parse_im0,
+    **dict.fromkeys(records.IM_TEXT_SIZES, records.parse_im_text),
+    BlockType.EXPECTED_IDENTIFICATION_DATA: records.parse_identification_data,
+    BlockType.REAL_IDENTIFICATION_DATA: records.parse_identification_data,
+    BlockType.IM0_FILTER_DATA_SUBMODULE: records.parse_identification_data,
+    BlockType.IM0_FILTER_DATA_MODULE: records.parse_identification_data,
+    BlockType.IM0_FILTER_DATA_DEVICE: records.parse_identification_data,
+    BlockType.API_DATA: records.parse_api_data,
+    BlockType.AR_DATA: records.parse_ar_data,
+    BlockType.RECORD_INPUT_DATA_OBJECT: records.parse_record_input_data,
+    BlockType.RECORD_OUTPUT_DATA_OBJECT: records.parse_record_output_data,
+}
+
+_EMITTERS: dict[type, Callable[[Any], bytes]] = {
+    connect.ArBlockReq: connect.emit_ar_block_req,
+    connect.ArBlockRes: connect.emit_ar_block_res,
+    connect.AlarmCrBlockReq: connect.emit_alarm_cr_block_req,
+    connect.AlarmCrBlockRes: connect.emit_alarm_cr_block_res,
+    connect.PrmServerBlockReq: connect.emit_prm_server_block_req,
+    connect.PrmServerBlockRes: connect.emit_prm_server_block_res,
+    connect.McrBlockReq: connect.emit_mcr_block_req,
+    connect.ArRpcBlockReq: connect.emit_ar_rpc_block_req,
+    connect.ArRpcBlockRes: connect.emit_ar_rpc_block_res,
+    connect.ArServerBlock: connect.emit_ar_server_block,
+    connect.ArVendorBlockReq: connect.emit_ar_vendor_block_req,
+    connect.ArVendorBlockRes: connect.emit_ar_vendor_block_res,
+    iocr.IocrBlockReq: iocr.emit_iocr_block_req,
+    iocr.IocrBlockRes: iocr.emit_iocr_block_res,
+    expected.ExpectedSubmoduleBlockReq: expected.emit_expected_submodule_block_req,
+    expected.ModuleDiffBlock: expected.emit_module_diff_block,
+    control.ControlBlock: control.emit_control_block,
+    records.Im0: records.emit_im0,
+    records.ImText: records.emit_im_text,
+    records.IdentificationData: records.emit_identification_data,
+    records.ApiData: records.emit_api_data,
+    records.ArData: records.emit_ar_data,
+    records.RecordInputData: records.emit_record_input_data,
+    records.RecordOutputData: records.emit_record_output_data,
+    RawBlock: emit_raw_block,
+}
+
+
+def parse_block(block: RawBlock) -> Block:
+    """The typed form of ``block``, or ``block`` itself when its type has no codec.
+
+    Raises :class:`DecodeError` when the type is known and the body does not follow it.
+    """
+    parser = _PARSERS.get(block.block_type)
+    return parser(block) if parser else block
+
+
+def emit_block(block: Block) -> bytes:
+    return _EMITTERS[type(block)](block)
+
+
+def parse_blocks(data: bytes) -> tuple[Block, ...]:
+    """Every block of a Connect, Control or Release payload, or of a record."""
+    return tuple(parse_block(raw) for raw in split_blocks(data))
+
+
+def emit_blocks(blocks: Iterable[Block]) -> bytes:
+    return b"".join(emit_block(block) for block in blocks)

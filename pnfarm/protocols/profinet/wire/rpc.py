@@ -1,0 +1,531 @@
+"""Connectionless DCE/RPC as PROFINET's context management uses it: header, NDR arguments, status bodies.
+
+Sources: C706 (DCE 1.1: Remote Procedure Call) chapter 12 for the PDUs and appendix E for the status codes;
+IEC 61158-6-10 clause 4.10 (RPC substitutions, NDR data) for what PROFINET puts into them.
+
+Integers and UUIDs follow the *data representation* octets of the header (``drep``): big-endian when the upper
+nibble of the first octet is 0, little-endian when it is 1.  The blocks inside of the NDR arguments are
+big-endian always and stay opaque here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+from typing import Final
+from uuid import UUID
+
+from pnfarm.errors import DecodeError
+from pnfarm.wire.octets import Reader, Writer
+
+__all__ = [
+    "BODY_MAX",
+    "DREP_BIG",
+    "DREP_LITTLE",
+    "FRAGMENT_NONE",
+    "HEADER_LENGTH",
+    "NIL_UUID",
+    "OK",
+    "RPC_PORT",
+    "UUID_EPM",
+    "UUID_PNIO_CONTROLLER",
+    "UUID_PNIO_DEVICE",
+    "UUID_PNIO_PARAMETER_SERVER",
+    "UUID_PNIO_SUPERVISOR",
+    "FackBody",
+    "Flags1",
+    "Flags2",
+    "NcaStatus",
+    "Opnum",
+    "PacketType",
+    "PnioStatus",
+    "RequestArgs",
+    "ResponseArgs",
+    "RpcPdu",
+    "args_length_invalid",
+    "drep",
+    "emit_fack",
+    "emit_request_args",
+    "emit_response_args",
+    "emit_rpc",
+    "emit_status",
+    "object_uuid",
+    "parse_fack",
+    "parse_request_args",
+    "parse_response_args",
+    "parse_rpc",
+    "parse_status",
+    "read_u16",
+    "read_u32",
+    "read_uuid",
+    "status_name",
+    "write_u16",
+    "write_u32",
+    "write_uuid",
+]
+
+RPC_PORT: Final = 0x8894
+"""UDP port of PROFINET's context management and of its endpoint mapper (IEC 61158-6-10, 4.13.3.2)."""
+
+RPC_VERSION: Final = 4
+HEADER_LENGTH: Final = 80
+BODY_MAX: Final = 1384
+"""Octets of body that every receiver takes in one PDU: C706's must-receive size of 1464 less the header."""
+
+DREP_BIG: Final = b"\x00\x00\x00"
+DREP_LITTLE: Final = b"\x10\x00\x00"
+HINT_NONE: Final = 0xFFFF
+FRAGMENT_NONE: Final = 0xFFFF
+"""Fragment number of a fack or nocall while nothing has arrived in order (C706 12.5.3)."""
+
+NIL_UUID: Final = UUID(int=0)
+# IEC 61158-6-10, 4.10.3.2: interface UUIDs
+UUID_PNIO_DEVICE: Final = UUID("dea00001-6c97-11d1-8271-00a02442df7d")
+UUID_PNIO_CONTROLLER: Final = UUID("dea00002-6c97-11d1-8271-00a02442df7d")
+UUID_PNIO_SUPERVISOR: Final = UUID("dea00003-6c97-11d1-8271-00a02442df7d")
+UUID_PNIO_PARAMETER_SERVER: Final = UUID("dea00004-6c97-11d1-8271-00a02442df7d")
+# C706 appendix O
+UUID_EPM: Final = UUID("e1af8308-5d1f-11c9-91a4-08002b14a0fa")
+
+_OBJECT_PREFIX: Final = bytes.fromhex("dea000006c9711d18271")
+
+
+class PacketType(IntEnum):
+    """C706 table "RPC Protocol Data Units"; only the lower five bits of the octet count."""
+
+    REQUEST = 0
+    PING = 1
+    RESPONSE = 2
+    FAULT = 3
+    WORKING = 4
+    NOCALL = 5
+    REJECT = 6
+    ACK = 7
+    CL_CANCEL = 8
+    FACK = 9
+    CANCEL_ACK = 10
+
+
+class Flags1(IntFlag):
+    """C706 12.5.2.3."""
+
+    LAST_FRAGMENT = 0x02
+    FRAGMENT = 0x04
+    NO_FACK = 0x08
+    MAYBE = 0x10
+    IDEMPOTENT = 0x20
+    BROADCAST = 0x40
+
+
+class Flags2(IntFlag):
+    """C706 12.5.2.4."""
+
+    CANCEL_PENDING = 0x02
+
+
+class Opnum(IntEnum):
+    """Operations of the PNIO interfaces (IEC 61158-6-10, 4.10.3.2)."""
+
+    CONNECT = 0
+    RELEASE = 1
+    READ = 2
+    WRITE = 3
+    CONTROL = 4
+    READ_IMPLICIT = 5
+
+
+class NcaStatus(IntEnum):
+    """Status codes of reject and fault bodies (C706 appendix E)."""
+
+    FAULT_INVALID_BOUND = 0x1C000007
+    RPC_VERSION_MISMATCH = 0x1C000008
+    UNSPEC_REJECT = 0x1C000009
+    BAD_ACTID = 0x1C00000A
+    WHO_ARE_YOU_FAILED = 0x1C00000B
+    MANAGER_NOT_ENTERED = 0x1C00000C
+    FAULT_CANCEL = 0x1C00000D
+    FAULT_UNSPEC = 0x1C000012
+    FAULT_REMOTE_COMM_FAILURE = 0x1C000013
+    FAULT_CONTEXT_MISMATCH = 0x1C00001A
+    FAULT_REMOTE_NO_MEMORY = 0x1C00001B
+    UNSUPPORTED_AUTHN_LEVEL = 0x1C00001D
+    INVALID_CHECKSUM = 0x1C00001F
+    INVALID_CRC = 0x1C000020
+    FAULT_OBJECT_NOT_FOUND = 0x1C000024
+    COMM_FAILURE = 0x1C010001
+    OP_RNG_ERROR = 0x1C010002
+    UNK_IF = 0x1C010003
+    WRONG_BOOT_TIME = 0x1C010006
+    YOU_CRASHED = 0x1C010009
+    PROTO_ERROR = 0x1C01000B
+    OUT_ARGS_TOO_BIG = 0x1C010013
+    SERVER_TOO_BUSY = 0x1C010014
+    UNSUPPORTED_TYPE = 0x1C010017
+
+
+def status_name(code: int) -> str:
+    """The name C706 gives to a reject or fault status, such as ``nca_unk_if``; the number where it has none."""
+    try:
+        return f"nca_{NcaStatus(code).name.lower()}"
+    except ValueError:
+        return f"0x{code:08x}"
+
+
+def object_uuid(instance: int, device_id: int, vendor_id: int) -> UUID:
+    """The object UUID of an IO device: instance, device and vendor in its node (IEC 61158-6-10, 4.10.3.2)."""
+    node = instance.to_bytes(2, "big") + device_id.to_bytes(2, "big") + vendor_id.to_bytes(2, "big")
+    return UUID(bytes=_OBJECT_PREFIX + node)
+
+
+def drep(*, little_endian: bool) -> bytes:
+    """The three octets of data representation: ASCII, IEEE floats and the given integer order."""
+    return DREP_LITTLE if little_endian else DREP_BIG
+
+
+# --- numbers in the order that the header announces --------------------------------------------------------
+
+
+def read_u16(reader: Reader, *, little: bool) -> int:
+    return reader.u16le() if little else reader.u16()
+
+
+def read_u32(reader: Reader, *, little: bool) -> int:
+    return reader.u32le() if little else reader.u32()
+
+
+def read_uuid(reader: Reader, *, little: bool) -> UUID:
+    return UUID(bytes_le=reader.bytes(16)) if little else UUID(bytes=reader.bytes(16))
+
+
+def write_u16(writer: Writer, value: int, *, little: bool) -> None:
+    if little:
+        writer.u16le(value)
+    else:
+        writer.u16(value)
+
+
+def write_u32(writer: Writer, value: int, *, little: bool) -> None:
+    if little:
+        writer.u32le(value)
+    else:
+        writer.u32(value)
+
+
+def write_uuid(writer: Writer, value: UUID, *, little: bool) -> None:
+    writer.bytes(value.bytes_le if little else value.bytes)
+
+
+# --- the PDU (C706 12.5.1) ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class RpcPdu:
+    """One connectionless PDU.
+
+    ``interface_version`` holds the major version in its lower and the minor one in its upper 16 bits.  ``serial``
+    counts the transmissions of one call.  ``trailer`` is what follows the body, where C706 puts an
+    authentication verifier; PROFINET has none.
+    """
+
+    packet_type: int
+    interface: UUID
+    activity: UUID
+    object_uuid: UUID = NIL_UUID
+    sequence: int = 0
+    opnum: int = 0
+    body: bytes = b""
+    flags1: int = 0
+    flags2: int = 0
+    drep: bytes = DREP_LITTLE
+    server_boot_time: int = 0
+    interface_version: int = 1
+    interface_hint: int = HINT_NONE
+    activity_hint: int = HINT_NONE
+    fragment_number: int = 0
+    serial: int = 0
+    auth_protocol: int = 0
+    trailer: bytes = b""
+
+    @property
+    def kind(self) -> int:
+        """The packet type without the three bits that C706 leaves to implementations."""
+        return self.packet_type & 0x1F
+
+    @property
+    def little_endian(self) -> bool:
+        return self.drep[0] >> 4 == 1
+
+    @property
+    def is_fragment(self) -> bool:
+        return bool(self.flags1 & Flags1.FRAGMENT)
+
+    @property
+    def is_last(self) -> bool:
+        """True of the last fragment, and of a PDU that is no fragment at all."""
+        return not self.is_fragment or bool(self.flags1 & Flags1.LAST_FRAGMENT)
+
+    @property
+    def wants_fack(self) -> bool:
+        return self.is_fragment and not self.flags1 & Flags1.NO_FACK
+
+
+def parse_rpc(data: bytes) -> RpcPdu:
+    """Read one UDP payload.
+
+    Raises :class:`DecodeError` with ``short``, ``bad-version`` (not 4) or ``bad-drep`` (an integer format that
+    C706 does not know).
+    """
+    reader = Reader(data)
+    version = reader.u8()
+    if version != RPC_VERSION:
+        raise DecodeError("bad-version", f"RPC version {version}, {RPC_VERSION} is the connectionless one")
+    packet_type, flags1, flags2 = reader.u8(), reader.u8(), reader.u8()
+    representation = reader.bytes(3)
+    if representation[0] >> 4 > 1:
+        raise DecodeError("bad-drep", f"integer format {representation[0] >> 4}")
+    little = representation[0] >> 4 == 1
+    serial_high = reader.u8()
+    object_, interface, activity = (read_uuid(reader, little=little) for _ in range(3))
+    boot_time, interface_version, sequence = (read_u32(reader, little=little) for _ in range(3))
+    opnum, interface_hint, activity_hint, length, fragment = (read_u16(reader, little=little) for _ in range(5))
+    auth_protocol, serial_low = reader.u8(), reader.u8()
+    body = reader.bytes(length)
+    return RpcPdu(
+        packet_type=packet_type,
+        interface=interface,
+        activity=activity,
+        object_uuid=object_,
+        sequence=sequence,
+        opnum=opnum,
+        body=body,
+        flags1=flags1,
+        flags2=flags2,
+        drep=representation,
+        server_boot_time=boot_time,
+        interface_version=interface_version,
+        interface_hint=interface_hint,
+        activity_hint=activity_hint,
+        fragment_number=fragment,
+        serial=serial_high << 8 | serial_low,
+        auth_protocol=auth_protocol,
+        trailer=reader.rest(),
+    )
+
+
+def emit_rpc(pdu: RpcPdu) -> bytes:
+    """The UDP payload of ``pdu``; :class:`ValueError` where a field does not fit."""
+    little = pdu.little_endian
+    if len(pdu.drep) != 3:
+        raise ValueError(f"data representation has {len(pdu.drep)} octets, 3 are wanted")
+    writer = Writer()
+    writer.u8(RPC_VERSION).u8(pdu.packet_type).u8(pdu.flags1).u8(pdu.flags2).bytes(pdu.drep).u8(pdu.serial >> 8)
+    for identifier in (pdu.object_uuid, pdu.interface, pdu.activity):
+        write_uuid(writer, identifier, little=little)
+    for word in (pdu.server_boot_time, pdu.interface_version, pdu.sequence):
+        write_u32(writer, word, little=little)
+    for half in (pdu.opnum, pdu.interface_hint, pdu.activity_hint, len(pdu.body), pdu.fragment_number):
+        write_u16(writer, half, little=little)
+    writer.u8(pdu.auth_protocol).u8(pdu.serial & 0xFF).bytes(pdu.body).bytes(pdu.trailer)
+    return writer.getvalue()
+
+
+# --- PNIOStatus (IEC 61158-6-10, 5.2.6) --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PnioStatus:
+    """What an operation ended with; four octets, ``error_code`` the most significant of the NDR integer."""
+
+    error_code: int = 0
+    error_decode: int = 0
+    error_code1: int = 0
+    error_code2: int = 0
+
+    @property
+    def ok(self) -> bool:
+        return not (self.error_code or self.error_decode or self.error_code1 or self.error_code2)
+
+    def __int__(self) -> int:
+        return self.error_code << 24 | self.error_decode << 16 | self.error_code1 << 8 | self.error_code2
+
+    @classmethod
+    def from_int(cls, value: int) -> PnioStatus:
+        return cls(value >> 24 & 0xFF, value >> 16 & 0xFF, value >> 8 & 0xFF, value & 0xFF)
+
+
+OK: Final = PnioStatus()
+
+_ERROR_DECODE_PNIO: Final = 0x81
+_ERROR_CODE1_CMRPC: Final = 0x40
+_ERROR_CODE2_ARGS_LENGTH_INVALID: Final = 0
+# IEC 61158-6-10, values of ErrorCode
+_ERROR_CODES: Final[dict[int, int]] = {
+    Opnum.CONNECT: 0xDB,
+    Opnum.RELEASE: 0xDC,
+    Opnum.READ: 0xDE,
+    Opnum.WRITE: 0xDF,
+    Opnum.CONTROL: 0xDD,
+    Opnum.READ_IMPLICIT: 0xDE,
+}
+
+
+def args_length_invalid(opnum: int) -> PnioStatus:
+    """The status for NDR lengths that contradict each other: CMRPC, "args length invalid"."""
+    return PnioStatus(
+        _ERROR_CODES.get(opnum, 0xDB), _ERROR_DECODE_PNIO, _ERROR_CODE1_CMRPC, _ERROR_CODE2_ARGS_LENGTH_INVALID
+    )
+
+
+# --- NDR arguments (IEC 61158-6-10, 4.10.3.2: NDRDataRequest, NDRDataResponse) -------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class RequestArgs:
+    """Arguments of a request: how long the answer may be, and the blocks.
+
+    ``None`` in a count means what the standard asks for: ``maximum_count`` as ``args_maximum``, the two lengths as
+    the payload's.
+    """
+
+    args_maximum: int
+    payload: bytes
+    maximum_count: int | None = None
+    args_length: int | None = None
+    actual_count: int | None = None
+    offset: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseArgs:
+    """Arguments of a response: the status and the blocks; ``maximum_count`` repeats the request's ArgsMaximum."""
+
+    status: PnioStatus
+    payload: bytes
+    maximum_count: int
+    args_length: int | None = None
+    actual_count: int | None = None
+    offset: int = 0
+
+
+def _read_array(reader: Reader, *, little: bool) -> tuple[int, bytes]:
+    """ArgsLength, then the NDR conformant varying array; answers MaximumCount and the octets."""
+    length, maximum, offset, actual = (read_u32(reader, little=little) for _ in range(4))
+    if offset:
+        raise DecodeError("bad-offset", f"array offset {offset}, 0 is wanted")
+    if actual != reader.remaining:
+        raise DecodeError("bad-length", f"ActualCount {actual}, {reader.remaining} octets present")
+    if length != actual:
+        raise DecodeError("bad-length", f"ArgsLength {length}, ActualCount {actual}")
+    if actual > maximum:
+        raise DecodeError("bad-length", f"ActualCount {actual} above MaximumCount {maximum}")
+    return maximum, reader.rest()
+
+
+def _write_array(writer: Writer, args: RequestArgs | ResponseArgs, maximum: int, *, little: bool) -> None:
+    size = len(args.payload)
+    length = size if args.args_length is None else args.args_length
+    actual = size if args.actual_count is None else args.actual_count
+    for word in (length, maximum, args.offset, actual):
+        write_u32(writer, word, little=little)
+    writer.bytes(args.payload)
+
+
+def parse_request_args(stub: bytes, *, little_endian: bool) -> RequestArgs:
+    """Read the stub of a request; ``short``, ``bad-offset`` or ``bad-length`` where it contradicts itself."""
+    reader = Reader(stub)
+    args_maximum = read_u32(reader, little=little_endian)
+    maximum, payload = _read_array(reader, little=little_endian)
+    return RequestArgs(args_maximum, payload, None if maximum == args_maximum else maximum)
+
+
+def emit_request_args(args: RequestArgs, *, little_endian: bool) -> bytes:
+    writer = Writer()
+    write_u32(writer, args.args_maximum, little=little_endian)
+    maximum = args.args_maximum if args.maximum_count is None else args.maximum_count
+    _write_array(writer, args, maximum, little=little_endian)
+    return writer.getvalue()
+
+
+def parse_response_args(stub: bytes, *, little_endian: bool) -> ResponseArgs:
+    """Read the stub of a response; ``short``, ``bad-offset`` or ``bad-length`` where it contradicts itself."""
+    reader = Reader(stub)
+    status = PnioStatus.from_int(read_u32(reader, little=little_endian))
+    maximum, payload = _read_array(reader, little=little_endian)
+    return ResponseArgs(status, payload, maximum)
+
+
+def emit_response_args(args: ResponseArgs, *, little_endian: bool) -> bytes:
+    writer = Writer()
+    write_u32(writer, int(args.status), little=little_endian)
+    _write_array(writer, args, args.maximum_count, little=little_endian)
+    return writer.getvalue()
+
+
+# --- bodies of reject and fault (C706 12.5.3.6, 12.5.3.10) ---------------------------------------------------
+
+
+def parse_status(body: bytes, *, little_endian: bool) -> int:
+    """The status of a reject or fault; what some stacks append to it is ignored, as C706 asks."""
+    return read_u32(Reader(body), little=little_endian)
+
+
+def emit_status(status: int, *, little_endian: bool) -> bytes:
+    writer = Writer()
+    write_u32(writer, status, little=little_endian)
+    return writer.getvalue()
+
+
+# --- body of fack, and of a nocall that tells what has arrived (C706 12.5.3.4) --------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class FackBody:
+    """What a receiver of fragments says about itself; versions 0 and 1 share this layout.
+
+    ``window_size`` is in units of 1024 octets, ``max_tsdu`` and ``max_fragment_size`` in octets; ``serial`` is the
+    serial number of the PDU that asked.
+    """
+
+    window_size: int
+    max_tsdu: int
+    max_fragment_size: int
+    serial: int
+    selective: tuple[int, ...] = ()
+    version: int = 1
+
+
+def parse_fack(body: bytes, *, little_endian: bool) -> FackBody | None:
+    """Read the body; ``None`` when it is empty, as several peers send it.
+
+    Raises :class:`DecodeError` (``short``, ``bad-version``, ``trailing``).
+    """
+    if not body:
+        return None
+    reader = Reader(body)
+    version = reader.u8()
+    if version > 1:
+        raise DecodeError("bad-version", f"fack body version {version}, 0 and 1 are known")
+    reader.skip(1)
+    window = read_u16(reader, little=little_endian)
+    max_tsdu, max_fragment = read_u32(reader, little=little_endian), read_u32(reader, little=little_endian)
+    serial, count = read_u16(reader, little=little_endian), read_u16(reader, little=little_endian)
+    if count * 4 > reader.remaining:
+        raise DecodeError("short", f"{count} selective acknowledgement words, {reader.remaining} octets left")
+    selective = tuple(read_u32(reader, little=little_endian) for _ in range(count))
+    # one stack always sends a single word of selective acknowledgement and counts it as none
+    if reader.remaining not in {0, 4}:
+        reader.expect_end()
+    return FackBody(window, max_tsdu, max_fragment, serial, selective, version)
+
+
+def emit_fack(fack: FackBody, *, little_endian: bool) -> bytes:
+    writer = Writer()
+    writer.u8(fack.version).u8(0)
+    write_u16(writer, fack.window_size, little=little_endian)
+    write_u32(writer, fack.max_tsdu, little=little_endian)
+    write_u32(writer, fack.max_fragment_size, little=little_endian)
+    write_u16(writer, fack.serial, little=little_endian)
+    write_u16(writer, len(fack.selective), little=little_endian)
+    for word in fack.selective:
+        write_u32(writer, word, little=little_endian)
+    return writer.getvalue()

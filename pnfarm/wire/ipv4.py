@@ -1,0 +1,112 @@
+"""IPv4 headers (RFC 791) and the internet checksum (RFC 1071).
+
+Options are stepped over when they arrive and never sent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import IPv4Address
+
+from pnfarm.errors import DecodeError
+from pnfarm.wire.octets import Reader, Writer
+
+__all__ = [
+    "HEADER_LENGTH",
+    "MAXIMUM_LENGTH",
+    "PROTOCOL_ICMP",
+    "PROTOCOL_TCP",
+    "PROTOCOL_UDP",
+    "Ipv4Packet",
+    "emit_ipv4",
+    "internet_checksum",
+    "parse_ipv4",
+]
+
+PROTOCOL_ICMP = 1
+PROTOCOL_TCP = 6
+PROTOCOL_UDP = 17
+
+#: Octets of a header without options.
+HEADER_LENGTH = 20
+#: Octets of the longest packet, header included.
+MAXIMUM_LENGTH = 0xFFFF
+
+_DONT_FRAGMENT = 0x4000
+_MORE_FRAGMENTS = 0x2000
+
+
+@dataclass(frozen=True, slots=True)
+class Ipv4Packet:
+    """One packet; ``fragment_offset`` counts octets and is a multiple of 8, ``tos`` is the DSCP and ECN octet."""
+
+    source: IPv4Address
+    destination: IPv4Address
+    protocol: int
+    payload: bytes
+    ttl: int = 64
+    identification: int = 0
+    dont_fragment: bool = False
+    more_fragments: bool = False
+    fragment_offset: int = 0
+    tos: int = 0
+
+
+def internet_checksum(data: bytes | bytearray | memoryview) -> int:
+    """One's complement of the one's complement sum of 16-bit words; 0 over data that holds a right checksum."""
+    padded = bytes(data) + b"\0" * (len(data) % 2)
+    # 2**16 is 1 modulo 0xFFFF: the remainder of the whole number is the end-around-carry sum of its words.
+    total = int.from_bytes(padded, "big")
+    remainder = total % 0xFFFF
+    return 0 if total and not remainder else 0xFFFF - remainder
+
+
+def parse_ipv4(data: bytes | bytearray | memoryview, *, verify_checksum: bool = False) -> Ipv4Packet:
+    """Packet from an Ethernet payload, padding cut off.
+
+    Reasons: ``short``, ``bad-version``, ``bad-length``, and ``bad-checksum`` when it is asked for.
+    """
+    view = memoryview(data)
+    reader = Reader(view)
+    first = reader.u8()
+    header_length = (first & 0x0F) * 4
+    if first >> 4 != 4:
+        raise DecodeError("bad-version", f"version {first >> 4}")
+    tos = reader.u8()
+    total_length = reader.u16()
+    if header_length < HEADER_LENGTH or total_length < header_length:
+        raise DecodeError("bad-length", f"header {header_length}, total {total_length} octets")
+    identification = reader.u16()
+    flags = reader.u16()
+    ttl, protocol = reader.u8(), reader.u8()
+    reader.skip(2)  # the checksum, which covers itself
+    source, destination = IPv4Address(reader.u32()), IPv4Address(reader.u32())
+    reader.skip(header_length - HEADER_LENGTH)
+    payload = reader.bytes(total_length - header_length)
+    if verify_checksum and internet_checksum(view[:header_length]):
+        raise DecodeError("bad-checksum", "IPv4 header")
+    return Ipv4Packet(
+        source=source,
+        destination=destination,
+        protocol=protocol,
+        payload=payload,
+        ttl=ttl,
+        identification=identification,
+        dont_fragment=bool(flags & _DONT_FRAGMENT),
+        more_fragments=bool(flags & _MORE_FRAGMENTS),
+        fragment_offset=(flags & 0x1FFF) * 8,
+        tos=tos,
+    )
+
+
+def emit_ipv4(packet: Ipv4Packet) -> bytes:
+    """Octets of a packet with its checksum; :class:`ValueError` when a field does not fit."""
+    if packet.fragment_offset % 8 or not 0 <= packet.fragment_offset <= 0xFFF8:
+        raise ValueError(f"a fragment offset is a multiple of 8 up to 65528, not {packet.fragment_offset}")
+    flags = packet.fragment_offset // 8
+    flags |= _DONT_FRAGMENT * packet.dont_fragment | _MORE_FRAGMENTS * packet.more_fragments
+    writer = Writer().u8(0x45).u8(packet.tos).u16(HEADER_LENGTH + len(packet.payload))
+    writer.u16(packet.identification).u16(flags).u8(packet.ttl).u8(packet.protocol).u16(0)
+    writer.bytes(packet.source.packed).bytes(packet.destination.packed)
+    writer.patch_u16(10, internet_checksum(writer.getvalue()))
+    return writer.bytes(packet.payload).getvalue()

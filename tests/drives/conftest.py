@@ -1,0 +1,27 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from drives_kit import SHARED, Drive, new_drive
+
+from pnfarm.drives.catalogue import models
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture(params=sorted(models()))
+def drive(request: pytest.FixtureRequest) -> Drive:
+    """A drive of each model that has parameters by number."""
+    return new_drive(request.param)
+
+
+@pytest.fixture
+def akd() -> Drive:
+    return new_drive("akd-profinet")
+
+
+@pytest.fixture
+def shared() -> Path:
+    return SHARED

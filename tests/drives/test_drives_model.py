@@ -1,0 +1,380 @@
+"""Models as data: what is loaded, what is refused, what the JSON shows."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import re
+import shutil
+import time
+from pathlib import Path
+
+import pytest
+
+from pnfarm.drives import catalogue
+from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.loader import load_model
+from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterType
+from pnfarm.drives.telegram import MappingError, signal_codes, signal_numbers
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import AXIS
+from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS, WORD_NONE, word_code
+
+AKD_ROW = re.compile(r"^([A-Z0-9]+\.[A-Z0-9_]+)\t(\d+)\t(.*)$")
+
+
+def manual_rows(shared: Path) -> list[tuple[str, int, str]]:
+    path = shared / "manuals" / "000_a1275af70198d3f2.txt"
+    if not path.exists():
+        pytest.skip("the manual is not here")
+    text = path.read_text(encoding="utf-8").split("**Supported AKD PNUs**")[1].split("## 5.7 Signals")[0]
+    return [(m[1], int(m[2]), m[3]) for line in text.splitlines() if (m := AKD_ROW.match(line))]
+
+
+# the catalogue
+
+
+@pytest.mark.parametrize("name", sorted(models()))
+def test_every_model_loads_and_gives_plain_json(name: str) -> None:
+    described = as_json(model(name))
+    assert json.loads(json.dumps(described)) == described
+    assert {"identity", "dap", "telegrams", "parameters", "faults", "limits"} <= described.keys()
+    submodule_keys = {"slot", "subslot", "ident", "api", "input_bytes", "output_bytes"}
+    for module in [described["dap"], *described["telegrams"]]:
+        assert isinstance(module["module_ident"], int)
+        assert all(submodule_keys <= submodule.keys() for submodule in module["submodules"])
+
+
+@pytest.mark.parametrize("name", sorted(models()))
+def test_every_value_names_its_source_and_every_assumption_its_reason(name: str) -> None:
+    described = model(name)
+    for fact in described.facts.values():
+        assert fact.source
+        assert fact.source != "assumed" or fact.note
+    for parameter in described.parameters.values():
+        assert parameter.source
+        assert parameter.values_source != "assumed" or parameter.note or parameter.behaviour is not Behaviour.STORED
+    for fault in described.faults.values():
+        assert fault.source
+        assert fault.source != "assumed" or fault.note
+
+
+def test_a_model_is_read_when_asked_for_and_within_50_ms() -> None:
+    catalogue._loaded.cache_clear()
+    started = time.perf_counter()
+    model("akd-profinet")
+    # the time of the first load; a busy machine gets three more tries
+    best = time.perf_counter() - started
+    for _ in range(3):
+        catalogue._loaded.cache_clear()
+        started = time.perf_counter()
+        model("akd-profinet")
+        best = min(best, time.perf_counter() - started)
+    assert best < 0.05
+    assert model("akd-profinet") is model("akd")
+
+
+def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match=r"akd-profinet.*did you mean"):
+        model("akd-profinte")
+
+
+# the AKD against its manual
+
+
+def test_akd_has_every_row_of_the_manuals_table(shared: Path) -> None:
+    rows = manual_rows(shared)
+    assert len(rows) == 746
+    parameters = model("akd-profinet").parameters
+    kinds = {"Byte": ParameterType.BYTE, "Word": ParameterType.WORD, "DWord": ParameterType.DWORD}
+    for name, pnu, attributes in rows:
+        parameter = parameters[pnu]
+        words = [word.strip() for word in attributes.split(",") if word.strip()]
+        assert parameter.name == name
+        assert parameter.type is kinds.get(words[0], ParameterType.COMMAND)
+        assert parameter.signed == ("Signed" in words)
+    table = {pnu for _, pnu, _ in rows}
+    others = {pnu for pnu in parameters if pnu >= 2000} - table
+    assert others == {3022, 3064, 3065}
+
+
+def test_akd_has_the_profidrive_parameters_and_the_signals_of_the_manual() -> None:
+    parameters = model("akd-profinet").parameters
+    profidrive = {915, 916, 922, 923, 930, 944, 947, 964, 965, 975, *range(980, 990), 1002, *range(1004, 1010)}
+    assert profidrive | {1, 2, 5, 6, 28, 32, 33, 52, 1001} <= parameters.keys()
+    assert [pnu for pnu in parameters if pnu < 915] == [
+        1, 2, 5, 6, 28, 32, 33, 34, 35, 36, 37, 38, 52, 100, 101, 102, 103, 104, 105, 106, 108, 109,
+    ]  # fmt: skip
+
+
+def test_akd_parameters_file_keeps_rising_numbers() -> None:
+    path = catalogue.models()["akd-profinet"].folder / "parameters.csv"
+    with path.open(encoding="utf-8", newline="") as file:
+        numbers = [int(row["pnu"]) for row in csv.DictReader(file)]
+    assert numbers == sorted(set(numbers))
+    assert len(numbers) == 799
+
+
+@pytest.mark.parametrize(
+    ("text", "pnu", "subindex"),
+    [
+        ("922", 922, 0),
+        (922, 922, 0),
+        ("947.3", 947, 3),
+        ("DRV.OPMODE", 2135, 0),
+        ("drv.opmode", 2135, 0),
+        ("DRV.CLRFAULTS", 2111, 0),
+        ("TEMP.POWER", 2875, 0),
+        ("VL.FB", 2428, 0),
+        ("VL.FB_32", 2428, 0),
+        ("AIN.VSCALE", 2007, 0),
+        ("AOUT.VSCALE", 2858, 0),
+        ("PN.STW1", 1, 0),
+        ("PN.POSSCALE", 3014, 0),
+        ("Fault number.9", 947, 9),
+    ],
+)
+def test_parameters_are_found_by_number_and_by_the_manuals_name(text: str | int, pnu: int, subindex: int) -> None:
+    parameter, index = model("akd-profinet").resolve(text)
+    assert (parameter.pnu, index) == (pnu, subindex)
+
+
+@pytest.mark.parametrize("text", ["", "0", "9", "65536", "DRV", "DRV.NOTHING", ".3", "-1", "9\u00b2", "922.x"])
+def test_an_unknown_parameter_is_refused(text: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        model("akd-profinet").resolve(text)
+    assert caught.value.number == 0
+
+
+@pytest.mark.parametrize("wanted", [702, "702", "F702", "Fieldbus communication lost", "communication-loss"])
+def test_faults_are_found_by_number_name_and_cause(wanted: str | int) -> None:
+    fault = model("akd-profinet").fault(wanted)
+    assert fault.number == 702
+    assert fault.code == 702 | 1 << 24
+    with pytest.raises(ConfigError, match="702"):
+        model("akd-profinet").fault("flat tyre")
+
+
+@pytest.mark.parametrize(
+    "cause", ["undervoltage", "overvoltage", "sto", "following-error", "encoder-error", "motor-overtemperature"]
+)
+def test_fault_kinds_find_a_fault_for_their_cause(cause: str) -> None:
+    assert model("akd-profinet").fault(cause).cause == cause
+
+
+# telegrams
+
+
+@pytest.mark.parametrize("name", sorted(models()))
+def test_every_telegram_packs_and_unpacks_every_signal_once(name: str) -> None:
+    for telegram in model(name).telegrams.values():
+        for signals, words, slots in (
+            (telegram.output, telegram.output_words, SETPOINT_SLOTS),
+            (telegram.input, telegram.input_words, ACTUAL_SLOTS),
+        ):
+            assert len(signals) == len(words)
+            image = dict.fromkeys(range(48), 0)
+            frame = [0x1000 + index for index in range(len(words))]
+            for word, code in zip(frame, words, strict=True):
+                if code != WORD_NONE:
+                    shift = 16 if code % 4 == 1 else 0
+                    image[code // 4] |= word << shift
+            back = [
+                image[code // 4] >> (16 if code % 4 == 1 else 0) & 0xFFFF if code != WORD_NONE else None
+                for code in words
+            ]
+            assert back == [word if signal else None for word, signal in zip(frame, signals, strict=True)]
+            used = {signal.name for signal in signals if signal}
+            assert {slots[n] for n in used} == {code // 4 for code in words if code != WORD_NONE}
+
+
+@pytest.mark.parametrize(
+    ("number", "output_bytes", "input_bytes"),
+    [
+        (0, 24, 24),
+        (1, 4, 4),
+        (7, 4, 4),
+        (9, 20, 10),
+        (350, 4, 6),
+        (351, 4, 10),
+        (352, 24, 10),
+        (353, 26, 10),
+        (354, 8, 4),
+        (400, 24, 24),
+    ],
+)
+def test_akd_telegrams_have_the_lengths_of_the_manual(number: int, output_bytes: int, input_bytes: int) -> None:
+    telegram = model("akd-profinet").telegrams[number]
+    point, data = telegram.module.submodules
+    assert (data.output_bytes, data.input_bytes) == (output_bytes, input_bytes)
+    assert (point.output_bytes, point.input_bytes) == (0, 0)
+    assert {point.api, data.api} == {0x3A00}
+    assert model("akd-profinet").telegram_by_module(telegram.module.ident) is telegram
+
+
+def test_akd_telegram_352_leaves_its_eighth_word_empty() -> None:
+    telegram = model("akd-profinet").telegrams[352]
+    assert telegram.output_words[7] == WORD_NONE
+    assert telegram.output_words[8] == word_code(SETPOINT_SLOTS["MDI_DEC"])
+
+
+def test_the_module_in_slot_1_is_shaped_as_a_captured_profidrive_device(shared: Path) -> None:
+    path = shared / "captures" / "drive_connect_api3a00.pcap"
+    if not path.exists():
+        pytest.skip("the capture is not here")
+    point, data = model("akd-profinet").telegrams[1].module.submodules
+    # expected submodule block: API, slot, module ident, properties, two submodules; the first with subslot and ident
+    expected = bytes.fromhex("00003a00 0001 00000100 0000 0002 0001 0000ffff".replace(" ", ""))
+    assert expected in path.read_bytes()
+    assert (point.api, point.slot, point.subslot, point.ident) == (0x3A00, 1, 1, 0xFFFF)
+    assert (data.slot, data.subslot) == (1, 2)
+
+
+def test_a_mapping_that_cannot_be_is_refused_at_its_word() -> None:
+    signals = model("akd-profinet").signals
+    stw1, zsw1, target = signals[1], signals[2], signals[34]
+    assert signal_numbers([stw1, None, target, target]) == (1, 0, 34, 34)
+    for wrong, index in (([stw1, zsw1], 1), ([stw1, target, stw1], 1), ([target], 0), ([stw1, None, stw1], 2)):
+        with pytest.raises(MappingError) as caught:
+            signal_codes(wrong, setpoint=True)
+        assert caught.value.index == index
+
+
+# identity
+
+
+def test_a_farm_file_overrides_the_identity() -> None:
+    plain = model("akd-profinet")
+    changed = plain.with_identity(
+        {
+            "vendor": "0x0105",
+            "device": 0x0203,
+            "order_number": "AKD-P00607-NBPN-0000",
+            "software_version": "V1.18.2",
+            "dap": 0x22,
+            "dap_submodules": {"0x8001": 0x33},
+            "access_point": 0xFFFE,
+            "telegrams": {1: {"module": 0x101, "submodule": 0x55}, "7": 0x107},
+        }
+    )
+    assert changed.identity.device_id == 0x0203
+    assert changed.identity.software_version == (1, 18, 2)
+    assert changed.dap.ident == 0x22
+    assert [s.ident for s in changed.dap.submodules] == [1, 2, 0x33]
+    assert changed.telegrams[1].module.ident == 0x101
+    assert [s.ident for s in changed.telegrams[1].module.submodules] == [0xFFFE, 0x55]
+    assert changed.telegrams[7].module.ident == 0x107
+    assert changed.telegrams[7].output_words == plain.telegrams[7].output_words
+    shown = as_json(changed)
+    assert shown["identity"]["sources"]["device_id"]["source"] == "farm file"
+    assert shown["identity"]["sources"]["vendor_id"]["source"] != "farm file"
+    assert shown["dap"]["module_source"] == "farm file"
+    assert plain.identity.device_id != 0x0203
+    assert plain.with_identity({}) is plain
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"colour": 1}, r"identity\.colour"),
+        ({"vendor": 0x10000}, r"identity\.vendor"),
+        ({"vendor": "abc"}, r"identity\.vendor"),
+        ({"device": True}, r"identity\.device"),
+        ({"order_number": "x" * 21}, r"identity\.order_number"),
+        ({"station_type": ""}, r"identity\.station_type"),
+        ({"software_version": "1.2"}, r"identity\.software_version"),
+        ({"dap_submodules": {5: 1}}, r"identity\.dap_submodules\.5"),
+        ({"dap_submodules": 5}, r"identity\.dap_submodules"),
+        ({"telegrams": {2: 1}}, r"identity\.telegrams\.2"),
+        ({"telegrams": {1: {"modul": 1}}}, r"identity\.telegrams\.1"),
+        ({"telegrams": {1: -1}}, r"identity\.telegrams\.1\.module"),
+        ({"telegrams": {1: 5, 7: 5}}, r"same module ident"),
+    ],
+)
+def test_a_wrong_identity_is_refused_by_its_field(overrides: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        model("akd-profinet").with_identity(overrides)
+
+
+# a broken folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    copy = tmp_path / "model"
+    shutil.copytree(models()["akd-profinet"].folder, copy)
+    return copy
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("parameters.csv", "\n1,STW1,Word", "\n1,STW1,Float", r"parameters\.csv, line 2, type"),
+        ("parameters.csv", "\n2,ZSW1,Word,0,,r,", "\n2,ZSW1,Word,0,,x,", r"line 3, access"),
+        ("parameters.csv", "\n2,ZSW1", "\n1,ZSW1", r"line 3, pnu: 1 stands twice"),
+        ("parameters.csv", "\n2,ZSW1", "\n0,ZSW1", r"line 3, pnu"),
+        ("parameters.csv", "\n2,ZSW1", "\ntwo,ZSW1", r"line 3, pnu: 'two' is not a number"),
+        ("parameters.csv", "signal:received.STW1", "signal:received.STW9", r"line 2, behaviour"),
+        ("parameters.csv", "signal:received.STW1", "magic", r"line 2, behaviour"),
+        ("parameters.csv", "field:jog_velocity[0]", "field:jog_velocity[2]", r"behaviour"),
+        ("parameters.csv", "field:jog_velocity[0]", "field:speed", r"no field 'speed'"),
+        ("parameters.csv", "field:opmode", "field:state", r"written by firmware"),
+        ("parameters.csv", "alias:2135", "alias:17", r"alias of 17"),
+        ("parameters.csv", "computed:telegram", "computed:teleprompter", r"behaviour"),
+        ("parameters.csv", "command:save", "command:shave", r"behaviour"),
+        ("parameters.csv", "1875/8388608", "1875/0", r"scale"),
+        ("parameters.csv", "1,2000,1638", "1,2000,2001", r"min, default, max"),
+        ("parameters.csv", "\n2,ZSW1,Word,0", "\n2,ZSW1,Word,yes", r"line 3, signed"),
+        ("parameters.csv", "\n2,ZSW1,Word,0", "\n2,ZSW1,Word", r"columns are wanted"),
+        ("parameters.csv", "pnu,name,", "pnu,title,", r"line 1"),
+        ("parameters.csv", '"no manual gives access, limits or default"\n2001', "\n2001", r"line 52, note: an assumed"),
+        ("telegrams.toml", 'output = ["STW1", "NSOLL_A"]', 'output = ["STW1", "NSOLL_X"]', r"NSOLL_X"),
+        ("telegrams.toml", 'output = ["STW1", "NSOLL_A"]', 'output = ["STW1", "ZSW1"]', r"telegram 2, output: word 2"),
+        ("telegrams.toml", "number = 7\n", "number = 1\n", r"stands twice"),
+        ("telegrams.toml", "bits = 16", "bits = 8", r"signal 1, bits"),
+        ("telegrams.toml", 'direction = "setpoint"', 'direction = "up"', r"signal 1, direction"),
+        ("telegrams.toml", "[[signal]]", "[[signal", r"telegrams\.toml"),
+        ("faults.csv", "702,", "x,", r"faults\.csv, line \d+, number"),
+        ("faults.csv", "fault,quick-stop", "fault,prayer", r"reaction"),
+        ("faults.csv", "702,Fieldbus communication lost,fault", "702,Fieldbus communication lost,mood", r"kind"),
+        ("faults.csv", "702,Fieldbus", "703,Fieldbus", r"communication_loss"),
+        ("model.toml", "vendor_id = {", "vendor = {", r"identity"),
+        (
+            "model.toml",
+            'source = "assumed", note = "stands in the maker\'s GSDML only" }\nstation',
+            'source = "assumed" }\nstation',
+            r"device_id, note",
+        ),
+        ("model.toml", "peak_current = {", "beak_current = {", r"beak_current"),
+        ("model.toml", "default_telegram = 1", "default_telegram = 2", r"default_telegram"),
+        ("model.toml", 'name = "akd-profinet"', "", r"name: missing"),
+        ("model.toml", "pnu = 1,", "pnu = 9,", r"PN\.STW1"),
+        ("model.toml", "[limits]", "[borders]", r"limits: missing"),
+    ],
+)
+def test_a_mistake_in_a_models_file_is_named_by_file_row_and_field(
+    folder: Path, file: str, old: str, new: str, message: str
+) -> None:
+    path = folder / file
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_model(folder)
+    assert str(folder) in str(caught.value)
+
+
+def test_a_missing_file_is_named(folder: Path) -> None:
+    (folder / "faults.csv").unlink()
+    with pytest.raises(ConfigError, match=r"faults\.csv"):
+        load_model(folder)
+
+
+def test_motor_data_name_fields_of_the_axis() -> None:
+    described = model("akd-profinet")
+    axis = AXIS.allocate(1)[0]
+    described.apply_motor(axis)
+    assert axis.peak_current == 9.0
+    assert axis.max_velocity == 12000.0
+    assert dataclasses.is_dataclass(described.source_of("motor.inertia"))

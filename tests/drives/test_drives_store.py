@@ -1,0 +1,575 @@
+"""The parameters of one drive: every row of every model, and what stands behind the rows."""
+
+from __future__ import annotations
+
+import json
+import tracemalloc
+from math import inf, nan
+from typing import TYPE_CHECKING
+
+import pytest
+from drives_kit import Drive, new_drive
+
+from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
+from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.store import (
+    DisplayBlinkRequested,
+    NonVolatileSaved,
+    ParameterStore,
+    ParameterWritten,
+    RebootRequested,
+    TelegramChanged,
+)
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import AXIS, CMD_ACKNOWLEDGE, CMD_SET_POSITION, COMMANDS
+from pnfarm.table.image import IMAGE
+from pnfarm.table.signals import (
+    ACTUAL_SLOTS,
+    MDI_ACC,
+    MDI_TARPOS,
+    NIST_A,
+    NSOLL_A,
+    SETPOINT_SLOTS,
+    STW1,
+    WORD_NONE,
+    XIST_A,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+E = ParameterErrorNumber
+
+
+def refused(number: int, act: Callable[[], object]) -> ParameterError:
+    with pytest.raises(ParameterError) as caught:
+        act()
+    assert caught.value.number == number
+    return caught.value
+
+
+def plain_writable(drive: Drive) -> list[Parameter]:
+    special = {Behaviour.COMMAND, Behaviour.COMPUTED}
+    rows = drive.model.parameters.values()
+    return [p for p in rows if p.writable and drive.model.canonical(p).behaviour not in special]
+
+
+# every row
+
+
+def test_each_parameter_reads_within_its_type(drive: Drive) -> None:
+    for parameter in drive.model.parameters.values():
+        values = drive.store.read(parameter.pnu, 0, max(parameter.elements, 1))
+        assert len(values) == max(parameter.elements, 1)
+        assert all(isinstance(value, int) and parameter.lowest <= value <= parameter.highest for value in values)
+
+
+def test_each_parameter_starts_with_its_default(drive: Drive) -> None:
+    for parameter in drive.model.parameters.values():
+        if parameter.behaviour is Behaviour.STORED:
+            assert drive.store.read(parameter.pnu) == [parameter.default]
+
+
+def test_each_writable_parameter_takes_its_limits_and_refuses_what_lies_beyond(drive: Drive) -> None:
+    rows = plain_writable(drive)
+    assert len(rows) > 400
+    for parameter in rows:
+        for value in (parameter.minimum, parameter.maximum):
+            drive.store.write(parameter.pnu, 0, [value])
+            assert drive.store.read(parameter.pnu) == [value], parameter
+        for value in (parameter.minimum - 1, parameter.maximum + 1):
+            error = refused(E.LIMIT_EXCEEDED, lambda p=parameter, v=value: drive.store.write(p.pnu, 0, [v]))
+            assert error.value == 0
+            assert drive.store.read(parameter.pnu) == [parameter.maximum]
+
+
+def test_each_read_only_parameter_refuses_a_write(drive: Drive) -> None:
+    rows = [p for p in drive.model.parameters.values() if not p.writable]
+    assert rows
+    for parameter in rows:
+        refused(E.NOT_CHANGEABLE, lambda p=parameter: drive.store.write(p.pnu, 0, [p.default]))
+
+
+def test_each_parameter_refuses_a_wrong_subindex(drive: Drive) -> None:
+    for parameter in drive.model.parameters.values():
+        if parameter.elements:
+            refused(E.FAULTY_SUBINDEX, lambda p=parameter: drive.store.read(p.pnu, p.elements))
+            refused(E.FAULTY_SUBINDEX, lambda p=parameter: drive.store.read(p.pnu, p.elements - 1, 2))
+            refused(E.FAULTY_SUBINDEX, lambda p=parameter: drive.store.read(p.pnu, -1))
+        else:
+            refused(E.NO_ARRAY, lambda p=parameter: drive.store.read(p.pnu, 1))
+            refused(E.NO_ARRAY, lambda p=parameter: drive.store.read(p.pnu, 0, 2))
+        refused(E.ADDRESS_IMPERMISSIBLE, lambda p=parameter: drive.store.read(p.pnu, 0, 0))
+
+
+def test_each_command_acts_or_says_why_not(drive: Drive) -> None:
+    for parameter in drive.model.parameters.values():
+        if parameter.behaviour is not Behaviour.COMMAND:
+            continue
+        assert drive.store.read(parameter.pnu) == [0]
+        head = int(drive.axis.command_head)
+        drive.store.events()
+        if parameter.argument == "refuse":
+            refused(E.OPERATING_STATE, lambda p=parameter: drive.store.write(p.pnu, 0, [1]))
+            assert drive.store.events() == []
+            continue
+        drive.store.write(parameter.pnu, 0, [1])
+        acted = int(drive.axis.command_head) != head or drive.store.events()
+        assert acted or parameter.argument in {"load", "factory-values"}
+
+
+def test_unknown_numbers_are_impermissible(drive: Drive) -> None:
+    for pnu in (0, 3, 9, 65535, 70000):
+        refused(E.IMPERMISSIBLE_PNU, lambda n=pnu: drive.store.read(n))
+        refused(E.IMPERMISSIBLE_PNU, lambda n=pnu: drive.store.write(n, 0, [1]))
+
+
+def test_a_write_without_values_is_refused(akd: Drive) -> None:
+    refused(E.NUMBER_OF_VALUES, lambda: akd.store.write(2135, 0, []))
+    refused(E.NO_ARRAY, lambda: akd.store.write(2135, 0, [1, 1]))
+
+
+# fields of the axis
+
+
+def test_power_on_fills_every_field_that_parameters_write(akd: Drive) -> None:
+    axis = AXIS.allocate(1)[0]
+    image = IMAGE.allocate(1)[0]
+    for field in AXIS.fields.values():
+        if field.writer == "parameter":
+            axis[field.name] = 77
+    ParameterStore(akd.model, AxisHandle(axis, image)).power_on()
+    for field in AXIS.fields.values():
+        if field.writer == "parameter":
+            assert (axis[field.name] != 77).all() if field.shape else axis[field.name] != 77, field.name
+    assert axis.opmode == 1
+    assert axis.velocity_step == pytest.approx(1638 * 60 * 16000 / 2**32)
+    assert axis.acceleration == pytest.approx(10000.17)
+    assert axis.position_step == 2.0**-16
+    assert axis.standstill == 5.0
+    assert axis.loss_fault == 702 | 1 << 24
+    assert axis.stop_fault == 702 | 1 << 24
+
+
+def test_opmode_is_one_parameter_under_two_numbers(akd: Drive) -> None:
+    akd.store.write(930, 0, [2])
+    assert akd.axis.opmode == 2
+    assert akd.store.get("DRV.OPMODE") == 2
+    akd.store.set("DRV.OPMODE", 0)
+    assert akd.store.read(930) == [0]
+    refused(E.LIMIT_EXCEEDED, lambda: akd.store.write(930, 0, [3]))
+
+
+@pytest.mark.parametrize(("raw", "step"), [(1, 0.0002), (100, 0.022), (1000, 0.224), (1638, 0.366), (2000, 0.447)])
+def test_velocity_scaling_is_that_of_the_manuals_table(akd: Drive, raw: int, step: float) -> None:
+    akd.store.write(1009, 0, [raw])
+    assert akd.store.get("PN.VELSCALING") == raw
+    assert akd.axis.velocity_step == pytest.approx(step, abs=6e-4)
+
+
+def test_acceleration_scaling_reaches_the_jog_ramps(akd: Drive) -> None:
+    akd.store.write(1006, 0, [100])
+    akd.store.write(1007, 0, [7])
+    assert akd.axis.jog_acceleration == 100 * 763
+    akd.store.set("PN.ACCSCALING", 100)
+    assert akd.axis.jog_acceleration == 10_000
+    assert akd.axis.jog_deceleration == 700
+    assert akd.store.read(1008) == [100]
+    assert akd.store.read(1006) == [100]
+
+
+def test_jog_set_points_are_signed(akd: Drive) -> None:
+    akd.store.write(1004, 0, [163])
+    akd.store.write(1005, 0, [-163])
+    assert akd.axis.jog_velocity[0] == pytest.approx(59.7, abs=0.1)
+    assert akd.axis.jog_velocity[1] == pytest.approx(-59.7, abs=0.1)
+    assert akd.store.read(1005) == [-163]
+
+
+def test_ramps_are_thousandths_of_an_rpm_per_second(akd: Drive) -> None:
+    for name, field in (
+        ("DRV.ACC", "acceleration"),
+        ("DRV.DEC", "deceleration"),
+        ("CS.DEC", "quick_stop_deceleration"),
+    ):
+        akd.store.set(name, 1_234_567)
+        assert getattr(akd.axis, field) == pytest.approx(1234.567)
+
+
+def test_actual_values_come_from_the_axis(akd: Drive) -> None:
+    akd.axis.velocity = -59.7
+    akd.axis.ramp = 60.0
+    akd.axis.setpoint = 61.0
+    akd.axis.current = 1.5
+    akd.axis.state = 4
+    akd.axis.motion_status = 0x80000001
+    assert akd.store.get("VL.FB") == -59700
+    assert akd.store.get("VL.CMD") == 60000
+    assert akd.store.get("VL.CMDU") == 61000
+    assert akd.store.get("VL.ERR") == 119700
+    assert akd.store.get("IL.FB") == 1500
+    assert akd.store.get("DRV.ACTIVE") == 1
+    assert akd.store.get("DRV.IPEAK") == 9000
+    assert akd.store.get("DRV.MOTIONSTAT") == 0x80000001
+    akd.axis.velocity = 1e12
+    assert akd.store.get("VL.FB") == 0x7FFFFFFF
+    for odd in (nan, inf, -inf):
+        akd.axis.velocity = odd
+        assert akd.store.get("VL.FB") == 0
+
+
+def test_positions_follow_posscale_and_unit_and_wrap(akd: Drive) -> None:
+    akd.axis.position = 2.0
+    assert akd.store.get("PL.FB") == round(2 * 2**32 / 1000)
+    akd.store.set("PN.POSSCALE", 1_000_000)
+    assert akd.store.get("PL.FB") == round(2 * 2**32 / 1e6)
+    akd.store.set("PN.POSSCALE", 1)
+    akd.axis.position = 0.75
+    assert akd.store.get("PL.FB") == -(2**30)
+    for unit, counts in ((2, 360), (4, 65536), (3, 5), (1, 6)):
+        akd.store.set("UNIT.PROTARY", unit)
+        akd.axis.position = 1.0
+        assert akd.store.get("PL.FB") == counts
+    akd.axis.following_error = -1.0
+    akd.store.set("UNIT.PROTARY", 2)
+    assert akd.store.get("PL.ERR") == 2**32 - 360
+
+
+def test_singleturn_bits_set_the_position_step(akd: Drive) -> None:
+    akd.store.write(1002, 0, [20])
+    assert akd.axis.position_step == 2.0**-20
+
+
+def test_controlled_stop_shows_quick_and_fault_stops(akd: Drive) -> None:
+    akd.axis.state = 5
+    for stop, shown in ((1, 0), (2, 1), (3, 1)):
+        akd.axis.stop = stop
+        assert akd.store.get("CS.STATE") == shown
+
+
+def test_fault_702_follows_its_two_parameters(akd: Drive) -> None:
+    akd.store.set("FBUS.PARAM02", 0)
+    assert (akd.axis.loss_fault & 0xFFFFFF, akd.axis.stop_fault) == (702, 0)
+    akd.store.set("FBUS.PARAM02", 3)
+    assert akd.axis.stop_fault & 0xFFFFFF == 702
+    akd.store.set("FAULT702.ACTION", 0)
+    assert (akd.axis.loss_fault, akd.axis.stop_fault) == (0, 0)
+
+
+def test_the_assigned_timeout_is_shown_in_milliseconds(akd: Drive) -> None:
+    akd.store.watchdog_ns = 48_000_000
+    assert akd.store.get("PN.TIMEOUTFTHRESH") == 48
+
+
+# signals
+
+
+def test_signals_are_parameters_of_their_number(akd: Drive) -> None:
+    akd.image.received[NSOLL_A] = 0xFF5D
+    akd.image.received[STW1] = 0x047F
+    akd.image.sent[NIST_A] = 0x009E
+    akd.image.sent[XIST_A] = -1
+    assert akd.store.read(5) == [-163]
+    assert akd.store.get("PN.STW1") == 0x047F
+    assert akd.store.read(6) == [0x9E]
+    assert akd.store.read(28) == [0xFFFFFFFF]
+
+
+def test_every_signal_with_a_pnu_shows_its_slot(drive: Drive) -> None:
+    for slot in range(48):
+        drive.image.received[slot] = slot + 100
+        drive.image.sent[slot] = slot + 200
+    for number, signal in drive.model.signals.items():
+        if number in drive.model.parameters:
+            slots, base = (SETPOINT_SLOTS, 100) if signal.setpoint else (ACTUAL_SLOTS, 200)
+            assert drive.store.read(number) == [slots[signal.name] + base]
+            assert drive.store.read(923, number) == [number]
+
+
+def test_a_set_point_that_the_cyclic_channel_brings_is_not_for_parameters(akd: Drive) -> None:
+    akd.store.plug_telegram(352)
+    akd.image.valid = 1
+    refused(E.NO_OPERATION_PRIORITY, lambda: akd.store.write(1, 0, [0x47F]))
+    akd.store.write(36, 0, [5])
+    assert akd.image.received[MDI_ACC] == 5
+    akd.image.valid = 0
+    akd.store.write(1, 0, [0x470])
+    assert akd.image.received[STW1] == 0x470
+    akd.store.write(34, 0, [-2])
+    assert akd.image.received[MDI_TARPOS] == -2
+
+
+# faults
+
+
+def test_fault_parameters_show_numbers_without_reactions(akd: Drive) -> None:
+    akd.axis.fault_code[0] = 702 | 1 << 24
+    akd.axis.fault_code[1] = 502
+    akd.axis.fault_buffer[0] = 702
+    akd.axis.fault_buffer[1] = 502
+    akd.axis.fault_buffer[8] = 602
+    akd.axis.fault_counter = 0x10003
+    akd.axis.warning_code = 107
+    assert [akd.store.get(f"DRV.FAULT{n}") for n in range(1, 11)] == [702, 502, 0, 0, 0, 0, 0, 0, 0, 0]
+    assert akd.store.read(947, 0, 64)[:9] == [702, 502, 0, 0, 0, 0, 0, 0, 602]
+    assert akd.store.read(944) == [3]
+    assert [akd.store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [107, 0, 0]
+
+
+# identification and lists
+
+
+def test_identification_is_that_of_the_model(akd: Drive) -> None:
+    assert akd.store.read(964, 0, 5) == [0x0105, 1, 117, 2017, 110]
+    assert akd.store.read(975, 0, 8) == [0x0105, 1, 117, 2017, 110, 1, 5, 1]
+    assert akd.store.read(965) == [0x0329]
+    other = akd.model.with_identity({"vendor": 0x1234, "software_version": "V2.5.0"})
+    assert ParameterStore(other, akd.store.handle).read(964, 0, 3) == [0x1234, 1, 205]
+
+
+def test_the_number_lists_lead_through_all_parameters(drive: Drive) -> None:
+    found: list[int] = []
+    pnu = 980
+    while True:
+        values = drive.store.read(pnu, 0, 117)
+        if values[-1] == pnu + 1:
+            found += values[:-1]
+            pnu += 1
+            continue
+        found += [value for value in values if value]
+        break
+    assert found == [pnu for pnu in drive.model.parameters if pnu not in range(980, 990)]
+
+
+# telegrams
+
+
+def test_the_plugged_module_rules_the_telegram(akd: Drive) -> None:
+    assert akd.store.read(922) == [1]
+    akd.store.plug_telegram(9)
+    assert akd.store.read(922) == [9]
+    assert akd.store.get("FBUS.PARAM01") == 9
+    assert akd.store.output_words() == akd.model.telegrams[9].output_words
+    assert akd.store.read(915, 0, 12) == [1, 32, 3, 34, 34, 35, 35, 36, 37, 38, 0, 0]
+    assert akd.store.read(916, 0, 6) == [2, 33, 4, 28, 28, 0]
+    refused(E.OPERATING_STATE, lambda: akd.store.write(922, 0, [7]))
+    refused(E.OPERATING_STATE, lambda: akd.store.write(915, 0, [1]))
+    akd.store.plug_telegram(None)
+    assert akd.store.read(922) == [1]
+    with pytest.raises(ConfigError, match="no telegram 2"):
+        akd.store.plug_telegram(2)
+
+
+def test_pnu_922_chooses_while_no_module_is_plugged(akd: Drive) -> None:
+    akd.store.write(922, 0, [351])
+    assert akd.store.events() == [TelegramChanged(351), ParameterWritten(922, 0, (351,))]
+    assert akd.store.input_words() == akd.model.telegrams[351].input_words
+    refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(922, 0, [2]))
+    akd.axis.state = 4
+    refused(E.OPERATING_STATE, lambda: akd.store.write(922, 0, [1]))
+
+
+def test_telegram_400_takes_a_free_mapping(akd: Drive) -> None:
+    akd.store.plug_telegram(400)
+    assert akd.store.output_words()[:10] == akd.model.telegrams[9].output_words
+    akd.store.write(915, 0, [1, 5, 108, 109, 34, 34, 0, 0, 0, 0, 0, 0])
+    akd.store.write(916, 0, [2, 6, 52, 28, 28, 104, 104])
+    assert TelegramChanged(400) in akd.store.events()
+    words = akd.store.output_words()
+    assert len(words) == 12
+    assert words[:6] == (0, 4, 13 * 4, 14 * 4, 4 * 4 + 1, 4 * 4 + 2)
+    assert words[6:] == (WORD_NONE,) * 6
+    assert akd.store.read(916, 0, 8) == [2, 6, 52, 28, 28, 104, 104, 0]
+
+
+@pytest.mark.parametrize(
+    ("values", "index"),
+    [
+        ([1, 2], 1),
+        ([1, 99], 1),
+        ([1, 34], 1),
+        ([1, 5, 5], 2),
+        ([1] + [0] * 11 + [5], 12),
+        ([34, 34, 34, 34], 2),
+        ([5, 5], 1),
+    ],
+)
+def test_a_wrong_mapping_is_refused_at_its_entry_and_changes_nothing(akd: Drive, values: list[int], index: int) -> None:
+    akd.store.plug_telegram(400)
+    akd.store.write(915, 0, [0] * 12)
+    error = refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(915, 0, values))
+    assert error.value == index
+    assert akd.store.output_words() == (WORD_NONE,) * 12
+
+
+def test_telegram_0_maps_freely_within_the_frames_of_the_plugged_module(akd: Drive) -> None:
+    akd.store.plug_telegram(1)
+    akd.store.write(922, 0, [0])
+    assert akd.store.read(922) == [0]
+    assert akd.store.output_words() == akd.model.telegrams[1].output_words
+    akd.store.write(916, 1, [52])
+    assert akd.store.input_words() == (0, 5 * 4)
+    refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(916, 2, [6]))
+
+
+def test_a_mapping_too_long_for_the_module_is_cut_without_tearing_a_double_word(akd: Drive) -> None:
+    akd.store.commission({922: 0, 916: [2, 28, 28, 52]})
+    akd.store.power_on()
+    akd.store.plug_telegram(1)
+    assert akd.store.input_words() == (0, WORD_NONE)
+    akd.store.plug_telegram(350)
+    assert akd.store.input_words() == (0, 4 * 4 + 1, 4 * 4 + 2)
+
+
+# non-volatile memory
+
+
+def test_values_are_lost_at_power_on_unless_saved(akd: Drive) -> None:
+    akd.store.set("DRV.ACC", 5_000_000)
+    akd.store.power_on()
+    assert akd.store.get("DRV.ACC") == 10_000_170
+    akd.store.set("DRV.ACC", 5_000_000)
+    akd.store.events()
+    akd.store.set("DRV.NVSAVE", 1)
+    assert akd.store.events() == [NonVolatileSaved()]
+    akd.store.set("DRV.ACC", 6_000_000)
+    akd.store.power_on()
+    assert akd.store.get("DRV.ACC") == 5_000_000
+    assert akd.axis.acceleration == 5000.0
+
+
+def test_a_snapshot_survives_json_and_another_drive(akd: Drive) -> None:
+    memory = VolatileMemory()
+    assert memory.load("axis-01") is None
+    akd.store.plug_telegram(400)
+    akd.store.write(915, 0, [1, 5] + [0] * 10)
+    akd.store.set("DRV.OPMODE", 2)
+    assert akd.store.snapshot()["parameters"] == {}
+    akd.store.set("DRV.NVSAVE", 1)
+    memory.save("axis-01", json.loads(json.dumps(akd.store.snapshot())))
+    other = new_drive("akd-profinet")
+    assert other.store.restore(memory.load("axis-01")) == []
+    other.store.power_on()
+    other.store.plug_telegram(400)
+    assert other.store.get("DRV.OPMODE") == 2
+    assert other.store.output_words()[:2] == (0, 4)
+    assert other.store.output_words() == akd.store.output_words()
+    assert other.store.snapshot() == akd.store.snapshot()
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"9": 1},
+        {"2135": 7},
+        {"2135": "x"},
+        {"2135": [1, 2]},
+        {"2135": True},
+        {"2135": None},
+        {"944": 1},
+        {"915": [1, 2]},
+        {"922": 2},
+        {"x": 1},
+        {"915.2": 1},
+    ],
+)
+def test_kept_values_that_do_not_fit_are_named_and_left_out(akd: Drive, entry: dict[str, object]) -> None:
+    refused_values = akd.store.restore({"parameters": {**entry, "2108": 2_000_000}})
+    assert len(refused_values) == 1
+    assert next(iter(entry)) in refused_values[0]
+    akd.store.power_on()
+    assert akd.store.get("DRV.ACC") == 2_000_000
+    assert akd.store.restore({"parameters": 5}) != []
+    assert akd.store.restore(None) == []
+    akd.store.power_on()
+    assert akd.store.get("DRV.ACC") == 10_000_170
+
+
+def test_commissioned_values_are_permanent_and_checked(akd: Drive) -> None:
+    akd.store.commission({"DRV.OPMODE": 2, 2108: 3_000_000})
+    akd.store.power_on()
+    assert (akd.axis.opmode, akd.axis.acceleration) == (2, 3000.0)
+    refused(E.LIMIT_EXCEEDED, lambda: akd.store.commission({"DRV.OPMODE": 3}))
+    refused(E.NOT_CHANGEABLE, lambda: akd.store.commission({"VL.FB": 3}))
+
+
+def test_nvload_and_rstvar_replace_values_except_in_operation(akd: Drive) -> None:
+    akd.store.commission({"DRV.ACC": 3_000_000})
+    akd.store.power_on()
+    akd.store.set("DRV.ACC", 4_000_000)
+    akd.axis.state = 4
+    refused(E.OPERATING_STATE, lambda: akd.store.set("DRV.NVLOAD", 1))
+    akd.axis.state = 1
+    akd.store.set("DRV.NVLOAD", 1)
+    assert akd.store.get("DRV.ACC") == 3_000_000
+    akd.store.set("DRV.RSTVAR", 1)
+    assert akd.store.get("DRV.ACC") == 10_000_170
+    akd.store.power_on()
+    assert akd.store.get("DRV.ACC") == 3_000_000
+
+
+def test_factory_values_tell_when_they_change_the_telegram(akd: Drive) -> None:
+    akd.store.write(922, 0, [9])
+    akd.store.events()
+    akd.store.set("DRV.RSTVAR", 1)
+    assert akd.store.events() == [TelegramChanged(1)]
+
+
+# commands
+
+
+def test_clearing_faults_and_setting_the_position_go_through_the_command_ring(akd: Drive) -> None:
+    akd.store.write(2111, 0, [1])
+    akd.store.write(2112, 0, [1])
+    akd.store.set("UNIT.PROTARY", 2)
+    akd.store.set("PN.POSSCALE", 1)
+    akd.store.set("HOME.P", -90)
+    akd.store.set("HOME.SET", 1)
+    assert [int(c) for c in akd.axis.command[:3]] == [
+        CMD_ACKNOWLEDGE,
+        CMD_ACKNOWLEDGE,
+        CMD_SET_POSITION | -250_000 << 8,
+    ]
+    assert akd.axis.command_head == 3
+    akd.axis.state = 4
+    akd.axis.velocity = 100.0
+    refused(E.OPERATING_STATE, lambda: akd.store.set("HOME.SET", 1))
+
+
+def test_a_full_command_ring_refuses_instead_of_losing(akd: Drive) -> None:
+    akd.axis.command_head = akd.axis.command_tail = 0xFFFFFFFA
+    for n in range(COMMANDS):
+        akd.store.handle.push_command(1, n)
+    assert akd.axis.command_head == (0xFFFFFFFA + COMMANDS) & 0xFFFFFFFF
+    with pytest.raises(CommandRingFullError):
+        akd.store.handle.push_command(1)
+    refused(E.OPERATING_STATE, lambda: akd.store.set("DRV.CLRFAULTS", 1))
+    with pytest.raises(ValueError, match="octet"):
+        akd.store.handle.push_command(256)
+
+
+def test_reboot_and_blink_are_events(akd: Drive) -> None:
+    akd.store.set("DRV.REBOOT", 0)
+    akd.store.set("DRV.REBOOT", 1)
+    akd.store.set("DRV.BLINKDISPLAY", 1)
+    assert akd.store.events() == [RebootRequested(), DisplayBlinkRequested()]
+    assert akd.store.events() == []
+
+
+# cost
+
+
+def test_a_drive_costs_less_than_50_kilobytes(akd: Drive) -> None:
+    axes, images = AXIS.allocate(64), IMAGE.allocate(64)
+    tracemalloc.start()
+    stores = [ParameterStore(akd.model, AxisHandle(axes[n], images[n])) for n in range(64)]
+    for store in stores:
+        store.power_on()
+        for pnu in range(2497, 2521):
+            store.write(pnu, 0, [pnu])
+        store.set("DRV.NVSAVE", 1)
+        store.events()
+    used, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert used / len(stores) < 50_000

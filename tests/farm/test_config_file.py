@@ -1,0 +1,599 @@
+"""The farm file: what is read, and every wrong thing alone, with its line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from ipaddress import IPv4Interface
+from pathlib import Path
+
+import pytest
+
+from pnfarm.errors import ConfigError
+from pnfarm.farm.config import FarmFileError, Known, clock_of, controller_mac, expand, load_farm, parse_farm
+from pnfarm.farm.config_known import catalogue
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model of no catalogue: one telegram, one parameter, 16 ms."""
+
+    name: str = "akd-profinet"
+    min_cycle_ns: int = 16_000_000
+    telegrams: tuple[int, ...] = (1, 7)
+    default_telegram: int = 1
+
+    def parameter_complaints(self, params):
+        return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]
+
+    def identity_complaints(self, identity):
+        return [(key, "is no identity", "vendor") for key in identity if key != "vendor"]
+
+
+KNOWN = Known(
+    ("akd-profinet",),
+    {"akd-profinet": Model(), "akd": Model()}.get,
+    frozenset(("loss", "silence", "f702", "drive-fault")),
+)
+
+GOOD = """\
+farm: line-1
+link: {kind: macvlan, parent: eth1}
+state: ./state
+api: 127.0.0.1:8702
+drives:
+  - name: axis-{n:02}
+    count: 8
+    model: akd-profinet
+    ip: 10.77.0.11/24
+    mac: auto
+    load: {inertia: 2.0e-4, friction: 0.05}
+    limits: strict
+    identity: {}
+    params: {DRV.OPMODE: 1}
+    impair: []
+"""
+
+
+def parse(text, path="line.pnfarm.yml"):
+    return parse_farm(text, path, KNOWN)
+
+
+def issues(text):
+    with pytest.raises(FarmFileError) as caught:
+        parse(text)
+    return caught.value.issues
+
+
+def the_issue(text):
+    (issue,) = issues(text)
+    return issue
+
+
+# --- what is read -----------------------------------------------------------------------------------------------
+
+
+def test_the_promised_example_reads_with_every_value_in_its_unit():
+    farm = parse(GOOD)
+    group = farm.drives[0]
+    assert (farm.farm, farm.link.kind, farm.link.parent, farm.link.transmit) == (
+        "line-1",
+        "macvlan",
+        "eth1",
+        "interface",
+    )
+    assert (farm.api.host, farm.api.port, farm.api.is_loopback, farm.api.token) == ("127.0.0.1", 8702, True, None)
+    assert (group.load.inertia, group.load.friction, group.load.damping, group.load.torque) == (2e-4, 0.05, None, 0.0)
+    assert (group.limits, group.params, group.impair, group.telegram) == ("strict", {"DRV.OPMODE": 1}, [], None)
+
+
+def test_the_example_expands_to_counted_names_addresses_and_stable_macs():
+    drives = expand(parse(GOOD))
+    assert [drive.name for drive in drives] == [f"axis-{n:02}" for n in range(1, 9)]
+    assert drives[0].ip == IPv4Interface("10.77.0.11/24")
+    assert drives[7].ip == IPv4Interface("10.77.0.18/24")
+    assert [drive.index for drive in drives] == list(range(8))
+    macs = [drive.mac for drive in drives]
+    assert len(set(macs)) == 8
+    assert all(mac[0] == 2 and len(mac) == 6 for mac in macs)
+    assert macs == [drive.mac for drive in expand(parse(GOOD))]
+    other_farm = [drive.mac for drive in expand(parse(GOOD.replace("line-1", "line-2")))]
+    assert not set(macs) & set(other_farm)
+
+
+def test_an_automatic_mac_depends_on_no_other_drive():
+    alone = GOOD.replace("    count: 8\n", "    count: 1\n    start: 5\n")
+    assert expand(parse(alone))[0].mac == expand(parse(GOOD))[4].mac
+
+
+def test_the_state_folder_is_relative_to_the_file(tmp_path):
+    assert parse(GOOD, tmp_path / "a" / "line.pnfarm.yml").state_directory == tmp_path / "a" / "state"
+    assert parse(GOOD.replace("state: ./state\n", "")).state_directory is None
+
+
+@pytest.mark.parametrize("word", ["off", "false", "'off'"])
+def test_the_api_can_be_switched_off(word):
+    assert parse(GOOD.replace("127.0.0.1:8702", word)).api is None
+
+
+def test_the_api_defaults_to_loopback_and_takes_a_token():
+    assert parse(GOOD.replace("api: 127.0.0.1:8702\n", "")).api.listen == ("127.0.0.1", 8702)
+    api = parse(GOOD.replace("127.0.0.1:8702", "{listen: '[::]:80', token: long-enough}")).api
+    assert (api.host, api.port, api.token, api.is_loopback) == ("::", 80, "long-enough", False)
+
+
+def test_an_alias_of_a_model_is_expanded_to_its_name():
+    assert expand(parse(GOOD.replace("model: akd-profinet", "model: akd")))[0].model == "akd-profinet"
+
+
+def test_an_explicit_mac_counts_up():
+    drives = expand(parse(GOOD.replace("mac: auto", "mac: 02-00-00-00-00-fe")))
+    assert [drive.mac.hex(":") for drive in drives[:3]] == [
+        "02:00:00:00:00:fe",
+        "02:00:00:00:00:ff",
+        "02:00:00:00:01:00",
+    ]
+
+
+def test_an_address_without_quotes_is_no_sexagesimal_number():
+    assert expand(parse(GOOD.replace("mac: auto", "mac: 10:20:30:40:50:16")))[0].mac.hex() == "102030405016"
+
+
+def test_a_drive_without_address_waits_for_dcp():
+    drive = expand(parse(GOOD.replace("    ip: 10.77.0.11/24\n", "")))[0]
+    assert (drive.ip, drive.gateway) == (None, None)
+
+
+def test_impairments_keep_their_durations_and_targets():
+    text = GOOD.replace(
+        "impair: []", "impair: [{kind: loss, on: axis-0*, params: {ratio: 0.1}, after: 2s, for: 500ms, seed: 7}]"
+    )
+    (impairment,) = expand(parse(text))[0].impair
+    assert (impairment.kind, impairment.on, impairment.params) == ("loss", ["axis-0*"], {"ratio": 0.1})
+    assert (impairment.after_ns, impairment.for_ns, impairment.seed) == (2_000_000_000, 500_000_000, 7)
+
+
+CONTROLLER = GOOD + "controller:\n"
+
+
+def test_a_controller_has_the_promised_defaults():
+    controller = parse(CONTROLLER + "  ip: 10.77.0.1/24\n").controller
+    assert (controller.name, controller.watchdog_factor, controller.startup) == ("plc", 3, "legacy")
+    assert (controller.assign_ip, controller.telegram, controller.program.kind) == (True, 1, "idle")
+    assert controller.reconnect.after_ns == 1_000_000_000
+    clock = clock_of(controller)
+    assert (clock.send_clock_factor, clock.reduction_ratio, clock.cycle_ns) == (32, 16, 16_000_000)
+
+
+@pytest.mark.parametrize(
+    ("keys", "clock"),
+    [
+        ("cycle: 128ms", (32, 128)),
+        ("cycle: 16ms\n  send_clock_factor: 128", (128, 4)),
+        ("send_clock_factor: 64", (64, 8)),
+        ("reduction_ratio: 32", (32, 32)),
+        ("cycle: 16ms\n  reduction_ratio: 8", (64, 8)),
+        ("send_clock_factor: 8\n  reduction_ratio: 512", (8, 512)),
+    ],
+)
+def test_what_is_left_out_of_the_clock_follows_from_the_rest(keys, clock):
+    made = clock_of(parse(CONTROLLER + f"  {keys}\n").controller)
+    assert (made.send_clock_factor, made.reduction_ratio) == clock
+
+
+def test_a_drive_may_have_a_cycle_of_its_own():
+    farm = parse(GOOD.replace("limits: strict", "cycle: 64ms") + "controller:\n  send_clock_factor: 64\n")
+    assert clock_of(farm.controller, expand(farm)[0].cycle_ns).reduction_ratio == 32
+
+
+def test_a_file_for_foreign_devices_needs_no_farm():
+    farm = parse(
+        "controller: {interface: eth1, cycle: 16ms, reconnect: off,\n"
+        "             records: [{slot: 1, subslot: 2, index: 0x10, data: '00 ff'}]}\n"
+        "drives: [{name: press, model: akd-profinet, ip: 192.168.0.5/24}]\n"
+    )
+    assert (farm.farm, farm.link, farm.controller.interface, farm.controller.reconnect) == (None, None, "eth1", None)
+    assert farm.controller.records[0].data == b"\x00\xff"
+    assert controller_mac(farm) is None
+    assert [drive.name for drive in expand(farm)] == ["press"]
+
+
+def test_a_controller_on_the_farms_link_gets_a_mac_of_its_own():
+    farm = parse(CONTROLLER + "  ip: 10.77.0.1/24\n")
+    mac = controller_mac(farm)
+    assert mac[0] == 2
+    assert mac not in {drive.mac for drive in expand(farm)}
+    explicit = parse(CONTROLLER + "  mac: 02:00:00:00:00:09\n")
+    assert controller_mac(explicit) == bytes.fromhex("020000000009")
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.pnfarm.yml")), ids=lambda path: path.name)
+def test_the_configurations_that_come_with_it_are_valid(path):
+    drives = expand(load_farm(path))
+    assert drives
+    assert len({drive.name for drive in drives}) == len({drive.mac for drive in drives}) == len(drives)
+
+
+def test_the_configurations_have_the_drives_that_they_speak_of():
+    assert len(expand(load_farm(CONFIGS / "demo.pnfarm.yml"))) == 8
+    assert len(expand(load_farm(CONFIGS / "one-drive.pnfarm.yml"))) == 1
+    drives = expand(load_farm(CONFIGS / "akd-64.pnfarm.yml"))
+    assert len(drives) == 64
+    assert str(drives[-1].ip) == "10.77.0.88/24"
+    assert drives[-1].params == {"DRV.OPMODE": 1}
+
+
+# --- each wrong thing alone -------------------------------------------------------------------------------------
+
+WRONG = [
+    # what stands in GOOD, what replaces it, line, field, words of the message, words of what is allowed
+    ("farm: line-1", "farm: Line_1", 1, "farm", "'Line_1' is no farm name", "a-z"),
+    ("farm: line-1", "farm: " + "x" * 41, 1, "farm", "is no farm name", "40 characters"),
+    ("farm: line-1", "farm: 7", 1, "farm", "is 7, not a word", "a-z"),
+    ("farm: line-1\n", "", 1, "", "neither `farm` nor `controller`", "farm: NAME"),
+    ("link: {kind: macvlan, parent: eth1}\n", "", 1, "", "has no `link`", "link:"),
+    ("kind: macvlan", "kind: macvaln", 2, "link", "did you mean macvlan?", "macvlan, veth, tap, memory"),
+    ("kind: macvlan, ", "", 2, "link", "has no kind", "macvlan, veth, tap, memory"),
+    ("kind: macvlan", "kind: serial", 2, "link", "serial is for PROFIBUS", "macvlan, veth, tap, memory"),
+    ("{kind: macvlan, parent: eth1}", "eth1", 2, "link", "is 'eth1', not a mapping", "macvlan"),
+    (", parent: eth1", "", 2, "link.parent", "is missing", "such as eth1"),
+    ("eth1", "a-very-long-interface", 2, "link.parent", "longer than an interface name", "15 octets"),
+    ("eth1", "'eth 1'", 2, "link.parent", "is no interface name", "eth1"),
+    (
+        "parent: eth1",
+        "parent: eth1, transmit: parrent",
+        2,
+        "link.transmit",
+        "did you mean parent?",
+        "interface, parent",
+    ),
+    ("kind: macvlan, parent: eth1", "kind: veth, parent: eth1", 2, "link.parent", "is no key here", "kind, bridge"),
+    ("state: ./state", "sate: ./state", 3, "sate", "did you mean state?", "farm, link, state"),
+    ("state: ./state", "state: ''", 3, "state", "is empty", "relative to this file"),
+    ("127.0.0.1:8702", "8702", 4, "api.listen", "is 8702, not a word", "HOST:PORT"),
+    ("127.0.0.1:8702", "127.0.0.1:70000", 4, "api.listen", "70000 is no TCP port", "65535"),
+    ("127.0.0.1:8702", "300.0.0.1:80", 4, "api.listen", "is no host", "HOST:PORT"),
+    ("127.0.0.1:8702", "{listen: '0.0.0.0:80', token: short}", 4, "api.token", "too short", "bearer token"),
+    ("name: axis-{n:02}", "nmae: axis-{n:02}", 6, "drives[0].nmae", "did you mean name?", "name, count"),
+    ("axis-{n:02}", "axis-{m}", 6, "drives[0].name", "braces other than", "{n:02}"),
+    ("axis-{n:02}", "axis", 6, "drives[0].name", "8 drives cannot all be called 'axis'", "count: 1"),
+    ("axis-{n:02}", "Axis-{n}", 6, "drives[0].name", "'Axis-1' is no station name", "PROFINET"),
+    ("axis-{n:02}", "port-{n:03}", 6, "drives[0].name", "'port-001' is no station name", "PROFINET"),
+    ("axis-{n:02}", "10.0.0.{n}", 6, "drives[0].name", "'10.0.0.1' is no station name", "PROFINET"),
+    ("count: 8", "count: 0", 7, "drives[0].count", "is 0", "from 1 to 4094"),
+    ("count: 8", "count: eight", 7, "drives[0].count", "is 'eight'", "a whole number from 1 to 4094"),
+    ("count: 8", "count: '8'", 7, "drives[0].count", "is '8'", "a whole number"),
+    ("count: 8", "count: 8.0", 7, "drives[0].count", "is 8.0", "a whole number"),
+    ("count: 8", "count: true", 7, "drives[0].count", "is true", "a whole number"),
+    ("count: 8", "count: 5000", 7, "drives[0].count", "is 5000", "4094"),
+    ("akd-profinet", "akd-profient", 8, "drives[0].model", "did you mean akd-profinet?", "akd-profinet"),
+    ("akd-profinet", "hiwin-e1", 8, "drives[0].model", "is no model of this version", "akd-profinet"),
+    ("10.77.0.11/24", "10.77.0.11", 9, "drives[0].ip", "no address with a prefix length", "10.77.0.11/24"),
+    ("10.77.0.11/24", "10.77.0.256/24", 9, "drives[0].ip", "no address with a prefix length", "10.77.0.11/24"),
+    ("10.77.0.11/24", "10.77.0.11/31", 9, "drives[0].ip", "/31 leaves no room", "/30"),
+    ("10.77.0.11/24", "10.77.0.0/24", 9, "drives[0].ip", "the address of the network", "10.77.0.1 to 10.77.0.254"),
+    ("10.77.0.11/24", "10.77.0.255/24", 9, "drives[0].ip", "the broadcast address", "10.77.0.1 to 10.77.0.254"),
+    ("10.77.0.11/24", "10.77.0.250/24", 9, "drives[0].ip", "past the end of 10.77.0.0/24 at 'axis-06'", "10.77.0.254"),
+    ("10.77.0.11/24", "224.0.0.5/24", 9, "drives[0].ip", "a multicast address", ""),
+    ("10.77.0.11/24", "127.0.0.5/24", 9, "drives[0].ip", "a loopback address", ""),
+    ("10.77.0.11/24", "0.0.0.5/24", 9, "drives[0].ip", "no address of a station", ""),
+    ("mac: auto", "gateway: 10.78.0.1", 10, "drives[0].gateway", "no host of the drives' subnet", "10.77.0.1 to"),
+    ("mac: auto", "gateway: 10.77.0.12", 10, "drives[0].gateway", "the address of the drive 'axis-02'", ""),
+    ("mac: auto", "gateway: nowhere", 10, "drives[0].gateway", "'nowhere' is no address", "10.77.0.1"),
+    ("ip: 10.77.0.11/24", "gateway: 10.77.0.1", 9, "drives[0].gateway", "stands without `ip`", "ip:"),
+    ("mac: auto", "mac: 02:00:00:00:00", 10, "drives[0].mac", "is no MAC address", "auto"),
+    ("mac: auto", "mac: 01:0e:cf:00:00:00", 10, "drives[0].mac", "a multicast address", "unicast"),
+    ("mac: auto", "mac: 00:00:00:00:00:00", 10, "drives[0].mac", "zeros", "auto"),
+    ("mac: auto", "mac: 02:ff:ff:ff:ff:fe", 10, "drives[0].mac", "up into multicast", "lower"),
+    ("inertia: 2.0e-4", "inertia: 0", 11, "drives[0].load.inertia", "is 0", "above 0"),
+    ("inertia: 2.0e-4", "inertia: .inf", 11, "drives[0].load.inertia", "is inf", "finite"),
+    ("inertia: 2.0e-4", "inertai: 2.0e-4", 11, "drives[0].load.inertai", "did you mean inertia?", "friction"),
+    ("{inertia: 2.0e-4, friction: 0.05}", "[1, 2]", 11, "drives[0].load", "is a list", "a mapping"),
+    ("limits: strict", "limits: strickt", 12, "drives[0].limits", "did you mean strict?", "strict, lax"),
+    ("identity: {}", "identity: {vndor: 1}", 13, "drives[0].identity.vndor", "is no identity", "vendor"),
+    ("DRV.OPMODE: 1", "DRV.OPMODUS: 1", 14, "drives[0].params.DRV.OPMODUS", "is no parameter", "DRV.OPMODE"),
+    ("DRV.OPMODE: 1", "DRV.OPMODE: [1]", 14, "drives[0].params.DRV.OPMODE", "is a list", "a number or a word"),
+    ("DRV.OPMODE: 1", "DRV.OPMODE: ~", 14, "drives[0].params.DRV.OPMODE", "is nothing", "a number or a word"),
+    ("DRV.OPMODE: 1", "DRV.OPMODE: .nan", 14, "drives[0].params.DRV.OPMODE", "is nan", "finite"),
+    ("impair: []", "impair: [{kind: los}]", 15, "drives[0].impair[0].kind", "did you mean loss?", "fault kinds"),
+    ("impair: []", "impair: [{kind: [x]}]", 15, "drives[0].impair[0].kind", "a list is no kind", "fault kinds"),
+    ("impair: []", "impair: [{}]", 15, "drives[0].impair[0].kind", "is missing", "loss"),
+    ("impair: []", "impair: {kind: loss}", 15, "drives[0].impair", "is a mapping", "a list"),
+    ("impair: []", "impair: [{kind: loss, after: 3}]", 15, "drives[0].impair[0].after", "has no unit", "500ms"),
+    ("impair: []", "impair: [{kind: loss, for: 3 days}]", 15, "drives[0].impair[0].for", "is no duration", "500ms"),
+    ("impair: []", "impair: [{kind: loss, on: []}]", 15, "drives[0].impair[0].on", "is a list", "glob"),
+    ("impair: []", "impair: [{kind: loss, probability: 2}]", 15, "drives[0].impair[0].probability", "is 2", "to 1"),
+    ("impair: []", "telegram: 9", 15, "drives[0].telegram", "akd-profinet has no telegram 9", "1, 7"),
+    ("impair: []", "cycle: 15ms", 15, "drives[0].cycle", "the nearest is 8ms or 16ms", "power of two"),
+    ("impair: []", "cycle: 1s", 15, "drives[0].cycle", "the nearest is 512ms", "512ms"),
+    ("impair: []", "cycle: 8ms", 15, "drives[0].cycle", "faster than akd-profinet can; the nearest is 16ms", "lax"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "field", "what", "allowed"), WRONG, ids=[f"{w[1][:32]}" for w in WRONG])
+def test_one_wrong_thing_gives_one_issue_with_its_line(old, new, line, field, what, allowed):
+    assert old in GOOD
+    found = issues(GOOD.replace(old, new))
+    issue = next(issue for issue in found if issue.field == field)
+    assert issue.line == line
+    assert what in issue.what
+    assert allowed in issue.allowed
+    # a misspelt key is also missing where it is required
+    assert len(found) == (2 if new.startswith("nmae") else 1)
+
+
+WRONG_CONTROLLER = [
+    ("name: Plc", "controller.name", "'Plc' is no station name"),
+    ("name: axis-03", "drives[0].name", "'axis-03' belongs to the controller"),
+    ("ip: 10.77.0.12/24", "drives[0].ip", "'axis-02': 10.77.0.12 belongs to the controller"),
+    ("ip: 10.78.0.1/24", "controller.ip", "cannot reach drives[0]"),
+    ("ip: 10.77.0.255/24", "controller.ip", "broadcast"),
+    ("interface: eth1", "controller.interface", "does not hear the macvlans"),
+    ("{interface: eth2, link: {kind: memory}}", "controller.interface", "stands beside `link`"),
+    ("link: {kind: tun}", "controller.link", "is no kind of link"),
+    ("link: {kind: veth, parent: x}", "controller.link.parent", "is no key here"),
+    ("cycle: 2ms", "controller.cycle", "faster than akd-profinet can"),
+    ("cycle: 30ms", "controller.cycle", "the nearest is 16ms or 32ms"),
+    ("cycle: 2", "controller.cycle", "has no unit"),
+    ("send_clock_factor: 3", "controller.send_clock_factor", "is 3"),
+    ("reduction_ratio: 1024", "controller.reduction_ratio", "is 1024"),
+    ("{send_clock_factor: 128, reduction_ratio: 512}", "controller.send_clock_factor", "the slowest cycle is 512ms"),
+    ("{cycle: 16ms, send_clock_factor: 32, reduction_ratio: 8}", "controller.send_clock_factor", "make 8ms, not 16ms"),
+    ("{cycle: 16ms, reduction_ratio: 1}", "controller.reduction_ratio", "a send clock factor is one of 1, 2"),
+    ("{cycle: 512ms, watchdog_factor: 4}", "controller.watchdog_factor", "4 cycles of 512ms are 2.048s"),
+    ("watchdog_factor: 0", "controller.watchdog_factor", "is 0"),
+    ("startup: fast", "controller.startup", "is 'fast'"),
+    ("program: {kind: sin}", "controller.program.kind", "did you mean sine?"),
+    ("program: {speed: 5}", "controller.program.speed", "did you mean speed_rpm?"),
+    ("records: [{slot: 1, subslot: 2, index: 1, data: xyz}]", "controller.records[0].data", "is no hexadecimal"),
+    ("records: [{slot: 1, subslot: 2, data: ''}]", "controller.records[0].index", "is missing"),
+    ("reconnect: 7", "controller.reconnect", "is 7"),
+    ("reconnect: {after: 0.5ns}", "controller.reconnect.after", "is no duration"),
+]
+
+
+@pytest.mark.parametrize(("text", "field", "what"), WRONG_CONTROLLER, ids=[w[0] for w in WRONG_CONTROLLER])
+def test_one_wrong_thing_of_the_controller_gives_one_issue(text, field, what):
+    issue = the_issue(GOOD + "controller: " + (text if text.startswith("{") else "{" + text + "}") + "\n")
+    assert issue.field == field
+    assert what in issue.what
+    assert issue.allowed
+    if field.startswith("controller"):
+        assert issue.line == 16
+
+
+def test_a_controller_on_the_parent_is_refused_where_it_would_hear_nothing():
+    text = GOOD.replace("parent: eth1", "parent: eth1, transmit: parent")
+    parse(text)
+    issue = the_issue(text + "controller: {}\n")
+    assert (issue.line, issue.field) == (2, "link.transmit")
+    parse(text + "controller: {interface: eth2}\n")
+
+
+def test_a_file_with_neither_farm_nor_controller_says_so():
+    issue = the_issue("drives: [{name: a, model: akd-profinet}]\n")
+    assert "neither `farm` nor `controller`" in issue.what
+
+
+def test_a_foreign_file_needs_an_interface():
+    issue = the_issue("controller: {cycle: 16ms}\ndrives: [{name: a, model: akd-profinet}]\n")
+    assert (issue.line, issue.field) == (1, "controller")
+
+
+def test_a_link_without_a_farm_is_refused():
+    issue = the_issue(GOOD.replace("farm: line-1\n", "") + "controller: {interface: eth2}\n")
+    assert (issue.line, issue.field) == (1, "link")
+
+
+def test_lax_limits_let_a_fast_cycle_pass():
+    fast = GOOD.replace("limits: strict", "limits: lax") + "controller: {cycle: 1ms}\n"
+    assert clock_of(parse(fast).controller).cycle_ns == 1_000_000
+
+
+# --- between drives ---------------------------------------------------------------------------------------------
+
+TWO = """\
+farm: two
+link: {kind: memory}
+drives:
+  - name: a-{n}
+    count: 4
+    model: akd-profinet
+    ip: 10.0.0.1/24
+    mac: 02:00:00:00:00:01
+  - name: b-{n}
+    count: 4
+    model: akd-profinet
+    ip: 10.0.0.5/24
+    mac: 02:00:00:00:00:05
+"""
+
+
+def test_groups_that_touch_but_do_not_overlap_are_right():
+    assert len(expand(parse(TWO))) == 8
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "field", "what"),
+    [
+        ("b-{n}", "a-{n}", 9, "drives[1].name", "'a-1' belongs to 'a-1' of drives[0]"),
+        ("10.0.0.5/24", "10.0.0.4/24", 12, "drives[1].ip", "'b-1': 10.0.0.4 belongs to 'a-4' of drives[0]"),
+        (
+            "mac: 02:00:00:00:00:05",
+            "mac: 02:00:00:00:00:03",
+            13,
+            "drives[1].mac",
+            "'b-1': 02:00:00:00:00:03 belongs to 'a-3' of drives[0]",
+        ),
+    ],
+)
+def test_a_duplicate_is_reported_once_per_group(old, new, line, field, what):
+    issue = the_issue(TWO.replace(old, new))
+    assert (issue.line, issue.field) == (line, field)
+    assert what in issue.what
+
+
+def test_more_drives_than_a_farm_can_hold_are_refused():
+    issue = the_issue(TWO.replace("count: 4", "count: 2048").replace("/24", "/8").replace("10.0.0.5", "10.1.0.0"))
+    assert (issue.line, issue.field) == (3, "drives")
+    assert "4096 drives" in issue.what
+
+
+def test_an_automatic_mac_evades_an_explicit_one():
+    automatic = expand(parse(TWO.replace("    mac: 02:00:00:00:00:01\n", "")))[0].mac
+    text = TWO.replace("    mac: 02:00:00:00:00:01\n", "").replace("02:00:00:00:00:05", automatic.hex(":"))
+    assert len({drive.mac for drive in expand(parse(text))}) == 8
+
+
+# --- all in one -------------------------------------------------------------------------------------------------
+
+ALL_WRONG = """\
+farm: Line
+link: {kind: macvlna, parent: eth1}
+sate: ./state
+api: nowhere
+realtime: {cpu: -1, fifo: 100}
+drives:
+  - name: axis-{n}
+    count: 8
+    count: 9
+    model: akd-profinte
+    limits: strickt
+    ip: 10.0.0.255/24
+  - name: axis-{n}
+    count: 2
+    model: akd-profinet
+    cycle: 2ms
+    load: {inertia: -1, fricton: 2}
+    params: {NOPE: 1, DRV.OPMODE: []}
+    impair: [{kind: los}, {kind: loss, after: 3}]
+  - 17
+controller:
+  startup: fast
+  program: {kind: sin}
+"""
+
+
+def test_every_error_of_a_file_is_said_in_one_run_in_the_files_order():
+    with pytest.raises(FarmFileError) as caught:
+        parse(ALL_WRONG)
+    assert [(issue.line, issue.field) for issue in caught.value.issues] == [
+        (1, "farm"),
+        (2, "link"),
+        (3, "sate"),
+        (4, "api.listen"),
+        (5, "realtime.cpu"),
+        (5, "realtime.fifo"),
+        (9, "drives[0].count"),
+        (10, "drives[0].model"),
+        (11, "drives[0].limits"),
+        (12, "drives[0].ip"),
+        (13, "drives[1].name"),
+        (16, "drives[1].cycle"),
+        (17, "drives[1].load.inertia"),
+        (17, "drives[1].load.fricton"),
+        (18, "drives[1].params.NOPE"),
+        (18, "drives[1].params.DRV.OPMODE"),
+        (19, "drives[1].impair[0].kind"),
+        (19, "drives[1].impair[1].after"),
+        (20, "drives[2]"),
+        (22, "controller.startup"),
+        (23, "controller.program.kind"),
+    ]
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(caught.value.issues)
+    assert lines[1] == (
+        "line.pnfarm.yml:2: link: 'macvlna' is no kind of link, did you mean macvlan?; "
+        "allowed: kind: macvlan, veth, tap, memory"
+    )
+    assert isinstance(caught.value, ConfigError)
+    assert caught.value.exit_code == 2
+
+
+def test_the_column_points_at_the_key():
+    issue = the_issue(GOOD.replace("friction: 0.05", "frition: 0.05"))
+    assert GOOD.splitlines()[issue.line - 1].index("friction") + 1 == issue.column
+
+
+def test_an_error_in_a_shared_part_points_at_what_was_written():
+    text = (
+        "farm: a\nlink: {kind: memory}\ndrives:\n"
+        "  - &x {name: a, model: akd-profinet, load: {inertia: 1, damping: -1}}\n"
+        "  - <<: *x\n    name: b\n"
+    )
+    found = issues(text)
+    assert [(issue.line, issue.field) for issue in found] == [
+        (4, "drives[0].load.damping"),
+        (4, "drives[1].load.damping"),
+    ]
+
+
+# --- files ------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_read_from_disk_and_named_in_its_errors(tmp_path):
+    path = tmp_path / "x.pnfarm.yml"
+    path.write_text(GOOD)
+    assert load_farm(path, KNOWN).path == path
+    path.write_text(GOOD.replace("count: 8", "count: 0"))
+    with pytest.raises(FarmFileError, match=r"x\.pnfarm\.yml:7: drives"):
+        load_farm(path, KNOWN)
+
+
+def test_a_missing_file_and_a_folder_are_the_users_error(tmp_path):
+    for path in (tmp_path / "none.yml", tmp_path):
+        with pytest.raises(FarmFileError, match="cannot be read") as caught:
+            load_farm(path, KNOWN)
+        assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "line-1", "7"])
+def test_a_file_that_is_no_mapping_is_refused(text):
+    assert the_issue(text).line == 1
+
+
+# --- overrides --------------------------------------------------------------------------------------------------
+
+
+def test_overrides_win_and_the_whole_is_checked_anew():
+    farm = parse(GOOD).with_overrides({"api": "off", "link.parent": "eth7", "realtime.cpu": "3", "drives[0].count": 2})
+    assert (farm.api, farm.link.parent, farm.realtime.cpu, len(expand(farm))) == (None, "eth7", 3, 2)
+    assert len(expand(parse(GOOD).with_overrides({}))) == 8
+
+
+def test_a_wrong_override_names_where_it_comes_from():
+    with pytest.raises(FarmFileError) as caught:
+        parse(GOOD).with_overrides({"api": "nowhere"}, origin="PNFARM_UP_API")
+    assert str(caught.value).startswith("PNFARM_UP_API: api.listen: 'nowhere' is no HOST:PORT")
+
+
+@pytest.mark.parametrize("key", ["", "api.listen.x", "drives[9].count", "drives.x", "sate", "farm[0]"])
+def test_an_override_of_no_key_is_refused(key):
+    with pytest.raises(FarmFileError):
+        parse(GOOD).with_overrides({key: 1})
+
+
+# --- with the models that are installed -------------------------------------------------------------------------
+
+
+def test_the_installed_model_judges_parameters_telegrams_and_identity():
+    text = GOOD.replace("DRV.OPMODE: 1", "DRV.OPMODE: 77, DRV.OPMODUS: 1, 980: 1").replace(
+        "identity: {}", "identity: {vendor: 70000, devise: 1}"
+    )
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(text + "    telegram: 999\n", "f", catalogue())
+    assert [issue.field.removeprefix("drives[0].") for issue in caught.value.issues] == [
+        "identity.vendor",
+        "identity.devise",
+        "params.DRV.OPMODE",
+        "params.DRV.OPMODUS",
+        "params.980",
+        "telegram",
+    ]
+    assert "did you mean DRV.OPMODE?" in caught.value.issues[3].what
+
+
+def test_the_installed_model_takes_a_foreign_projects_identity():
+    farm = parse_farm(GOOD.replace("identity: {}", "identity: {vendor: 0x0105, device: 7}"), "f")
+    assert expand(farm)[0].identity == {"vendor": 0x0105, "device": 7}

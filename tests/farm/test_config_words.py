@@ -1,0 +1,126 @@
+"""Patterns that count, durations and cycles."""
+
+from __future__ import annotations
+
+from ipaddress import IPv4Interface
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pnfarm.farm.config import expand, parse_farm
+from pnfarm.farm.config_cycle import (
+    CYCLE_UNIT_NS,
+    REDUCTION_RATIOS,
+    SEND_CLOCK_FACTORS,
+    check_clock,
+    format_duration,
+    join_cycle,
+    nearest_cycles,
+    parse_duration,
+    split_cycle,
+)
+from pnfarm.farm.config_values import expand_name, numbered
+
+# --- patterns ---------------------------------------------------------------------------------------------------
+
+
+@given(n=st.integers(0, 10**6), width=st.integers(1, 9), head=st.from_regex(r"[a-z]{1,5}", fullmatch=True))
+def test_a_pattern_counts_with_leading_zeros_and_loses_no_digit(n, width, head):
+    name = expand_name(f"{head}-{{n:0{width}}}", n)
+    assert int(name.removeprefix(f"{head}-")) == n
+    assert len(name) == len(head) + 1 + max(width, len(str(n)))
+    assert expand_name(f"{head}-{{n}}", n) == f"{head}-{n}"
+
+
+def test_a_pattern_may_count_in_several_places_or_in_none():
+    assert expand_name("line-{n}.axis-{n:02}", 3) == "line-3.axis-03"
+    assert not numbered("press")
+    assert expand_name("press", 3) == "press"
+
+
+@given(count=st.integers(1, 60), start=st.integers(0, 5000), host=st.integers(1, 194))
+def test_a_group_counts_names_addresses_and_macs_in_step(count, start, host):
+    drives = expand(
+        parse_farm(
+            f"farm: f\nlink: {{kind: memory}}\ndrives: [{{name: 'd{{n}}', model: akd-profinet, count: {count}, "
+            f"start: {start}, ip: 10.1.2.{host}/24, mac: '02:00:00:00:00:00'}}]"
+        )
+    )
+    assert [drive.name for drive in drives] == [f"d{n}" for n in range(start, start + count)]
+    assert [drive.ip for drive in drives] == [IPv4Interface(f"10.1.2.{host + i}/24") for i in range(count)]
+    assert [int.from_bytes(drive.mac, "big") for drive in drives] == [(2 << 40) + i for i in range(count)]
+
+
+@given(st.lists(st.from_regex(r"[a-z]{1,6}", fullmatch=True), min_size=1, max_size=20, unique=True))
+def test_automatic_macs_are_unicast_local_and_unique(names):
+    groups = ", ".join(f"{{name: '{name}-{{n}}', count: 9, model: akd-profinet}}" for name in names)
+    macs = [drive.mac for drive in expand(parse_farm(f"farm: f\nlink: {{kind: memory}}\ndrives: [{groups}]"))]
+    assert len(set(macs)) == len(macs) == 9 * len(names)
+    assert all(mac[0] & 3 == 2 for mac in macs)
+
+
+# --- durations and cycles ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "duration_ns"),
+    [
+        ("500ms", 500_000_000),
+        ("2 s", 2 * 10**9),
+        ("31.25us", 31_250),
+        ("31.25µs", 31_250),
+        ("1.5min", 90 * 10**9),
+        ("0s", 0),
+    ],
+)
+def test_durations_are_read_exactly(text, duration_ns):
+    assert parse_duration(text) == duration_ns
+
+
+@pytest.mark.parametrize("text", ["5", "ms", "-1s", "1.5ns", "1e3s", "400000h", "1s2", ""])
+def test_other_words_are_no_durations(text):
+    with pytest.raises(ValueError, match=r"number|whole|year"):
+        parse_duration(text)
+
+
+@given(st.integers(0, 10**15))
+def test_durations_survive_writing_and_reading(duration_ns):
+    assert parse_duration(format_duration(duration_ns)) == duration_ns
+
+
+@pytest.mark.parametrize(
+    ("text", "clock"),
+    [
+        ("31.25us", (1, 1)),
+        ("250us", (8, 1)),
+        ("1ms", (32, 1)),
+        ("2ms", (32, 2)),
+        ("16ms", (32, 16)),
+        ("512ms", (32, 512)),
+    ],
+)
+def test_a_cycle_is_split_with_a_send_clock_of_one_millisecond_where_it_can(text, clock):
+    assert split_cycle(parse_duration(text)) == clock
+
+
+@given(st.sampled_from(SEND_CLOCK_FACTORS), st.sampled_from(REDUCTION_RATIOS))
+def test_every_allowed_pair_makes_a_cycle_that_splits_again(factor, ratio):
+    if check_clock(factor, ratio) is None:
+        cycle_ns = join_cycle(factor, ratio)
+        again = split_cycle(cycle_ns)
+        assert check_clock(*again) is None
+        assert join_cycle(*again) == cycle_ns
+    else:
+        assert factor * ratio > 1 << 14
+
+
+@given(st.integers(0, 2 * 10**9))
+def test_the_nearest_cycles_enclose_any_time(cycle_ns):
+    nearest = nearest_cycles(cycle_ns)
+    assert all(split_cycle(near) for near in nearest)
+    if len(nearest) == 2:
+        assert nearest[0] < cycle_ns < nearest[1] == 2 * nearest[0]
+        with pytest.raises(ValueError, match=format_duration(nearest[0])):
+            split_cycle(cycle_ns)
+    assert nearest[0] % CYCLE_UNIT_NS == 0

@@ -1,0 +1,264 @@
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+from cm_support import CAPTURE_NAMES, calls, connect_request
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire import blocks_connect as connect
+from pnfarm.protocols.profinet.wire import blocks_expected as expected
+from pnfarm.protocols.profinet.wire import iod, records
+from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS, emit_block, emit_blocks, parse_block, parse_blocks
+from pnfarm.protocols.profinet.wire.blocks_control import (
+    CONTROL_BLOCK_TYPES,
+    ControlBlock,
+    ControlCommand,
+    control_response,
+)
+from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi, IocrBlockReq, IocrBlockRes
+from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+
+u8, u16, u32 = st.integers(0, 0xFF), st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF)
+octets = st.binary(max_size=40)
+mac = st.binary(min_size=6, max_size=6)
+uuids = st.uuids()
+
+
+def some(*parts, maximum=3):
+    return st.lists(st.tuples(*parts), max_size=maximum).map(tuple)
+
+
+def many(strategy, maximum=3):
+    return st.lists(strategy, max_size=maximum).map(tuple)
+
+
+slots = many(st.builds(FrameSlot, u16, u16, u16))
+descriptions = st.builds(expected.DataDescription, u16, u16, u8, u8)
+exp_subs = st.one_of(
+    st.builds(expected.ExpectedSubmodule, u16, u32, u16.map(lambda p: p | 3), st.tuples(descriptions, descriptions)),
+    st.builds(expected.ExpectedSubmodule, u16, u32, u16.map(lambda p: p & ~2), st.tuples(descriptions)),
+)
+diff_modules = st.builds(expected.DiffModule, u16, u32, u16, many(st.builds(expected.DiffSubmodule, u16, u32, u16)))
+id_slots = st.builds(records.IdentificationSlot, u16, u32, some(u16, u32))
+id_apis = st.builds(records.IdentificationApi, u32, many(id_slots))
+ar_entries = st.builds(
+    records.ArDataEntry, uuids, uuids, uuids, u32, u16, u16, u16, u16, u16, u16, octets,
+    many(st.builds(records.ArDataIocr, u32, u16, u16, u32)), many(u32), octets,
+)  # fmt: skip
+
+BLOCKS = {
+    "ar-req": st.builds(connect.ArBlockReq, u16, uuids, u16, mac, uuids, u32, u16, u16, octets, u16),
+    "ar-res": st.builds(connect.ArBlockRes, u16, uuids, u16, mac, u16, u16),
+    "alarm-req": st.builds(connect.AlarmCrBlockReq, u16, u16, u32, u16, u16, u16, u16, u16, u16, u16),
+    "alarm-res": st.builds(connect.AlarmCrBlockRes, u16, u16, u16, u16),
+    "prm-server-req": st.builds(connect.PrmServerBlockReq, uuids, u32, u16, octets, u16),
+    "prm-server-res": st.builds(connect.PrmServerBlockRes, u16),
+    "mcr": st.builds(connect.McrBlockReq, u16, u32, u16, octets, u16),
+    "ar-rpc-req": st.builds(connect.ArRpcBlockReq, u16, u16),
+    "ar-rpc-res": st.builds(connect.ArRpcBlockRes, u16, u16),
+    "ar-server": st.builds(connect.ArServerBlock, octets, u16),
+    "ar-vendor-req": st.builds(connect.ArVendorBlockReq, u16, u32, octets, u16),
+    "ar-vendor-res": st.builds(connect.ArVendorBlockRes, u16, u32, octets, u16),
+    "iocr-req": st.builds(
+        IocrBlockReq, u16, u16, u32, u16, u16, u16, u16, many(st.builds(IocrApi, u32, slots, slots)),
+        u16, u16, u32, u16, u16, u16, u16, mac, u16,
+    ),
+    "iocr-res": st.builds(IocrBlockRes, u16, u16, u16, u16),
+    "expected": st.builds(
+        expected.ExpectedSubmoduleBlockReq,
+        many(st.builds(expected.ExpectedApi, u32, u16, u32, many(exp_subs), u16)),
+        u16,
+    ),
+    "module-diff": st.builds(
+        expected.ModuleDiffBlock, many(st.builds(expected.DiffApi, u32, many(diff_modules))), u16
+    ),
+    "control": st.builds(ControlBlock, st.sampled_from(CONTROL_BLOCK_TYPES), uuids, u16, u16, u16, u16, u16, u16),
+    "im0": st.builds(
+        records.Im0, u16, st.binary(min_size=20, max_size=20), st.binary(min_size=16, max_size=16), u16,
+        st.tuples(u8.map(chr), u8, u8, u8), u16, u16, u16, u16, u16, u16,
+    ),
+    "identification": st.builds(
+        records.IdentificationData, st.sampled_from((0x12, 0x13, 0x30, 0x31, 0x32)), many(id_apis), st.just(0x0101)
+    ),
+    "api-data": st.builds(records.ApiData, many(u32), u16),
+    "ar-data": st.builds(records.ArData, many(ar_entries)),
+    "record-input": st.builds(records.RecordInputData, octets, octets, octets, u16),
+    "record-output": st.builds(records.RecordOutputData, octets, octets, octets, u16, octets, u16),
+    "raw": st.builds(RawBlock, st.integers(0x4000, 0x7FFF), octets, u16),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BLOCKS)
+def test_what_is_emitted_is_parsed_back(kind):
+    @settings(max_examples=40, deadline=None)
+    @given(BLOCKS[kind])
+    def run(value):
+        assert parse_blocks(emit_block(value)) == (value,)
+
+    run()
+
+
+@pytest.mark.parametrize("name", CAPTURE_NAMES)
+def test_every_captured_connect_control_and_release_pdu_is_reemitted_octet_for_octet(name):
+    seen = 0
+    for call in calls(name):
+        if call.opnum in {0, 1, 4}:
+            assert emit_blocks(parse_blocks(call.payload)) == call.payload
+            seen += 1
+    assert seen >= 6
+
+
+@pytest.mark.parametrize("name", CAPTURE_NAMES[1:])
+def test_every_captured_write_is_reemitted_octet_for_octet(name):
+    seen = 0
+    for call in calls(name):
+        if call.opnum == 3:
+            if call.request:
+                request = iod.parse_write_request(call.payload)
+                assert request.multiple
+                assert iod.emit_multiple_write_request(request.header, request.writes) == call.payload
+            else:
+                assert iod.emit_write_response(iod.parse_write_response(call.payload)) == call.payload
+            seen += 1
+    assert seen == 2
+
+
+def test_the_captured_im0_read_is_reemitted_octet_for_octet():
+    reads = [c for c in calls(CAPTURE_NAMES[2]) if c.opnum == 2]
+    request, response = (c.payload for c in reads)
+    assert iod.emit_read_request(iod.parse_read_request(request)) == request
+    record = iod.parse_read_response(response)
+    assert iod.emit_read_response(record.header, record.data) == response
+    (im0,) = parse_blocks(record.data)
+    assert isinstance(im0, records.Im0)
+    assert im0.order_id == b"12345 Abcdefghijk   "
+    assert im0.software_revision == ("V", 0, 2, 0)
+    assert emit_block(im0) == record.data
+
+
+def test_a_real_drives_request_reads_as_its_engineer_would_say_it():
+    ar, inputs, outputs, dap, drive, alarm = parse_blocks(connect_request(CAPTURE_NAMES[0]))
+    assert (ar.properties, ar.activity_timeout_factor, ar.station_name) == (0x11, 600, b"pn-io-1")
+    assert (inputs.iocr_type, outputs.iocr_type) == (1, 2)
+    assert (inputs.send_clock_factor, inputs.reduction_ratio, inputs.data_hold_factor) == (128, 1, 3)
+    assert (inputs.rt_class, inputs.frame_id, outputs.frame_id) == (2, 0x8061, 0xFFFF)
+    assert [a.api for a in inputs.apis] == [0, 0x3A00]
+    assert len(dap.apis[0].submodules) == 4
+    assert [s.submodule_ident for s in drive.apis[0].submodules] == [0xFFFF, 0x68]
+    assert [d.data_length for d in drive.apis[0].submodules[1].data] == [12, 12]
+    assert (alarm.rta_retries, alarm.max_alarm_data_length) == (3, 256)
+
+
+def test_padding_between_the_records_of_a_multiple_write_and_none_behind_the_last():
+    from uuid import UUID
+
+    header = iod.IodWriteReqHeader(0, UUID(int=7), iod.API_NONE, 0xFFFF, 0xFFFF, iod.INDEX_MULTIPLE_WRITE)
+    writes = [
+        iod.RecordWrite(iod.IodWriteReqHeader(n, UUID(int=7), 0, 1, 1, 100 + n, len(data)), data)
+        for n, data in enumerate((b"a", b"bcde", b"", b"fg"), 1)
+    ]
+    raw = iod.emit_multiple_write_request(header, writes)
+    assert len(raw) == 64 + (64 + 4) + (64 + 4) + 64 + (64 + 2)
+    assert iod.parse_write_request(raw).writes == tuple(writes)
+
+
+headers = {
+    "write": st.builds(iod.IodWriteReqHeader, u16, uuids, u32, u16, u16, u16.filter(lambda i: i != 0xE040)),
+    "write-res": st.builds(
+        iod.IodWriteResHeader, u16, uuids, u32, u16, u16, u16, u32, u16, u16, st.builds(PnioStatus, u8, u8, u8, u8)
+    ),
+    "read": st.builds(iod.IodReadReqHeader, u16, uuids, u32, u16, u16, u16, u32),
+    "implicit": st.builds(iod.IodReadReqHeader, u16, st.just(iod.NIL_UUID), u32, u16, u16, u16, u32, uuids),
+    "read-res": st.builds(iod.IodReadResHeader, u16, uuids, u32, u16, u16, u16, st.just(0), u16, u16),
+}
+
+
+@settings(max_examples=40, deadline=None)
+@given(headers["write"], octets, headers["write-res"], headers["read"] | headers["implicit"], headers["read-res"])
+def test_record_headers_are_parsed_back(write, data, write_res, read, read_res):
+    parsed = iod.parse_write_request(iod.emit_write_request(write, data))
+    assert parsed.writes[0].data == data
+    assert dataclasses.replace(parsed.header, record_data_length=0) == write
+    assert iod.parse_write_response(iod.emit_write_response([write_res])) == (write_res,)
+    assert iod.parse_read_request(iod.emit_read_request(read)) == read
+    record = iod.parse_read_response(iod.emit_read_response(read_res, data))
+    assert (record.data, record.header.record_data_length) == (data, len(data))
+
+
+PARSERS = (
+    parse_blocks,
+    split_blocks,
+    iod.parse_write_request,
+    iod.parse_write_response,
+    iod.parse_read_request,
+    iod.parse_read_response,
+)
+
+
+def only_decode_errors(parser, data):
+    try:
+        parser(data)
+    except DecodeError:
+        pass
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.binary(max_size=200), st.sampled_from(PARSERS))
+def test_any_octets_give_a_value_or_a_decode_error(data, parser):
+    only_decode_errors(parser, data)
+
+
+@settings(max_examples=600, deadline=None)
+@given(st.sampled_from(sorted(_PARSERS)), st.binary(max_size=120), u16)
+def test_any_body_of_any_known_block_gives_a_value_or_a_decode_error(block_type, body, version):
+    only_decode_errors(parse_block, RawBlock(block_type, body, version))
+
+
+@pytest.mark.parametrize("name", CAPTURE_NAMES)
+def test_captured_pdus_with_one_octet_changed_or_cut_off_stay_harmless(name):
+    for call in calls(name):
+        payload = call.payload
+        for position in range(0, min(len(payload), 500), 3):
+            for octet in (0x00, 0xFF, payload[position] ^ 0x01):
+                broken = payload[:position] + bytes([octet]) + payload[position + 1 :]
+                for parser in PARSERS:
+                    only_decode_errors(parser, broken)
+            only_decode_errors(parse_blocks, payload[:position])
+
+
+def test_a_block_shorter_than_its_version_is_refused():
+    with pytest.raises(DecodeError, match="bad-length"):
+        split_blocks(bytes.fromhex("010100010100"))
+
+
+def test_an_unknown_block_is_kept_as_it_is():
+    raw = emit_raw_block(RawBlock(0x010B, b"\x01\x02", 0x0100))
+    assert parse_blocks(raw) == (RawBlock(BlockType.AR_FSU_REQ, b"\x01\x02"),)
+
+
+def test_the_answer_to_a_control_block_says_done_for_the_same_session():
+    from uuid import UUID
+
+    request = ControlBlock(BlockType.PRM_END_REQ, UUID(int=5), 3, ControlCommand.PRM_END)
+    answer = control_response(request)
+    assert (answer.block_type, answer.command, answer.session_key, answer.ar_uuid) == (0x8110, 8, 3, UUID(int=5))
+
+
+def test_submodule_states_read_as_on_the_wire_of_a_real_drive():
+    sub = expected.DiffSubmodule(2, 0x68, 0x8800)
+    assert (sub.ident_info, sub.ar_info) == (expected.IdentInfo.SUBSTITUTE, expected.ArInfo.OWN)
+    assert expected.submodule_state(expected.IdentInfo.SUBSTITUTE) == 0x8800
+    assert expected.submodule_state(expected.IdentInfo.WRONG) == 0x9000
+
+
+def test_identification_of_version_1_0_has_no_api_field():
+    slot = records.IdentificationSlot(1, 0x100, ((2, 0x68),))
+    value = records.IdentificationData(0x13, (records.IdentificationApi(0, (slot,)),), 0x0100)
+    assert emit_block(value).hex() == "001300120100" + "0001" + "0001" + "00000100" + "0001" + "0002" + "00000068"
+    assert parse_blocks(emit_block(value)) == (value,)
+    with pytest.raises(ValueError, match="exactly API 0"):
+        emit_block(dataclasses.replace(value, apis=(records.IdentificationApi(1, ()),)))

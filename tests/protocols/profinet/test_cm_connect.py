@@ -1,0 +1,416 @@
+"""Every field of every Connect block: a wrong value is refused with the standard's two codes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from cm_support import ADVANCED, CAPTURE_NAMES, DRIVE, DRIVE_API, Bench, Plan, calls, connect_request, telegram
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pnfarm.protocols.profinet.ar import expected_submodules
+from pnfarm.protocols.profinet.description import (
+    DeviceDescription,
+    Limits,
+    ModuleDescription,
+    Plugged,
+    SubmoduleDescription,
+)
+from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.protocols.profinet.events import ArConnected, ConnectRefused
+from pnfarm.protocols.profinet.wire import blocks_connect as connect
+from pnfarm.protocols.profinet.wire.blocks import RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.blocks_expected import (
+    DataDescription,
+    ExpectedApi,
+    ExpectedSubmoduleBlockReq,
+    ModuleDiffBlock,
+)
+from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi
+from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+
+P = Plan()
+
+
+def ar(**fields):
+    return replace(P, ar=replace(P.ar, **fields))
+
+
+def iocr(**fields):
+    return replace(P, inputs=replace(P.inputs, **fields))
+
+
+def alarm(**fields):
+    return replace(P, alarm=replace(P.alarm, **fields))
+
+
+def drive(**fields):
+    return replace(P, drive=replace(P.drive, **fields))
+
+
+def telegram_sub(**fields):
+    return drive(submodules=(P.drive.submodules[0], replace(P.drive.submodules[1], **fields)))
+
+
+def pap(**fields):
+    return drive(submodules=(replace(P.drive.submodules[0], **fields), P.drive.submodules[1]))
+
+
+def data(**fields):
+    first, second = P.drive.submodules[1].data
+    return telegram_sub(data=(replace(first, **fields), second))
+
+
+def with_blocks(*blocks):
+    return replace(P, blocks=blocks)
+
+
+def versioned(position, version):
+    """The request with one block's version changed."""
+    raws = list(split_blocks(P.payload()))
+    raws[position] = replace(raws[position], version=version)
+    return with_blocks(*raws)
+
+
+def cut(position):
+    raws = list(split_blocks(P.payload()))
+    raws[position] = replace(raws[position], body=raws[position].body[:-1])
+    return with_blocks(*raws)
+
+
+BASE = parse_blocks(P.payload())
+DA = replace(P.ar, ar_type=6, properties=0x111)
+
+REFUSALS = [
+    # ARBlockReq
+    ("ar-missing", with_blocks(*BASE[1:]), 1, 0),
+    ("ar-twice", with_blocks(*BASE, BASE[0]), 1, 0),
+    ("ar-length", cut(0), 1, 1),
+    ("ar-version-high", versioned(0, 0x0200), 1, 2),
+    ("ar-version-low", versioned(0, 0x0101), 1, 3),
+    ("ar-type", ar(ar_type=0x10), 1, 4),
+    ("ar-supervisor-with-crs", ar(ar_type=6), 1, 4),
+    ("ar-uuid-nil", ar(ar_uuid=type(P.ar.ar_uuid)(int=0)), 1, 5),
+    ("ar-mac-multicast", ar(initiator_mac=b"\x01" + bytes(5)), 1, 7),
+    ("ar-mac-zero", ar(initiator_mac=bytes(6)), 1, 7),
+    ("ar-object-uuid", ar(initiator_object_uuid=P.ar.ar_uuid), 1, 8),
+    ("ar-not-active", ar(properties=0x12), 1, 9),
+    ("ar-parameter-server", ar(properties=0x01), 1, 9),
+    ("ar-device-access-of-a-controller", ar(properties=0x111), 1, 9),
+    ("ar-companion", ar(properties=0x211), 1, 9),
+    ("ar-companion-reserved", ar(properties=0x611), 1, 9),
+    ("ar-acknowledge-companion", ar(properties=0x811), 1, 9),
+    ("ar-timeout-0", ar(activity_timeout_factor=0), 1, 10),
+    ("ar-timeout-1001", ar(activity_timeout_factor=1001), 1, 10),
+    ("ar-name-empty", ar(station_name=b""), 1, 12),
+    ("ar-name-long", ar(station_name=b"a" * 241), 1, 12),
+    ("ar-name-unreadable", ar(station_name=b"a\x07"), 1, 13),
+    # IOCRBlockReq
+    ("iocr-length", cut(1), 2, 1),
+    ("iocr-version-high", versioned(1, 0x0000), 2, 2),
+    ("iocr-version-low", versioned(2, 0x0107), 2, 3),
+    ("iocr-type", iocr(iocr_type=9), 2, 4),
+    ("iocr-multicast", iocr(iocr_type=3), 2, 4),
+    ("iocr-reference-twice", iocr(iocr_reference=2), 2, 5),
+    ("iocr-lt", iocr(lt=0x0800), 2, 6),
+    ("iocr-rt-class-3", iocr(properties=3), 2, 7),
+    ("iocr-rt-over-udp", iocr(properties=4), 2, 7),
+    ("iocr-class-1-in-advanced", replace(iocr(properties=1), ar=replace(P.ar, properties=ADVANCED)), 2, 7),
+    ("iocr-data-length-short", iocr(data_length=39), 2, 8),
+    ("iocr-data-length-long", iocr(data_length=1441), 2, 8),
+    ("iocr-frame-id-of-class-1", iocr(frame_id=0xC000), 2, 9),
+    ("iocr-input-frame-id-left-open", iocr(frame_id=0xFFFF), 2, 9),
+    ("iocr-output-frame-id", replace(P, outputs=replace(P.outputs, frame_id=0x0100)), 2, 9),
+    ("iocr-send-clock-3", iocr(send_clock_factor=3), 2, 10),
+    ("iocr-send-clock-not-offered", iocr(send_clock_factor=4), 2, 10),
+    ("iocr-reduction-0", iocr(reduction_ratio=0), 2, 11),
+    ("iocr-reduction-513", iocr(reduction_ratio=513, data_hold_factor=1), 2, 11),
+    ("iocr-reduction-256-at-4-ms", iocr(reduction_ratio=256, send_clock_factor=128), 2, 11),
+    ("iocr-phase-0", iocr(phase=0), 2, 12),
+    ("iocr-phase-beyond", iocr(phase=3), 2, 12),
+    ("iocr-send-offset", iocr(frame_send_offset=1_000_000), 2, 14),
+    ("iocr-watchdog-0", iocr(watchdog_factor=0), 2, 15),
+    ("iocr-data-hold-0", iocr(data_hold_factor=0), 2, 16),
+    ("iocr-data-hold-beyond-1920-ms", iocr(data_hold_factor=961), 2, 16),
+    ("iocr-vlan", iocr(tag_header=0xC001), 2, 17),
+    ("iocr-priority", iocr(tag_header=0xA000), 2, 17),
+    ("iocr-no-api", iocr(apis=()), 2, 19),
+    ("iocr-unknown-api", iocr(apis=(IocrApi(9, (FrameSlot(0, 1, 0),)),)), 3, 10),
+    ("iocr-unknown-api-besides", iocr(apis=(*P.inputs.apis, IocrApi(9, (FrameSlot(0, 1, 0),)))), 2, 20),
+    ("iocr-empty-api", iocr(apis=(*P.inputs.apis, IocrApi(0))), 2, 21),
+    ("iocr-unknown-slot", iocr(apis=(*P.inputs.apis, IocrApi(0, (FrameSlot(9, 1, 20),)))), 2, 22),
+    ("iocr-unknown-subslot", iocr(apis=(*P.inputs.apis, IocrApi(0, (FrameSlot(0, 9, 20),)))), 2, 23),
+    ("iocr-data-overlap", iocr(apis=(P.inputs.apis[0], IocrApi(DRIVE_API, (FrameSlot(1, 2, 0),)))), 2, 24),
+    ("iocr-iocs-unknown-slot", iocr(apis=(*P.inputs.apis, IocrApi(0, (), (FrameSlot(9, 1, 20),)))), 2, 26),
+    ("iocr-iocs-wrong-direction", iocr(apis=(*P.inputs.apis, IocrApi(0, (), (FrameSlot(0, 1, 20),)))), 2, 27),
+    (
+        "iocr-iocs-outside",
+        iocr(apis=(P.inputs.apis[0], IocrApi(DRIVE_API, P.inputs.apis[1].data_objects, (FrameSlot(1, 2, 40),)))),
+        2,
+        28,
+    ),
+    # ExpectedSubmoduleBlockReq
+    ("expected-length", cut(3), 3, 1),
+    ("expected-version", versioned(3, 0x0300), 3, 2),
+    ("expected-no-api-in-block", with_blocks(*BASE, ExpectedSubmoduleBlockReq(())), 3, 4),
+    ("expected-none", with_blocks(*(b for b in BASE if not isinstance(b, ExpectedSubmoduleBlockReq))), 3, 4),
+    ("expected-slot-out-of-range", drive(slot=0x8000), 3, 6),
+    ("expected-slot-twice", with_blocks(*BASE, BASE[4]), 3, 6),
+    ("expected-module-ident-0", drive(module_ident=0), 3, 7),
+    ("expected-no-submodules", drive(submodules=()), 3, 9),
+    ("expected-subslot-twice", drive(submodules=(*P.drive.submodules, P.drive.submodules[0])), 3, 10),
+    ("expected-subslot-unused", pap(subslot=3), 3, 10),
+    ("expected-shared-without-input", telegram_sub(properties=0x06, data=(DataDescription(2, 12),)), 3, 12),
+    ("expected-reduced-input", telegram_sub(properties=0x0B), 3, 12),
+    ("expected-reduced-output", telegram_sub(properties=0x13), 3, 12),
+    ("expected-discard-ioxs", telegram_sub(properties=0x23), 3, 12),
+    ("expected-two-inputs", telegram_sub(data=(DataDescription(1, 12), DataDescription(1, 12))), 3, 13),
+    ("expected-direction", data(direction=7), 3, 13),
+    ("expected-length-of-nothing", pap(data=(DataDescription(1, 4),)), 3, 14),
+    ("expected-length-too-long", data(data_length=1440), 3, 14),
+    ("expected-length-of-the-telegram", data(data_length=10), 3, 14),
+    ("expected-iops-length", data(iops_length=2), 3, 15),
+    ("expected-iocs-length", data(iocs_length=0), 3, 16),
+    # AlarmCRBlockReq
+    ("alarm-length", cut(5), 4, 1),
+    ("alarm-version", versioned(5, 0x0101), 4, 3),
+    ("alarm-type", alarm(alarm_cr_type=2), 4, 4),
+    ("alarm-lt", alarm(lt=0x0800), 4, 5),
+    ("alarm-over-udp", alarm(properties=2), 4, 6),
+    ("alarm-timeout-0", alarm(rta_timeout_factor=0), 4, 7),
+    ("alarm-timeout-101", alarm(rta_timeout_factor=101), 4, 7),
+    ("alarm-retries-2", alarm(rta_retries=2), 4, 8),
+    ("alarm-retries-16", alarm(rta_retries=16), 4, 8),
+    ("alarm-data-short", alarm(max_alarm_data_length=199), 4, 10),
+    ("alarm-data-long", alarm(max_alarm_data_length=1433), 4, 10),
+    ("alarm-tag-high", alarm(tag_header_high=0xA000), 4, 11),
+    ("alarm-tag-high-vlan", alarm(tag_header_high=0xC001), 4, 11),
+    ("alarm-tag-low", alarm(tag_header_low=0xC000), 4, 12),
+    # the rest
+    ("rpc-port", replace(P, extra=(connect.ArRpcBlockReq(0x03FF),)), 7, 4),
+    ("rpc-length", replace(P, extra=(RawBlock(0x0107, b"\x04"),)), 7, 1),
+    ("vendor-length", replace(P, extra=(RawBlock(0x0108, b"\x04"),)), 12, 1),
+    ("cmrpc-args-length", with_blocks(*BASE[:-1], RawBlock(0x0103, b"", 0)), 4, 2),
+    ("cmrpc-unknown-block", replace(P, extra=(RawBlock(0x0777, b""),)), 0x40, 1),
+    ("cmrpc-multicast", replace(P, extra=(connect.McrBlockReq(1, 0, 1, b"x"),)), 0x40, 1),
+    ("cmrpc-no-output-cr", with_blocks(*(b for b in BASE if b is not BASE[2])), 0x40, 2),
+    ("cmrpc-no-alarm-cr", with_blocks(*BASE[:-1]), 0x40, 3),
+    ("cmrpc-two-alarm-crs", with_blocks(*BASE, BASE[-1]), 0x40, 3),
+    ("cmrpc-three-iocrs", with_blocks(*BASE, replace(P.outputs, iocr_reference=3)), 0x40, 7),
+    ("device-access-with-crs", with_blocks(DA, *BASE[1:]), 0x40, 1),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("plan", "code1", "code2"), [c[1:] for c in REFUSALS], ids=[c[0] for c in REFUSALS])
+def test_a_faulty_field_is_refused_with_its_codes(plan, code1, code2):
+    bench = Bench()
+    status, answer = bench.connect(plan)
+    assert (status.error_code, status.error_decode, status.error_code1, status.error_code2) == (
+        0xDB,
+        0x81,
+        code1,
+        code2,
+    )
+    assert answer == b""
+    assert bench.cm.ars == ()
+    (event,) = bench.events()
+    assert isinstance(event, ConnectRefused)
+    assert event.status == status
+    assert len(event.detail) > 8
+
+
+def test_truncated_arguments_are_refused_as_such():
+    bench = Bench()
+    status, _ = bench.call(0, P.payload()[:-3])
+    assert (status.error_code1, status.error_code2) == (0x40, 0)
+
+
+def test_a_strict_drive_refuses_a_faster_cycle_than_its_manual_allows_and_a_lax_one_takes_it():
+    strict = replace(DRIVE, limits=Limits(strict=True, min_cycle_ns=16_000_000))
+    status, _ = Bench(strict).connect()
+    assert (status.error_code1, status.error_code2) == (2, 11)
+    slow = replace(P, inputs=replace(P.inputs, reduction_ratio=16), outputs=replace(P.outputs, reduction_ratio=16))
+    assert Bench(strict).connect(slow)[0].ok
+    assert Bench(DRIVE).connect()[0].ok
+
+
+def test_the_controllers_own_blocks_of_no_consequence_are_taken():
+    bench = Bench()
+    vendor = connect.ArVendorBlockReq(1, 0, b"xyz")
+    status, answer = bench.connect(extra=(RawBlock(0x010B, b"\x00\x00"), connect.ArRpcBlockReq(0xC001), vendor))
+    assert status.ok
+    blocks = parse_blocks(answer)
+    assert connect.ArRpcBlockRes(34964) in blocks
+    assert connect.ArVendorBlockRes(1, 0) in blocks
+
+
+def test_several_expected_blocks_and_one_block_with_all_slots_mean_the_same():
+    bench = Bench()
+    one = ExpectedSubmoduleBlockReq((P.dap, P.drive))
+    status, answer = bench.connect(with_blocks(*BASE[:3], one, BASE[-1]))
+    other = Bench().connect()
+    assert (status, answer) == other
+
+
+def test_the_device_chooses_the_output_frame_id_and_keeps_the_inputs():
+    bench = Bench()
+    _, answer = bench.connect(inputs=replace(P.inputs, frame_id=0x8000))
+    inputs, outputs = parse_blocks(answer)[1:3]
+    assert (inputs.frame_id, outputs.frame_id) == (0x8000, 0x8001)
+    event = next(e for e in bench.events() if isinstance(e, ArConnected))
+    assert [c.frame_id for c in event.iocrs] == [0x8000, 0x8001]
+
+
+def test_class_1_frame_ids_come_from_the_class_1_range():
+    bench = Bench()
+    changes = {"properties": 1}
+    _, answer = bench.connect(
+        inputs=replace(P.inputs, frame_id=0xC000, **changes), outputs=replace(P.outputs, **changes)
+    )
+    assert [b.frame_id for b in parse_blocks(answer)[1:3]] == [0xC000, 0xC001]
+
+
+def test_a_given_output_frame_id_is_kept():
+    _, answer = Bench().connect(outputs=replace(P.outputs, frame_id=0x9000))
+    assert parse_blocks(answer)[2].frame_id == 0x9000
+
+
+def test_a_response_that_the_caller_cannot_take_is_an_error_and_leaves_no_ar():
+    bench = Bench()
+    status, answer = bench.call(0, P.payload(), room=60)
+    assert (status.error_code1, status.error_code2, answer) == (0x40, 0, b"")
+    assert bench.cm.ars == ()
+
+
+def test_slot_1_takes_the_telegram_that_the_controller_expects():
+    bench = Bench()
+    assert bench.plugged.module(1).module_ident == 0x101
+    _, answer = bench.connect()
+    assert not any(isinstance(b, ModuleDiffBlock) for b in parse_blocks(answer))
+    assert bench.plugged.module(1).module_ident == 0x100
+
+
+def diff_of(bench, plan=P):
+    status, answer = bench.connect(plan)
+    assert status.ok
+    event = next(e for e in bench.events() if isinstance(e, ArConnected))
+    found = [b for b in parse_blocks(answer) if isinstance(b, ModuleDiffBlock)]
+    return (found[0] if found else None), event.unusable
+
+
+def test_an_unknown_module_is_answered_with_what_is_really_there():
+    diff, unusable = diff_of(Bench(), drive(module_ident=0x555))
+    (module,) = diff.apis[0].modules
+    assert (diff.apis[0].api, module.slot, module.module_ident, module.state) == (DRIVE_API, 1, 0x101, 3)
+    assert [(s.subslot, s.submodule_ident, s.ident_info) for s in module.submodules] == [(1, 0xFFFF, 2), (2, 0x69, 2)]
+    assert unusable == {(DRIVE_API, 1, 1), (DRIVE_API, 1, 2)}
+
+
+def test_a_missing_module_is_reported_as_no_module():
+    bench = Bench()
+    bench.plugged.pull(1)
+    diff, unusable = diff_of(bench)
+    assert diff.apis[0].modules[0].state == 0
+    assert unusable == {(DRIVE_API, 1, 1), (DRIVE_API, 1, 2)}
+
+
+def test_a_forced_module_of_the_same_ident_differs_in_its_submodule():
+    bench = Bench()
+    bench.plugged.force(telegram(0x100, 0x70, 12, 12))
+    diff, unusable = diff_of(bench)
+    (module,) = diff.apis[0].modules
+    assert (module.state, module.submodules[0].submodule_ident, module.submodules[0].state) == (2, 0x70, 0x9000)
+    assert unusable == {(DRIVE_API, 1, 2)}
+
+
+def test_a_missing_submodule_is_reported_as_no_submodule():
+    bench = Bench()
+    bench.plugged.force(ModuleDescription(1, 0x100, telegram(0x100, 0x68, 12, 12).submodules[1:]))
+    diff, unusable = diff_of(bench)
+    (sub,) = diff.apis[0].modules[0].submodules
+    assert (sub.subslot, sub.ident_info, unusable) == (1, 3, {(DRIVE_API, 1, 1)})
+
+
+def fitting(name):
+    """A device that has what a captured request expects."""
+    blocks = parse_blocks(connect_request(name))
+    apis = [a for b in blocks if isinstance(b, ExpectedSubmoduleBlockReq) for a in b.apis]
+    modules = tuple(
+        ModuleDescription(
+            a.slot,
+            a.module_ident,
+            tuple(
+                SubmoduleDescription(
+                    a.slot, s.subslot, a.api, a.module_ident, s.submodule_ident, s.length(1), s.length(2)
+                )
+                for s in a.submodules
+            ),
+        )
+        for a in apis
+    )
+    return DeviceDescription(
+        1, 1, "test", modules[0], DRIVE.im0, modules[1:], min_device_interval=8, limits=Limits(strict=False)
+    )
+
+
+@pytest.mark.parametrize("name", CAPTURE_NAMES)
+def test_a_device_that_fits_answers_a_captured_connect_as_the_captured_device_did(name):
+    bench = Bench(fitting(name))
+    real = parse_blocks(next(c.payload for c in calls(name) if not c.request and c.opnum == 0))
+    status, answer = bench.call(0, connect_request(name), room=712)
+    assert status.ok
+    mine = parse_blocks(answer)
+    kinds = [type(b).__name__ for b in real if type(b).__name__ not in {"ModuleDiffBlock", "ArServerBlock"}]
+    assert [type(b).__name__ for b in mine if type(b).__name__ != "ArServerBlock"] == kinds
+    assert (mine[0].ar_uuid, mine[0].session_key, mine[0].ar_type) == (
+        real[0].ar_uuid,
+        real[0].session_key,
+        real[0].ar_type,
+    )
+    assert mine[1] == real[1]
+    assert (mine[2].iocr_type, mine[2].iocr_reference) == (real[2].iocr_type, real[2].iocr_reference)
+    expected = expected_submodules(
+        a for b in parse_blocks(connect_request(name)) if isinstance(b, ExpectedSubmoduleBlockReq) for a in b.apis
+    )
+    event = next(e for e in bench.events() if isinstance(e, ArConnected))
+    assert event.unusable == frozenset()
+    assert {(d.api, d.slot, d.subslot) for c in event.iocrs for d in c.data} <= set(expected)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_mutated_connects_get_one_answer_and_never_an_exception(data):
+    payload = bytearray(P.payload())
+    for _ in range(data.draw(st.integers(1, 4))):
+        payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.integers(0, 255))
+    bench = Bench()
+    status, _ = bench.call(0, bytes(payload[: data.draw(st.integers(len(payload) - 8, len(payload)))]))
+    assert status.ok == bool(bench.cm.ars)
+    assert describe_status(status)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.binary(max_size=120), st.integers(0, 6), st.integers(0, 5000))
+def test_any_octets_in_any_call_get_one_answer(payload, opnum, room):
+    Bench().call(opnum, payload, room)
+
+
+def test_words_for_a_refusal():
+    assert describe_status(PnioStatus(0xDB, 0x81, 2, 11)) == (
+        "IODConnectRes: faulty IOCRBlockReq, reduction ratio (DB 81 02 0B)"
+    )
+    assert describe_status(PnioStatus(0xDE, 0x80, 0xB0, 0)) == "IODReadRes: invalid index (DE 80 B0 00)"
+    assert "AR consumer DHT/WDT expired (RTA_ERR_ABORT)" in describe_status(PnioStatus(0xCF, 0x81, 0xFD, 5))
+    assert describe_status(PnioStatus(0, 0, 0, 0)) == "OK"
+    assert describe_status(PnioStatus(0x12, 0x34, 0x56, 0x78)) == "service 0x12: ErrorDecode 0x34 (12 34 56 78)"
+
+
+def test_the_plugged_mapping_of_a_fitting_device_has_every_expected_submodule():
+    description = fitting(CAPTURE_NAMES[1])
+    assert len(Plugged(description)) == 10
+    assert description.slots == (0, 1, 2, 3, 4, 5, 6)
+    assert emit_raw_block(RawBlock(1, b"")) == bytes.fromhex("000100020100")
+    assert emit_blocks(()) == b""
+    assert ExpectedApi(0, 0, 1, ()).module_properties == 0

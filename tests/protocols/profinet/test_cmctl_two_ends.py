@@ -1,0 +1,399 @@
+"""Both ends of context management joined in memory: the controller's AR and the device's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from ipaddress import IPv4Address
+
+import pytest
+from cm_support import DAP, DRIVE, IM0
+from cmctl_peers import CONTROLLER_MAC, DEVICE_MAC, OTHER_UUID, RECORDS, make_plan
+from hypothesis import given
+from hypothesis import strategies as st
+from test_cmctl_plan import plans
+
+from pnfarm.protocols.profinet import events as device_events
+from pnfarm.protocols.profinet.ar import Ar
+from pnfarm.protocols.profinet.cmctl import CmController, CmctlState
+from pnfarm.protocols.profinet.cmctl_events import (
+    ArAborted,
+    ArEstablished,
+    ArFailed,
+    ArReleased,
+    CmctlEvent,
+    Connected,
+    RecordRead,
+    RecordWriteDone,
+    Timeouts,
+)
+from pnfarm.protocols.profinet.cmctl_plan import ArPlan, PlannedSubmodule
+from pnfarm.protocols.profinet.cmdev import CmDevice
+from pnfarm.protocols.profinet.description import (
+    DeviceDescription,
+    Limits,
+    ModuleDescription,
+    Plugged,
+    SubmoduleDescription,
+)
+from pnfarm.protocols.profinet.errors import OK, AccessError, RecordError, RtaError
+from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+
+SECOND = 1_000_000_000
+CONTROLLER = Peer(IPv4Address("10.77.0.1"), 49152)
+
+
+class Memory:
+    """Records that live in a dictionary; whatever was not written is no index."""
+
+    def __init__(self) -> None:
+        self.kept: dict[tuple[int, int, int, int], bytes] = {}
+
+    def read(
+        self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
+    ) -> bytes | RecordError:
+        found = self.kept.get((api, slot, subslot, index))
+        return RecordError(AccessError.INVALID_INDEX) if found is None else found[:max_length]
+
+    def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
+        self.kept[api, slot, subslot, index] = data
+        return None
+
+
+@dataclass
+class Pair:
+    """A controller's AR and a device, every call and alarm frame between them carried at once."""
+
+    controller: CmController
+    device: CmDevice
+    plugged: Plugged
+    records: Memory
+    now: int = SECOND
+    ready: bool = True
+    frames: bool = True
+    events: list[CmctlEvent] = field(default_factory=list)
+    device_events: list[device_events.CmEvent] = field(default_factory=list)
+
+    def run(self) -> None:
+        """Until nothing moves."""
+        moved = True
+        while moved:
+            moved = self._carry_calls() | self._carry_ready() | self._carry_rta() | self._drain()
+
+    def _carry_calls(self) -> bool:
+        calls = self.controller.calls(self.now)
+        for call in calls:
+            self.device.receive_call(call.key, call.opnum, call.payload, call.args_maximum, CONTROLLER, self.now)
+            for key, status, payload in self.device.responses():
+                assert isinstance(key, int)
+                assert len(payload) <= call.args_maximum
+                self.controller.call_returned(key, status, payload, self.now)
+        return bool(calls)
+
+    def _carry_ready(self) -> bool:
+        calls = self.device.calls()
+        for call in calls:
+            self.controller.receive_call(call.ar_key, call.opnum, call.payload, None, self.now)
+            for key, status, payload in self.controller.responses():
+                self.device.call_returned(key, status, payload, self.now)
+        return bool(calls)
+
+    def _carry_rta(self) -> bool:
+        to_device, to_controller = self.controller.rta_to_send(), self.device.rta_to_send()
+        for mac, pdu in to_device:
+            assert mac == DEVICE_MAC
+            self.device.receive_rta(pdu, CONTROLLER_MAC, self.now)
+        for mac, pdu in to_controller:
+            assert mac == CONTROLLER_MAC
+            self.controller.receive_rta(pdu, DEVICE_MAC, self.now)
+        return bool(to_device or to_controller)
+
+    def _drain(self) -> bool:
+        of_controller, of_device = self.controller.events(), self.device.events()
+        self.events += of_controller
+        self.device_events += of_device
+        for event in of_device:
+            if isinstance(event, device_events.ArConnected) and self.frames:
+                self.device.data_received(event.ar_key, self.now)
+            if isinstance(event, device_events.PrmEndReceived) and self.ready:
+                self.device.application_ready(event.ar_key, self.now)
+        return bool(of_controller or of_device)
+
+    def start(self) -> None:
+        self.controller.connect(self.now)
+        self.run()
+
+    def expire(self) -> None:
+        """To the controller's next deadline."""
+        deadline = self.controller.next_deadline()
+        assert deadline is not None
+        self.now = deadline
+        self.controller.handle_timeout(self.now)
+        self.run()
+
+
+def pair(description: DeviceDescription = DRIVE, timeouts: Timeouts | None = None, **changes: object) -> Pair:
+    return pair_of(make_plan(**changes), description, timeouts)
+
+
+def pair_of(plan: ArPlan, description: DeviceDescription, timeouts: Timeouts | None = None) -> Pair:
+    plugged, records = Plugged(description), Memory()
+    device = CmDevice(description, plugged, records, mac=DEVICE_MAC, station_name="axis-01")
+    return Pair(CmController(plan, timeouts), device, plugged, records)
+
+
+def device_fit_for(plan: ArPlan) -> DeviceDescription:
+    """A device that has exactly what the plan expects."""
+    modules: dict[int, list[SubmoduleDescription]] = {}
+    for s in plan.submodules:
+        modules.setdefault(s.slot, []).append(
+            SubmoduleDescription(
+                s.slot, s.subslot, s.api, s.module_ident, s.submodule_ident, s.input_bytes, s.output_bytes
+            )
+        )
+    first, *rest = [ModuleDescription(slot, subs[0].module_ident, tuple(subs)) for slot, subs in modules.items()]
+    return DeviceDescription(0x0105, 1, "any", first, IM0, tuple(rest), limits=Limits(strict=False))
+
+
+# The whole start-up
+
+
+@pytest.mark.parametrize("multiple_write", [False, True])
+@pytest.mark.parametrize("expected_blocks", ["per-api", "per-slot"])
+@pytest.mark.parametrize("startup", ["legacy", "advanced"])
+def test_both_ends_reach_data_and_agree_on_the_frames(startup: str, expected_blocks: str, multiple_write: bool) -> None:
+    both = pair(startup=startup, expected_blocks=expected_blocks, multiple_write=multiple_write, records=RECORDS)
+    both.start()
+    assert both.controller.state is CmctlState.DATA
+    assert both.events[-1] == ArEstablished()
+    assert isinstance(both.device_events[-1], device_events.ArEstablished)
+    connected = both.events[0]
+    assert isinstance(connected, Connected)
+    (ar,) = both.device.ars
+    assert ar.iocrs == (connected.input_layout, connected.output_layout)
+    assert connected.output_layout.frame_id in range(0x8000, 0xBC00)
+    assert connected.output_layout.frame_id != connected.input_layout.frame_id
+    assert connected.module_diff == ()
+    assert both.records.kept == {(r.api, r.slot, r.subslot, r.index): r.data for r in RECORDS}
+
+
+def test_rt_class_1_gets_frame_ids_of_its_own_range() -> None:
+    both = pair(rt_class=1, input_frame_id=0xC000)
+    both.start()
+    assert both.controller.output_layout.frame_id in range(0xC000, 0xF800)
+
+
+@given(plans())
+def test_a_device_that_has_what_any_plan_expects_is_established_with_the_same_layouts(plan: ArPlan) -> None:
+    both = pair_of(plan, device_fit_for(plan))
+    both.start()
+    assert both.events[-1] == ArEstablished()
+    (ar,) = both.device.ars
+    assert ar.iocrs == (both.controller.input_layout, both.controller.output_layout)
+
+
+def test_records_travel_while_connected() -> None:
+    both = pair()
+    both.start()
+    both.events.clear()
+    both.controller.write_record("w", 0x3A00, 1, 1, 0xB02E, b"\x01\x02\x03")
+    both.controller.read_record("r", 0x3A00, 1, 1, 0xB02E, 240)
+    both.controller.read_record("none", 0x3A00, 1, 1, 0x1234, 240)
+    both.controller.read_implicit("implicit", 0x3A00, 1, 1, 0xB02E, 2)
+    both.run()
+    assert both.events == [
+        RecordWriteDone("w", OK),
+        RecordRead("r", b"\x01\x02\x03", OK),
+        RecordRead("none", None, PnioStatus(0xDE, 0x80, 0xB0, 0)),
+        RecordRead("implicit", b"\x01\x02", OK),
+    ]
+
+
+# What the device refuses
+
+
+@pytest.mark.parametrize(
+    ("changes", "codes"),
+    [
+        ({"ar_type": 9}, (1, 4)),
+        ({"activity_timeout_factor": 0}, (1, 10)),
+        ({"controller_name": ""}, (1, 12)),
+        ({"send_clock_factor": 3}, (2, 10)),
+        ({"reduction_ratio": 513}, (2, 11)),
+        ({"phase": 2}, (2, 12)),
+        ({"frame_send_offset": 0x7FFFFFFF}, (2, 14)),
+        ({"input_frame_id": 0x0100}, (2, 9)),
+        ({"startup": "advanced", "rt_class": 1, "input_frame_id": 0xC000}, (2, 7)),
+        ({"rta_retries": 0}, (4, 8)),
+        ({"max_alarm_data_length": 1}, (4, 10)),
+    ],
+)
+def test_a_plan_outside_of_the_standard_is_refused_with_the_code_of_its_field(
+    changes: dict[str, object], codes: tuple[int, int]
+) -> None:
+    both = pair(**changes)
+    both.start()
+    (end,) = both.events
+    assert isinstance(end, ArFailed)
+    assert (end.phase, end.status) == ("connect", PnioStatus(0xDB, 0x81, *codes))
+    assert both.controller.plan.problems() or "ar_type" in changes or "frame_send_offset" in changes
+    assert both.device.ars == ()
+
+
+def test_a_cycle_below_what_the_drive_allows_is_refused() -> None:
+    slow = replace(DRIVE, limits=Limits(strict=True, min_cycle_ns=16_000_000))
+    both = pair(slow, reduction_ratio=8)
+    both.start()
+    (end,) = both.events
+    assert isinstance(end, ArFailed)
+    assert "IOCRBlockReq, reduction ratio" in end.reason
+    both = pair(slow, reduction_ratio=16)
+    both.start()
+    assert both.events[-1] == ArEstablished()
+
+
+def test_a_second_controller_is_refused_and_the_first_keeps_its_ar() -> None:
+    both = pair()
+    both.start()
+    second = Pair(
+        CmController(make_plan(ar_uuid=OTHER_UUID, controller_name="plc-2")), both.device, both.plugged, both.records
+    )
+    second.start()
+    (end,) = second.events
+    assert isinstance(end, ArFailed)
+    assert end.status == PnioStatus(0xDB, 0x81, 0x40, 4)
+    assert len(both.device.ars) == 1
+
+
+def test_a_new_connect_of_the_same_controller_ends_its_old_ar() -> None:
+    both = pair()
+    both.start()
+    again = Pair(CmController(make_plan(ar_uuid=OTHER_UUID)), both.device, both.plugged, both.records)
+    again.controller.connect(again.now)
+    (call,) = again.controller.calls(again.now)
+    both.device.receive_call(call.key, call.opnum, call.payload, call.args_maximum, CONTROLLER, both.now)
+    both.run()
+    end = both.events[-1]
+    assert isinstance(end, ArAborted)
+    assert (end.by_device, end.error_code2) == (True, RtaError.RE_RUN_ABORTS_EXISTING)
+
+
+# Modules
+
+
+def test_a_pulled_module_is_named_and_fails_or_not_as_the_plan_says() -> None:
+    for policy in ("go-on", "fail"):
+        both = pair(on_module_diff=policy)
+        both.plugged.pull(1)
+        both.start()
+        if policy == "fail":
+            (end,) = both.events
+            assert isinstance(end, ArFailed)
+            assert end.reason.startswith("slot 1: no module")
+            assert both.device.ars == ()
+        else:
+            connected = both.events[0]
+            assert isinstance(connected, Connected)
+            assert connected.module_diff[0].text == "slot 1: no module"
+            assert both.events[-1] == ArEstablished()
+
+
+def test_a_wrong_module_is_named_with_what_the_device_has_and_does_not_fit() -> None:
+    others = tuple(PlannedSubmodule(0x3A00, 1, 9, subslot, 9, 2, 2) for subslot in (1, 2))
+    both = pair(submodules=(*make_plan().submodules[:4], *others))
+    both.start()
+    connected = both.events[0]
+    assert isinstance(connected, Connected)
+    assert [(d.text, d.fits) for d in connected.module_diff] == [
+        ("slot 1: substitute module, device has 0x00000101", True),
+        ("slot 1 subslot 0x0001: wrong submodule, device has 0x0000FFFF", False),
+        ("slot 1 subslot 0x0002: wrong submodule, device has 0x00000069", False),
+    ]
+
+
+def test_an_expected_submodule_that_the_device_lacks_is_named() -> None:
+    extra = PlannedSubmodule(0, 0, DAP.module_ident, 0x8003, 3)
+    both = pair(submodules=(*make_plan().submodules, extra))
+    both.start()
+    connected = both.events[0]
+    assert isinstance(connected, Connected)
+    assert [d.text for d in connected.module_diff] == ["slot 0 subslot 0x8003: no submodule"]
+
+
+# The end
+
+
+def test_a_release_frees_the_device_for_the_next_connect() -> None:
+    both = pair()
+    both.start()
+    both.controller.release(both.now)
+    both.run()
+    assert both.events[-1] == ArReleased()
+    assert both.device.ars == ()
+    assert isinstance(both.device_events[-1], device_events.ArReleased)
+    again = Pair(CmController(make_plan(ar_uuid=OTHER_UUID)), both.device, both.plugged, both.records)
+    again.start()
+    assert again.events[-1] == ArEstablished()
+
+
+@pytest.mark.parametrize("side", ["controller", "device"])
+def test_an_expired_watchdog_of_either_end_ends_both(side: str) -> None:
+    both = pair()
+    both.start()
+    if side == "controller":
+        both.controller.watchdog_expired(both.now)
+    else:
+        both.device.watchdog_expired(both.device.ars[0].key, both.now)
+    both.run()
+    end, device_end = both.events[-1], both.device_events[-1]
+    assert isinstance(end, ArAborted)
+    assert isinstance(device_end, device_events.ArAborted)
+    assert (end.error_code1, end.error_code2) == (device_end.error_code1, device_end.error_code2) == (0xFD, 5)
+    assert (end.by_device, device_end.by_peer) == (side == "device", side == "controller")
+    assert both.controller.state is CmctlState.CLOSED
+    assert both.device.ars == ()
+
+
+def test_a_withheld_application_ready_ends_the_start_up_at_both_ends() -> None:
+    both = pair(timeouts=Timeouts(application_ready_ns=5 * SECOND))
+    both.ready = False
+    both.start()
+    assert both.controller.state is CmctlState.W_ARDY
+    both.expire()
+    assert both.events[-1] == ArFailed("application-ready", None, "no ApplicationReady from the device within 5 s")
+    assert both.device.ars == ()
+
+
+def test_a_late_application_ready_is_taken() -> None:
+    both = pair()
+    both.ready = False
+    both.start()
+    both.now += 20 * SECOND
+    both.device.application_ready(both.device.ars[0].key, both.now)
+    both.run()
+    assert both.events[-1] == ArEstablished()
+
+
+def test_the_activity_timeout_of_the_device_fails_the_start_up() -> None:
+    both = pair(activity_timeout_factor=50)
+    both.ready = False
+    both.start()
+    deadline = both.device.next_deadline()
+    assert deadline == both.now + 5 * SECOND
+    both.now = deadline
+    both.device.handle_timeout(both.now)
+    both.run()
+    end = both.events[-1]
+    assert isinstance(end, ArFailed)
+    assert end.status == PnioStatus(0xCF, 0x81, 0xFD, 6)
+
+
+@given(st.integers(0, 255))
+def test_an_abort_carries_any_code_to_the_device(code: int) -> None:
+    both = pair()
+    both.start()
+    both.controller.abort(both.now, code)
+    both.run()
+    end = both.device_events[-1]
+    assert isinstance(end, device_events.ArAborted)
+    assert (end.error_code2, end.by_peer) == (code, True)

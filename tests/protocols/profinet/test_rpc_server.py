@@ -1,0 +1,558 @@
+"""What a client sees of the called end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address
+from uuid import UUID
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pnfarm.protocols.profinet.rpc_server import (
+    CallCancelled,
+    CallReceived,
+    Interface,
+    Peer,
+    RpcServer,
+    RpcServerConfig,
+    ServerState,
+)
+from pnfarm.protocols.profinet.wire.rpc import (
+    BODY_MAX,
+    FRAGMENT_NONE,
+    NIL_UUID,
+    OK,
+    RPC_PORT,
+    UUID_PNIO_CONTROLLER,
+    UUID_PNIO_DEVICE,
+    FackBody,
+    Flags1,
+    NcaStatus,
+    Opnum,
+    PacketType,
+    PnioStatus,
+    RequestArgs,
+    RpcPdu,
+    drep,
+    emit_fack,
+    emit_request_args,
+    emit_rpc,
+    object_uuid,
+    parse_fack,
+    parse_response_args,
+    parse_rpc,
+    parse_status,
+)
+
+MS = 1_000_000
+ADDRESS = IPv4Address("10.77.0.11")
+PEER = Peer(IPv4Address("10.77.0.1"), 49155)
+OBJECT = object_uuid(1, 1, 0x0105)
+ACTIVITY = UUID("00000008-0000-1010-808e-000e8cb06c7e")
+MAC = bytes.fromhex("000e8cb06c7e")
+
+
+def server(**settings_) -> RpcServer:
+    return RpcServer(RpcServerConfig(**settings_), ADDRESS)
+
+
+def request(sequence=0, payload=b"blocks", *, opnum=Opnum.READ, maximum=65536, little=True, **fields) -> RpcPdu:
+    stub = emit_request_args(RequestArgs(maximum, payload), little_endian=little)
+    pdu = RpcPdu(
+        PacketType.REQUEST,
+        UUID_PNIO_DEVICE,
+        ACTIVITY,
+        OBJECT,
+        sequence=sequence,
+        opnum=opnum,
+        body=stub,
+        flags1=int(Flags1.IDEMPOTENT),
+        drep=drep(little_endian=little),
+    )
+    return replace(pdu, **fields)
+
+
+def about(pdu: RpcPdu, kind: PacketType, **fields) -> RpcPdu:
+    return replace(pdu, packet_type=int(kind), flags1=0, body=b"", **fields)
+
+
+def put(to: RpcServer, pdu: RpcPdu, now: int = 0, peer: Peer = PEER) -> list[RpcPdu]:
+    """Give the server one PDU and answer what it sends."""
+    to.receive(peer, RPC_PORT, emit_rpc(pdu), now, MAC)
+    return sent(to, now)
+
+
+def sent(to: RpcServer, now: int = 0) -> list[RpcPdu]:
+    datagrams = to.to_send(now)
+    assert all(datagram.local_port == RPC_PORT for datagram in datagrams)
+    return [parse_rpc(datagram.data) for datagram in datagrams]
+
+
+def received(to: RpcServer) -> CallReceived:
+    [event] = to.events()
+    assert isinstance(event, CallReceived)
+    return event
+
+
+def fragments(pdu: RpcPdu, size=BODY_MAX, flags=0) -> list[RpcPdu]:
+    bodies = [pdu.body[at : at + size] for at in range(0, len(pdu.body), size)]
+    return [
+        replace(
+            pdu,
+            body=body,
+            fragment_number=number,
+            flags1=int(Flags1.FRAGMENT | flags | (Flags1.LAST_FRAGMENT if number == len(bodies) - 1 else 0)),
+        )
+        for number, body in enumerate(bodies)
+    ]
+
+
+@pytest.mark.parametrize("little", [False, True])
+def test_a_call_reaches_the_application_and_its_answer_the_client(little):
+    device = server()
+    asked = request(little=little, opnum=Opnum.CONNECT)
+    assert put(device, asked) == []
+    call = received(device)
+    assert (call.interface, call.object_uuid, call.opnum) == (UUID_PNIO_DEVICE, OBJECT, Opnum.CONNECT)
+    assert (call.args_maximum, call.payload, call.peer, call.source_mac) == (65536, b"blocks", PEER, MAC)
+
+    assert device.respond(call.call, PnioStatus(0xDB, 0x81, 1, 2), b"answer", 0)
+    [answer] = sent(device)
+    assert answer.little_endian is little
+    assert answer.flags1 == Flags1.NO_FACK | Flags1.LAST_FRAGMENT
+    assert (answer.activity, answer.sequence, answer.opnum) == (ACTIVITY, 0, Opnum.CONNECT)
+    args = parse_response_args(answer.body, little_endian=little)
+    assert (args.status, args.payload, args.maximum_count) == (PnioStatus(0xDB, 0x81, 1, 2), b"answer", 65536)
+
+
+def test_a_repeated_request_gets_the_same_answer_without_a_second_call():
+    device = server()
+    put(device, request())
+    device.respond(received(device).call, OK, b"answer", 0)
+    [first] = sent(device)
+    [second] = put(device, request(), 10 * MS)
+    assert second.body == first.body
+    assert device.events() == []
+
+
+def test_a_request_repeated_while_the_call_is_open_is_working():
+    device = server()
+    put(device, request())
+    assert [pdu.kind for pdu in put(device, request())] == [PacketType.WORKING]
+    assert [pdu.kind for pdu in put(device, about(request(), PacketType.PING))] == [PacketType.WORKING]
+    assert len(device.events()) == 1
+
+
+def test_a_ping_before_any_call_is_no_call():
+    device = server()
+    [answer] = put(device, about(request(), PacketType.PING, serial=1))
+    assert (answer.kind, answer.fragment_number, answer.body, answer.serial) == (PacketType.NOCALL, 0xFFFF, b"", 0)
+    assert device.next_deadline() is None
+
+
+def test_a_ping_after_the_answer_gets_the_answer_again():
+    device = server()
+    put(device, request())
+    device.respond(received(device).call, OK, b"answer", 0)
+    sent(device)
+    [answer] = put(device, about(request(), PacketType.PING))
+    assert answer.kind == PacketType.RESPONSE
+
+
+def test_an_acknowledged_answer_is_not_kept():
+    device = server()
+    put(device, request())
+    device.respond(received(device).call, OK, b"x" * 1000, 0)
+    put(device, about(request(), PacketType.ACK))
+    assert device.held_octets == 0
+    assert [pdu.kind for pdu in put(device, about(request(), PacketType.PING))][-1] == PacketType.NOCALL
+
+
+def test_the_answer_goes_to_the_port_that_asked_last():
+    device = server()
+    put(device, request())
+    call = received(device)
+    moved = Peer(PEER.ip, 50001)
+    put(device, request(), peer=moved)
+    device.respond(call.call, OK, b"", 0)
+    assert [datagram.peer for datagram in device.to_send(0)] == [moved]
+
+
+def test_an_older_sequence_number_is_a_late_duplicate():
+    device = server()
+    put(device, request(5))
+    device.events()
+    assert put(device, request(4), 100 * MS) == []
+    assert device.events() == []
+    assert device.dropped["old-sequence"] == 1
+
+
+def test_an_older_sequence_number_after_a_pause_is_a_client_that_began_anew():
+    device = server()
+    put(device, request(5))
+    device.respond(received(device).call, OK, b"", 0)
+    put(device, request(0), 4_000 * MS)
+    assert received(device).call.sequence == 0
+
+
+def test_sequence_numbers_wrap():
+    device = server()
+    put(device, request(0xFFFFFFFF))
+    device.events()
+    put(device, request(0))
+    assert received(device).call.sequence == 0
+
+
+def test_an_answer_to_a_call_that_was_replaced_goes_nowhere():
+    device = server()
+    put(device, request(1))
+    old = received(device).call
+    put(device, request(2))
+    assert not device.respond(old, OK, b"", 0)
+    assert sent(device) == []
+    assert device.respond(received(device).call, OK, b"", 0)
+    assert not device.fault(old, NcaStatus.FAULT_UNSPEC, 0)
+
+
+@pytest.mark.parametrize(
+    ("fields", "status"),
+    [
+        ({"interface": UUID_PNIO_CONTROLLER}, NcaStatus.UNK_IF),
+        ({"interface_version": 2}, NcaStatus.UNK_IF),
+        ({"interface_version": 0x00010001}, NcaStatus.UNK_IF),
+        ({"opnum": 6}, NcaStatus.OP_RNG_ERROR),
+        ({"activity": NIL_UUID}, NcaStatus.BAD_ACTID),
+        ({"auth_protocol": 1}, NcaStatus.UNSUPPORTED_AUTHN_LEVEL),
+        ({"trailer": b"more"}, NcaStatus.PROTO_ERROR),
+        ({"body": bytes(BODY_MAX + 1)}, NcaStatus.PROTO_ERROR),
+        ({"server_boot_time": 8}, NcaStatus.WRONG_BOOT_TIME),
+    ],
+)
+@pytest.mark.parametrize("little", [False, True])
+def test_what_cannot_be_served_is_rejected_with_its_reason(fields, status, little):
+    device = server(boot_time=7)
+    [answer] = put(device, request(little=little, **fields))
+    assert answer.kind == PacketType.REJECT
+    assert parse_status(answer.body, little_endian=little) == status
+    assert device.events() == []
+    assert device.activities == {}
+
+
+def test_a_server_that_knows_its_boot_time_tells_it():
+    device = server(boot_time=7)
+    put(device, request(server_boot_time=0))
+    device.respond(received(device).call, OK, b"", 0)
+    assert sent(device)[0].server_boot_time == 7
+
+
+def test_a_server_that_keeps_no_boot_time_repeats_the_clients():
+    device = server()
+    put(device, request(server_boot_time=95))
+    device.respond(received(device).call, OK, b"", 0)
+    assert sent(device)[0].server_boot_time == 95
+
+
+@pytest.mark.parametrize("flag", [Flags1.MAYBE, Flags1.BROADCAST])
+def test_maybe_and_broadcast_calls_are_not_answered(flag):
+    device = server()
+    assert put(device, request(flags1=int(flag))) == []
+    assert device.dropped["maybe-or-broadcast"] == 1
+
+
+def test_a_server_may_offer_the_controllers_interface():
+    controller = server(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),))
+    put(controller, request(interface=UUID_PNIO_CONTROLLER, opnum=Opnum.CONTROL))
+    assert received(controller).interface == UUID_PNIO_CONTROLLER
+    assert put(controller, request(1, opnum=Opnum.CONTROL))[0].kind == PacketType.REJECT
+
+
+def test_contradicting_lengths_are_answered_with_a_status():
+    device = server()
+    stub = emit_request_args(RequestArgs(100, b"abcd", actual_count=9), little_endian=True)
+    [answer] = put(device, request(body=stub, opnum=Opnum.WRITE))
+    assert parse_response_args(answer.body, little_endian=True).status == PnioStatus(0xDF, 0x81, 0x40, 0)
+    assert device.events() == []
+
+
+def test_an_answer_above_the_clients_room_is_a_fault():
+    device = server()
+    put(device, request(maximum=10))
+    device.respond(received(device).call, OK, bytes(11), 0)
+    [answer] = sent(device)
+    assert answer.kind == PacketType.FAULT
+    assert parse_status(answer.body, little_endian=True) == NcaStatus.OUT_ARGS_TOO_BIG
+
+
+def test_an_application_may_answer_with_a_fault():
+    device = server()
+    put(device, request())
+    assert device.fault(received(device).call, NcaStatus.FAULT_UNSPEC, 0)
+    [answer] = sent(device)
+    assert answer.kind == PacketType.FAULT
+    assert [pdu.kind for pdu in put(device, request())] == [PacketType.FAULT]
+
+
+def test_a_cancel_is_told_and_acknowledged():
+    device = server()
+    put(device, request())
+    call = received(device).call
+    [answer] = put(device, about(request(), PacketType.CL_CANCEL))
+    assert answer.kind == PacketType.CANCEL_ACK
+    assert device.events() == [CallCancelled(call, PEER)]
+    assert put(device, about(request(9), PacketType.CL_CANCEL)) == []
+
+
+def test_fragments_are_acknowledged_and_joined():
+    device = server()
+    payload = bytes(range(256)) * 16
+    parts = fragments(request(payload=payload))
+    for number, part in enumerate(parts[:-1]):
+        [fack] = put(device, replace(part, serial=number + 10))
+        assert (fack.kind, fack.fragment_number) == (PacketType.FACK, number)
+        body = parse_fack(fack.body, little_endian=True)
+        assert body is not None
+        assert body.serial == number + 10
+    assert put(device, parts[-1]) == []
+    assert received(device).payload == payload
+
+
+def test_fragments_may_come_in_any_order_and_twice():
+    device = server()
+    payload = bytes(range(256)) * 16
+    parts = fragments(request(payload=payload))
+    [fack] = put(device, parts[1])
+    assert fack.fragment_number == FRAGMENT_NONE
+    for part in (parts[1], parts[2], parts[0]):
+        put(device, part)
+    assert received(device).payload == payload
+
+
+def test_fragments_that_forbid_it_are_not_acknowledged():
+    device = server()
+    parts = fragments(request(payload=bytes(3000)), flags=Flags1.NO_FACK)
+    assert [put(device, part) for part in parts] == [[], [], []]
+    assert received(device).payload == bytes(3000)
+
+
+def test_a_ping_during_reassembly_tells_how_much_arrived():
+    device = server()
+    parts = fragments(request(payload=bytes(3000)))
+    put(device, parts[0])
+    [answer] = put(device, about(parts[0], PacketType.PING))
+    assert (answer.kind, answer.fragment_number) == (PacketType.NOCALL, 0)
+    assert parse_fack(answer.body, little_endian=True) is not None
+
+
+def test_fragments_in_another_byte_order_do_not_belong():
+    device = server()
+    parts = fragments(request(payload=bytes(3000)))
+    put(device, parts[0])
+    put(device, replace(parts[1], drep=drep(little_endian=False)))
+    assert device.dropped["fragments-differ"] == 1
+
+
+def test_a_request_that_never_ends_is_rejected():
+    device = server()
+    whole = request(payload=b"")
+    kinds = []
+    for number in range(60):
+        part = replace(whole, body=bytes(BODY_MAX), fragment_number=number, flags1=int(Flags1.FRAGMENT))
+        kinds += [pdu.kind for pdu in put(device, part)]
+        if kinds[-1] == PacketType.REJECT:
+            break
+    assert kinds[-1] == PacketType.REJECT
+    assert device.held_octets == 0
+    assert device.activities == {}
+
+
+def test_a_request_that_does_not_fit_into_memory_is_dropped():
+    device = server(held_octets_max=2_000)
+    parts = fragments(request(payload=bytes(3000)))
+    put(device, parts[0])
+    assert put(device, parts[1]) == []
+    assert device.dropped["held-octets"] == 1
+    assert device.held_octets == 0
+
+
+def big_answer(device: RpcServer, size: int = 10_000) -> list[RpcPdu]:
+    put(device, request())
+    device.respond(received(device).call, OK, bytes(size), 0)
+    return sent(device)
+
+
+def test_a_long_answer_waits_for_each_fragment_to_be_acknowledged():
+    device = server()
+    parts = big_answer(device)
+    while len(parts) < 8:
+        assert parts[-1].wants_fack
+        parts += put(device, about(request(), PacketType.FACK, fragment_number=parts[-1].fragment_number))
+    assert [part.fragment_number for part in parts] == list(range(8))
+    assert parts[-1].is_last
+    assert put(device, about(request(), PacketType.FACK, fragment_number=7)) == []
+    stub = b"".join(part.body for part in parts)
+    assert parse_response_args(stub, little_endian=True).payload == bytes(10_000)
+    assert set(device.activities.values()) == {ServerState.REPLIED}
+
+
+def test_an_advertised_window_lets_several_fragments_out():
+    device = server()
+    big_answer(device)
+    body = emit_fack(FackBody(8, 65536, 1464, 0), little_endian=True)
+    burst = put(device, replace(about(request(), PacketType.FACK, fragment_number=0), body=body))
+    assert [(part.fragment_number, part.wants_fack) for part in burst] == [(1, False), (2, True)]
+    burst = put(device, replace(about(request(), PacketType.FACK, fragment_number=2), body=body))
+    assert [(part.fragment_number, part.wants_fack) for part in burst] == [(3, False), (4, False), (5, True)]
+
+
+def test_a_fack_that_shows_a_gap_makes_the_server_go_back():
+    device = server()
+    big_answer(device)
+    body = emit_fack(FackBody(8, 65536, 1464, 0), little_endian=True)
+    put(device, replace(about(request(), PacketType.FACK, fragment_number=0), body=body))
+    burst = put(device, replace(about(request(), PacketType.FACK, fragment_number=1), body=body))
+    assert burst[0].fragment_number == 2
+
+
+def test_a_fragment_without_acknowledgement_is_sent_again_and_then_given_up():
+    device = server(fragment_retry_ns=500 * MS, fragment_tries=3)
+    big_answer(device)
+    times = []
+    while set(device.activities.values()) == {ServerState.REPLYING}:
+        now = device.next_deadline()
+        device.handle_timeout(now)
+        again = sent(device)
+        times += [now // MS] * len(again)
+        assert all(part.fragment_number == 0 for part in again)
+    assert times == [500, 1500]
+    # the answer is still there for a client that asks again
+    assert put(device, request(), 9_000 * MS)[0].fragment_number == 0
+
+
+def test_an_absurd_fack_changes_nothing():
+    device = server()
+    big_answer(device)
+    for number in (5, 0xFFFE, FRAGMENT_NONE):
+        assert put(device, about(request(), PacketType.FACK, fragment_number=number)) == []
+    broken = replace(about(request(), PacketType.FACK), body=b"\x09")
+    assert put(device, broken) == []
+    assert device.dropped["fack-bad-version"] == 1
+
+
+def test_idle_activities_are_forgotten():
+    device = server(idle_ns=30_000 * MS)
+    put(device, request())
+    device.respond(received(device).call, OK, b"x", 0)
+    assert device.next_deadline() == 30_000 * MS
+    device.handle_timeout(30_000 * MS)
+    assert device.next_deadline() is None
+    assert device.held_octets == 0
+    [answer] = put(device, about(request(), PacketType.PING))[-1:]
+    assert answer.kind == PacketType.NOCALL
+
+
+def test_half_a_request_is_forgotten():
+    device = server(reassembly_ns=5_000 * MS)
+    put(device, fragments(request(payload=bytes(3000)))[0])
+    assert device.held_octets > 0
+    device.handle_timeout(5_000 * MS)
+    assert device.held_octets == 0
+
+
+def test_a_call_that_is_never_answered_is_forgotten():
+    device = server(execution_ns=60_000 * MS)
+    put(device, request())
+    call = received(device).call
+    put(device, request(), 59_000 * MS)
+    device.handle_timeout(60_000 * MS)
+    assert not device.respond(call, OK, b"", 60_000 * MS)
+
+
+def test_too_many_open_calls_are_rejected_as_busy():
+    device = server(calls_max=4, activities_max=8)
+    for number in range(4):
+        assert put(device, request(activity=UUID(int=number + 1))) == []
+    [answer] = put(device, request(activity=UUID(int=99)))
+    assert parse_status(answer.body, little_endian=True) == NcaStatus.SERVER_TOO_BUSY
+    assert len(device.events()) == 4
+
+
+def test_a_full_table_of_open_calls_is_busy():
+    device = server(calls_max=8, activities_max=2)
+    for number in range(2):
+        put(device, request(activity=UUID(int=number + 1)))
+    [answer] = put(device, request(activity=UUID(int=99)))
+    assert parse_status(answer.body, little_endian=True) == NcaStatus.SERVER_TOO_BUSY
+
+
+def test_activities_of_different_clients_do_not_mix():
+    device = server()
+    other = Peer(IPv4Address("10.77.0.2"), 49155)
+    put(device, request())
+    put(device, request(payload=b"other"), peer=other)
+    first, second = device.events()
+    assert first.call != second.call
+    device.respond(second.call, OK, b"2", 0)
+    device.respond(first.call, OK, b"1", 0)
+    assert [datagram.peer for datagram in device.to_send(0)] == [other, PEER]
+
+
+def test_memory_stays_flat_under_strangers():
+    device = server(activities_max=16, held_octets_max=100_000)
+    for number in range(2_000):
+        activity = UUID(int=number + 1)
+        part = replace(request(activity=activity, body=bytes(BODY_MAX)), flags1=int(Flags1.FRAGMENT))
+        put(device, part, number)
+        put(device, about(part, PacketType.PING), number)
+        put(device, request(activity=UUID(int=number + 10**6)), number)
+        for event in device.events():
+            device.respond(event.call, OK, bytes(20_000), number)
+        device.to_send(number)
+        assert len(device.activities) <= 16
+        assert device.held_octets <= 100_000
+
+
+def test_an_answer_that_does_not_fit_into_memory_is_a_fault():
+    device = server(held_octets_max=1_000)
+    put(device, request())
+    device.respond(received(device).call, OK, bytes(2_000), 0)
+    [answer] = sent(device)
+    assert parse_status(answer.body, little_endian=True) == NcaStatus.FAULT_REMOTE_NO_MEMORY
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=120),
+            st.tuples(
+                st.integers(0, 12),
+                st.integers(0, 3),
+                st.integers(0, 3),
+                st.integers(0, 0x7F),
+                st.integers(0, 4),
+                st.binary(max_size=60),
+            ),
+        ),
+        max_size=40,
+    )
+)
+def test_any_datagrams_leave_the_server_able_to_serve(datagrams):
+    device = server()
+    now = 0
+    for datagram in datagrams:
+        if isinstance(datagram, bytes):
+            device.receive(PEER, RPC_PORT, datagram, now)
+        else:
+            kind, sequence, opnum, flags, number, body = datagram
+            pdu = request(sequence, opnum=opnum, packet_type=kind, flags1=flags, fragment_number=number, body=body)
+            device.receive(PEER, RPC_PORT, emit_rpc(pdu), now)
+        for event in device.events():
+            if isinstance(event, CallReceived) and event.call.sequence % 2:
+                device.respond(event.call, OK, bytes(event.call.sequence * 2_000), now)
+        now += 100 * MS
+        device.handle_timeout(now)
+        assert len(device.to_send(now)) <= 12
+    put(device, request(activity=UUID(int=77)))
+    assert any(event.payload == b"blocks" for event in device.events() if isinstance(event, CallReceived))
