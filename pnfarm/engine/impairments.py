@@ -105,8 +105,9 @@ class ImpairmentTable:
     def _link(self, station: int, way: Way) -> None:
         """Rewrite the chain and its heads; a reader in the middle of it sees the old or the new order."""
         chain = self._chains.get((station, way), [])
-        for here, following in zip(chain, [*chain[1:], None], strict=True):
-            self._columns.impairment[here].next = 0 if following is None else following + 1
+        for position, here in enumerate(chain):
+            following = chain[position + 1] + 1 if position + 1 < len(chain) else 0
+            self._columns.impairment[here].next = following
         head = chain[0] + 1 if chain else 0
         table = self._table(way)
         for row in self._channels.get((station, way), ()):

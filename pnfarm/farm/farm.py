@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.engine.realtime import RealTimeSettings
-from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.errors import ConfigError
 from pnfarm.farm.config import FarmConfig, expand, load_farm
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
 from pnfarm.farm.config_model import TapLink as TapSection
@@ -26,6 +26,7 @@ from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
 from pnfarm.links.base import PortSpec
+from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock
 from pnfarm.links.tap import TapLink
@@ -134,9 +135,7 @@ class Farm:
             raise ConfigError("the farm has no drives")
         self._lock.acquire()
         try:
-            remove_leftovers = getattr(self.link, "remove_leftovers", None)
-            if remove_leftovers is not None:
-                await remove_leftovers()
+            await remove_leftovers(self.config.farm or "farm")
             self._state = FarmState(self.config.state_directory)
             ports = await self.link.open([PortSpec(drive.name, drive.mac) for drive in self.drives])
             self._core = FarmCore(
@@ -203,15 +202,6 @@ def remove_farm(config: FarmConfig) -> list[str]:
 
     Raises :class:`EnvironmentError_` when the farm is running.
     """
-    from pnfarm.links.interfaces import Interfaces  # noqa: PLC0415 - netlink is needed here only
-
     name = config.farm or "farm"
-    lock = FarmLock(name, config.state_directory)
-    lock.acquire()
-    try:
-        with Interfaces() as interfaces:
-            return interfaces.remove_leftovers(name)
-    except PermissionError as exc:
-        raise EnvironmentError_("removing interfaces needs CAP_NET_ADMIN: run as root") from exc
-    finally:
-        lock.release()
+    with FarmLock(name, config.state_directory):
+        return remove_leftovers_now(name)

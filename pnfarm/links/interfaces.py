@@ -21,7 +21,7 @@ from pyroute2.netlink.exceptions import NetlinkError
 
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.links.base import Port, PortSpec
-from pnfarm.links.ownership import doomed_group_of, group_of, interface_prefix, is_own, tag
+from pnfarm.links.ownership import bridge_name, doomed_group_of, group_of, interface_prefix, is_own, tag
 from pnfarm.links.silence import Marked, bring_up, silence
 
 if TYPE_CHECKING:
@@ -219,7 +219,7 @@ class Interfaces:
 
     def create_bridge(self, farm: str) -> Port:
         """A plain bridge ``pf<hash>-br`` of the farm's own: no spanning tree, no snooping, passes LLDP."""
-        name = f"{interface_prefix(farm)}-br"
+        name = bridge_name(farm)
         with self._all_or_nothing(farm):
             self._add("bridge of the farm", ifname=name, kind="bridge", group=group_of(farm))
             facts = self.find(name, "bridge")

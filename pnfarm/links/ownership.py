@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-__all__ = ["FarmLock", "doomed_group_of", "group_of", "interface_prefix", "is_own", "tag"]
+__all__ = ["FarmLock", "bridge_name", "doomed_group_of", "group_of", "interface_prefix", "is_own", "tag"]
 
 _ALIAS_OCTETS = 255  # IFALIASZ less the closing zero
 
@@ -31,6 +31,11 @@ _ALIAS_OCTETS = 255  # IFALIASZ less the closing zero
 def interface_prefix(farm: str) -> str:
     """``pf<hash>``: six characters, the same for a farm's name on every machine."""
     return f"pf{hashlib.blake2b(farm.encode(), digest_size=2).hexdigest()}"
+
+
+def bridge_name(farm: str) -> str:
+    """The bridge that a farm makes for itself; its controller joins it by this name."""
+    return f"{interface_prefix(farm)}-br"
 
 
 def group_of(farm: str) -> int:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_expected import emit_module_diff_block
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
 from pnfarm.protocols.profinet.wire.records import (
@@ -349,7 +349,9 @@ class DeviceRecords:
             return RecordError(AccessError.STATE_CONFLICT)
         iocs, iops = bytes([found.iocs]), bytes([found.iops])
         if output:
-            return emit_record_output_data(RecordOutputData(iocs, iops, found.data))
+            # the element ends with the substitute value: mode 0, all octets zero, with the same statuses
+            value = RawBlock(BlockType.SUBSTITUTE_VALUE, bytes(2) + iocs + bytes(len(found.data)) + iops)
+            return emit_record_output_data(RecordOutputData(iocs, iops, found.data, 0, emit_raw_block(value)))
         return emit_record_input_data(RecordInputData(iocs, iops, found.data))
 
 

@@ -148,42 +148,48 @@ def _sub(subslot, ident, inputs=0, outputs=0):
     return ExpectedSubmodule(subslot, ident, kind, tuple(data))
 
 
+AR_BLOCK = ArBlockReq(1, UUID_1, 7, CONTROLLER_MAC, OBJECT_UUID, LEGACY, 100, 0x8892, b"plc-1")
+INPUTS_BLOCK = IocrBlockReq(
+    1,
+    1,
+    2,
+    40,
+    0x8001,
+    32,
+    2,
+    (
+        IocrApi(0, (FrameSlot(0, 1, 0), FrameSlot(0, 0x8000, 1), FrameSlot(0, 0x8001, 2), FrameSlot(0, 0x8002, 3))),
+        IocrApi(DRIVE_API, (FrameSlot(1, 1, 4), FrameSlot(1, 2, 5)), (FrameSlot(1, 2, 18),)),
+    ),
+)
+OUTPUTS_BLOCK = IocrBlockReq(
+    2,
+    2,
+    2,
+    40,
+    0xFFFF,
+    32,
+    2,
+    (
+        IocrApi(0, (), (FrameSlot(0, 1, 0), FrameSlot(0, 0x8000, 1), FrameSlot(0, 0x8001, 2), FrameSlot(0, 0x8002, 3))),
+        IocrApi(DRIVE_API, (FrameSlot(1, 2, 6),), (FrameSlot(1, 1, 4), FrameSlot(1, 2, 5))),
+    ),
+)
+DAP_BLOCK = ExpectedApi(0, 0, 2, (_sub(1, 1), _sub(0x8000, 2), _sub(0x8001, 3), _sub(0x8002, 3)))
+DRIVE_BLOCK = ExpectedApi(DRIVE_API, 1, 0x100, (_sub(1, 0xFFFF), _sub(2, 0x68, 12, 12)))
+ALARM_BLOCK = AlarmCrBlockReq(local_alarm_reference=5)
+
+
 @dataclass(frozen=True)
 class Plan:
     """The blocks of a Connect to :data:`DRIVE`, each to be replaced by a test."""
 
-    ar: ArBlockReq = ArBlockReq(1, UUID_1, 7, CONTROLLER_MAC, OBJECT_UUID, LEGACY, 100, 0x8892, b"plc-1")
-    inputs: IocrBlockReq = IocrBlockReq(
-        1,
-        1,
-        2,
-        40,
-        0x8001,
-        32,
-        2,
-        (
-            IocrApi(0, (FrameSlot(0, 1, 0), FrameSlot(0, 0x8000, 1), FrameSlot(0, 0x8001, 2), FrameSlot(0, 0x8002, 3))),
-            IocrApi(DRIVE_API, (FrameSlot(1, 1, 4), FrameSlot(1, 2, 5)), (FrameSlot(1, 2, 18),)),
-        ),
-    )
-    outputs: IocrBlockReq = IocrBlockReq(
-        2,
-        2,
-        2,
-        40,
-        0xFFFF,
-        32,
-        2,
-        (
-            IocrApi(
-                0, (), (FrameSlot(0, 1, 0), FrameSlot(0, 0x8000, 1), FrameSlot(0, 0x8001, 2), FrameSlot(0, 0x8002, 3))
-            ),
-            IocrApi(DRIVE_API, (FrameSlot(1, 2, 6),), (FrameSlot(1, 1, 4), FrameSlot(1, 2, 5))),
-        ),
-    )
-    dap: ExpectedApi = ExpectedApi(0, 0, 2, (_sub(1, 1), _sub(0x8000, 2), _sub(0x8001, 3), _sub(0x8002, 3)))
-    drive: ExpectedApi = ExpectedApi(DRIVE_API, 1, 0x100, (_sub(1, 0xFFFF), _sub(2, 0x68, 12, 12)))
-    alarm: AlarmCrBlockReq = AlarmCrBlockReq(local_alarm_reference=5)
+    ar: ArBlockReq = AR_BLOCK
+    inputs: IocrBlockReq = INPUTS_BLOCK
+    outputs: IocrBlockReq = OUTPUTS_BLOCK
+    dap: ExpectedApi = DAP_BLOCK
+    drive: ExpectedApi = DRIVE_BLOCK
+    alarm: AlarmCrBlockReq = ALARM_BLOCK
     extra: tuple[Block, ...] = ()
     blocks: tuple[Block, ...] | None = None
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 
 import pytest
@@ -200,10 +201,8 @@ PARSERS = (
 
 
 def only_decode_errors(parser, data):
-    try:
+    with contextlib.suppress(DecodeError):
         parser(data)
-    except DecodeError:
-        pass
 
 
 @settings(max_examples=400, deadline=None)
@@ -262,3 +261,21 @@ def test_identification_of_version_1_0_has_no_api_field():
     assert parse_blocks(emit_block(value)) == (value,)
     with pytest.raises(ValueError, match="exactly API 0"):
         emit_block(dataclasses.replace(value, apis=(records.IdentificationApi(1, ()),)))
+
+
+def test_reading_uuids_and_raw_blocks_keeps_their_version():
+    raw = RawBlock(0x0777, b"abc", 0x0102)
+    assert (raw.length, raw.version_high, raw.version_low) == (5, 1, 2)
+
+
+def test_padding_that_is_not_zero_is_refused():
+    for body in (b"\x00\x01ab", b"\x00\x00" + bytes(4)):
+        with pytest.raises(DecodeError, match="bad-padding"):
+            parse_block(RawBlock(BlockType.AR_SERVER_RES, body))
+    with pytest.raises(DecodeError, match="bad-padding"):
+        parse_block(RawBlock(BlockType.MCR_REQ, bytes(10) + b"\x01"))
+
+
+def test_a_typed_parser_refuses_a_block_of_another_type():
+    with pytest.raises(DecodeError, match="bad-type"):
+        connect.parse_ar_block_res(RawBlock(BlockType.AR_REQ, b""))

@@ -20,11 +20,10 @@ from pnfarm.protocols.profinet.description import (
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.events import ArConnected, ConnectRefused
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire.blocks import RawBlock, emit_raw_block, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.blocks import RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_expected import (
     DataDescription,
-    ExpectedApi,
     ExpectedSubmoduleBlockReq,
     ModuleDiffBlock,
 )
@@ -80,6 +79,19 @@ def cut(position):
     return with_blocks(*raws)
 
 
+def moved(subslot):
+    """The parameter access point in another subslot, also in both frames."""
+
+    def shift(cr):
+        def slots(entries):
+            return tuple(replace(e, subslot=subslot) if (e.slot, e.subslot) == (1, 1) else e for e in entries)
+
+        apis = tuple(replace(a, data_objects=slots(a.data_objects), iocs=slots(a.iocs)) for a in cr.apis)
+        return replace(cr, apis=apis)
+
+    return replace(pap(subslot=subslot), inputs=shift(P.inputs), outputs=shift(P.outputs))
+
+
 BASE = parse_blocks(P.payload())
 DA = replace(P.ar, ar_type=6, properties=0x111)
 
@@ -122,6 +134,7 @@ REFUSALS = [
     ("iocr-data-length-long", iocr(data_length=1441), 2, 8),
     ("iocr-frame-id-of-class-1", iocr(frame_id=0xC000), 2, 9),
     ("iocr-input-frame-id-left-open", iocr(frame_id=0xFFFF), 2, 9),
+    ("iocr-frame-id-twice", with_blocks(*BASE[:2], replace(P.inputs, iocr_reference=2), *BASE[2:]), 2, 9),
     ("iocr-output-frame-id", replace(P, outputs=replace(P.outputs, frame_id=0x0100)), 2, 9),
     ("iocr-send-clock-3", iocr(send_clock_factor=3), 2, 10),
     ("iocr-send-clock-not-offered", iocr(send_clock_factor=4), 2, 10),
@@ -137,7 +150,7 @@ REFUSALS = [
     ("iocr-vlan", iocr(tag_header=0xC001), 2, 17),
     ("iocr-priority", iocr(tag_header=0xA000), 2, 17),
     ("iocr-no-api", iocr(apis=()), 2, 19),
-    ("iocr-unknown-api", iocr(apis=(IocrApi(9, (FrameSlot(0, 1, 0),)),)), 3, 10),
+    ("iocr-unknown-api", iocr(apis=(IocrApi(9, (FrameSlot(0, 1, 0),)),)), 2, 20),
     ("iocr-unknown-api-besides", iocr(apis=(*P.inputs.apis, IocrApi(9, (FrameSlot(0, 1, 0),)))), 2, 20),
     ("iocr-empty-api", iocr(apis=(*P.inputs.apis, IocrApi(0))), 2, 21),
     ("iocr-unknown-slot", iocr(apis=(*P.inputs.apis, IocrApi(0, (FrameSlot(9, 1, 20),)))), 2, 22),
@@ -162,6 +175,8 @@ REFUSALS = [
     ("expected-no-submodules", drive(submodules=()), 3, 9),
     ("expected-subslot-twice", drive(submodules=(*P.drive.submodules, P.drive.submodules[0])), 3, 10),
     ("expected-subslot-unused", pap(subslot=3), 3, 10),
+    ("expected-subslot-out-of-range", moved(0xA000), 3, 10),
+    ("expected-interface-outside-of-api-0", moved(0x8000), 3, 10),
     ("expected-shared-without-input", telegram_sub(properties=0x06, data=(DataDescription(2, 12),)), 3, 12),
     ("expected-reduced-input", telegram_sub(properties=0x0B), 3, 12),
     ("expected-reduced-output", telegram_sub(properties=0x13), 3, 12),
@@ -204,8 +219,8 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(("plan", "code1", "code2"), [c[1:] for c in REFUSALS], ids=[c[0] for c in REFUSALS])
-def test_a_faulty_field_is_refused_with_its_codes(plan, code1, code2):
-    bench = Bench()
+def test_a_faulty_field_is_refused_with_its_codes(request, plan, code1, code2):
+    bench = Bench(replace(DRIVE, limits=replace(DRIVE.limits, max_iocrs=3 if "twice" in request.node.name else 2)))
     status, answer = bench.connect(plan)
     assert (status.error_code, status.error_decode, status.error_code1, status.error_code2) == (
         0xDB,
@@ -404,6 +419,17 @@ def test_words_for_a_refusal():
     assert describe_status(PnioStatus(0xDE, 0x80, 0xB0, 0)) == "IODReadRes: invalid index (DE 80 B0 00)"
     assert "AR consumer DHT/WDT expired (RTA_ERR_ABORT)" in describe_status(PnioStatus(0xCF, 0x81, 0xFD, 5))
     assert describe_status(PnioStatus(0, 0, 0, 0)) == "OK"
+    assert (
+        describe_status(PnioStatus(0xDB, 0x81, 0x05, 7))
+        == "IODConnectRes: faulty PrmServerBlockReq, code 7 (DB 81 05 07)"
+    )
+    assert (
+        describe_status(PnioStatus(0xDB, 0x81, 0x99, 7))
+        == "IODConnectRes: ErrorCode1 0x99, ErrorCode2 0x07 (DB 81 99 07)"
+    )
+    assert (
+        describe_status(PnioStatus(0xCF, 0x81, 0xFD, 0xEE)) == "RTA error: RTA_ERR_CLS_PROTOCOL: code 238 (CF 81 FD EE)"
+    )
     assert describe_status(PnioStatus(0x12, 0x34, 0x56, 0x78)) == "service 0x12: ErrorDecode 0x34 (12 34 56 78)"
 
 
@@ -411,6 +437,3 @@ def test_the_plugged_mapping_of_a_fitting_device_has_every_expected_submodule():
     description = fitting(CAPTURE_NAMES[1])
     assert len(Plugged(description)) == 10
     assert description.slots == (0, 1, 2, 3, 4, 5, 6)
-    assert emit_raw_block(RawBlock(1, b"")) == bytes.fromhex("000100020100")
-    assert emit_blocks(()) == b""
-    assert ExpectedApi(0, 0, 1, ()).module_properties == 0

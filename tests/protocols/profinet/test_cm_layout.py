@@ -138,6 +138,10 @@ def test_a_pulled_or_forced_slot_does_not_follow_until_it_is_restored():
     assert plugged.module(1).module_ident == 0x100
     with pytest.raises(KeyError):
         plugged[5, 1]
+    plugged.restore(5)
+    assert plugged.module(5) is None
+    assert DRIVE.module(0, 2) is DRIVE.dap
+    assert DRIVE.module(0, 3) is None
     assert plugged.submodule(0, 1, 2) is None
     assert plugged.submodule(0x3A00, 1, 2) is plugged[1, 2]
 

@@ -1,0 +1,612 @@
+"""The controller without a clock and without tasks: sessions, shared machines, programs; a :class:`Node` like a farm.
+
+One interface, one address, one RPC client and server serve all drives; each drive has a session
+(:mod:`pnfarm.controller.session`) and, while it is connected, an AR machine.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
+from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
+from pnfarm.errors import DecodeError
+from pnfarm.farm.core import Deadlines, uuid_source
+from pnfarm.farm.event_log import EventLog
+from pnfarm.protocols.ip.host import DatagramReceived, IpHost
+from pnfarm.protocols.profinet.binding import channel_layout
+from pnfarm.protocols.profinet.cmctl import CmController
+from pnfarm.protocols.profinet.cmctl_events import (
+    ApplicationReadyReceived,
+    ArAborted,
+    ArEstablished,
+    ArFailed,
+    ArReleased,
+    Connected,
+    Parametrised,
+    RecordRead,
+    RecordWriteDone,
+)
+from pnfarm.protocols.profinet.cmctl_plan import ArPlan
+from pnfarm.protocols.profinet.cmctl_response import addressed_ar
+from pnfarm.protocols.profinet.dcp_client import (
+    DcpClient,
+    GetFinished,
+    HelloReceived,
+    IdentifyAnswered,
+    IdentifyFinished,
+    SetFinished,
+)
+from pnfarm.protocols.profinet.dcp_device import DcpDevice, DcpIdentity
+from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, describe_status, pnio_error
+from pnfarm.protocols.profinet.rpc_client import RpcClient
+from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
+from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.rpc_server import RpcServer
+from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
+from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
+from pnfarm.protocols.profinet.wire.rpc import (
+    RPC_PORT,
+    UUID_PNIO_CONTROLLER,
+    UUID_PNIO_DEVICE,
+    Opnum,
+    object_uuid,
+)
+from pnfarm.table import engine_row, program
+from pnfarm.table.columns import Columns, allocate
+from pnfarm.table.image import LOST_NEVER
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from ipaddress import IPv4Interface
+
+    from pnfarm.controller.plan import DevicePlan
+    from pnfarm.links.base import Link, Port
+    from pnfarm.protocols.profinet.ar import IocrLayout
+
+__all__ = ["ControllerCore"]
+
+#: UDP port of our own calls.
+CALL_PORT = 49_153
+#: How long an Identify by name waits for its one answer.
+SEARCH_NS = 500_000_000
+#: Sessions begin this far apart, so that a hundred drives do not answer at once.
+START_SPACING_NS = 1_000_000
+#: First frame id of the input CRs (RT_CLASS_2 unicast); each drive has its own.
+FIRST_FRAME_ID = 0x8000
+#: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
+ACTIVITY_TIMEOUT = 200
+RTA_TAG = VlanTag(priority=5)
+PHASES = {
+    program.OFFLINE: "offline",
+    program.SWITCHING_ON: "switching on",
+    program.RUNNING: "running",
+    program.FAULTED: "faulted",
+    program.ACKNOWLEDGING: "acknowledging",
+    program.STOPPED: "stopped",
+}
+
+
+class ControllerCore:
+    """See the module's head.  ``plans`` are the drives; ``port`` is where the controller stands."""
+
+    def __init__(
+        self,
+        name: str,
+        plans: Sequence[DevicePlan],
+        link: Link,
+        port: Port,
+        *,
+        ip: IPv4Interface,
+        log: EventLog,
+        seed: bytes,
+        vendor_id: int = 0xFFFF,
+        device_id: int = 0x0001,
+        tick_ns: int = 1_000_000,
+    ) -> None:
+        self.name = name
+        self.link = link
+        self.port = port
+        self.log = log
+        count = len(plans)
+        self.columns: Columns = allocate(stations=count, programs=count, channels=count * 2 + 8)
+        self.columns.engine[0].tick_ns = tick_ns
+        self.columns.image.lost[:] = LOST_NEVER
+        self.channels = ChannelTable(self.columns)
+        self.sessions = [DeviceSession(index, plan) for index, plan in enumerate(plans)]
+        self.dropped: dict[str, int] = {}
+        self._uuids = uuid_source(seed + port.mac)
+        self._object_uuid = object_uuid(1, device_id, vendor_id)
+        self.dcp = DcpClient(port.mac)
+        self.dcp_self = DcpDevice(
+            port.mac, DcpIdentity("pnfarm controller", vendor_id, device_id, role=2), name=name, address=ip
+        )
+        # a controller's own name and address are not for others to set
+        self.dcp_self.in_operation = True
+        self.ip = IpHost(port.mac)
+        self.ip.open_ports = {RPC_PORT, CALL_PORT}
+        self.ip.set_address(ip)
+        self.rpc = RpcServer(
+            RpcServerConfig(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),))
+        )
+        self.client = RpcClient(self._uuids)
+        self._by_xid: dict[int, DeviceSession] = {}
+        self._by_call: dict[int, DeviceSession] = {}
+        self._by_ar: dict[Any, DeviceSession] = {}
+        self._by_mac: dict[bytes, DeviceSession] = {}
+        self._touched: dict[int, DeviceSession] = {}
+        self._deadlines = Deadlines()
+        self._session_key = 0
+        self._tail = 0
+        #: Finished record accesses: (session index, event); whoever asked drains them.
+        self.records: list[tuple[int, RecordRead | RecordWriteDone]] = []
+        for session in self.sessions:
+            self._configure(session)
+        link.set_receiver(self.receive)
+
+    def _configure(self, session: DeviceSession) -> None:
+        wanted = session.plan.program
+        row = self.columns.program[session.index]
+        row.kind = wanted.kind
+        row.enable = wanted.enable
+        row.speed = wanted.speed_rpm
+        row.period_ns = wanted.period_ns
+        row.acknowledge_after_ns = wanted.acknowledge_after_ns
+        row.velocity_step = session.plan.velocity_step
+        row.active = 1
+
+    def start(self, now: int) -> None:
+        """Begin to look for the drives."""
+        for session in self.sessions:
+            session.due_ns = now + session.index * START_SPACING_NS
+            self._deadlines.set(session.index, session.due_ns)
+        self._settle(now)
+
+    # -- node --------------------------------------------------------------------------------------------------------
+
+    def receive(self, port: int, data: bytes, now: int) -> None:
+        del port
+        try:
+            frame = parse_ethernet(data)
+        except DecodeError as exc:
+            self._drop(exc.reason)
+            return
+        if frame.ethertype != ETHERTYPE_PROFINET:
+            self.ip.receive(frame, now)
+        elif len(frame.payload) < 2:
+            self._drop("short")
+        elif DCP_HELLO <= int.from_bytes(frame.payload[:2], "big") <= DCP_IDENTIFY_RESPONSE:
+            if frame.destination == self.port.mac:
+                self.dcp.receive(frame, now)
+            else:
+                self.dcp_self.receive(frame, now)
+        else:
+            session = self._by_mac.get(frame.source)
+            if session is None or session.machine is None:
+                self._drop("alarm-of-nobody")
+            else:
+                session.machine.receive_rta(frame.payload, frame.source, now)
+                self._touched[session.index] = session
+        self._settle(now)
+
+    def service(self, now: int) -> None:
+        self._drain(now)
+        for index in self._deadlines.take(now):
+            session = self.sessions[index]
+            self._touched[index] = session
+            if session.due_ns is not None and session.due_ns <= now:
+                session.due_ns = None
+                self._sign(session, Sign.TIME, now)
+            if session.machine is not None:
+                session.machine.handle_timeout(now)
+        for machine in (self.dcp, self.dcp_self, self.ip, self.rpc, self.client):
+            deadline = machine.next_deadline()
+            if deadline is not None and deadline <= now:
+                machine.handle_timeout(now)
+        self._settle(now)
+
+    def next_deadline(self) -> int | None:
+        deadlines = [m.next_deadline() for m in (self.dcp, self.dcp_self, self.ip, self.rpc, self.client)]
+        deadlines.append(self._deadlines.first())
+        return min((d for d in deadlines if d is not None), default=None)
+
+    def _drop(self, reason: str) -> None:
+        self.dropped[reason] = self.dropped.get(reason, 0) + 1
+
+    # -- what the owner does -----------------------------------------------------------------------------------------
+
+    def release(self, now: int) -> None:
+        """Take every connection down in order."""
+        for session in self.sessions:
+            self._touched[session.index] = session
+            self._sign(session, Sign.RELEASE, now)
+        self._settle(now)
+
+    @property
+    def all_stopped(self) -> bool:
+        return all(session.state is SessionState.STOPPED for session in self.sessions)
+
+    @property
+    def all_connected(self) -> bool:
+        """Every drive exchanges data both ways."""
+        return all(s.state is SessionState.DATA and self.columns.image[s.index].valid for s in self.sessions)
+
+    @property
+    def all_running(self) -> bool:
+        """Every enabled axis is in operation."""
+        return all(
+            int(self.columns.program[s.index].phase) == program.RUNNING or not s.plan.program.enable
+            for s in self.sessions
+        )
+
+    def session(self, name: str) -> DeviceSession | None:
+        return next((s for s in self.sessions if s.plan.name == name), None)
+
+    def touch(self, session: DeviceSession, now: int) -> None:
+        """Something was asked of a session's machine (a record): carry it out."""
+        self._touched[session.index] = session
+        self._settle(now)
+
+    def snapshot(self) -> list[dict[str, Any]]:
+        """One dict for each drive, for the terminal and for JSON."""
+        rows = []
+        for session in self.sessions:
+            row = self.columns.program[session.index]
+            consumer = None if session.consumer is None else self.columns.cpm[session.consumer]
+            provider = None if session.provider is None else self.columns.ppm[session.provider]
+            measures = session.measures
+            rows.append(
+                {
+                    "name": session.plan.name,
+                    "model": session.plan.model,
+                    "mac": session.mac.hex(":"),
+                    "ip": str(session.plan.ip.ip),
+                    "state": session.state.value,
+                    "phase": PHASES[int(row.phase)],
+                    "zsw1": int(row.zsw1),
+                    "stw1": int(row.stw1),
+                    "faults": int(row.faults),
+                    "connects": measures.connects,
+                    "losses": measures.losses,
+                    "refusals": measures.refusals,
+                    "expirations": measures.expirations,
+                    "connect_seconds": _seconds(measures.connect_ns),
+                    "reconnect_seconds": _seconds(measures.reconnect_ns),
+                    "cycle_seconds": session.plan.send_clock_factor * session.plan.reduction_ratio * 31.25e-6,
+                    "frames_sent": int(provider.sent) if provider is not None else 0,
+                    "frames_received": int(consumer.received) if consumer is not None else 0,
+                    "last_reason": measures.last_reason,
+                }
+            )
+        return rows
+
+    # -- sessions ----------------------------------------------------------------------------------------------------
+
+    def _sign(self, session: DeviceSession, sign: Sign, now: int) -> None:
+        """The only writer of a session's state."""
+        row = TRANSITIONS.get((session.state, sign))
+        if row is None:
+            return
+        session.state, action = row
+        if action:
+            getattr(self, f"_do_{action}")(session, now)
+        self._touched[session.index] = session
+
+    def _do_search(self, session: DeviceSession, now: int) -> None:
+        session.measures.search_ns = now
+        session.xid = self.dcp.identify([NameBlock(session.plan.name)], now=now, window_ns=SEARCH_NS, expected=1)
+        self._by_xid[session.xid] = session
+
+    def _do_address(self, session: DeviceSession, now: int) -> None:
+        session.xid = self.dcp.set_ip(
+            session.mac, session.plan.ip, session.plan.gateway, permanent=False, now=now
+        )
+        self._by_xid[session.xid] = session
+
+    def _do_connect(self, session: DeviceSession, now: int) -> None:
+        self._session_key = self._session_key % 0xFFFF + 1
+        plan = session.plan
+        uuid = self._uuids()
+        machine = CmController(
+            ArPlan(
+                vendor_id=plan.vendor_id,
+                device_id=plan.device_id,
+                instance=1,
+                controller_name=self.name,
+                controller_mac=self.port.mac,
+                controller_object_uuid=self._object_uuid,
+                ar_uuid=uuid,
+                session_key=self._session_key,
+                submodules=plan.submodules,
+                startup=plan.startup,
+                expected_blocks="per-slot",
+                activity_timeout_factor=ACTIVITY_TIMEOUT,
+                records=plan.records,
+                send_clock_factor=plan.send_clock_factor,
+                reduction_ratio=plan.reduction_ratio,
+                phase=session.index % plan.reduction_ratio + 1,
+                watchdog_factor=plan.watchdog_factor,
+                input_frame_id=FIRST_FRAME_ID + session.index,
+                local_alarm_reference=session.index + 1,
+            )
+        )
+        self._forget_machine(session)
+        session.machine, session.ar_uuid = machine, uuid
+        self._by_ar[uuid] = session
+        self._by_mac[session.mac] = session
+        machine.connect(now)
+
+    def _do_established(self, session: DeviceSession, now: int) -> None:
+        measures = session.measures
+        measures.connects += 1
+        measures.connect_ns = now - measures.search_ns
+        if measures.lost_ns is not None:
+            measures.reconnect_ns = now - measures.lost_ns
+            measures.lost_ns = None
+        self.columns.image[session.index].good = 1
+        self.log.record(
+            now, session.plan.name, "connected", connect_seconds=measures.connect_ns / 1e9, mac=session.mac.hex(":")
+        )
+
+    def _do_pause(self, session: DeviceSession, now: int) -> None:
+        self._close_channels(session)
+        after = session.plan.reconnect_after_ns
+        if after is None and session.measures.connects:
+            session.state = SessionState.STOPPED
+            return
+        session.due_ns = now + (1_000_000_000 if after is None else after)
+
+    def _do_release(self, session: DeviceSession, now: int) -> None:
+        if session.machine is not None:
+            session.machine.release(now)
+
+    def _lost(self, session: DeviceSession, reason: str, now: int, *, established: bool) -> None:
+        measures = session.measures
+        measures.last_reason = reason
+        if established:
+            measures.losses += 1
+        else:
+            measures.refusals += 1
+        if measures.lost_ns is None and measures.connects:
+            measures.lost_ns = now
+        event = "connection lost" if established else "connect failed"
+        self.log.record(now, session.plan.name, event, level="warning", reason=reason)
+        self._sign(session, Sign.LOST, now)
+
+    # -- channels ----------------------------------------------------------------------------------------------------
+
+    def _open_channels(self, session: DeviceSession, event: Connected, now: int) -> None:
+        del now
+        self._close_channels(session)
+        plan = session.plan
+        self.columns.image[session.index].good = 0
+        output, inputs = event.output_layout, event.input_layout
+        sent = channel_layout(output, plan.output_words, ())
+        taken = channel_layout(inputs, plan.input_words, ())
+        common = {"image": session.index, "port": self.port.index}
+        session.provider = self.channels.open_provider(
+            ProviderPlan(
+                **common,
+                **_clock(output),
+                destination=event.device_mac,
+                source=self.port.mac,
+                frame_id=output.frame_id,
+                data_length=output.data_length,
+                words=sent.words,
+                iops=sent.iops,
+                constants=sent.constants,
+                phase=max(0, output.phase - 1),
+            )
+        )
+        session.consumer = self.channels.open_consumer(
+            ConsumerPlan(
+                **common,
+                **_clock(inputs),
+                source=event.device_mac,
+                frame_id=inputs.frame_id,
+                data_length=inputs.data_length,
+                data_hold_factor=inputs.data_hold_factor,
+                words=taken.words,
+                iops=taken.iops,
+            )
+        )
+
+    def _close_channels(self, session: DeviceSession) -> None:
+        if session.provider is not None:
+            self.channels.close_provider(session.provider)
+            session.provider = None
+        if session.consumer is not None:
+            self.channels.close_consumer(session.consumer)
+            session.consumer = None
+
+    def _forget_machine(self, session: DeviceSession) -> None:
+        if session.ar_uuid is not None:
+            self._by_ar.pop(session.ar_uuid, None)
+        for call_id in session.calls:
+            self._by_call.pop(call_id, None)
+        session.calls.clear()
+        session.machine = session.ar_uuid = None
+
+    # -- between the machines ----------------------------------------------------------------------------------------
+
+    def _settle(self, now: int) -> None:
+        """Carry events between the machines until nothing moves, then send."""
+        moved = True
+        while moved:
+            moved = self._pump_dcp(now)
+            moved = self._pump_ip(now) or moved
+            moved = self._pump_rpc(now) or moved
+            moved = self._pump_sessions(now) or moved
+        for datagram in (*self.rpc.to_send(now), *self.client.to_send(now)):
+            self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
+        for frame in (*self.dcp.to_send(now), *self.dcp_self.to_send(now), *self.ip.to_send(now)):
+            self.link.send(self.port.index, frame)
+
+    def _pump_dcp(self, now: int) -> bool:
+        events = self.dcp.events()
+        for event in events:
+            if isinstance(event, (IdentifyAnswered, IdentifyFinished, SetFinished)):
+                self._take_dcp(event, now)
+            elif isinstance(event, HelloReceived):
+                self._hello(event, now)
+            elif isinstance(event, GetFinished):
+                self._drop("unasked-get")
+        own = self.dcp_self.events()
+        return bool(events or own)
+
+    def _take_dcp(self, event: IdentifyAnswered | IdentifyFinished | SetFinished, now: int) -> None:
+        session = self._by_xid.get(event.xid)
+        if session is None:
+            return
+        match event:
+            case IdentifyAnswered(mac=mac, info=info):
+                if session.state is not SessionState.SEARCH:
+                    return
+                session.mac = mac
+                session.station_type = info.station_type or ""
+                ready = not session.plan.assign_ip or info.ip == session.plan.ip.ip
+                self._sign(session, Sign.FOUND_READY if ready else Sign.FOUND, now)
+            case IdentifyFinished():
+                self._by_xid.pop(event.xid, None)
+                if session.state is SessionState.SEARCH:
+                    session.measures.last_reason = "no station of this name answers"
+                    self._sign(session, Sign.MISSED, now)
+            case SetFinished(error=error):
+                self._by_xid.pop(event.xid, None)
+                if error is not None:
+                    session.measures.last_reason = f"Set IP: {error}"
+                self._sign(session, Sign.MISSED if error else Sign.ADDRESSED, now)
+
+    def _hello(self, event: HelloReceived, now: int) -> None:
+        """A drive came up: no need to wait for the next search."""
+        for session in self.sessions:
+            if session.plan.name == event.info.name and session.state is SessionState.WAIT:
+                session.due_ns = None
+                self._sign(session, Sign.TIME, now)
+
+    def _pump_ip(self, now: int) -> bool:
+        events = self.ip.events()
+        for event in events:
+            if isinstance(event, DatagramReceived):
+                peer = Peer(event.source_ip, event.source_port)
+                if event.destination_port == RPC_PORT:
+                    self.rpc.receive(peer, RPC_PORT, event.data, now, event.source_mac)
+                else:
+                    self.client.receive(peer, event.destination_port, event.data, now)
+        return bool(events)
+
+    def _pump_rpc(self, now: int) -> bool:
+        requests = self.rpc.events()
+        for request in requests:
+            if not isinstance(request, CallReceived):
+                continue
+            uuid = addressed_ar(request.payload)
+            session = self._by_ar.get(uuid) if uuid is not None else None
+            if session is None or session.machine is None:
+                status = pnio_error(ErrorCode.CONTROL, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
+                self.rpc.respond(request.call, status, b"", now)
+                continue
+            session.machine.receive_call(request.call, request.opnum, request.payload, request.peer, now)
+            self._touched[session.index] = session
+        answers = self.client.events()
+        for answer in answers:
+            session = self._by_call.pop(answer.call_id, None)
+            if session is None or session.machine is None:
+                continue
+            key = session.calls.pop(answer.call_id)
+            if isinstance(answer, CallReturned):
+                session.machine.call_returned(key, answer.status, answer.payload, now)
+            elif isinstance(answer, CallFailed):
+                session.machine.call_failed(key, answer.reason, now)
+            self._touched[session.index] = session
+        return bool(requests or answers)
+
+    def _pump_sessions(self, now: int) -> bool:
+        touched, self._touched = self._touched, {}
+        moved = False
+        for session in touched.values():
+            machine = session.machine
+            if machine is not None:
+                moved = self._pump_machine(session, machine, now) or moved
+            deadlines = [d for d in (session.due_ns, machine.next_deadline() if machine else None) if d is not None]
+            self._deadlines.set(session.index, min(deadlines, default=None))
+        return moved or bool(self._touched)
+
+    def _pump_machine(self, session: DeviceSession, machine: CmController, now: int) -> bool:
+        responses = machine.responses()
+        for call, status, payload in responses:
+            self.rpc.respond(call, status, payload, now)
+        calls = machine.calls(now)
+        for call in calls:
+            call_id = self.client.call(
+                Peer(session.plan.ip.ip, RPC_PORT),
+                CALL_PORT,
+                UUID_PNIO_DEVICE,
+                machine.plan.device_object_uuid,
+                call.opnum,
+                call.args_maximum,
+                call.payload,
+                now,
+            )
+            session.calls[call_id] = call.key
+            self._by_call[call_id] = session
+        for destination, payload in machine.rta_to_send():
+            frame = EthernetFrame(destination, self.port.mac, ETHERTYPE_PROFINET, payload, RTA_TAG)
+            self.link.send(self.port.index, emit_ethernet(frame))
+        events = machine.events()
+        for event in events:
+            self._take_machine(session, event, now)
+        return bool(responses or calls or events)
+
+    def _take_machine(self, session: DeviceSession, event: object, now: int) -> None:
+        match event:
+            case Connected():
+                self._open_channels(session, event, now)
+            case Parametrised():
+                pass
+            case ApplicationReadyReceived(module_diff=deviations):
+                for deviation in deviations:
+                    self.log.record(now, session.plan.name, "module differs", level="warning", detail=str(deviation))
+            case ArEstablished():
+                self._sign(session, Sign.ESTABLISHED, now)
+            case ArFailed(phase=phase, status=status, reason=reason):
+                words = reason if status is None else describe_status(status)
+                self._lost(session, f"{phase}: {words}", now, established=False)
+            case ArAborted(reason=reason):
+                self._lost(session, reason, now, established=True)
+            case ArReleased():
+                self._close_channels(session)
+                self.log.record(now, session.plan.name, "released")
+                self._sign(session, Sign.RELEASED, now)
+            case RecordRead() | RecordWriteDone():
+                self.records.append((session.index, event))
+
+    # -- the engine's events -----------------------------------------------------------------------------------------
+
+    def _drain(self, now: int) -> None:
+        head = int(self.columns.engine[0].event_head)
+        size = self.columns.events.shape[0]
+        self._tail = max(self._tail, head - size)
+        while self._tail < head:
+            event = self.columns.events[self._tail % size]
+            kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
+            self._tail += 1
+            if kind == engine_row.EXPIRED:
+                session = next((s for s in self.sessions if s.consumer == row), None)
+                if session is not None and session.machine is not None:
+                    session.measures.expirations += 1
+                    session.machine.watchdog_expired(now)
+                    self._touched[session.index] = session
+            elif kind == engine_row.PHASE_CHANGED:
+                session = self.sessions[row]
+                self.log.record(when, session.plan.name, "axis " + PHASES[value & 0xFF], before=PHASES[value >> 8])
+
+
+def _seconds(value: int | None) -> float | None:
+    return None if value is None else value / 1e9
+
+
+def _clock(layout: IocrLayout) -> dict[str, int]:
+    return {"send_clock_factor": layout.send_clock_factor, "reduction_ratio": layout.reduction_ratio}
+

@@ -1,0 +1,152 @@
+"""From the farm file to what the controller expects of each drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from ipaddress import IPv4Address, IPv4Interface
+from typing import TYPE_CHECKING, Literal
+
+from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.drives.store import ParameterStore
+from pnfarm.errors import ConfigError
+from pnfarm.farm.config_expand import clock_of
+from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
+from pnfarm.table import program
+from pnfarm.table.axis import AXIS
+from pnfarm.table.image import IMAGE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.drives.model import Model
+    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.farm.config_model import ControllerSection
+
+__all__ = ["AxisProgram", "DevicePlan", "plan_devices", "velocity_step"]
+
+KINDS = {"idle": program.IDLE, "constant": program.CONSTANT, "ramp": program.RAMP, "sine": program.SINE}
+
+
+@dataclass(frozen=True, slots=True)
+class AxisProgram:
+    """What one axis does; ``kind`` is a number of :mod:`pnfarm.table.program`."""
+
+    kind: int
+    enable: bool
+    speed_rpm: float
+    period_ns: int
+    acknowledge_after_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class DevicePlan:
+    """One drive as the controller wants it."""
+
+    name: str
+    model: str
+    ip: IPv4Interface
+    gateway: IPv4Address | None
+    assign_ip: bool
+    vendor_id: int
+    device_id: int
+    submodules: tuple[PlannedSubmodule, ...]
+    output_words: tuple[int, ...]
+    input_words: tuple[int, ...]
+    velocity_step: float
+    send_clock_factor: int
+    reduction_ratio: int
+    watchdog_factor: int
+    startup: Literal["legacy", "advanced"]
+    records: tuple[ParameterRecord, ...]
+    program: AxisProgram
+    reconnect_after_ns: int | None
+
+
+def velocity_step(model: Model, drive: DriveConfig) -> float:
+    """rpm of one increment of NSOLL_A, as the drive itself works it out of its parameters."""
+    axis, image = AXIS.allocate(1), IMAGE.allocate(1)
+    store = ParameterStore(model, AxisHandle(axis[0], image[0]))
+    numbers = {key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()}
+    store.commission(numbers)
+    store.power_on()
+    return float(axis[0].velocity_step)
+
+
+def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
+    if telegram not in model.telegrams:
+        raise ConfigError(f"{model.name} has no telegram {telegram}; it has {', '.join(map(str, model.telegrams))}")
+    return tuple(
+        PlannedSubmodule(
+            api=s.api,
+            slot=s.slot,
+            module_ident=module.ident,
+            subslot=s.subslot,
+            submodule_ident=s.ident,
+            input_bytes=s.input_bytes,
+            output_bytes=s.output_bytes,
+        )
+        for module in (model.dap, model.telegrams[telegram].module)
+        for s in module.submodules
+    )
+
+
+def plan_devices(
+    section: ControllerSection, drives: Sequence[DriveConfig], models: Sequence[Model]
+) -> list[DevicePlan]:
+    """What the controller expects, drive by drive.
+
+    A drive without an address gets the next free one of the controller's subnet.  Raises :class:`ConfigError`.
+    """
+    taken = {drive.ip.ip for drive in drives if drive.ip is not None}
+    if section.ip is not None:
+        taken.add(section.ip.ip)
+    free = (address for address in (section.ip.network.hosts() if section.ip else ()) if address not in taken)
+    plans = []
+    for drive, model in zip(drives, models, strict=True):
+        ip = drive.ip
+        if ip is None:
+            if section.ip is None:
+                raise ConfigError(f"drive {drive.name} has no ip and the controller has none to count from: give one of them")
+            address = next(free, None)
+            if address is None:
+                raise ConfigError(f"the controller's subnet {section.ip.network} has no address left for {drive.name}")
+            ip = IPv4Interface((address, section.ip.network.prefixlen))
+        telegram = drive.telegram if drive.telegram is not None else section.telegram
+        number = model.default_telegram if telegram is None else telegram
+        clock = clock_of(section, drive.cycle_ns)
+        chosen = section.program
+        records = tuple(
+            ParameterRecord(r.api, r.slot, r.subslot, r.index, r.data)
+            for r in section.records
+            if r.on is None or any(glob == "all" or fnmatchcase(drive.name, glob) for glob in r.on)
+        )
+        plans.append(
+            DevicePlan(
+                name=drive.name,
+                model=model.name,
+                ip=ip,
+                gateway=drive.gateway,
+                assign_ip=section.assign_ip,
+                vendor_id=model.identity.vendor_id,
+                device_id=model.identity.device_id,
+                submodules=_submodules(model, number),
+                output_words=model.telegrams[number].output_words,
+                input_words=model.telegrams[number].input_words,
+                velocity_step=velocity_step(model, drive),
+                send_clock_factor=clock.send_clock_factor,
+                reduction_ratio=clock.reduction_ratio,
+                watchdog_factor=section.watchdog_factor,
+                startup=section.startup,
+                records=records,
+                program=AxisProgram(
+                    kind=KINDS[chosen.kind],
+                    enable=chosen.enable and chosen.kind != "idle",
+                    speed_rpm=chosen.speed_rpm,
+                    period_ns=chosen.period_ns,
+                    acknowledge_after_ns=-1 if chosen.acknowledge_after_ns is None else chosen.acknowledge_after_ns,
+                ),
+                reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+            )
+        )
+    return plans

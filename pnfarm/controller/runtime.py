@@ -1,0 +1,195 @@
+"""The controller in real time: what ``pnfarm plc`` runs."""
+
+from __future__ import annotations
+
+import os
+import time
+from ipaddress import IPv4Interface
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import anyio
+
+from pnfarm.controller.core import ControllerCore
+from pnfarm.controller.plan import plan_devices
+from pnfarm.errors import ConfigError
+from pnfarm.farm.config import FarmConfig, controller_mac, expand, load_farm
+from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
+from pnfarm.farm.config_model import TapLink as TapSection
+from pnfarm.farm.config_model import VethLink as VethSection
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.farm import model_of, realtime_settings
+from pnfarm.farm.realtime import RealTimeDriver
+from pnfarm.links.base import PortSpec
+from pnfarm.links.interface import InterfaceLink
+from pnfarm.links.interfaces import remove_leftovers
+from pnfarm.links.macvlan import MacvlanLink
+from pnfarm.links.ownership import FarmLock, bridge_name
+from pnfarm.links.tap import TapLink
+from pnfarm.links.veth import VethLink
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+
+    from pnfarm.engine.realtime import RealTimeSettings
+    from pnfarm.links.base import Link
+
+__all__ = ["Plc"]
+
+#: How long a release may take before the controller goes anyway.
+RELEASE_SECONDS = 2.0
+
+
+def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
+    """Where the controller stands: an interface as it is, a link of its own, or a port beside the farm's drives."""
+    section = config.controller
+    interface = interface or (section.interface if section else None)
+    if interface is not None:
+        return InterfaceLink(interface)
+    wanted = (section.link if section else None) or config.link
+    match wanted:
+        case MacvlanSection():
+            return MacvlanLink(owner, wanted.parent)
+        case VethSection():
+            bridge = wanted.bridge or bridge_name(config.farm or "farm")
+            return VethLink(owner, bridge=bridge)
+        case TapSection():
+            return TapLink(owner, bridge=wanted.bridge)
+        case _:
+            raise ConfigError("the file does not say where the controller stands; give `controller: {interface: ...}` or --interface")
+
+
+class Plc:
+    """Use as an asynchronous context manager; leaving it releases every connection."""
+
+    def __init__(
+        self,
+        config: FarmConfig,
+        *,
+        interface: str | None = None,
+        log: EventLog | None = None,
+        link: Link | None = None,
+        settings: RealTimeSettings | None = None,
+    ) -> None:
+        section = config.controller
+        if section is None:
+            raise ConfigError("the file has no `controller:` section; `pnfarm schema farm` shows its keys")
+        self.config = config
+        self.section = section
+        self.log = log or EventLog()
+        self.drives = expand(config)
+        self._owner = f"{config.farm or 'farm'} {section.name}"
+        self.link = link or _link(config, interface, self._owner)
+        self._own_link = link is None
+        self._settings = settings or realtime_settings(config)
+        self._lock = FarmLock(self._owner)
+        self._driver: RealTimeDriver | None = None
+        self._core: ControllerCore | None = None
+
+    @classmethod
+    def from_file(cls, path: str | Path, *, interface: str | None = None, **overrides: Any) -> Self:
+        config = load_farm(path).with_overrides(overrides, origin="argument")
+        return cls(config, interface=interface)
+
+    @property
+    def core(self) -> ControllerCore:
+        if self._core is None:
+            raise ConfigError("the controller is not running: use it inside `async with`")
+        return self._core
+
+    @property
+    def driver(self) -> RealTimeDriver:
+        if self._driver is None:
+            raise ConfigError("the controller is not running: use it inside `async with`")
+        return self._driver
+
+    def _address(self) -> IPv4Interface:
+        """Its own address; one beside the drives' when the file gives none."""
+        if self.section.ip is not None:
+            return self.section.ip
+        first = next((drive.ip for drive in self.drives if drive.ip is not None), None)
+        if first is None:
+            raise ConfigError("neither the controller nor a drive has an ip; give `controller: {ip: 10.77.0.1/24}`")
+        taken = {drive.ip.ip for drive in self.drives if drive.ip is not None}
+        for address in first.network.hosts():
+            if address not in taken:
+                return IPv4Interface((address, first.network.prefixlen))
+        raise ConfigError(f"{first.network} has no address left for the controller; give it one outside of the drives'")
+
+    async def open(self) -> None:
+        """Take the port, start the engine, begin to look for the drives."""
+        address = self._address()
+        plans = plan_devices(self.section, self.drives, [model_of(drive) for drive in self.drives])
+        self._lock.acquire()
+        try:
+            if self._own_link and self.link.kind != "interface":
+                await remove_leftovers(self._owner)
+            mac = controller_mac(self.config) or bytes(6)
+            (port,) = await self.link.open([PortSpec(self.section.name, mac)])
+            self._core = ControllerCore(
+                self.section.name, plans, self.link, port, ip=address, log=self.log, seed=os.urandom(16)
+            )
+            self._driver = RealTimeDriver(self._core, self._settings)
+            await self._driver.start()
+            self._core.start(time.monotonic_ns())
+            self._driver.poke()
+        except BaseException:
+            await self.close()
+            raise
+
+    async def release(self, seconds: float = RELEASE_SECONDS) -> bool:
+        """Take every connection down in order; false when some drive did not confirm in time."""
+        core = self.core
+        core.release(time.monotonic_ns())
+        self.driver.poke()
+        with anyio.move_on_after(seconds):
+            while not core.all_stopped:
+                await anyio.sleep(0.01)
+        return core.all_stopped
+
+    async def close(self) -> None:
+        try:
+            if self._driver is not None:
+                await self._driver.close()
+        finally:
+            try:
+                await self.link.close()
+            finally:
+                self._lock.release()
+                self._driver = None
+
+    async def wait(self) -> None:
+        """Until something fails; raises it."""
+        await self.driver.wait()
+
+    async def wait_connected(self, seconds: float) -> bool:
+        """Until every drive exchanges data both ways, at most ``seconds``."""
+        return await self._wait(lambda core: core.all_connected, seconds)
+
+    async def wait_running(self, seconds: float) -> bool:
+        """Until every enabled axis is in operation, at most ``seconds``."""
+        return await self._wait(lambda core: core.all_running and core.all_connected, seconds)
+
+    async def _wait(self, condition: Any, seconds: float) -> bool:
+        with anyio.move_on_after(seconds):
+            while not condition(self.core):
+                await anyio.sleep(0.005)
+        return bool(condition(self.core))
+
+    def summary(self) -> Sequence[dict[str, Any]]:
+        return self.core.snapshot()
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None:
+                await self.release()
+        finally:
+            with anyio.CancelScope(shield=True):
+                await self.close()

@@ -1,0 +1,112 @@
+"""One drive in the controller's hands: found, addressed, connected, run, and found again.
+
+States, each named by what it waits for:
+
+=========  =========================================================
+WAIT       the pause before the next search
+SEARCH     the drive's answer to an Identify by name
+ADDRESS    the drive's answer to Set IP
+CONNECT    the end of the start-up (the AR's own machine has its states)
+DATA       the end of the connection
+RELEASE    the confirmation of a release
+STOPPED    nothing
+=========  =========================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum, StrEnum, auto
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from uuid import UUID
+
+    from pnfarm.controller.plan import DevicePlan
+    from pnfarm.protocols.profinet.cmctl import CmController
+
+__all__ = ["DeviceSession", "Measures", "Sign", "SessionState", "TRANSITIONS"]
+
+
+class SessionState(StrEnum):
+    WAIT = "WAIT"
+    SEARCH = "SEARCH"
+    ADDRESS = "ADDRESS"
+    CONNECT = "CONNECT"
+    DATA = "DATA"
+    RELEASE = "RELEASE"
+    STOPPED = "STOPPED"
+
+
+class Sign(Enum):
+    """What can happen to a session."""
+
+    TIME = auto()  # the pause is over
+    FOUND = auto()  # the drive answered, with another address than it shall have
+    FOUND_READY = auto()  # the drive answered and has its address
+    MISSED = auto()  # nobody answered, or Set IP failed
+    ADDRESSED = auto()
+    ESTABLISHED = auto()
+    LOST = auto()  # the start-up failed, or the connection ended
+    RELEASE = auto()  # the owner wants an end
+    RELEASED = auto()
+
+
+_S, _E = SessionState, Sign
+
+#: (state, sign) -> (next state, name of the controller's action or "").
+TRANSITIONS: dict[tuple[SessionState, Sign], tuple[SessionState, str]] = {
+    (_S.WAIT, _E.TIME): (_S.SEARCH, "search"),
+    (_S.WAIT, _E.RELEASE): (_S.STOPPED, ""),
+    (_S.SEARCH, _E.FOUND): (_S.ADDRESS, "address"),
+    (_S.SEARCH, _E.FOUND_READY): (_S.CONNECT, "connect"),
+    (_S.SEARCH, _E.MISSED): (_S.WAIT, "pause"),
+    (_S.SEARCH, _E.RELEASE): (_S.STOPPED, ""),
+    (_S.ADDRESS, _E.ADDRESSED): (_S.CONNECT, "connect"),
+    (_S.ADDRESS, _E.MISSED): (_S.WAIT, "pause"),
+    (_S.ADDRESS, _E.RELEASE): (_S.STOPPED, ""),
+    (_S.CONNECT, _E.ESTABLISHED): (_S.DATA, "established"),
+    (_S.CONNECT, _E.LOST): (_S.WAIT, "pause"),
+    (_S.CONNECT, _E.RELEASE): (_S.RELEASE, "release"),
+    (_S.DATA, _E.LOST): (_S.WAIT, "pause"),
+    (_S.DATA, _E.RELEASE): (_S.RELEASE, "release"),
+    (_S.RELEASE, _E.ESTABLISHED): (_S.RELEASE, ""),
+    (_S.RELEASE, _E.LOST): (_S.STOPPED, ""),
+    (_S.RELEASE, _E.RELEASED): (_S.STOPPED, ""),
+}
+
+
+@dataclass(slots=True)
+class Measures:
+    """What the controller measured of one drive; times in nanoseconds."""
+
+    connects: int = 0
+    losses: int = 0
+    refusals: int = 0
+    search_ns: int = 0
+    #: From the search to the established connection, last time.
+    connect_ns: int | None = None
+    #: From the loss to the established connection, last time.
+    reconnect_ns: int | None = None
+    lost_ns: int | None = None
+    last_reason: str = ""
+    expirations: int = 0
+
+
+@dataclass(slots=True)
+class DeviceSession:
+    """See the module's head.  ``index`` is the row of program and image."""
+
+    index: int
+    plan: DevicePlan
+    state: SessionState = SessionState.WAIT
+    due_ns: int | None = 0
+    mac: bytes = b""
+    xid: int | None = None
+    machine: CmController | None = None
+    ar_uuid: UUID | None = None
+    provider: int | None = None
+    consumer: int | None = None
+    calls: dict[int, int] = field(default_factory=dict)
+    measures: Measures = field(default_factory=Measures)
+    station_type: str = ""
