@@ -25,6 +25,7 @@ from pnfarm.drives.store import (
 )
 from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.errors import DecodeError
+from pnfarm.farm.closed_channels import ClosedChannels
 from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import channel_layout, describe_device
@@ -132,6 +133,7 @@ class DriveStation:
         self.watchdog_expirations = 0
         self.fault_counts: dict[int, int] = {}
         self.ars: dict[int, ArChannels] = {}
+        self.closed_channels = ClosedChannels()
         self.signalled_ns: int | None = None
         #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
@@ -220,6 +222,8 @@ class DriveStation:
 
     def power_on(self, now: int) -> None:
         """Boot with what non-volatile memory holds."""
+        # the machines are made anew; what they dropped stays counted
+        self.dropped = self.discards()
         self._build()
         self._ready_due.clear()
         self._calls.clear()
@@ -537,9 +541,11 @@ class DriveStation:
         for row, _ in ar.providers:
             self._services.impairments.channel_closed(self.index, "out", row)
             self._services.channels.close_provider(row)
+            self.closed_channels.add_provider(self._services.channels, row)
         for row, _ in ar.consumers:
             self._services.impairments.channel_closed(self.index, "in", row)
             self._services.channels.close_consumer(row)
+            self.closed_channels.add_consumer(self._services.channels, row)
         if not any(a.providers for a in self.ars.values()):
             self.handle.axis.step_ns = SLOWEST_STEP_NS
             self.parameter_records.reset()

@@ -20,7 +20,15 @@ from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["Instruction", "acyclic_filter", "assemble", "attach", "cyclic_filter", "ethertype_filter"]
+__all__ = [
+    "Instruction",
+    "acyclic_filter",
+    "assemble",
+    "attach",
+    "cyclic_filter",
+    "ethertype_filter",
+    "join_fanout",
+]
 
 SO_ATTACH_FILTER = 26
 MAX_INSTRUCTIONS = 4096  # BPF_MAXINSNS
@@ -37,12 +45,21 @@ _RETURN = 0x06
 _ANCILLARY = 0x1_0000_0000 - 0x1000
 _ANCILLARY_PACKET_TYPE = _ANCILLARY + 4
 _ANCILLARY_IFINDEX = _ANCILLARY + 8
+#: Offsets from here count from the destination address, wherever the socket's own data begins.
+_LINK_LAYER = 0x1_0000_0000 - 0x200000
 
 # linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.
 _LAST_PACKET_TYPE_FOR_US = 2
 
 #: After destination, source and ethertype; priority tags (VLAN id 0) are gone when a socket sees the frame.
 _FRAME_ID_OFFSET = 14
+
+# linux/if_packet.h
+_SOL_PACKET = 263
+_PACKET_FANOUT = 18
+_PACKET_FANOUT_DATA = 22
+_FANOUT_CBPF = 6
+_FANOUT_FLAG_UNIQUE_ID = 0x2000
 
 _NEXT = ""
 _ACCEPT = "accept"
@@ -103,6 +120,33 @@ def cyclic_filter(lowest: int, highest: int) -> bytes:
             Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _DROP, _ACCEPT),
         ]
     )
+
+
+def join_fanout(acyclic: socket.socket, cyclic: socket.socket) -> None:
+    """Let the kernel hand each 0x8892 frame to one of the two sockets instead of offering it to both.
+
+    Two sockets of one ethertype cost a copy of every frame's descriptor; a fanout group of both costs none.  Both are
+    bound alike.  ``acyclic`` joins first and is number 0.  Raises :class:`OSError`.
+    """
+    group = acyclic.getsockopt(_SOL_PACKET, _PACKET_FANOUT)
+    if not group:
+        acyclic.setsockopt(_SOL_PACKET, _PACKET_FANOUT, (_FANOUT_CBPF | _FANOUT_FLAG_UNIQUE_ID) << 16)
+        group = acyclic.getsockopt(_SOL_PACKET, _PACKET_FANOUT)
+        program = assemble_choice(
+            [
+                _load_half(_LINK_LAYER + _FRAME_ID_OFFSET),
+                Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _DROP, _ACCEPT),
+            ]
+        )
+        buffer = ctypes.create_string_buffer(program, len(program))
+        fprog = struct.pack("HP", len(program) // 8, ctypes.addressof(buffer))
+        acyclic.setsockopt(_SOL_PACKET, _PACKET_FANOUT_DATA, fprog)
+    cyclic.setsockopt(_SOL_PACKET, _PACKET_FANOUT, group & 0xFFFF | _FANOUT_CBPF << 16)
+
+
+def assemble_choice(instructions: Sequence[Instruction]) -> bytes:
+    """Like :func:`assemble`, but *accept* answers 1 and *drop* answers 0: the number of a socket."""
+    return assemble(instructions)[:-16] + struct.pack("=HBBI", _RETURN, 0, 0, 1) + struct.pack("=HBBI", _RETURN, 0, 0, 0)
 
 
 def assemble(instructions: Sequence[Instruction]) -> bytes:

@@ -91,8 +91,12 @@ class _Mmsghdr(ctypes.Structure):
     _fields_ = (("header", _Msghdr), ("length", ctypes.c_uint))
 
 
-def open_packet_socket(ethertype: int, filter_code: bytes, receive_buffer: int = RECEIVE_BUFFER) -> socket.socket:
-    """A non-blocking raw socket that receives ``ethertype`` at all interfaces, through ``filter_code``.
+def open_packet_socket(
+    ethertype: int, filter_code: bytes, receive_buffer: int = RECEIVE_BUFFER, *, index: int = 0
+) -> socket.socket:
+    """A non-blocking raw socket that receives ``ethertype`` through ``filter_code``.
+
+    ``index`` is the only interface that it hears, 0 for all: one that hears all costs every frame of the namespace a look.
 
     It is bound only after the filter is in place, so no foreign frame ever enters its queue.
     Raises :class:`~pnfarm.errors.EnvironmentError_` without CAP_NET_RAW.
@@ -113,7 +117,7 @@ def open_packet_socket(ethertype: int, filter_code: bytes, receive_buffer: int =
         except PermissionError:  # in a user namespace only as much as net.core.rmem_max allows
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_buffer)
         # Python's own bind() asks for an interface's name; index 0 is all of them
-        address = _SOCKADDR_LL.pack(socket.AF_PACKET, socket.htons(ethertype), 0, 0, 0, 0, bytes(8))
+        address = _SOCKADDR_LL.pack(socket.AF_PACKET, socket.htons(ethertype), index, 0, 0, 0, bytes(8))
         if _libc.bind(sock.fileno(), address, len(address)) != 0:
             code = ctypes.get_errno()
             raise OSError(code, os.strerror(code))
@@ -174,6 +178,7 @@ class PacketSockets:
         self._names: dict[int, str] = {}
         self._receiver: Receiver | None = None
         self._sockets: list[socket.socket] = []
+        self._profinet: socket.socket | None = None
         self._sender: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -185,7 +190,7 @@ class PacketSockets:
         self._names = {port.index: port.name for port in ports}
         lowest, highest = min(self._names), max(self._names)
         try:
-            profinet = self._watch(ETHERTYPE_PROFINET, bpf.acyclic_filter(lowest, highest))
+            self._profinet = profinet = self._watch(ETHERTYPE_PROFINET, bpf.acyclic_filter(lowest, highest))
             for ethertype in (ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP):
                 self._watch(ethertype, bpf.ethertype_filter(lowest, highest))
             for index in self._names:
@@ -198,7 +203,7 @@ class PacketSockets:
             raise
 
     def _watch(self, ethertype: int, filter_code: bytes) -> socket.socket:
-        sock = open_packet_socket(ethertype, filter_code)
+        sock = open_packet_socket(ethertype, filter_code, index=self._only_port)
         self._sockets.append(sock)
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock.fileno(), self._reader_of(_BatchReader(sock, BATCH)))
@@ -237,9 +242,18 @@ class PacketSockets:
 
     def engine_socket(self) -> socket.socket:
         """See :meth:`pnfarm.links.base.EngineLink.engine_socket`."""
-        if not self._names:
+        if self._profinet is None:
             raise InternalError("the engine's socket can be opened only after the link's ports are up")
-        return open_packet_socket(ETHERTYPE_PROFINET, bpf.cyclic_filter(min(self._names), max(self._names)))
+        filter_code = bpf.cyclic_filter(min(self._names), max(self._names))
+        sock = open_packet_socket(ETHERTYPE_PROFINET, filter_code, index=self._only_port)
+        with contextlib.suppress(OSError):  # without fanout both sockets look at each frame: right, and dearer
+            bpf.join_fanout(self._profinet, sock)
+        return sock
+
+    @property
+    def _only_port(self) -> int:
+        """The interface index of a link with a single port, 0 for several."""
+        return next(iter(self._names)) if len(self._names) == 1 else 0
 
     def collect_overflows(self) -> None:
         """Add frames that the kernel dropped because a receive queue was full to the counters."""
@@ -254,6 +268,7 @@ class PacketSockets:
                 self._loop.remove_reader(sock.fileno())
             sock.close()
         self._sockets.clear()
+        self._profinet = None
         if self._sender is not None:
             self._sender.close()
             self._sender = None

@@ -1,0 +1,125 @@
+"""Drives and their parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import anyio
+from fastapi import APIRouter, Request
+from pydantic import ValidationError
+
+from pnfarm.api.context import ApiContext, read_object
+from pnfarm.api.problems import Json, RequestError
+from pnfarm.api.schemas import Drive, FarmView, ParameterValue, ParameterWrite
+from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults
+
+if TYPE_CHECKING:
+    from starlette.responses import Response
+
+    from pnfarm.farm.station import DriveStation
+
+__all__ = ["router"]
+
+#: Drives described between two looks at the event loop: some milliseconds.
+DRIVES_AT_ONCE = 64
+
+_WRITE_BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/json": {"schema": ParameterWrite.model_json_schema()}},
+    }
+}
+
+
+def router(context: ApiContext) -> APIRouter:  # noqa: C901 - one small handler for each path
+    """Handlers under ``/drives``."""
+    routes = APIRouter(tags=["drives"])
+
+    @routes.get("/drives", summary="The farm, its engine and all drives", responses={200: {"model": FarmView}})
+    async def get_drives() -> Response:
+        core = context.core
+        injected = injected_faults(core)
+        drives = []
+        for place, station in enumerate(core.stations, start=1):
+            drives.append(drive_snapshot(core, station, context.now(), injected=injected))
+            if place % DRIVES_AT_ONCE == 0:
+                await anyio.sleep(0)
+        view = {"farm": core.name, "link": core.link.kind, "engine": engine_snapshot(core), "drives": drives}
+        return Json(view)
+
+    @routes.get("/drives/{name}", summary="One drive", responses={200: {"model": Drive}})
+    async def get_drive(name: str) -> Response:
+        station = context.station(name)
+        return Json(drive_snapshot(context.core, station, context.now()))
+
+    @routes.post("/drives/{name}/power-cycle", summary="Switch off and on", responses={200: {"model": Drive}})
+    async def power_cycle(name: str) -> Response:
+        station = context.station(name)
+        station.power_cycle(context.now())
+        context.changed(station)
+        return Json(drive_snapshot(context.core, station, context.now()))
+
+    @routes.get(
+        "/drives/{name}/params/{pnu}",
+        summary="A parameter by number or by the manual's name, with .SUB for one element of an array",
+        responses={200: {"model": ParameterValue}},
+    )
+    async def get_parameter(name: str, pnu: str) -> Response:
+        return Json(_parameter(_powered(context.station(name)), pnu))
+
+    @routes.put(
+        "/drives/{name}/params/{pnu}",
+        summary="Write a parameter",
+        responses={200: {"model": ParameterValue}},
+        openapi_extra=_WRITE_BODY,
+    )
+    async def put_parameter(name: str, pnu: str, request: Request) -> Response:
+        body = await read_object(request)
+        station = _powered(context.station(name))
+        station.store.set(pnu, _value(body))
+        context.changed(station)
+        return Json(_parameter(station, pnu))
+
+    return routes
+
+
+def _value(body: dict[str, Any]) -> int:
+    """The number of a :class:`ParameterWrite`; raises :class:`RequestError`."""
+    try:
+        return ParameterWrite.model_validate(body).value
+    except ValidationError as exc:
+        errors = [
+            {"field": ".".join(map(str, error["loc"])), "what": error["msg"], "allowed": "value: a whole number"}
+            for error in exc.errors(include_url=False)
+        ]
+        sentence = "; ".join(f"{error['field']}: {error['what']}" for error in errors)
+        raise RequestError(f'{sentence}; send {{"value": a whole number}}', errors) from exc
+
+
+def _powered(station: DriveStation) -> DriveStation:
+    if not station.powered:
+        raise ParameterError(
+            ParameterErrorNumber.OPERATING_STATE, detail=f"{station.configured_name} is switched off"
+        )
+    return station
+
+
+def _parameter(station: DriveStation, wanted: str) -> dict[str, Any]:
+    parameter, subindex = station.model.resolve(wanted)
+    store = station.store
+    values = store.read(parameter.pnu, 0, parameter.elements) if parameter.elements else None
+    return {
+        "drive": station.configured_name,
+        "pnu": parameter.pnu,
+        "subindex": subindex,
+        "name": parameter.name,
+        "value": store.read(parameter.pnu, subindex)[0],
+        "values": values,
+        "minimum": parameter.minimum,
+        "maximum": parameter.maximum,
+        "default": parameter.default,
+        "unit": parameter.unit,
+        "writable": parameter.writable,
+        "changed": store.changed(parameter),
+    }

@@ -1,0 +1,74 @@
+"""The farm's log as server-sent events (WHATWG HTML, 9.2): one message for each entry, its sequence number as id.
+
+A stream reads the log by number, so a client that is slow, or that comes back with ``Last-Event-ID``, gets what the
+log still holds; what it no longer holds is told in one message of type ``gap``.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import anyio
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from pnfarm.api.context import ApiContext
+    from pnfarm.farm.event_log import LogEntry
+
+__all__ = ["event_stream", "message", "start_of"]
+
+#: A comment now and then tells a proxy that the stream lives.
+ALIVE_SECONDS = 15.0
+#: How soon a browser tries again.
+RETRY_MILLISECONDS = 2000
+
+
+def message(entry: LogEntry) -> str:
+    """One log entry as an event."""
+    return f"id: {entry.sequence}\ndata: {json.dumps(entry.as_dict(), default=str)}\n\n"
+
+
+def start_of(context: ApiContext, last_event_id: str | None) -> int:
+    """The sequence number after which a stream begins: the client's, or now.
+
+    A number that the log has not reached is one of an earlier run of the farm: everything is news then.
+    """
+    newest = max((entry.sequence for entry in context.log.entries()[-1:]), default=0)
+    if last_event_id is None or not (last_event_id.isascii() and last_event_id.isdigit()):
+        return newest
+    wanted = int(last_event_id[:20])
+    return wanted if wanted <= newest else 0
+
+
+async def event_stream(context: ApiContext, after: int, drive: str | None) -> AsyncIterator[str]:
+    """Messages for every entry above ``after``, of one drive or of all, until the client or the server goes."""
+    wake = anyio.Event()
+
+    def tell() -> None:
+        wake.set()
+
+    unsubscribe = context.log.subscribe(lambda _: tell())
+    context.streams.add(tell)
+    try:
+        yield f"retry: {RETRY_MILLISECONDS}\n\n"
+        while not context.closing:
+            wake = anyio.Event()
+            entries = context.log.entries(after=after)
+            if not entries:
+                with anyio.move_on_after(ALIVE_SECONDS) as waiting:
+                    await wake.wait()
+                if waiting.cancelled_caught:
+                    yield ": alive\n\n"
+                continue
+            lost = entries[0].sequence - after - 1
+            if lost > 0:
+                yield f"event: gap\ndata: {json.dumps({'lost': lost})}\n\n"
+            after = entries[-1].sequence
+            text = "".join(message(entry) for entry in entries if drive is None or entry.drive == drive)
+            if text:
+                yield text
+    finally:
+        unsubscribe()
+        context.streams.discard(tell)

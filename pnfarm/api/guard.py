@@ -1,0 +1,99 @@
+"""Who may use the API: an ASGI layer before everything else.
+
+With a token, whoever shows it: ``Authorization: Bearer TOKEN``, or for browsers a cookie, which ``/?token=TOKEN`` sets.
+Without one the farm listens on loopback only; then requests must be meant for this machine, so that a web page
+elsewhere cannot reach the farm through the browser of somebody who sits at it: the Host header must name loopback
+(against DNS rebinding), and a request from another origin may change nothing.
+"""
+
+from __future__ import annotations
+
+import hmac
+from http import HTTPStatus
+from http.cookies import CookieError, SimpleCookie
+from ipaddress import ip_address
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qs, urlsplit
+
+from starlette.requests import Request
+from starlette.responses import RedirectResponse
+
+from pnfarm.api.problems import problem
+
+if TYPE_CHECKING:
+    from starlette.responses import Response
+    from starlette.types import ASGIApp, Receive, Scope, Send
+
+__all__ = ["COOKIE", "OPEN_PATHS", "Guard", "is_loopback"]
+
+COOKIE = "pnfarm_token"
+#: Asked by orchestrators, which have no token, or without a secret in them.
+OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host name or address means this machine alone."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host.lower() == "localhost"
+
+
+def _same(shown: str, token: str) -> bool:
+    return hmac.compare_digest(shown.encode(errors="surrogateescape"), token.encode())
+
+
+class Guard:
+    """``token`` None: requests meant for loopback only."""
+
+    def __init__(self, app: ASGIApp, token: str | None = None) -> None:
+        self._app = app
+        self._token = token
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        refusal = self._judge(Request(scope)) if scope["type"] == "http" else None
+        await (refusal or self._app)(scope, receive, send)
+
+    def _judge(self, request: Request) -> Response | None:
+        origin = request.headers.get("origin")
+        host = request.headers.get("host", "")
+        if request.method not in SAFE_METHODS and origin is not None and urlsplit(origin).netloc != host:
+            return problem(HTTPStatus.FORBIDDEN, f"a page of {origin} may not change this farm", request)
+        if self._token is None:
+            return self._judge_host(request, host)
+        return self._judge_token(request, self._token)
+
+    @staticmethod
+    def _judge_host(request: Request, host: str) -> Response | None:
+        try:
+            name = urlsplit(f"//{host}").hostname or ""
+        except ValueError:
+            name = ""
+        if is_loopback(name):
+            return None
+        sentence = f"this farm answers to localhost only, not to {host!r}; to serve others give api: a token"
+        return problem(HTTPStatus.FORBIDDEN, sentence, request)
+
+    @staticmethod
+    def _judge_token(request: Request, token: str) -> Response | None:
+        path = request.scope["path"]
+        if path in OPEN_PATHS:
+            return None
+        scheme, _, shown = request.headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer" and _same(shown.strip(), token):
+            return None
+        try:
+            cookie = SimpleCookie(request.headers.get("cookie", "")).get(COOKIE)
+        except CookieError:
+            cookie = None
+        if cookie is not None and _same(cookie.value, token):
+            return None
+        asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
+        if path == "/" and request.method == "GET" and asked and _same(asked[0], token):
+            # the token leaves the address line, and with it the browser's history
+            response = RedirectResponse("/", status_code=HTTPStatus.SEE_OTHER)
+            response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+            return response
+        sentence = "this farm asks for its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
+        return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers={"WWW-Authenticate": "Bearer"})

@@ -1,0 +1,164 @@
+"""Errors as RFC 9457 asks: ``application/problem+json``, with the sentence that the command line would print.
+
+``title`` is the status's phrase and ``type`` stays ``about:blank`` (RFC 9457, 4.2.1); what a program wants to know
+stands in members of its own: ``error_number`` (PROFIdrive) and ``errors`` (field by field).
+"""
+
+from __future__ import annotations
+
+import json
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+
+import structlog
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+from starlette.routing import Match
+
+from pnfarm.drives.axis_handle import CommandRingFullError
+from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from fastapi import FastAPI
+    from fastapi.exceptions import RequestValidationError
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+__all__ = ["Json", "NotFoundError", "RequestError", "TooLargeError", "install_handlers", "problem"]
+
+logger = structlog.get_logger("pnfarm.api")
+
+
+class RequestError(ConfigError):
+    """A request that cannot be understood; ``errors`` says field by field what is wrong and what is allowed."""
+
+    status = HTTPStatus.UNPROCESSABLE_ENTITY
+
+    def __init__(
+        self, sentence: str, errors: list[dict[str, str]] | None = None, *, status: HTTPStatus | None = None
+    ) -> None:
+        super().__init__(sentence)
+        self.errors = errors or []
+        if status is not None:
+            self.status = status
+
+
+class NotFoundError(ConfigError):
+    """What the path names is not there."""
+
+
+class TooLargeError(ConfigError):
+    """A body beyond what any request needs."""
+
+
+class Json(JSONResponse):
+    """JSON in ASCII, so that whatever a request brought can be quoted back."""
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+class ProblemResponse(Json):
+    media_type = "application/problem+json"
+
+
+def problem(
+    status: int, detail: str, request: Request, *, headers: Mapping[str, str] | None = None, **members: Any
+) -> Response:
+    """A response that says what is wrong in ``detail``, a whole sentence."""
+    content = {
+        "type": "about:blank",
+        "title": HTTPStatus(status).phrase,
+        "status": status,
+        "detail": detail,
+        "instance": request.scope["path"],
+        **members,
+    }
+    return ProblemResponse(content, status, headers=dict(headers or {}))
+
+
+#: HTTP status of a refused parameter access; every other number is a 422.
+_PARAMETER_STATUS = {
+    ParameterErrorNumber.IMPERMISSIBLE_PNU: HTTPStatus.NOT_FOUND,
+    ParameterErrorNumber.FAULTY_SUBINDEX: HTTPStatus.NOT_FOUND,
+    ParameterErrorNumber.NO_ARRAY: HTTPStatus.NOT_FOUND,
+    ParameterErrorNumber.NOT_CHANGEABLE: HTTPStatus.CONFLICT,
+    ParameterErrorNumber.NO_OPERATION_PRIORITY: HTTPStatus.CONFLICT,
+    ParameterErrorNumber.OPERATING_STATE: HTTPStatus.CONFLICT,
+}
+
+
+def _parameter_status(number: int) -> HTTPStatus:
+    return next((s for known, s in _PARAMETER_STATUS.items() if known == number), HTTPStatus.UNPROCESSABLE_ENTITY)
+
+
+def _pnfarm_error(request: Request, exc: Exception) -> Response:
+    """Who is to blame is the type; here that is a status."""
+    sentence = str(exc)
+    match exc:
+        case ParameterError():
+            return problem(_parameter_status(exc.number), sentence, request, error_number=exc.number)
+        case NotFoundError():
+            return problem(HTTPStatus.NOT_FOUND, sentence, request)
+        case TooLargeError():
+            return problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, sentence, request)
+        case RequestError():
+            members = {"errors": exc.errors} if exc.errors else {}
+            return problem(exc.status, sentence, request, **members)
+        case ConfigError():
+            return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request)
+        case EnvironmentError_() | CommandRingFullError():
+            return problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence, request)
+        case _:
+            return _internal(request, exc)
+
+
+def _internal(request: Request, exc: Exception) -> Response:
+    logger.error("internal error", path=request.scope["path"], exc_info=exc)
+    sentence = f"internal error: {type(exc).__name__}; the farm's log says more"
+    return problem(HTTPStatus.INTERNAL_SERVER_ERROR, sentence, request)
+
+
+def _allowed_methods(request: Request) -> list[str]:
+    """Methods of every route with this path."""
+    found: set[str] = set()
+    for route in request.app.routes:
+        match, _ = route.matches(request.scope)
+        if match is not Match.NONE:
+            found |= set(getattr(route, "methods", None) or ())
+    return sorted(found)
+
+
+def _http_error(request: Request, exc: Exception) -> Response:
+    assert isinstance(exc, HTTPException)
+    path = request.scope["path"]
+    if exc.status_code == HTTPStatus.NOT_FOUND:
+        return problem(404, f"there is no {path}; /openapi.json lists what there is", request)
+    if exc.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        allowed = ", ".join(_allowed_methods(request))
+        sentence = f"{request.method} is not possible on {path}; allowed: {allowed}"
+        return problem(405, sentence, request, headers={"Allow": allowed})
+    return problem(exc.status_code, str(exc.detail), request, headers=exc.headers)
+
+
+def _validation_error(request: Request, exc: Exception) -> Response:
+    found: RequestValidationError = exc  # type: ignore[assignment]  # the handler is installed for this type alone
+    errors = [
+        {"field": ".".join(str(step) for step in error["loc"][1:]) or str(error["loc"][0]), "what": error["msg"]}
+        for error in found.errors()
+    ]
+    sentence = "; ".join(f"{error['field']}: {error['what']}" for error in errors)
+    return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request, errors=errors)
+
+
+def install_handlers(app: FastAPI) -> None:
+    """Make every error of ``app`` a problem document."""
+    from fastapi.exceptions import RequestValidationError  # noqa: PLC0415 - needed to install, not to describe
+
+    app.add_exception_handler(PnfarmError, _pnfarm_error)
+    app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(RequestValidationError, _validation_error)
+    app.add_exception_handler(Exception, _internal)

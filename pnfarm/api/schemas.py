@@ -1,0 +1,166 @@
+"""What the API takes and gives, as types: for its OpenAPI description, and for the bodies that it checks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+__all__ = [
+    "Controller",
+    "Drive",
+    "DriveFault",
+    "Engine",
+    "FarmView",
+    "FieldError",
+    "ParameterValue",
+    "ParameterWrite",
+    "Problem",
+    "Ready",
+    "Reset",
+    "Version",
+]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class FieldError(_Model):
+    """One field of a body."""
+
+    field: str
+    what: str
+    allowed: str = ""
+
+
+class Problem(BaseModel):
+    """RFC 9457."""
+
+    type: str = Field(description="Always about:blank: the title says it.")
+    title: str = Field(description="The status's phrase.")
+    status: int
+    detail: str = Field(description="What is wrong and what would be right, one sentence.")
+    instance: str = Field(description="The path.")
+    error_number: int | None = Field(default=None, description="PROFIdrive's error number of a refused parameter.")
+    errors: list[FieldError] | None = Field(default=None, description="Field by field.")
+
+
+class DriveFault(_Model):
+    number: int = Field(description="The manual's number: 702 is F702.")
+    name: str
+
+
+class Controller(_Model):
+    name: str
+    ip: str
+    mac: str
+
+
+class Drive(_Model):
+    """One drive as it is now."""
+
+    name: str = Field(description="Name in the farm file.")
+    station_name: str = Field(description="Name of station now; DCP may have changed it.")
+    model: str
+    mac: str
+    ip: str | None = Field(description="Address and prefix length.")
+    gateway: str | None
+    powered: bool
+    state: str = Field(description="S1..S5 of the PROFIdrive state machine; boot, or off.")
+    zsw1: str = Field(description="Status word 1, hexadecimal.")
+    zsw1_bits: list[str]
+    stw1: str = Field(description="Control word 1, hexadecimal.")
+    stw1_bits: list[str]
+    telegram: int
+    ar_state: str = Field(description="State of the connection (CMDEV); NO_AR without one.")
+    controller: Controller | None
+    cycle_seconds: float | None
+    watchdog_seconds: float | None = Field(description="Data hold time of the controller's data.")
+    connected_seconds: float | None
+    frames_sent: int
+    frames_suppressed: int = Field(description="Cyclic frames that an injected fault kept back.")
+    frames_received: int
+    frames_discarded: dict[str, int] = Field(description="By reason.")
+    watchdog_expirations: int
+    connects: int
+    aborts: dict[str, int] = Field(description="By reason.")
+    fault: DriveFault | None = Field(description="The first active fault.")
+    faults: list[DriveFault] = Field(description="All active faults, oldest first.")
+    last_fault: DriveFault | None = Field(description="The active fault, or the one acknowledged last.")
+    fault_counts: dict[str, int] = Field(description="By number.")
+    warning: DriveFault | None
+    setpoint_rpm: float
+    velocity_rpm: float
+    position_revolutions: float
+    current_amperes: float
+    following_error_revolutions: float
+    signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
+    faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
+
+
+class Engine(_Model):
+    cycles: int
+    overruns: int
+    lateness_max_seconds: float
+    frames_sent: int
+    frames_received: int
+    frames_unknown: int
+    frames_malformed: int
+    send_errors: int
+    events_lost: int
+
+
+class FarmView(_Model):
+    farm: str
+    link: str
+    engine: Engine
+    drives: list[Drive]
+
+
+class ParameterWrite(_Model):
+    """A parameter's new value."""
+
+    value: int = Field(description="Raw number as on the wire.")
+
+
+class ParameterValue(_Model):
+    """A parameter of one drive; numbers are raw, as on the wire."""
+
+    drive: str
+    pnu: int
+    subindex: int
+    name: str
+    value: int
+    values: list[int] | None = Field(description="All elements of an array.")
+    minimum: int
+    maximum: int
+    default: int
+    unit: str
+    writable: bool
+    changed: bool = Field(description="Whether the value is another than the model's default.")
+
+
+class Reset(_Model):
+    cleared: list[str] = Field(description="Ids of the faults that were cleared.")
+
+
+class Version(_Model):
+    pnfarm: str
+    python: str
+    api: str
+
+
+class Ready(_Model):
+    ready: bool
+    cycles: int
+    last_tick_seconds_ago: float
+
+
+#: For operations that can fail; merged into each operation's responses.
+PROBLEMS: dict[int | str, dict[str, Any]] = {
+    "default": {
+        "description": "An error",
+        "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
+    }
+}

@@ -1,0 +1,118 @@
+"""Serving the API inside of the farm's own event loop."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import secrets
+import socket
+import time
+from typing import TYPE_CHECKING, Any
+
+import anyio
+import uvicorn
+from anyio import TASK_STATUS_IGNORED
+
+from pnfarm.api.app import make_app
+from pnfarm.errors import EnvironmentError_
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from anyio.abc import TaskStatus
+    from fastapi import FastAPI
+
+    from pnfarm.farm.config_model import Api
+    from pnfarm.farm.farm import Farm
+    from pnfarm.faults.manager import FaultManager
+
+__all__ = ["serve", "serve_farm"]
+
+#: How long open requests may take once the server shall stop.
+GRACE_SECONDS = 2
+BACKLOG = 128
+
+
+class _Server(uvicorn.Server):
+    """Signals belong to the program that the server is a part of."""
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Generator[None, None, None]:
+        yield
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket; raises :class:`EnvironmentError_` that says what is in the way."""
+    where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        found = socket.socket(family, kind, protocol)
+    except OSError as exc:
+        raise EnvironmentError_(f"{host!r} is no address of this machine ({exc}); give api: HOST:PORT") from exc
+    try:
+        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        found.bind(address)
+        found.listen(BACKLOG)
+        found.setblocking(False)
+    except OSError as exc:
+        found.close()
+        reasons = {
+            errno.EADDRINUSE: "another program (another farm?) has that port; give api: another one",
+            errno.EACCES: "ports below 1024 need CAP_NET_BIND_SERVICE; give api: a higher one",
+            errno.EADDRNOTAVAIL: "no interface of this machine has that address",
+        }
+        why = reasons.get(exc.errno or 0, str(exc))
+        raise EnvironmentError_(f"the API cannot listen on {where}: {why}") from exc
+    return found
+
+
+async def serve(
+    app: FastAPI, host: str, port: int, *, task_status: TaskStatus[tuple[str, int]] = TASK_STATUS_IGNORED
+) -> None:
+    """Serve ``app`` until cancelled; started with the address and port that it has (port 0 takes a free one).
+
+    Leaving ends every event stream and lets requests finish.  Raises :class:`EnvironmentError_`.
+    """
+    found = listen(host, port)
+    config = uvicorn.Config(
+        app,
+        log_config=None,
+        access_log=False,
+        lifespan="off",
+        ws="none",
+        server_header=False,
+        timeout_graceful_shutdown=GRACE_SECONDS,
+    )
+    server = _Server(config)
+    stopped = anyio.Event()
+
+    async def run() -> None:
+        try:
+            await server.serve(sockets=[found])
+        finally:
+            stopped.set()
+
+    try:
+        async with anyio.create_task_group() as group:
+            with anyio.CancelScope(shield=True) as shielded:
+                # the server itself is not cancelled: it is asked to stop, and then it does
+                group.start_soon(_shielded, run)
+                shielded.shield = False
+                try:
+                    while not server.started and not stopped.is_set():
+                        await anyio.sleep(0.005)
+                    bound: Any = found.getsockname()
+                    task_status.started((bound[0], bound[1]))
+                    await stopped.wait()
+                finally:
+                    app.state.context.close()
+                    server.should_exit = True
+                    with anyio.CancelScope(shield=True):
+                        await stopped.wait()
+    finally:
+        found.close()
+
+
+async def _shielded(run: Any) -> None:
+    with anyio.CancelScope(shield=True):
+        await run()

@@ -1,0 +1,358 @@
+"""``pnfarm bench``: what the farm costs, beside the floor of this machine, in one run.
+
+Farms, controllers and the floor run as processes of their own: macvlans on one end of a veth pair in a private
+network namespace, the other side's one interface in another.  The farm is pinned to one CPU, its peer to another.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pnfarm.errors import ConfigError, InternalError
+
+__all__ = ["BENCHMARKS", "Result", "command"]
+
+FARM_CPU, PEER_CPU = 0, 1
+PARENT, PEER = "pnbench0", "pnbench1"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One figure.  ``ratio_to_floor`` is None where there is no floor; ``goal`` says what ``ok`` was held against."""
+
+    name: str
+    value: float
+    unit: str
+    ratio_to_floor: float | None
+    goal: str
+    ok: bool
+
+
+FILE = """
+farm: bench
+link: {{kind: macvlan, parent: {parent}}}
+api: off
+realtime: {{cpu: {cpu}}}
+drives:
+  - name: axis-{{n:04}}
+    count: {drives}
+    model: akd-profinet
+    ip: 10.64.0.11/16
+    limits: lax
+controller:
+  name: plc
+  ip: 10.64.255.250/16
+  interface: {peer}
+  cycle: {cycle}
+  watchdog_factor: {watchdog}
+  program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 100ms}}
+"""
+
+
+def _file(drives: int, cycle: str, watchdog: int, cpu: int) -> str:
+    return FILE.format(parent=PARENT, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu)
+
+
+class Child:
+    """A process of :mod:`pnfarm.cli.bench_child`."""
+
+    def __init__(self, role: str, cpu: int, **settings: Any) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "pnfarm.cli.bench_child", role],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self._write(json.dumps({"cpu": cpu, **settings}))
+        if settings.get("interface_from_outside"):
+            pid = self.answer()["pid"]
+            subprocess.run(["ip", "link", "set", PEER, "netns", str(pid)], check=True)
+            self._write("go")
+
+    def _write(self, line: str) -> None:
+        if self._process.stdin is None:
+            raise InternalError("the benchmark's process has no standard input")
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+
+    def ask(self, command: str) -> None:
+        """Give a command; the answer is read later."""
+        self._write(command)
+
+    def answer(self) -> dict[str, Any]:
+        line = self._process.stdout.readline() if self._process.stdout else ""
+        if not line:
+            raise InternalError(f"a benchmark's process ended with code {self._process.wait()}")
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def close(self) -> None:
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        try:
+            self._process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+
+@contextmanager
+def _wire() -> Iterator[None]:
+    """A veth pair in this namespace."""
+    subprocess.run(["ip", "link", "add", "name", PARENT, "type", "veth", "peer", "name", PEER], check=True)
+    try:
+        for name in (PARENT, PEER):
+            subprocess.run(["ip", "link", "set", name, "up"], check=True)
+        yield
+    finally:
+        # the pair is gone already when its other end went with a peer's namespace
+        subprocess.run(["ip", "link", "del", PARENT], check=False, stderr=subprocess.DEVNULL)
+
+
+@contextmanager
+def _line(drives: int, cycle: str, watchdog: int) -> Iterator[tuple[Child, Child]]:
+    """A farm and the built-in controller, connected."""
+    with _wire(), ExitStack() as stack:
+        farm = Child("farm", FARM_CPU, file=_file(drives, cycle, watchdog, FARM_CPU))
+        stack.callback(farm.close)
+        farm.answer()
+        plc = Child("plc", PEER_CPU, file=_file(drives, cycle, watchdog, PEER_CPU), interface_from_outside=PEER)
+        stack.callback(plc.close)
+        plc.answer()
+        plc.ask("connected 120")
+        if not plc.answer()["connected"]:
+            raise InternalError(f"{drives} drives did not connect within 120 s")
+        time.sleep(1.0)
+        yield farm, plc
+
+
+def _measure(farm: Child, peer: Child, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    farm.ask(f"measure {seconds}")
+    peer.ask(f"measure {seconds}")
+    return farm.answer(), peer.answer()
+
+
+@contextmanager
+def _floor(drives: int, groups: int, period_ns: int) -> Iterator[tuple[Child, Child]]:
+    """Two minimal loops over the same kind of interfaces: macvlans on one side, one interface on the other."""
+    with _wire(), ExitStack() as stack:
+        lines, macs = [], []
+        for i in range(drives):
+            mac = bytes((0x02, 0xF1, 0, 0, i >> 8, i & 0xFF))
+            macs.append(mac)
+            name = f"pnfl{i}"
+            lines.append(f"link add link {PARENT} name {name} address {mac.hex(':')} type macvlan mode bridge")
+            lines.append(f"link set {name} up")
+        subprocess.run(["ip", "-batch", "-"], input="\n".join(lines), text=True, check=True)
+        listed = subprocess.run(["ip", "-json", "link"], check=True, capture_output=True, text=True).stdout
+        links = {entry["ifname"]: entry for entry in json.loads(listed)}
+        index = {name: entry["ifindex"] for name, entry in links.items()}
+        peer_mac = bytes.fromhex(links[PEER]["address"].replace(":", ""))
+        common = {"groups": groups, "period": period_ns}
+        ours = [(index[f"pnfl{i}"], mac.hex(), peer_mac.hex()) for i, mac in enumerate(macs)]
+        # an interface keeps its index when it moves into an empty namespace
+        theirs = [(index[PEER], peer_mac.hex(), mac.hex()) for mac in macs]
+        farm = Child("floor", FARM_CPU, addresses=ours, interface="", **common)
+        stack.callback(farm.close)
+        farm.answer()
+        peer = Child("floor", PEER_CPU, addresses=theirs, interface=PEER, interface_from_outside=PEER, **common)
+        stack.callback(peer.close)
+        peer.answer()
+        yield farm, peer
+
+
+def _percentile(histogram: list[int], share: float) -> float:
+    """Microseconds, interpolated inside the bucket."""
+    from pnfarm.table.engine_row import LATENESS_EDGES_NS
+
+    wanted = sum(histogram) * share
+    seen = 0.0
+    lower = 0
+    for count, upper in zip(histogram, (*LATENESS_EDGES_NS, 2 * LATENESS_EDGES_NS[-1]), strict=True):
+        if count and seen + count >= wanted:
+            return (lower + (upper - lower) * (wanted - seen) / count) / 1000
+        seen += count
+        lower = upper
+    return lower / 1000
+
+
+def _per_frame(answer: dict[str, Any]) -> float:
+    """Microseconds of CPU."""
+    return float(answer["cpu"]) / max(1, answer["frames"]) * 1e6
+
+
+def _settled_floor(drives: int, groups: int, period_ns: int, seconds: float) -> dict[str, Any]:
+    with _floor(drives, groups, period_ns) as (farm, peer):
+        return _measure(farm, peer, seconds)[0]
+
+
+def frame_cost(seconds: float) -> list[Result]:
+    """CPU of one cyclic frame at 192 drives and 1 ms."""
+    floor = _per_frame(_settled_floor(192, 1, 1_000_000, seconds))
+    with _line(192, "1ms", 64) as (farm, plc):
+        answer, other = _measure(farm, plc, seconds)
+    value = _per_frame(answer)
+    again = _per_frame(_settled_floor(192, 1, 1_000_000, seconds))
+    floor = (floor + again) / 2
+    ratio = value / floor
+    return [
+        Result("frame-cost-192", value, "us of CPU per frame", ratio, "ratio <= 1.2", ratio <= 1.2),
+        Result("frame-cost-192-floor", floor, "us of CPU per frame", 1.0, "none", True),
+        Result("frame-cost-192-controller", _per_frame(other), "us of CPU per frame", None, "none", True),
+    ]
+
+
+def full_port(seconds: float) -> list[Result]:
+    """148 drives at 1 ms, a full 100 Mbit/s port, for a minute."""
+    floor = _settled_floor(148, 1, 1_000_000, min(20.0, seconds))
+    floor_p99 = _percentile(floor["lateness"], 0.99)
+    with _line(148, "1ms", 64) as (farm, plc):
+        answer, other = _measure(farm, plc, seconds)
+    p99 = _percentile(answer["lateness"], 0.99)
+    expirations = answer["expirations"] + other["expirations"]
+    core = answer["cpu"] / answer["wall"]
+    ratio = p99 / floor_p99
+    return [
+        Result("full-port-expirations", expirations, f"in {seconds:g} s", None, "0", expirations == 0),
+        Result("full-port-lateness-p50", _percentile(answer["lateness"], 0.5), "us", None, "none", True),
+        Result("full-port-lateness-p99", p99, "us", ratio, "ratio <= 1.5", ratio <= 1.5),
+        Result("full-port-cpu", core, "cores", None, "none", True),
+    ]
+
+
+def memory(seconds: float) -> list[Result]:
+    """Resident memory of one more drive, connected."""
+    del seconds
+    sizes = {}
+    for drives in (16, 272):
+        with _line(drives, "16ms", 16) as (farm, _):
+            farm.ask("rss")
+            sizes[drives] = farm.answer()["rss"]
+    value = (sizes[272] - sizes[16]) / 256 / 1000
+    return [Result("memory-per-drive", value, "kB", None, "<= 200", value <= 200)]
+
+
+def flat(seconds: float) -> list[Result]:
+    """CPU of one drive from 16 to 512 drives, at 4 ms."""
+    costs = {}
+    for drives in (16, 64, 256, 512):
+        with _line(drives, "4ms", 64) as (farm, plc):
+            answer, _ = _measure(farm, plc, seconds)
+        # what the engine spends without drives (its ticks) is not the drives' cost
+        costs[drives] = (answer["cpu"] / answer["wall"], drives)
+    marginal = (costs[512][0] - costs[256][0]) / 256
+    start = (costs[64][0] - costs[16][0]) / 48
+    ratio = marginal / start
+    results = [
+        Result(f"cost-per-drive-{n}", cpu / n * 1e6, "us of CPU per drive and second", None, "none", True)
+        for n, (cpu, _) in costs.items()
+    ]
+    ok = ratio <= 1.2
+    results.append(Result("cost-per-added-drive", ratio, "256..512 over 16..64", None, "<= 1.2", ok))
+    return results
+
+
+def start(seconds: float) -> list[Result]:
+    """64 drives, from nothing to all exchanging data."""
+    del seconds
+    with _wire(), ExitStack() as stack:
+        begin = time.monotonic()
+        plc = Child("plc", PEER_CPU, file=_file(64, "16ms", 16, PEER_CPU), interface_from_outside=PEER)
+        stack.callback(plc.close)
+        farm = Child("farm", FARM_CPU, file=_file(64, "16ms", 16, FARM_CPU))
+        stack.callback(farm.close)
+        farm.answer()
+        plc.answer()
+        plc.ask("connected 60")
+        connected = plc.answer()["connected"]
+        value = time.monotonic() - begin
+    return [Result("start-64", value, "s", None, "<= 5", connected and value <= 5)]
+
+
+def akd_1024(seconds: float) -> list[Result]:
+    """1,024 AKDs at the 16 ms of their manual on one core."""
+    with _line(1024, "16ms", 16) as (farm, plc):
+        answer, other = _measure(farm, plc, seconds)
+    core = answer["cpu"] / answer["wall"]
+    lost = answer["expirations"] + other["expirations"]
+    floor = _settled_floor(1024, 16, 1_000_000, min(10.0, seconds))
+    ratio = core / (floor["cpu"] / floor["wall"])
+    return [
+        Result("akd-1024-cpu", core, "cores", ratio, "< 0.35", core < 0.35),
+        Result("akd-1024-expirations", lost, f"in {seconds:g} s", None, "0", lost == 0),
+    ]
+
+
+def virtual_64(seconds: float) -> list[Result]:
+    """64 drives and their controller at 1 ms in memory: farm time over real time."""
+    del seconds
+    from pnfarm.cli.virtual_line import connected_line
+
+    world = connected_line(64, "1ms")
+    begin = time.perf_counter()
+    world.run(20.0)
+    value = 20.0 / (time.perf_counter() - begin)
+    return [Result("virtual-64", value, "times faster than real time", None, ">= 30", value >= 30)]
+
+
+#: Name on the command line -> (benchmark, seconds of one measurement).
+BENCHMARKS: dict[str, tuple[Callable[[float], list[Result]], float]] = {
+    "frame-cost": (frame_cost, 10.0),
+    "full-port": (full_port, 60.0),
+    "memory": (memory, 0.0),
+    "flat": (flat, 6.0),
+    "start": (start, 0.0),
+    "akd-1024": (akd_1024, 10.0),
+    "virtual": (virtual_64, 0.0),
+}
+
+
+def _table(results: list[Result]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"pnfarm bench, {os.cpu_count()} CPUs")
+    for column in ("benchmark", "value", "unit", "to floor", "goal", ""):
+        table.add_column(column)
+    for r in results:
+        ratio = "" if r.ratio_to_floor is None else f"{r.ratio_to_floor:.2f}"
+        verdict = "" if r.goal == "none" else ("[green]ok" if r.ok else "[red]missed")
+        table.add_row(r.name, f"{r.value:.4g}", r.unit, ratio, "" if r.goal == "none" else r.goal, verdict)
+    Console().print(table)
+
+
+def command(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Which; all when left out.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures as JSON.")] = None,
+    seconds: Annotated[float | None, typer.Option(help="Length of each measurement; left out, each one's own.")] = None,
+) -> None:
+    """Run the benchmarks: the farm's figures beside the floor of this machine."""
+    unknown = [name for name in names or [] if name not in BENCHMARKS]
+    if unknown:
+        raise ConfigError(f"there is no benchmark {unknown[0]!r}; there are {', '.join(BENCHMARKS)}")
+    from pnfarm.links.sandbox import enter_sandbox
+
+    enter_sandbox()
+    results: list[Result] = []
+    for name in names or BENCHMARKS:
+        function, usual = BENCHMARKS[name]
+        typer.echo(f"{name}: {(function.__doc__ or '').splitlines()[0]}", err=True)
+        results += function(usual if seconds is None else seconds)
+    _table(results)
+    if json_file is not None:
+        json_file.write_text(json.dumps([asdict(r) for r in results], indent=1) + "\n", encoding="utf-8")
+    if not all(r.ok for r in results):
+        raise typer.Exit(1)

@@ -1,0 +1,178 @@
+"""One process of a benchmark: a farm, a controller, or the floor, driven by commands on standard input.
+
+``python -m pnfarm.cli.bench_child ROLE`` reads one JSON line of settings, then one command a line, and
+answers each with one JSON line.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import socket
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+import anyio
+import anyio.to_thread
+
+ETHERTYPE = 0x8892
+
+
+def _cpu() -> float:
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def _rss() -> int:
+    with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - one read of a kernel file
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _say(answer: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(answer) + "\n")
+    sys.stdout.flush()
+
+
+def _counters(core: Any) -> dict[str, Any]:
+    engine = core.columns.engine[0]
+    return {
+        "frames": int(engine.sent) + int(engine.received),
+        "expirations": int(core.columns.cpm.expirations.sum()),
+        "overruns": int(engine.overruns),
+        "lateness": [int(n) for n in engine.lateness],
+        "cpu": _cpu(),
+        "wall": time.monotonic(),
+        "send_errors": int(engine.send_errors),
+    }
+
+
+def _difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+    return {
+        key: [a - b for a, b in zip(value, before[key], strict=True)] if isinstance(value, list) else value - before[key]
+        for key, value in after.items()
+    }
+
+
+async def _commands(core: Any, connected: Any) -> None:
+    while line := await anyio.to_thread.run_sync(sys.stdin.readline):
+        word, _, argument = line.strip().partition(" ")
+        if word == "connected":
+            _say({"connected": await connected(float(argument))})
+        elif word == "measure":
+            before = _counters(core)
+            await anyio.sleep(float(argument))
+            _say(_difference(before, _counters(core)))
+        elif word == "rss":
+            _say({"rss": _rss()})
+        else:
+            return
+
+
+async def _farm(settings: dict[str, Any]) -> None:
+    from pnfarm.farm.config import parse_farm
+    from pnfarm.farm.event_log import EventLog
+    from pnfarm.farm.farm import Farm
+
+    config = parse_farm(settings["file"])
+    async with Farm(config, log=EventLog(quiet=True)) as farm:
+        _say({"up": True})
+
+        async def connected(seconds: float) -> bool:
+            with anyio.move_on_after(seconds):
+                while not all(s.ars and all(a.established for a in s.ars.values()) for s in farm.core.stations):
+                    await anyio.sleep(0.005)
+                return True
+            return False
+
+        await _commands(farm.core, connected)
+
+
+async def _plc(settings: dict[str, Any]) -> None:
+    from pnfarm.controller.runtime import Plc
+    from pnfarm.farm.config import parse_farm
+    from pnfarm.farm.event_log import EventLog
+
+    async with Plc(parse_farm(settings["file"]), log=EventLog(quiet=True)) as plc:
+        _say({"up": True})
+        await _commands(plc.core, plc.wait_connected)
+
+
+def _floor(settings: dict[str, Any]) -> None:
+    from pnfarm.engine.floor import make_vectors, run_floor
+
+    addresses = [(index, bytes.fromhex(source), bytes.fromhex(to)) for index, source, to in settings["addresses"]]
+    vectors = make_vectors(addresses)
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as sock:
+        sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_RCVBUFFORCE", 33), 16 << 20)
+        # bound to one interface where there is one, to all where there are many: as the engine's is
+        sock.bind((settings["interface"], ETHERTYPE)) if settings["interface"] else _bind_all(sock)
+
+        def run(seconds: float) -> None:
+            until = time.monotonic_ns() + int(seconds * 1e9)
+            run_floor(
+                sock.fileno(), vectors.rx, vectors.tx, settings["groups"], vectors.counts, vectors.lateness,
+                settings["period"], until,
+            )  # fmt: skip
+
+        run(0.001)
+        _say({"up": True})
+        while line := sys.stdin.readline():
+            word, _, argument = line.strip().partition(" ")
+            if word != "measure":
+                return
+            vectors.counts[:] = 0
+            vectors.lateness[:] = 0
+            before, start = _cpu(), time.monotonic()
+            # in a thread of its own, as the engine runs
+            thread = threading.Thread(target=run, args=(float(argument),))
+            thread.start()
+            thread.join()
+            _say(
+                {
+                    "frames": int(vectors.counts.sum()),
+                    "lateness": [int(n) for n in vectors.lateness],
+                    "cpu": _cpu() - before,
+                    "wall": time.monotonic() - start,
+                }
+            )
+
+
+def _bind_all(sock: socket.socket) -> None:
+    import ctypes
+
+    # sockaddr_ll with interface 0; Python's own bind wants a name
+    address = (socket.AF_PACKET).to_bytes(2, sys.byteorder) + ETHERTYPE.to_bytes(2, "big") + bytes(16)
+    if ctypes.CDLL(None, use_errno=True).bind(sock.fileno(), address, len(address)):
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+
+
+def _leave(interface: str) -> None:
+    """Go into a network namespace of its own, be given ``interface`` by the parent, bring it up."""
+    import ctypes
+
+    if ctypes.CDLL(None, use_errno=True).unshare(0x40000000):  # CLONE_NEWNET
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    _say({"pid": os.getpid()})
+    sys.stdin.readline()
+    subprocess.run(["ip", "link", "set", interface, "up"], check=True)
+
+
+def main() -> None:
+    """See the module's head."""
+    role = sys.argv[1]
+    settings = json.loads(sys.stdin.readline())
+    if settings.get("interface_from_outside"):
+        _leave(settings["interface_from_outside"])
+    os.sched_setaffinity(0, {settings["cpu"]})
+    if role == "floor":
+        _floor(settings)
+    else:
+        anyio.run(_farm if role == "farm" else _plc, settings)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+"""The floor: the least that one batch in and one batch out cost on this machine, compiled like the engine.
+
+No channels, no firmware, no counters: frames are received and forgotten, and the same frames are sent again
+every period.  The benchmarks divide by it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pnfarm.engine.libc import (
+    CLOCK_MONOTONIC,
+    MSG_DONTWAIT,
+    TIMER_ABSTIME,
+    clock_nanosleep,
+    recvmmsg,
+    sendmmsg,
+    time_ns,
+)
+from pnfarm.table.compiled import compiled
+from pnfarm.table.engine_row import LATENESS_EDGES_NS
+
+__all__ = ["FloorVectors", "make_vectors", "run_floor"]
+
+BATCH = 256
+SLOT = 1536
+FRAME = 64
+_EDGES = np.array(LATENESS_EDGES_NS, np.int64)
+
+
+class FloorVectors:
+    """Message vectors for ``count`` frames; the arrays live as long as this object."""
+
+    def __init__(self, count: int) -> None:
+        self.rx = np.zeros((BATCH, 8), np.int64)
+        self.rx_iov = np.zeros((BATCH, 2), np.int64)
+        self.rx_frames = np.zeros((BATCH, SLOT), np.uint8)
+        self.rx_address = np.zeros((BATCH, 24), np.uint8)
+        self.tx = np.zeros((count, 8), np.int64)
+        self.tx_iov = np.zeros((count, 2), np.int64)
+        self.tx_frames = np.zeros((count, FRAME), np.uint8)
+        self.tx_address = np.zeros((count, 24), np.uint8)
+        self.counts = np.zeros(2, np.int64)
+        self.lateness = np.zeros(len(LATENESS_EDGES_NS) + 1, np.int64)
+
+
+def make_vectors(addresses: list[tuple[int, bytes, bytes]]) -> FloorVectors:
+    """One 64-octet RT frame for each (interface index, source, destination)."""
+    vectors = FloorVectors(len(addresses))
+    for i in range(BATCH):
+        vectors.rx_iov[i] = (vectors.rx_frames.ctypes.data + i * SLOT, SLOT)
+        vectors.rx[i] = (vectors.rx_address.ctypes.data + i * 24, 20, vectors.rx_iov.ctypes.data + i * 16, 1, 0, 0, 0, 0)
+    for i, (index, source, destination) in enumerate(addresses):
+        vectors.tx_frames[i, :6] = list(destination)
+        vectors.tx_frames[i, 6:12] = list(source)
+        vectors.tx_frames[i, 12:20] = (0x81, 0x00, 0xC0, 0x00, 0x88, 0x92, 0x80 + (i >> 8), i & 0xFF)
+        vectors.tx_iov[i] = (vectors.tx_frames.ctypes.data + i * FRAME, FRAME)
+        vectors.tx_address[i, :4] = (17, 0, 0x88, 0x92)
+        vectors.tx_address[i, 4:8] = list(index.to_bytes(4, "little"))
+        vectors.tx[i] = (vectors.tx_address.ctypes.data + i * 24, 20, vectors.tx_iov.ctypes.data + i * 16, 1, 0, 0, 0, 0)
+    return vectors
+
+
+@compiled
+def run_floor(descriptor: int, rx: Any, tx: Any, groups: int, counts: Any, lateness: Any, period: int, until: int) -> None:
+    """Every ``period`` ns: take what has come, send the next of ``groups`` parts of the frames; until time ``until``."""
+    clock = np.zeros(2, np.int64)
+    target = np.zeros(2, np.int64)
+    now = time_ns(CLOCK_MONOTONIC, clock)
+    due = now - now % period + period
+    turn = 0
+    size = (tx.shape[0] + groups - 1) // groups
+    while now < until:
+        target[0] = due // 1_000_000_000
+        target[1] = due % 1_000_000_000
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, target.ctypes.data, 0)
+        now = time_ns(CLOCK_MONOTONIC, clock)
+        late = now - due
+        bucket = 0
+        while bucket < lateness.shape[0] - 1 and late > _EDGES[bucket]:
+            bucket += 1
+        lateness[bucket] += 1
+        count = BATCH
+        while count == BATCH:
+            for i in range(BATCH):
+                rx[i, 1] = 20
+            count = recvmmsg(descriptor, rx.ctypes.data, BATCH, MSG_DONTWAIT, 0)
+            if count > 0:
+                counts[0] += count
+        first = turn * size
+        last = min(first + size, tx.shape[0])
+        while first < last:
+            sent = sendmmsg(descriptor, tx.ctypes.data + first * 64, last - first, MSG_DONTWAIT)
+            if sent <= 0:
+                break
+            first += sent
+            counts[1] += sent
+        turn = (turn + 1) % groups
+        due += period
+        if due < now:
+            due = now - now % period + period

@@ -1,0 +1,75 @@
+"""Compiles everything that runs each tick, ahead of the first farm: ``python -m pnfarm.engine.warm``.
+
+For images and installations: the machine code goes where :func:`~pnfarm.table.compiled.cache_directory` says, and a
+farm that starts later loads it in half a second.  Nothing is sent and no privilege is needed: the loop is called
+with an end that lies in the past, over a socket of no network.
+
+Machine code is kept per processor type.  Where it is made on one machine and used on another, set
+``NUMBA_CPU_NAME=generic`` for both.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pnfarm.engine.realtime import run_loop
+from pnfarm.engine.rings import make_ring
+from pnfarm.engine.tick import next_due, tick
+from pnfarm.engine.virtual import run_alone, run_virtual
+from pnfarm.table.columns import allocate, lookup_rebuild
+from pnfarm.table.compiled import IS_COMPILED, cache_directory
+
+__all__ = ["Warmed", "main", "warm"]
+
+
+@dataclass(frozen=True, slots=True)
+class Warmed:
+    """Where the machine code lies, how many functions it holds, and how long it took."""
+
+    directory: Path
+    functions: int
+    seconds: float
+
+
+def warm() -> Warmed:
+    """Compile, or load what is compiled already, each function that Python calls; those that they call come along."""
+    started = time.monotonic()
+    farm = allocate(stations=1, axes=1, channels=1)
+    controller = allocate(stations=1, programs=1, channels=1)
+    addresses, ports = np.zeros(0, np.int64), np.zeros(0, np.int32)
+    for columns in (farm, controller):
+        lookup_rebuild(columns)
+        next_due(columns, 0)
+        tick(columns, 0, 0)
+        run_alone(columns, 1, 0)
+    run_virtual(farm, controller, addresses, ports, addresses, ports, 1, 0)
+    near, far = socket.socketpair()
+    wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+    with near, far, contextlib.closing(os.fdopen(wake, "rb", buffering=0)):
+        # an end at 1 ns: the clock is past it, so the loop returns before its first tick
+        run_loop(farm, make_ring(farm, near, timestamps=False), wake, np.ones(1, np.uint64), 1)
+    directory = cache_directory()
+    functions = len(list(directory.rglob("*.nbi"))) if IS_COMPILED else 0
+    return Warmed(directory, functions, time.monotonic() - started)
+
+
+def main() -> int:
+    """Warm, and say so in one line; 1 when there is nothing to keep, because compilation is switched off."""
+    if not IS_COMPILED:
+        sys.stderr.write("NUMBA_DISABLE_JIT is set, so nothing was compiled: unset it and run this again\n")
+        return 1
+    done = warm()
+    sys.stdout.write(f"{done.functions} compiled functions in {done.directory}, {done.seconds:.1f} s\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,46 @@
+"""What the closed channels of a station counted.
+
+A row of the channel tables starts at zero each time it is opened; a drive's counters must not, however often its
+controller comes and goes.  So a station adds a row's counters here when it closes the row.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS
+
+if TYPE_CHECKING:
+    from pnfarm.engine.schedule import ChannelTable
+
+__all__ = ["ClosedChannels"]
+
+
+class ClosedChannels:
+    """Sums over all channels of one station that were closed; fields as in the channel tables."""
+
+    __slots__ = ("discarded", "interval_sum_ns", "intervals", "received", "sent", "suppressed")
+
+    def __init__(self) -> None:
+        self.sent = 0
+        self.suppressed = 0
+        self.received = 0
+        self.discarded: Any = np.zeros(len(DISCARDS), np.int64)
+        self.intervals: Any = np.zeros(INTERVAL_BUCKETS, np.int64)
+        self.interval_sum_ns = 0
+
+    def add_provider(self, channels: ChannelTable, row: int) -> None:
+        """Take over what a provider counted; it is closed already."""
+        provider = channels._columns.ppm[row]  # noqa: SLF001 - the table of channels shows its rows to nobody else
+        self.sent += int(provider.sent)
+        self.suppressed += int(provider.suppressed)
+
+    def add_consumer(self, channels: ChannelTable, row: int) -> None:
+        """Take over what a consumer counted; it is closed already."""
+        consumer = channels._columns.cpm[row]  # noqa: SLF001 - as above
+        self.received += int(consumer.received)
+        self.discarded += consumer.discarded
+        self.intervals += consumer.intervals
+        self.interval_sum_ns += int(consumer.interval_sum_ns)

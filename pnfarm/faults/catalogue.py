@@ -1,0 +1,419 @@
+"""The catalogue of faults: every kind with its parameters, its directions, and which common fields it takes.
+
+The same words stand in the command line, the API, scenario files and Python; ``pnfarm fault kinds`` prints this.
+What a kind does is in :mod:`pnfarm.faults.effects`.
+
+Common fields, as far as a kind takes them: ``probability`` (of each occurrence) with ``seed``; ``direction``, seen from
+the drive; a start ``after`` a time or ``after_cycles`` healthy cycles of the connection; an end after ``count``
+occurrences, ``for`` a time or ``cycles`` of the connection.  What an occurrence is, each kind says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from pnfarm.faults.words import Problem, did_you_mean, read_duration, shown
+from pnfarm.protocols.profinet.errors import AccessError, CmrpcError, ConnectFault, RtaError
+
+__all__ = ["KINDS", "FaultKind", "ParamSpec", "kind_named"]
+
+ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault"]
+Way = Literal["in", "out", "both"]
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSpec:
+    """One parameter of a kind.  ``words`` are names for numbers, or the only words of a ``word``.
+
+    Durations are given as ``500ms`` and read as nanoseconds.  ``required`` ones have no default.
+    """
+
+    type: ParamType
+    doc: str
+    default: Any = None
+    required: bool = False
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    words: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def allowed(self) -> str:
+        """What a user may write, in words."""
+        match self.type:
+            case "yes or no":
+                return "true or false"
+            case "duration":
+                return "a duration such as 500ms or 2s"
+            case "word":
+                return ", ".join(self.words)
+            case "fault":
+                return "a number, name or cause of the drive's model, such as 702 or undervoltage"
+            case _:
+                bounds = f" from {self.low:g} to {self.high:g}" if self.low is not None and self.high is not None else ""
+                named = f", or one of {', '.join(self.words)}" if self.words else ""
+                return f"a {self.type}{bounds}{named}"
+
+    def read(self, value: Any) -> Any:
+        """The value as the kind uses it; raises :class:`Problem`."""
+        match self.type:
+            case "yes or no":
+                if not isinstance(value, bool):
+                    raise Problem(f"is {shown(value)}", self.allowed)
+                return value
+            case "duration":
+                return read_duration(value)
+            case "word":
+                if value not in self.words:
+                    hint = did_you_mean(value, self.words) if isinstance(value, str) else ""
+                    raise Problem(f"is {shown(value)}{hint}", self.allowed)
+                return value
+            case "fault":
+                if isinstance(value, bool) or not isinstance(value, (int, str)) or value == "":
+                    raise Problem(f"is {shown(value)}", self.allowed)
+                return value
+            case _:
+                return self._number(value)
+
+    def _number(self, value: Any) -> int | float:
+        if isinstance(value, str):
+            word = value.strip().lower()
+            if word in self.words:
+                return self.words[word]
+            try:
+                value = int(word, 0) if self.type == "whole number" else float(word)
+            except ValueError as exc:
+                raise Problem(f"is {shown(value)}{did_you_mean(word, self.words)}", self.allowed) from exc
+        wanted = int if self.type == "whole number" else (int, float)
+        if isinstance(value, bool) or not isinstance(value, wanted):
+            raise Problem(f"is {shown(value)}", self.allowed)
+        low = float("-inf") if self.low is None else self.low
+        high = float("inf") if self.high is None else self.high
+        # written so that "not a number" fails as well
+        if not low <= value <= high:
+            raise Problem(f"is {shown(value)}", self.allowed)
+        return value
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "type": self.type,
+            "default": self.default,
+            "required": self.required,
+            "unit": self.unit,
+            "allowed": self.allowed,
+            "doc": self.doc,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FaultKind:
+    """One kind.  ``effect`` names what it does (several kinds share one, with ``preset`` parameters).
+
+    ``directions`` is empty for a kind that has none; its first entry is the default.  ``takes`` are the common
+    fields that mean something for it, besides ``after`` and ``after_cycles``, which all take.
+    """
+
+    name: str
+    family: str
+    doc: str
+    occurrence: str
+    effect: str
+    params: Mapping[str, ParamSpec] = field(default_factory=dict)
+    directions: tuple[Way, ...] = ()
+    takes: frozenset[str] = frozenset()
+    preset: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: the API's ``fault-kinds`` and ``pnfarm fault kinds --format json``."""
+        return {
+            "kind": self.name,
+            "family": self.family,
+            "doc": self.doc,
+            "occurrence": self.occurrence,
+            "params": {name: spec.as_dict() for name, spec in self.params.items()},
+            "directions": list(self.directions),
+            "takes": ["after", "after_cycles", *sorted(self.takes)],
+        }
+
+
+def _names(enum: Any) -> dict[str, int]:
+    return {member.name.lower().replace("_", "-"): int(member) for member in enum}
+
+
+_OCTET: dict[str, Any] = {"low": 0, "high": 255}
+_FRAMES = frozenset({"probability", "seed", "count", "for", "cycles"})
+_EACH = frozenset({"probability", "seed", "count", "for"})
+_HELD = frozenset({"for", "cycles"})
+_ALL_WAYS: tuple[Way, ...] = ("both", "in", "out")
+_OUT: tuple[Way, ...] = ("out",)
+
+_HOLD = ParamSpec(
+    "yes or no", "The cause stays: the fault cannot be acknowledged until this is cleared.", default=False
+)
+
+
+def _cause(name: str, doc: str, fault: str) -> FaultKind:
+    return FaultKind(
+        name,
+        "drive",
+        f"{doc}; the cause stays until this ends, then the fault can be acknowledged.",
+        "the fault",
+        "drive-fault",
+        takes=_HELD,
+        preset={"fault": fault, "hold": True},
+    )
+
+
+_ALL = (
+    FaultKind(
+        "loss",
+        "frames",
+        "Frames are lost at random, each for itself.",
+        "a frame that is lost; `count` holds for each direction",
+        "frames",
+        {
+            "frames": ParamSpec(
+                "word",
+                "Which frames: cyclic data, acyclic ones (DCP, ARP, RPC, alarms), or all.",
+                default="all",
+                words={"all": 0, "cyclic": 1, "acyclic": 2},
+            )
+        },
+        directions=_ALL_WAYS,
+        takes=_FRAMES,
+    ),
+    FaultKind(
+        "silence",
+        "link",
+        "The drive is powered but mute: nothing that it sends arrives, cyclic or not.  It still hears.",
+        "a frame that is lost; `count` holds for each direction",
+        "frames",
+        directions=("out", "in", "both"),
+        takes=_FRAMES,
+    ),
+    FaultKind(
+        "timeout",
+        "link",
+        "The drive is mute until the controller's watchdog has expired and the connection broke, then it speaks again.",
+        "one broken connection; without `count` and `for` it happens once",
+        "timeout",
+        {
+            "margin": ParamSpec(
+                "duration", "Silence beyond the watchdog time; left out, two cycles of the connection.", default=None
+            )
+        },
+        takes=_EACH,
+    ),
+    FaultKind(
+        "link-down",
+        "link",
+        "The cable is pulled: no carrier, no frame in or out.",
+        "pulling the cable",
+        "link",
+        takes=_HELD,
+    ),
+    FaultKind(
+        "link-flap",
+        "link",
+        "The cable is pulled and plugged again and again.",
+        "pulling the cable",
+        "link",
+        {
+            "period": ParamSpec("duration", "From one pull to the next.", default="1s"),
+            "down": ParamSpec("duration", "How long the cable is out each time; left out, half the period.", default=None),
+        },
+        takes=frozenset({"count", "for"}),
+    ),
+    FaultKind(
+        "provider-stop",
+        "cyclic",
+        "The data status says that the drive's provider is in STOP.",
+        "a cyclic frame that is changed",
+        "frames",
+        directions=_OUT,
+        takes=_FRAMES,
+    ),
+    FaultKind(
+        "data-invalid",
+        "cyclic",
+        "The data status says that the drive's data is not valid; controllers throw such frames away.",
+        "a cyclic frame that is changed",
+        "frames",
+        directions=_OUT,
+        takes=_FRAMES,
+    ),
+    FaultKind(
+        "iops-bad",
+        "cyclic",
+        "The drive's provider status (IOPS) is BAD.",
+        "a cyclic frame that is changed",
+        "frames",
+        directions=_OUT,
+        takes=_FRAMES,
+    ),
+    FaultKind(
+        "ar-abort",
+        "connection",
+        "The drive breaks the connection off with an alarm frame (ERR-RTA-PDU, RTA_ERR_CLS_PROTOCOL).",
+        "one broken connection; without `count` and `for` it happens once",
+        "ar-abort",
+        {
+            "code": ParamSpec(
+                "whole number",
+                "ErrorCode2 that the controller is told.",
+                default="abort-request",
+                words=_names(RtaError),
+                **_OCTET,
+            )
+        },
+        takes=_EACH,
+    ),
+    FaultKind(
+        "connect-refuse",
+        "connection",
+        "The drive refuses to be connected (PNIOStatus DB 81 and two codes).",
+        "a Connect request that is refused",
+        "connect-refuse",
+        {
+            "code1": ParamSpec(
+                "whole number", "ErrorCode1: the block or machine.", default="cmrpc", words=_names(ConnectFault), **_OCTET
+            ),
+            "code2": ParamSpec(
+                "whole number",
+                "ErrorCode2; the words are those of CMRPC.",
+                default="out-of-ar-resources",
+                words=_names(CmrpcError),
+                **_OCTET,
+            ),
+        },
+        takes=_EACH,
+    ),
+    FaultKind(
+        "no-application-ready",
+        "connection",
+        "After parametrisation the drive never says that its application is ready.",
+        "a connection whose ApplicationReady is withheld",
+        "ready",
+        takes=_EACH,
+        preset={"delay": None},
+    ),
+    FaultKind(
+        "late-application-ready",
+        "connection",
+        "After parametrisation the drive says late that its application is ready.",
+        "a connection whose ApplicationReady is late",
+        "ready",
+        {"delay": ParamSpec("duration", "From the end of parametrisation to ApplicationReady.", default="5s")},
+        takes=_EACH,
+    ),
+    FaultKind(
+        "rpc-silence",
+        "connection",
+        "Connect, parameter and control calls (RPC over UDP) are lost; cyclic data and DCP go on.",
+        "a datagram that is lost; `count` holds for each direction",
+        "frames",
+        directions=_ALL_WAYS,
+        takes=_EACH,
+    ),
+    FaultKind(
+        "dcp-silence",
+        "connection",
+        "The drive neither hears nor answers DCP: it is not found, named or addressed.",
+        "a DCP frame that is lost; `count` holds for each direction",
+        "frames",
+        directions=_ALL_WAYS,
+        takes=_EACH,
+    ),
+    FaultKind(
+        "record-error",
+        "records",
+        "The drive's own records (parameter access) are refused (PNIOStatus DE or DF 80 and two codes).",
+        "a record access that is refused",
+        "record-error",
+        {
+            "code": ParamSpec(
+                "whole number", "ErrorCode1.", default="module-failure", words=_names(AccessError), **_OCTET
+            ),
+            "code2": ParamSpec("whole number", "ErrorCode2.", default=0, **_OCTET),
+        },
+        takes=frozenset({"count", "for"}),
+    ),
+    FaultKind(
+        "parameter-busy",
+        "records",
+        "The drive still works on a parameter request: reading the response meets a state conflict (B5).",
+        "a response that is held back",
+        "parameter-busy",
+        takes=_EACH,
+    ),
+    FaultKind(
+        "drive-fault",
+        "drive",
+        "The drive has a fault: ZSW1.3, its reaction, its entry in the fault buffer.  With `for` or `cycles` its cause "
+        "stays so long.",
+        "the fault; with `count` it comes again once it was acknowledged",
+        "drive-fault",
+        {"fault": ParamSpec("fault", "Which fault.", required=True), "hold": _HOLD},
+        takes=frozenset({"count", "for", "cycles"}),
+    ),
+    FaultKind(
+        "f702",
+        "drive",
+        "Fieldbus communication lost: drive-fault 702.",
+        "the fault; with `count` it comes again once it was acknowledged",
+        "drive-fault",
+        {"hold": _HOLD},
+        takes=frozenset({"count", "for", "cycles"}),
+        preset={"fault": 702},
+    ),
+    FaultKind(
+        "drive-warning",
+        "drive",
+        "The drive has a warning: ZSW1.7.",
+        "the warning",
+        "drive-warning",
+        {"warning": ParamSpec("fault", "Which warning.", required=True)},
+        takes=_HELD,
+    ),
+    _cause("undervoltage", "The power supply is too low", "undervoltage"),
+    _cause("encoder-error", "The feedback of the motor is lost", "encoder-error"),
+    _cause("following-error", "The axis does not follow", "following-error"),
+    _cause("sto", "Safe torque off is requested", "sto"),
+    FaultKind(
+        "limit-switch",
+        "drive",
+        "The axis stands on a limit of its travel; the drive warns as its manual says.",
+        "the warning",
+        "limit-switch",
+        {
+            "side": ParamSpec(
+                "word", "Which end of the travel.", default="positive", words={"positive": 0, "negative": 1}
+            )
+        },
+        takes=_HELD,
+    ),
+    FaultKind(
+        "power-cycle",
+        "drive",
+        "The control supply goes off and comes back; the drive boots with what its memory kept.",
+        "one interruption; with `count` the next one follows when the drive is connected again",
+        "power-cycle",
+        {"off": ParamSpec("duration", "How long the supply is off.", default="1s")},
+        takes=frozenset({"count"}),
+    ),
+)
+
+#: Every kind by name.
+KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in _ALL}
+
+
+def kind_named(name: object) -> FaultKind:
+    """The kind of this name; raises :class:`Problem` with what may have been meant."""
+    kind = KINDS.get(name) if isinstance(name, str) else None
+    if kind is None:
+        hint = did_you_mean(name, KINDS) if isinstance(name, str) else ""
+        raise Problem(f"{shown(name)} is no kind of fault{hint}", "a kind of `pnfarm fault kinds`: " + ", ".join(KINDS))
+    return kind

@@ -1,0 +1,193 @@
+"""Faults of the connection and of records."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window
+from pnfarm.protocols.profinet.errors import ErrorCode, PnioStatus, RecordError, pnio_error
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.faults.plan import FaultSpec
+    from pnfarm.faults.target import Evidence, FaultTarget
+
+__all__ = ["AbortEffect", "BusyEffect", "ReadyEffect", "RecordErrorEffect", "RefuseEffect"]
+
+
+class AbortEffect(Effect):
+    """ar-abort: each connection that comes to data exchange is broken off, by default one."""
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._chance = Chance(spec, target, spec.count if spec.count or spec.for_ns else 1)
+        self._passed: frozenset[int] = frozenset()
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self.check(now)
+
+    def check(self, now: int) -> None:
+        connection = self.target.connection()
+        if self.finished or connection is None or not connection.established or connection.keys & self._passed:
+            return
+        self._passed = connection.keys
+        happens = self._chance.falls()
+        if happens:
+            happens = self.target.abort(self.values["code"], now) > 0
+        self._chance.tally.note(now, happened=happens, confirmed=happens)
+        self.finished = self._chance.exhausted
+
+    def evidence(self) -> Evidence:
+        return self._chance.tally.seen
+
+
+class RefuseEffect(Effect):
+    """connect-refuse."""
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._chance = Chance(spec, target, spec.count)
+        self._status = pnio_error(ErrorCode.CONNECT, self.values["code1"], self.values["code2"])
+        self._now = 0
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self._now = now
+        self.target.hook_connect(self._asked)
+
+    def _asked(self, now: int) -> PnioStatus | None:
+        if self.finished:
+            return None
+        happens = self._chance.falls()
+        self._chance.tally.note(now, happened=happens, confirmed=happens)
+        self.finished = self._chance.exhausted
+        return self._status if happens else None
+
+    def end(self, now: int) -> None:
+        del now
+        self.target.unhook_connect(self._asked)
+
+    def evidence(self) -> Evidence:
+        return self._chance.tally.seen
+
+
+class ReadyEffect(Effect):
+    """no-application-ready (``delay`` None) and late-application-ready."""
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._chance = Chance(spec, target, spec.count)
+        self._delay: int | None = self.values["delay"]
+        self._decided = False
+        self._acts = False
+        self._held: frozenset[int] = frozenset()
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self.target.hold_ready(self)
+
+    def decide(self) -> tuple[bool, int | None]:
+        """For one connection that is being set up."""
+        self._acts = not self.finished and self._chance.falls()
+        self._decided = True
+        return self._acts, self._delay
+
+    def check(self, now: int) -> None:
+        waiting = self.target.waiting_for_ready()
+        if self._decided and waiting - self._held:
+            self._decided = False
+            self._chance.tally.note(now, happened=self._acts, confirmed=self._acts)
+            if self._acts:
+                self._held |= waiting
+        # ending earlier would hand the ApplicationReady to the very connection that shall not get it
+        self._held &= waiting
+        self.finished = self._chance.exhausted and not self._held
+
+    def end(self, now: int) -> None:
+        self.target.unhold_ready(self, now)
+
+    def evidence(self) -> Evidence:
+        return self._chance.tally.seen
+
+
+class _CountedError(RecordError):
+    """A refusal that tells when it is given out."""
+
+    # RecordError is frozen and has slots; this one carries its listener besides
+    __slots__ = ("_given",)
+
+    def __init__(self, code1: int, code2: int, given: Callable[[], None]) -> None:
+        super().__init__(code1, code2)
+        object.__setattr__(self, "_given", given)
+
+    def status(self, service: int) -> PnioStatus:
+        self._given()
+        return super().status(service)
+
+
+class RecordErrorEffect(Effect):
+    """record-error."""
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._tally = Tally()
+        self._given = 0
+        self._in_force = False
+        self._error = _CountedError(self.values["code"], self.values["code2"], self._refused)
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self._in_force = True
+        self.target.refuse_records(self._error)
+
+    def _refused(self) -> None:
+        self._given += 1
+        if self.spec.count is not None and self._tally.seen.activations + self._given >= self.spec.count:
+            self._allow()
+
+    def _allow(self) -> None:
+        if self._in_force:
+            self._in_force = False
+            self.target.allow_records(self._error)
+
+    def check(self, now: int) -> None:
+        for _ in range(self._given):
+            self._tally.note(now, confirmed=True)
+        self._given = 0
+        self.finished = not self._in_force
+
+    def end(self, now: int) -> None:
+        self.check(now)
+        self._allow()
+
+    def evidence(self) -> Evidence:
+        return self._tally.seen
+
+
+class BusyEffect(Effect):
+    """parameter-busy."""
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._chance = Chance(spec, target, spec.count)
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self.target.hold_responses(self._asked)
+
+    def _asked(self, now: int) -> bool:
+        if self.finished:
+            return False
+        happens = self._chance.falls()
+        self._chance.tally.note(now, happened=happens, confirmed=happens)
+        self.finished = self._chance.exhausted
+        return happens
+
+    def end(self, now: int) -> None:
+        del now
+        self.target.let_responses(self._asked)
+
+    def evidence(self) -> Evidence:
+        return self._chance.tally.seen

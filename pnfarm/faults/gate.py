@@ -1,0 +1,172 @@
+"""The gate between the stations and their link: acyclic frames pass it, and rules lose some of them.
+
+Cyclic frames do not come by here; the engine acts on them (:mod:`pnfarm.engine.impair`).  Directions are seen from
+the drive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.target import Evidence, Way
+from pnfarm.links.base import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
+from pnfarm.links.impair import SplitMix64
+from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
+
+__all__ = ["GateRule", "GatedLink", "every_frame", "is_dcp", "is_rpc"]
+
+_UDP = 17
+#: SNMP and its traps: the only other UDP of a drive.
+_SNMP = frozenset({161, 162})
+
+
+def every_frame(frame: bytes) -> bool:
+    """All of them."""
+    del frame
+    return True
+
+
+def _payload(frame: bytes) -> tuple[int, bytes]:
+    """EtherType and what follows, behind a VLAN tag if there is one; (0, b"") for what is too short."""
+    start = 12
+    if int.from_bytes(frame[12:14], "big") == ETHERTYPE_VLAN:
+        start = 16
+    if len(frame) < start + 2:
+        return 0, b""
+    return int.from_bytes(frame[start : start + 2], "big"), frame[start + 2 :]
+
+
+def is_dcp(frame: bytes) -> bool:
+    """Hello, Get, Set, Identify and their answers."""
+    ethertype, payload = _payload(frame)
+    if ethertype != ETHERTYPE_PROFINET or len(payload) < 2:
+        return False
+    return classify_frame_id(int.from_bytes(payload[:2], "big")) is FrameClass.DCP
+
+
+def is_rpc(frame: bytes) -> bool:
+    """UDP other than SNMP; later fragments carry no ports and are lost with the first."""
+    ethertype, payload = _payload(frame)
+    if ethertype != ETHERTYPE_IPV4 or len(payload) < 20 or payload[9] != _UDP:
+        return False
+    if int.from_bytes(payload[6:8], "big") & 0x1FFF:
+        return True
+    header = (payload[0] & 0x0F) * 4
+    ports = {int.from_bytes(payload[at : at + 2], "big") for at in (header, header + 2)}
+    return not ports & _SNMP
+
+
+class GateRule:
+    """Loses the frames that ``selects`` says, on the ways in ``ways``.
+
+    ``probability`` of each, ``count`` (0: no limit) on each way, not before ``armed()`` says so, and none at or after
+    ``stop_ns`` (0: no end).  Each way has a random sequence of its own, so that one does not depend on the other.
+    """
+
+    def __init__(
+        self,
+        ways: Sequence[Way],
+        selects: Callable[[bytes], bool] = every_frame,
+        *,
+        probability: float = 1.0,
+        seed: int = 0,
+        count: int = 0,
+        stop_ns: int = 0,
+        armed: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self._selects = selects
+        self._probability = probability
+        self._count = count
+        self._stop_ns = stop_ns
+        self._armed = armed
+        self._random = {way: SplitMix64(seed + index) for index, way in enumerate(ways)}
+        self._evidence = dict.fromkeys(ways, Evidence())
+
+    def loses(self, way: Way, frame: bytes, now: int) -> bool:
+        """Is this frame lost?  Counts the evidence."""
+        seen = self._evidence.get(way)
+        if seen is None or (self._stop_ns and now >= self._stop_ns):
+            return False
+        if (self._count and seen.activations >= self._count) or not self._selects(frame) or not self._armed():
+            return False
+        lost = self._random[way].uniform() < self._probability
+        self._evidence[way] = seen + (Evidence(1, 1, now, now, confirmed=True) if lost else Evidence(1))
+        return lost
+
+    def evidence(self, way: Way | None = None) -> Evidence:
+        """Of one way, or of all."""
+        if way is not None:
+            return self._evidence[way]
+        return sum(self._evidence.values(), Evidence())
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether every way has lost its ``count``."""
+        return bool(self._count) and all(seen.activations >= self._count for seen in self._evidence.values())
+
+
+class GatedLink:
+    """A link around ``inner``; ``clock`` stamps what is sent, received frames bring their time."""
+
+    def __init__(self, inner: Link, clock: Clock) -> None:
+        self.inner = inner
+        self._clock = clock
+        self._receiver: Receiver | None = None
+        self._rules: dict[int, list[GateRule]] = {}
+
+    def add(self, port: int, rule: GateRule) -> None:
+        self._rules[port] = [*self._rules.get(port, ()), rule]
+
+    def remove(self, port: int, rule: GateRule) -> None:
+        remaining = [other for other in self._rules.get(port, ()) if other is not rule]
+        if remaining:
+            self._rules[port] = remaining
+        else:
+            self._rules.pop(port, None)
+
+    def _lost(self, port: int, way: Way, frame: bytes, now: int) -> bool:
+        # every rule looks at every frame, so that each one's sequence does not depend on the others
+        return any([rule.loses(way, frame, now) for rule in self._rules.get(port, ())])  # noqa: C419 - see above
+
+    # the link
+
+    @property
+    def kind(self) -> str:
+        return self.inner.kind
+
+    @property
+    def counters(self) -> LinkCounters:
+        return self.inner.counters
+
+    async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
+        return await self.inner.open(wanted)
+
+    async def close(self) -> None:
+        await self.inner.close()
+
+    def send(self, port_index: int, frame: bytes) -> None:
+        if port_index in self._rules and self._lost(port_index, "out", frame, self._clock()):
+            return
+        self.inner.send(port_index, frame)
+
+    def _receive(self, port_index: int, frame: bytes, now: int) -> None:
+        if port_index in self._rules and self._lost(port_index, "in", frame, now):
+            return
+        if self._receiver is not None:
+            self._receiver(port_index, frame, now)
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        self._receiver = receiver
+        self.inner.set_receiver(self._receive)
+
+    async def set_carrier(self, port_index: int, up: bool) -> None:
+        await self.inner.set_carrier(port_index, up)
+
+    async def set_mac(self, port_index: int, mac: bytes) -> None:
+        await self.inner.set_mac(port_index, mac)

@@ -1,0 +1,241 @@
+"""A fault as somebody asks for it: kind, drives, parameters, start and end.
+
+:meth:`FaultSpec.parse` takes the dict that a scenario step, an API body or the command line makes; whatever is wrong
+in it is told field by field.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, ValidationError, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from pnfarm.faults.catalogue import KINDS, FaultKind, kind_named
+from pnfarm.faults.words import DURATION_PATTERN, FaultError, Problem, did_you_mean, read_duration, shown
+
+__all__ = ["FaultSpec", "matching"]
+
+_ALLOWED = {
+    "on": "a glob over drive names such as axis-*, model:NAME, all, or a list of them",
+    "params": "a mapping of the kind's parameters",
+    "probability": "a number above 0, at most 1",
+    "seed": "a whole number from 0 to 2^64 - 1",
+    "direction": "in, out or both, seen from the drive",
+    "after_cycles": "a whole number from 0",
+    "count": "a whole number from 1",
+    "cycles": "a whole number from 1",
+    "as": "a name: a-z, 0-9, -, _ and ., at most 64 characters",
+}
+
+
+
+def _custom(problem: Problem) -> PydanticCustomError:
+    # the text goes in as a value, because pydantic reads braces in a template
+    return PydanticCustomError("pnfarm", "{what}", {"what": problem.what, "allowed": problem.allowed})
+
+
+def _kind(value: Any) -> str:
+    try:
+        return kind_named(value).name
+    except Problem as problem:
+        raise _custom(problem) from problem
+
+
+def _globs(value: Any) -> tuple[str, ...]:
+    globs = [value] if isinstance(value, str) else value
+    if not isinstance(globs, (list, tuple)) or not globs or not all(isinstance(item, str) and item for item in globs):
+        raise _custom(Problem(f"is {shown(value)}", _ALLOWED["on"]))
+    return tuple(globs)
+
+
+def _duration(value: Any) -> int:
+    try:
+        return read_duration(value)
+    except Problem as problem:
+        raise _custom(problem) from problem
+
+
+Kind = Annotated[str, PlainValidator(_kind), WithJsonSchema({"type": "string", "enum": list(KINDS)})]
+Globs = Annotated[
+    tuple[str, ...],
+    PlainValidator(_globs),
+    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
+]
+Duration = Annotated[
+    int,
+    PlainValidator(_duration),
+    PlainSerializer(lambda ns: f"{ns}ns", return_type=str),
+    WithJsonSchema({"type": "string", "pattern": DURATION_PATTERN}),
+]
+Params = Annotated[
+    dict[str, Any], WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string", "boolean"]}})
+]
+
+
+class FaultSpec(BaseModel):
+    """See the module's head.  Times are nanoseconds here and durations such as ``500ms`` outside."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    kind: Kind = Field(description="What it does, one of `pnfarm fault kinds`.")
+    on: Globs = Field(description="Which drives: globs over their names, model:NAME, or all.")
+    params: Params = Field(default_factory=dict, description="The kind's own parameters.")
+    probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence; left out, 1.")
+    seed: int | None = Field(default=None, ge=0, lt=1 << 64, description="Makes the same run twice.")
+    direction: Literal["in", "out", "both"] | None = Field(default=None, description="Seen from the drive.")
+    after_cycles: int = Field(default=0, ge=0, description="Healthy cycles of the connection to let pass first.")
+    after_ns: Duration = Field(default=0, alias="after", description="Time to let pass first.")
+    count: int | None = Field(default=None, ge=1, description="Occurrences, then it ends.")
+    for_ns: Duration | None = Field(default=None, alias="for", description="How long, then it ends.")
+    cycles: int | None = Field(default=None, ge=1, description="Cycles of the connection, then it ends.")
+    name: str | None = Field(
+        default=None, alias="as", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name to clear it by."
+    )
+
+    @classmethod
+    def parse(cls, data: Mapping[str, Any]) -> Self:
+        """A spec from plain values; raises :class:`FaultError` that names every wrong field and what is allowed."""
+        try:
+            return cls.model_validate(dict(data))
+        except ValidationError as exc:
+            raise FaultError(_issue(error) for error in exc.errors(include_url=False)) from exc
+
+    @model_validator(mode="after")
+    def _fits_the_kind(self) -> Self:
+        for field, problem in _misfits(self):
+            # pydantic reports one error of a model's own check; the first is enough to act on
+            raise PydanticCustomError(
+                "pnfarm", "{what}", {"what": problem.what, "allowed": problem.allowed, "field": field}
+            )
+        return self
+
+    @property
+    def about(self) -> FaultKind:
+        """The kind's entry in the catalogue."""
+        return KINDS[self.kind]
+
+    def values(self) -> dict[str, Any]:
+        """Every parameter of the kind as its effect uses it: given, preset or default."""
+        kind = self.about
+        found: dict[str, Any] = dict(kind.preset)
+        for name, spec in kind.params.items():
+            value = self.params.get(name, spec.default)
+            found[name] = None if value is None else spec.read(value)
+        return found
+
+    @property
+    def ways(self) -> tuple[Literal["in", "out"], ...]:
+        """The directions in force; empty for a kind that has none."""
+        if not self.about.directions:
+            return ()
+        match self.direction or self.about.directions[0]:
+            case "in":
+                return ("in",)
+            case "out":
+                return ("out",)
+            case _:
+                return ("out", "in")
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON; :meth:`parse` takes it back."""
+        return self.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+
+
+def _misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
+    kind = spec.about
+    for name, value in spec.params.items():
+        known = kind.params.get(name)
+        if known is None:
+            allowed = ", ".join(kind.params) or f"none: {kind.name} has no parameters"
+            yield f"params.{name}", Problem(f"{kind.name} has no such parameter{did_you_mean(name, kind.params)}", allowed)
+            continue
+        try:
+            known.read(value)
+        except Problem as problem:
+            yield f"params.{name}", problem
+    for name, known in kind.params.items():
+        if known.required and name not in spec.params:
+            yield f"params.{name}", Problem("is missing", known.allowed)
+    given = {
+        "probability": spec.probability,
+        "seed": spec.seed,
+        "count": spec.count,
+        "for": spec.for_ns,
+        "cycles": spec.cycles,
+    }
+    for name, common in given.items():
+        if common is not None and name not in kind.takes:
+            yield name, Problem(f"means nothing for {kind.name}", ", ".join(("after", "after_cycles", *sorted(kind.takes))))
+    if spec.direction is not None and spec.direction not in kind.directions:
+        allowed = ", ".join(kind.directions) or f"none: {kind.name} has no direction"
+        yield "direction", Problem(f"is {shown(spec.direction)}", allowed)
+    if kind.name == "link-flap" and not {"period", "down"}.isdisjoint(spec.params):
+        yield from _flap_misfits(spec)
+    held = spec.params.get("hold") is True or spec.for_ns is not None or spec.cycles is not None
+    if kind.effect == "drive-fault" and spec.count is not None and held:
+        yield "count", Problem("does not go with a cause that stays", "either count, or one of hold, for and cycles")
+
+
+def _flap_misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
+    """Down for less than the period, and neither of them zero."""
+    try:
+        period, down = spec.values()["period"], spec.values()["down"]
+    except Problem:
+        # the parameter's own error is told already
+        return
+    if period < 2:
+        yield "params.period", Problem(f"is {shown(spec.params['period'])}", "a duration above zero")
+    elif down is not None and not 0 < down < period:
+        yield "params.down", Problem(f"is {shown(spec.params['down'])}", "a duration above zero and shorter than the period")
+
+
+def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
+    """One of pydantic's errors as (field, what is wrong, what is allowed)."""
+    kind, context = error["type"], error.get("ctx", {})
+    field = context.get("field") or ".".join(str(step) for step in error["loc"]) or "fault"
+    if kind == "pnfarm":
+        return field, context["what"], context["allowed"]
+    if kind == "missing":
+        return field, "is missing", _ALLOWED.get(field, "a kind of `pnfarm fault kinds`")
+    if kind == "extra_forbidden":
+        keys = [info.alias or name for name, info in FaultSpec.model_fields.items()]
+        return field, f"is no field of a fault{did_you_mean(field, keys)}", ", ".join(keys)
+    return field, f"is {shown(error.get('input'))}", _ALLOWED.get(field.split(".", maxsplit=1)[0], error["msg"])
+
+
+def matching(
+    globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
+) -> list[str]:
+    """The drives that the globs mean, in their order; ``drives``: name -> (names it answers to, names of its model).
+
+    Raises :class:`FaultError` for a glob that means none.
+    """
+    chosen: set[str] = set()
+    for glob in globs:
+        found = {name for name, known in drives.items() if _means(glob, *known)}
+        if not found:
+            raise FaultError([("on", _no_drive(glob, drives), _ALLOWED["on"])])
+        chosen |= found
+    return [name for name in drives if name in chosen]
+
+
+def _means(glob: str, names: tuple[str, ...], models: tuple[str, ...]) -> bool:
+    if glob == "all":
+        return True
+    prefix, _, model = glob.partition(":")
+    if prefix == "model" and model:
+        return any(fnmatch.fnmatchcase(name, model) for name in models)
+    return any(fnmatch.fnmatchcase(name, glob) for name in names)
+
+
+def _no_drive(glob: str, drives: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> str:
+    prefix, _, model = glob.partition(":")
+    if prefix == "model" and model:
+        known = sorted({name for _, models in drives.values() for name in models})
+        return f"no drive is of model {model!r}{did_you_mean(model, known)}; there are {', '.join(known)}"
+    return f"no drive matches {glob!r}{did_you_mean(glob, drives)}"
+
+

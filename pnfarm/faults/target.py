@@ -1,0 +1,237 @@
+"""A drive as faults see it: what can be done to it, and what can be watched.
+
+The farm implements this over its stations (:mod:`pnfarm.farm.fault_targets`); faults know nothing else of a farm.
+Every method that changes something has one that undoes it, and both may be called by several faults at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol
+
+if TYPE_CHECKING:
+    from pnfarm.drives.model import Fault
+    from pnfarm.faults.gate import GateRule
+    from pnfarm.protocols.profinet.errors import PnioStatus, RecordError
+
+__all__ = ["NOTHING", "Connection", "Evidence", "FaultTarget", "ReadyRule", "Way"]
+
+Way = Literal["in", "out"]
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What a fault did: occurrences that were possible, those that happened, when (ns, None: never), seen on the wire."""
+
+    checks: int = 0
+    activations: int = 0
+    first_ns: int | None = None
+    last_ns: int | None = None
+    confirmed: bool = False
+
+    def __add__(self, other: Evidence) -> Evidence:
+        firsts = [ns for ns in (self.first_ns, other.first_ns) if ns is not None]
+        lasts = [ns for ns in (self.last_ns, other.last_ns) if ns is not None]
+        return Evidence(
+            self.checks + other.checks,
+            self.activations + other.activations,
+            min(firsts, default=None),
+            max(lasts, default=None),
+            self.confirmed or other.confirmed,
+        )
+
+
+NOTHING = Evidence()
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """The drive's cyclic connection.
+
+    ``keys`` are its ARs', never used twice; ``established`` once data flows both ways.  ``watchdog_ns`` is after how
+    long without the drive's data the controller gives up; ``next_ns`` is when the drive's next cyclic frame is due.
+    """
+
+    keys: frozenset[int]
+    established: bool
+    cycle_ns: int
+    watchdog_ns: int
+    next_ns: int
+
+
+class ReadyRule(Protocol):
+    """Says whether a connection's ApplicationReady is held back."""
+
+    def decide(self) -> tuple[bool, int | None]:
+        """(whether this rule acts on the connection at hand, nanoseconds or None for never)."""
+        ...
+
+
+class FaultTarget(Protocol):
+    """See the module's head."""
+
+    @property
+    def name(self) -> str:
+        """As the farm file has it."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """That name and the one that DCP gave."""
+        ...
+
+    @property
+    def models(self) -> tuple[str, ...]:
+        """The model's name and aliases."""
+        ...
+
+    def connection(self) -> Connection | None:
+        """None without a cyclic connection."""
+        ...
+
+    def cycles(self) -> int:
+        """Cycles that the drive's provider has run since the farm started, over all connections."""
+        ...
+
+    def refresh(self, now: int) -> None:
+        """The drive may have rebooted since: put everything that is in force into its new machines.
+
+        ``now`` is what hooks are told until the next call.
+        """
+        ...
+
+    # frames
+
+    def impair(
+        self, way: Way, kind: int, *, probability: float, seed: int, count: int, after: int, start_ns: int, stop_ns: int
+    ) -> int:
+        """Let the engine act on the cyclic frames of one way, as in :mod:`pnfarm.table.impairment`; its number.
+
+        Raises :class:`~pnfarm.errors.ConfigError` when the engine's rows are all in use.
+        """
+        ...
+
+    def impairment(self, number: int) -> Evidence:
+        """What it did until now."""
+        ...
+
+    def unimpair(self, number: int) -> Evidence:
+        """Take it back; what it did."""
+        ...
+
+    def gate(self, rule: GateRule) -> None:
+        """Let ``rule`` look at every acyclic frame."""
+        ...
+
+    def ungate(self, rule: GateRule) -> None:
+        """Take it back."""
+        ...
+
+    def pull_cable(self) -> None:
+        """No carrier until everyone who pulled has plugged."""
+        ...
+
+    def plug_cable(self) -> None:
+        """Undo one :meth:`pull_cable`."""
+        ...
+
+    @property
+    def carrier_off(self) -> bool:
+        """Whether the link has confirmed that the carrier is off."""
+        ...
+
+    # the connection
+
+    def abort(self, code: int, now: int) -> int:
+        """End every cyclic AR with an ERR-RTA of this code; how many."""
+        ...
+
+    def hook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
+        """Ask ``hook`` about every readable Connect for cyclic data."""
+        ...
+
+    def unhook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
+        """Take it back."""
+        ...
+
+    def hold_ready(self, rule: ReadyRule) -> None:
+        """Ask ``rule`` about each connection, also the one that is being set up."""
+        ...
+
+    def unhold_ready(self, rule: ReadyRule, now: int) -> None:
+        """Take it back: connections that wait for nothing else get their ApplicationReady."""
+        ...
+
+    def waiting_for_ready(self) -> frozenset[int]:
+        """Keys of the ARs that are parametrised and have no ApplicationReady."""
+        ...
+
+    # records
+
+    def refuse_records(self, error: RecordError) -> None:
+        """Refuse the drive's own records with ``error``; its ``status`` is asked at each refusal.  The latest holds."""
+        ...
+
+    def allow_records(self, error: RecordError) -> None:
+        """Take it back."""
+        ...
+
+    def hold_responses(self, hook: Callable[[int], bool]) -> None:
+        """Ask ``hook`` at each read of a pending parameter response whether it is held back."""
+        ...
+
+    def let_responses(self, hook: Callable[[int], bool]) -> None:
+        """Take it back."""
+        ...
+
+    # the drive
+
+    @property
+    def powered(self) -> bool:
+        """Whether the control supply is on."""
+        ...
+
+    def power_off(self, now: int) -> None:
+        """Off until everyone who switched off has switched on."""
+        ...
+
+    def power_on(self, now: int) -> None:
+        """Undo one :meth:`power_off`."""
+        ...
+
+    def find_fault(self, wanted: str | int) -> Fault:
+        """Number, name or cause in the drive's model; raises :class:`~pnfarm.errors.ConfigError`."""
+        ...
+
+    def raise_fault(self, fault: Fault) -> None:
+        """Its cause is gone at once; it stands until it is acknowledged."""
+        ...
+
+    def hold_fault(self, fault: Fault) -> None:
+        """Its cause stays until everyone who held it has released it."""
+        ...
+
+    def release_fault(self, fault: Fault) -> None:
+        """Undo one :meth:`hold_fault`."""
+        ...
+
+    def fault_stands(self, fault: Fault) -> bool:
+        """Whether it is active in the drive."""
+        ...
+
+    def fault_count(self, fault: Fault) -> int:
+        """How often it has begun a fault situation."""
+        ...
+
+    def warn(self, fault: Fault) -> None:
+        """Show a warning; the latest one shows."""
+        ...
+
+    def unwarn(self, fault: Fault) -> None:
+        """Undo one :meth:`warn`."""
+        ...
+
+    def sent_status(self, bit: int, since: int) -> bool:
+        """Whether a cyclic frame that left at or after ``since`` has ``bit`` of ZSW1 set."""
+        ...

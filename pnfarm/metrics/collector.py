@@ -1,0 +1,299 @@
+"""Every metric of a farm, gathered from the table's columns at the time of the scrape.
+
+Gathering is short and belongs into the event loop, where the stations live; writing the text is long and may run in
+another thread (:meth:`Scrape.text`).  :class:`FarmCollector` is also a collector for prometheus_client's registries.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
+from prometheus_client.registry import Collector
+
+from pnfarm import __version__
+from pnfarm.farm.snapshot import ar_state
+from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.metrics.families import Family, Histogram, Values
+from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
+from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.errors import RtaError, describe_status, rta_status
+from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS
+from pnfarm.table.engine_row import LATENESS_EDGES_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from prometheus_client.metrics_core import Metric
+
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.farm.station import DriveStation
+
+__all__ = ["AR_STATES", "FarmCollector", "FaultCounts", "Scrape"]
+
+#: ``pnfarm_ar_state`` by number; 0 is "no connection".
+AR_STATES: dict[CmdevState, int] = {state: number for number, state in enumerate(CmdevState, start=1)}
+#: ``reason`` of an abort by what the station says of it; what is not an ERR-RTA keeps its own words.
+ABORT_REASONS = {describe_status(rta_status(code)): code.name.lower().replace("_", "-") for code in RtaError}
+#: Why a drive usually loses its connection: these series are there from the start, others once they happen.
+USUAL_ABORTS = ("consumer-dht-expired", "cmi-timeout", "re-run-aborts-existing", "abort-request")
+
+
+class FaultCounts(Protocol):
+    """What the metrics ask of whoever injects faults."""
+
+    @property
+    def kinds(self) -> Sequence[str]:
+        """Every kind that can be injected."""
+        ...
+
+    def active(self) -> Mapping[str, int]:
+        """Faults in force, by kind."""
+        ...
+
+    def activations(self) -> Mapping[tuple[str, str], int]:
+        """Activations since the start, by kind and drive, those of ended faults included."""
+        ...
+
+
+class Scrape:
+    """One look at the farm."""
+
+    def __init__(self, parts: list[tuple[Family, Values]], lock: threading.Lock) -> None:
+        self._parts = parts
+        self._lock = lock
+
+    def text(self) -> bytes:
+        """In exposition format; may be called in any thread."""
+        with self._lock:
+            return ("\n".join(family.text(values) for family, values in self._parts) + "\n").encode()
+
+    def metrics(self) -> Iterator[Metric]:
+        """As prometheus_client's objects."""
+        return (family.metric(values) for family, values in self._parts)
+
+
+class FarmCollector(Collector):
+    """Metrics of one farm; ``faults`` counts injected faults, None leaves their metrics out.
+
+    Make it before the farm runs: the histograms of the controller's reaction are fed from then on.
+    """
+
+    def __init__(self, core: FarmCore, faults: FaultCounts | None = None) -> None:
+        self._core = core
+        self._faults = faults
+        self._lock = threading.Lock()
+        self._recovery = Recovery(core)
+        self._names = [station.configured_name for station in core.stations]
+        self._families()
+        #: The process's own metrics (CPU, memory, open files), beside the farm's.
+        self.process = CollectorRegistry()
+        ProcessCollector(registry=self.process)
+
+    def close(self) -> None:
+        """Take nothing in any more."""
+        self._recovery.close()
+
+    # -- what there is -----------------------------------------------------------------------------------------------
+
+    def _per_drive(self, name: str, kind: str, documentation: str) -> Family:
+        family = Family(f"pnfarm_{name}", kind, documentation, ("drive",))
+        for drive in self._names:
+            family.add(drive)
+        return family
+
+    def _drive_histogram(self, name: str, documentation: str, edges_ns: Sequence[int]) -> Histogram:
+        family = Histogram(f"pnfarm_{name}", documentation, edges_ns, ("drive",))
+        for drive in self._names:
+            family.add(drive)
+        return family
+
+    def _families(self) -> None:
+        drive = self._per_drive
+        self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
+        self._build.add(__version__)
+        self._axis: list[tuple[Family, str]] = [
+            (drive(f"axis_{name}", "gauge", documentation), column)
+            for name, column, documentation in (
+                ("velocity_rpm", "velocity", "Shaft speed of the motor (VL.FB)."),
+                ("position_revolutions", "position", "Shaft position since power-on (PL.FB)."),
+                ("current_amperes", "current", "Torque-building current of the motor (IL.FB)."),
+                ("following_error_revolutions", "following_error", "Commanded minus actual position (PL.ERR)."),
+                ("setpoint_rpm", "setpoint", "Velocity that the controller asks for (NSOLL_A)."),
+                ("stw1", "stw1", "Control word 1 in force (STW1) as a number."),
+                ("zsw1", "zsw1", "Status word 1 (ZSW1) as a number."),
+                ("state", "state", "PROFIdrive state: 1..5 for S1..S5, 0 while the drive boots."),
+            )
+        ]
+        self._fault_active = drive("axis_fault_active", "gauge", "Number of the active fault (PNU 947), 0 = none.")
+        self._fault_total = Family(
+            "pnfarm_axis_faults_total", "counter", "Faults of the drive by number (702 = F702).", ("drive", "code")
+        )
+        states = ", ".join(f"{number} {state}" for state, number in AR_STATES.items())
+        self._ar_state = drive("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
+        self._ar_cycle = drive("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
+        self._connects = drive("ar_connects_total", "counter", "Connections that reached DATA.")
+        self._aborts = Family(
+            "pnfarm_ar_aborts_total", "counter", "Connections that were aborted, by reason.", ("drive", "reason")
+        )
+        self._received = drive("frames_received_total", "counter", "Valid cyclic frames (RT_CLASS_1) received.")
+        self._sent = drive("frames_sent_total", "counter", "Cyclic frames (RT_CLASS_1) sent.")
+        self._discarded = Family(
+            "pnfarm_frames_discarded_total", "counter", "Frames and PDUs that the drive dropped.", ("drive", "reason")
+        )
+        for station in self._core.stations:
+            name = station.configured_name
+            for fault in station.model.faults.values():
+                if not fault.warning:
+                    self._fault_total.add(name, str(fault.number))
+            for reason in USUAL_ABORTS:
+                self._aborts.add(name, reason)
+            for slug in DISCARDS:
+                self._discarded.add(name, slug)
+        self._watchdog = drive("watchdog_expirations_total", "counter", "Data hold timer (watchdog) ran out.")
+        self._interval = self._drive_histogram(
+            "controller_frame_interval_seconds",
+            "Time between two valid frames of the controller: how regular it is.",
+            INTERVAL_EDGES_NS,
+        )
+        self._reaction = self._drive_histogram(
+            "controller_fault_reaction_seconds",
+            "Time from a fault to the controller's withdrawal of the enable (STW1).",
+            REACTION_EDGES_NS,
+        )
+        self._reconnect = self._drive_histogram(
+            "controller_reconnect_seconds",
+            "Time from a fault or the loss of a connection until the controller had brought the drive back.",
+            REACTION_EDGES_NS,
+        )
+        self._lateness = Histogram(
+            "pnfarm_engine_lateness_seconds", "How late the engine's ticks began.", LATENESS_EDGES_NS
+        )
+        self._cycles = Family("pnfarm_engine_cycles_total", "counter", "Ticks of the engine.")
+        self._overruns = Family(
+            "pnfarm_engine_overruns_total", "counter", "Ticks so late that at least one frame's cycle was skipped."
+        )
+        self._faults_active = Family("pnfarm_faults_active", "gauge", "Injected faults in force, by kind.", ("kind",))
+        self._activations = Family(
+            "pnfarm_fault_activations_total", "counter", "Times that an injected fault acted.", ("kind", "drive")
+        )
+        for kind in self._faults.kinds if self._faults is not None else ():
+            self._faults_active.add(kind)
+            for name in self._names:
+                self._activations.add(kind, name)
+
+    # -- what it is now ----------------------------------------------------------------------------------------------
+
+    def gather(self) -> Scrape:
+        """Read everything; call it in the thread of the stations."""
+        core = self._core
+        stations = core.stations
+        count = len(stations)
+        axis = core.columns.axis[:count]
+        parts: list[tuple[Family, Values]] = [(self._build, [1])]
+        parts += [(family, axis[column].tolist()) for family, column in self._axis]
+        parts.append((self._fault_active, (axis["fault_code"][:, 0] & NUMBER_MASK).tolist()))
+        parts.append((self._fault_total, self._labelled(self._fault_total, self._fault_counts())))
+        parts += self._connections(stations)
+        parts += self._channels(stations)
+        recovery = self._recovery
+        parts += [
+            (self._reaction, self._reaction.values(recovery.reactions, recovery.reaction_sums_ns)),
+            (self._reconnect, self._reconnect.values(recovery.reconnects, recovery.reconnect_sums_ns)),
+        ]
+        engine = core.columns.engine
+        parts += [
+            (self._lateness, self._lateness.values(engine["lateness"], engine["lateness_sum_ns"])),
+            (self._cycles, engine["cycles"].tolist()),
+            (self._overruns, engine["overruns"].tolist()),
+        ]
+        if self._faults is not None:
+            active = {(kind,): number for kind, number in self._faults.active().items()}
+            parts.append((self._faults_active, self._labelled(self._faults_active, active)))
+            parts.append((self._activations, self._labelled(self._activations, self._faults.activations())))
+        return Scrape(parts, self._lock)
+
+    def collect(self) -> Iterator[Metric]:
+        """For a registry of prometheus_client."""
+        return self.gather().metrics()
+
+    def process_text(self) -> bytes:
+        """The process's own metrics in exposition format."""
+        return generate_latest(self.process)
+
+    @staticmethod
+    def _labelled(family: Family, counts: Mapping[tuple[str, ...], int]) -> list[float]:
+        """Counts in the order of the family's series; a series that is new is made."""
+        places = [(family.add(*labels), number) for labels, number in counts.items()]
+        values: list[float] = [0] * len(family)
+        for place, number in places:
+            values[place] = number
+        return values
+
+    def _fault_counts(self) -> dict[tuple[str, ...], int]:
+        return {
+            (station.configured_name, str(number)): count
+            for station in self._core.stations
+            for number, count in station.fault_counts.items()
+        }
+
+    def _connections(self, stations: Sequence[DriveStation]) -> list[tuple[Family, Values]]:
+        states: list[float] = []
+        cycles: list[float] = []
+        aborts: dict[tuple[str, ...], int] = {}
+        for station in stations:
+            state = ar_state(station) if station.powered else None
+            states.append(AR_STATES[state] if state is not None else 0)
+            cycles.append(next((ar.cycle_ns / 1e9 for ar in station.ars.values() if ar.providers), 0))
+            for reason, count in station.aborts.items():
+                aborts[station.configured_name, ABORT_REASONS.get(reason, reason)] = count
+        return [
+            (self._ar_state, states),
+            (self._ar_cycle, cycles),
+            (self._connects, [station.connects for station in stations]),
+            (self._aborts, self._labelled(self._aborts, aborts)),
+            (self._watchdog, [station.watchdog_expirations for station in stations]),
+        ]
+
+    def _channels(self, stations: Sequence[DriveStation]) -> list[tuple[Family, Values]]:
+        """Open channels by column, closed ones from their stations."""
+        count = len(stations)
+        columns = self._core.columns
+        engine = columns.engine[0]
+        intervals: Any = np.zeros((count, INTERVAL_BUCKETS), np.int64)
+        interval_sums: Any = np.zeros(count, np.int64)
+        discarded: Any = np.zeros((count, len(DISCARDS)), np.int64)
+        sent: Any = np.zeros(count, np.int64)
+        received: Any = np.zeros(count, np.int64)
+        for station in stations:
+            closed, index = station.closed_channels, station.index
+            sent[index] = closed.sent
+            received[index] = closed.received
+            intervals[index] = closed.intervals
+            interval_sums[index] = closed.interval_sum_ns
+            discarded[index] = closed.discarded
+        providers = columns.ppm[: int(engine.ppm_rows)]
+        live = providers["active"] != 0
+        np.add.at(sent, providers["image"][live], providers["sent"][live])
+        consumers = columns.cpm[: int(engine.cpm_rows)]
+        live = consumers["active"] != 0
+        drive = consumers["image"][live]
+        np.add.at(received, drive, consumers["received"][live])
+        np.add.at(intervals, drive, consumers["intervals"][live])
+        np.add.at(interval_sums, drive, consumers["interval_sum_ns"][live])
+        np.add.at(discarded, drive, consumers["discarded"][live])
+        by_reason: dict[tuple[str, ...], int] = {}
+        for station, cyclic in zip(stations, discarded.tolist(), strict=True):
+            name = station.configured_name
+            for reason, dropped in station.discards().items():
+                by_reason[name, reason] = dropped
+            for reason, dropped in zip(DISCARDS, cyclic, strict=True):
+                by_reason[name, reason] = by_reason.get((name, reason), 0) + dropped
+        return [
+            (self._received, received.tolist()),
+            (self._sent, sent.tolist()),
+            (self._discarded, self._labelled(self._discarded, by_reason)),
+            (self._interval, self._interval.values(intervals, interval_sums)),
+        ]

@@ -1,0 +1,138 @@
+"""How fast the controller reacts: to a fault of a drive, and in bringing a lost drive back.
+
+*Reaction* is the time from a fault to the withdrawal of the enable (the engine's FAULT_REACTED).
+
+*Reconnect* is the time for which a drive was out of work.  It begins when a drive that has a controller raises a
+fault, loses its connection or its supply, and ends when it exchanges data again, without a fault, and in S4 if it
+was there when it began.  A connection that the controller releases is no loss.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.engine_row import EXPIRED, FAULT_RAISED, FAULT_REACTED, FAULTS_CLEARED, STATE_CHANGED
+
+if TYPE_CHECKING:
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.farm.event_log import LogEntry
+    from pnfarm.farm.station import DriveStation
+
+__all__ = ["REACTION_EDGES_NS", "Recovery"]
+
+#: Upper bounds of both histograms, nanoseconds; a last bucket takes the rest.
+REACTION_EDGES_NS = (
+    1_000_000, 2_000_000, 4_000_000, 8_000_000, 16_000_000, 32_000_000, 64_000_000, 128_000_000, 256_000_000,
+    512_000_000, 1_000_000_000, 2_000_000_000, 4_000_000_000, 8_000_000_000, 16_000_000_000, 32_000_000_000,
+)  # fmt: skip
+
+#: State S4, operation.
+OPERATION = 4
+#: What the log says of a connection, and whether its end is a loss.
+ENDS = {"ar aborted": True, "power off": True, "ar released": False}
+
+
+@dataclass(slots=True)
+class _Drive:
+    """What the events told of one drive."""
+
+    connected: bool
+    faulted: bool
+    state: int
+    left_operation_ns: int = 0
+    lost_ns: int | None = None
+    wants_operation: bool = False
+
+
+class Recovery:
+    """Listens to a farm's engine and log; ``reactions`` and ``reconnects`` are counts ``(drives, buckets)``."""
+
+    def __init__(self, core: FarmCore) -> None:
+        count = len(core.stations)
+        self._edges = np.array(REACTION_EDGES_NS, np.int64)
+        self.reactions: Any = np.zeros((count, len(REACTION_EDGES_NS) + 1), np.int64)
+        self.reaction_sums_ns: Any = np.zeros(count, np.int64)
+        self.reconnects: Any = np.zeros((count, len(REACTION_EDGES_NS) + 1), np.int64)
+        self.reconnect_sums_ns: Any = np.zeros(count, np.int64)
+        self._core = core
+        self._by_name = {station.configured_name: station for station in core.stations}
+        self._drives = [self._look(station) for station in core.stations]
+        core.listeners.append(self._engine_event)
+        self._unsubscribe = core.log.subscribe(self._log_entry)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._core.listeners.remove(self._engine_event)
+        self._unsubscribe()
+
+    @staticmethod
+    def _is_connected(station: DriveStation) -> bool:
+        return any(ar.established and ar.providers for ar in station.ars.values())
+
+    def _look(self, station: DriveStation) -> _Drive:
+        axis = station.handle.axis
+        faulted = bool(axis.fault_code[:FAULT_SLOTS].any())
+        return _Drive(connected=self._is_connected(station), faulted=faulted, state=int(axis.state))
+
+    # -- what happens ------------------------------------------------------------------------------------------------
+
+    def _engine_event(self, station: DriveStation, kind: int, when: int, value: int) -> None:
+        drive = self._drives[station.index]
+        if kind == STATE_CHANGED:
+            before, drive.state = value >> 8, value & 0xFF
+            if before == OPERATION:
+                drive.left_operation_ns = when
+            self._judge(station.index, drive, when)
+        elif kind == FAULT_RAISED:
+            drive.faulted = True
+            if drive.connected:
+                self._begin(drive, when)
+        elif kind == FAULTS_CLEARED:
+            drive.faulted = False
+            self._judge(station.index, drive, when)
+        elif kind == EXPIRED:
+            if drive.connected:
+                self._begin(drive, when)
+        elif kind == FAULT_REACTED:
+            self.reactions[station.index, self._bucket(value)] += 1
+            self.reaction_sums_ns[station.index] += value
+
+    def _log_entry(self, entry: LogEntry) -> None:
+        station = self._by_name.get(entry.drive)
+        if station is None:
+            return
+        drive = self._drives[station.index]
+        if entry.event == "ar established":
+            drive.connected = True
+            self._judge(station.index, drive, entry.now_ns)
+        elif entry.event in ENDS and drive.connected and not self._is_connected(station):
+            drive.connected = False
+            if ENDS[entry.event]:
+                self._begin(drive, entry.now_ns)
+
+    # -- what follows ------------------------------------------------------------------------------------------------
+
+    def _bucket(self, value_ns: int) -> int:
+        return int(np.searchsorted(self._edges, value_ns))
+
+    @staticmethod
+    def _begin(drive: _Drive, when: int) -> None:
+        if drive.lost_ns is None:
+            drive.lost_ns = when
+            # the firmware tells of the state it left before it tells of the fault, both in one step
+            drive.wants_operation = drive.state == OPERATION or drive.left_operation_ns == when
+
+    def _judge(self, index: int, drive: _Drive, when: int) -> None:
+        """Whether the drive is back."""
+        if drive.lost_ns is None or not drive.connected or drive.faulted:
+            return
+        if drive.wants_operation and drive.state != OPERATION:
+            return
+        duration = max(0, when - drive.lost_ns)
+        drive.lost_ns = None
+        self.reconnects[index, self._bucket(duration)] += 1
+        self.reconnect_sums_ns[index] += duration

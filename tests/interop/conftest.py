@@ -1,0 +1,43 @@
+"""Every test of this folder is an interop test: real namespaces, real frames, somebody else's programs."""
+
+from __future__ import annotations
+
+from shutil import which
+
+import pytest
+from interop_rig import CannotRunError, Lab, running
+
+#: Long enough for a busy machine, and whole numbers of what every peer can send.
+DRIVES = [
+    "{name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/22, limits: lax}",
+]
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if "interop" in item.path.parts:
+            item.add_marker(pytest.mark.interop)
+
+
+@pytest.fixture(scope="module")
+def lab():
+    """Two joined namespaces for the tests of one module."""
+    for tool in ("ip", "nsenter"):
+        if which(tool) is None:
+            pytest.skip(f"needs the tool `{tool}`")
+    try:
+        made = Lab()
+    except CannotRunError as exc:
+        pytest.skip(f"needs private network namespaces: {exc}")
+    try:
+        made.run("peer", "ip", "address", "add", "10.77.3.200/22", "dev", "plc0")
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.fixture(scope="module")
+def farm(lab, tmp_path_factory):
+    """Three AKDs that take any cycle, at 10.77.0.11 to .13."""
+    with running(lab, tmp_path_factory.mktemp("farm"), DRIVES) as worker:
+        yield worker

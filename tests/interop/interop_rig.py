@@ -1,0 +1,262 @@
+"""The rig of the interop tests: two joined namespaces, a farm in one, peers and captures in the other."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+CAPTURES = ROOT.parent / "shared" / "captures"
+START_SECONDS = 60.0
+#: The peer's own addresses: one beside the farm's drives, and those that the captured controllers had.
+PEER_IP = "10.77.3.200"
+NOT_HERE = "Running as user"
+
+
+class CannotRunError(Exception):
+    """This machine has not what the rig needs; the text says what."""
+
+
+class Lab:
+    """Two namespaces with a cable between them, gone with this object or with the process that made it."""
+
+    def __init__(self):
+        self._holder = subprocess.Popen(
+            [sys.executable, str(HERE / "interop_anchor.py")],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        line = self._holder.stdout.readline()
+        told = json.loads(line) if line else {"cannot": self._holder.stderr.read().strip().splitlines()[-1]}
+        if "cannot" in told:
+            self.close()
+            raise CannotRunError(told["cannot"])
+        self._pids = told
+
+    def close(self):
+        self._holder.stdin.close()
+        self._holder.wait(10)
+        self._holder.stdout.close()
+        self._holder.stderr.close()
+
+    def command(self, where, *arguments):
+        """The command line that runs ``arguments`` in namespace ``farm`` or ``peer``."""
+        return [sys.executable, str(HERE / "interop_enter.py"), str(self._pids[where]), *map(str, arguments)]
+
+    def run(self, where, *arguments, timeout=30, check=True, **options):
+        """Runs to the end; the finished process with its text."""
+        done = subprocess.run(
+            self.command(where, *arguments), capture_output=True, text=True, timeout=timeout, check=False, **options
+        )
+        assert not check or done.returncode == 0, f"{arguments}: {done.stdout}\n{done.stderr}"
+        return done
+
+    def start(self, where, *arguments, **options):
+        return subprocess.Popen(self.command(where, *arguments), **options)
+
+    def peer_json(self, script, *arguments, timeout=60):
+        """A peer's program of this folder; the JSON of its last line."""
+        done = self.run("peer", sys.executable, HERE / script, *arguments, timeout=timeout)
+        return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+class Worker:
+    """A farm or a controller in its namespace; ``ask`` a verb of :mod:`interop_worker`."""
+
+    def __init__(self, lab, where, kind, path):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        self._process = lab.start(
+            where,
+            sys.executable,
+            HERE / "interop_worker.py",
+            kind,
+            path,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
+        )
+        self._lines = queue.Queue()
+        self._complaints = []
+        self._readers = [
+            threading.Thread(target=self._read_answers, daemon=True),
+            threading.Thread(target=self._read_complaints, daemon=True),
+        ]
+        for thread in self._readers:
+            thread.start()
+        self._answer(START_SECONDS)
+
+    def _read_answers(self):
+        for line in self._process.stdout:
+            self._lines.put(line)
+        self._lines.put(None)
+
+    def _read_complaints(self):
+        self._complaints.extend(self._process.stderr)
+
+    @property
+    def complaints(self):
+        return "".join(self._complaints)
+
+    def _answer(self, seconds):
+        line = self._lines.get(timeout=seconds)
+        if line is None:
+            self._process.wait(5)
+            raise AssertionError(f"the {self._process.args} ended by itself:\n{self.complaints}")
+        answer = json.loads(line)
+        if "error" in answer:
+            raise AssertionError(f"{answer['error']}\n{self.complaints}")
+        return answer["ok"]
+
+    def ask(self, verb, /, seconds=40.0, **arguments):
+        self._process.stdin.write(json.dumps({"do": verb, **arguments}) + "\n")
+        self._process.stdin.flush()
+        return self._answer(seconds)
+
+    def until(self, condition, what, seconds=10.0, **arguments):
+        """Asks until ``condition`` of the answer holds; the answer."""
+        end = time.monotonic() + seconds
+        while True:
+            answer = self.ask(what, **arguments)
+            if condition(answer):
+                return answer
+            assert time.monotonic() < end, f"{what} {arguments} stayed {answer}"
+            time.sleep(0.02)
+
+    @contextlib.contextmanager
+    def stopped(self):
+        """As if somebody pulled the processor's plug for a while."""
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
+
+    def close(self):
+        self._process.stdin.close()
+        try:
+            code = self._process.wait(20)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            raise
+        finally:
+            for thread in self._readers:
+                thread.join(5)
+            self._process.stdout.close()
+            self._process.stderr.close()
+        assert code == 0, f"the worker ended with {code}:\n{self.complaints}"
+
+
+FARM = """
+farm: {name}
+link: {{kind: macvlan, parent: nic0}}
+api: off
+drives:
+{drives}
+{rest}
+"""
+
+
+@contextlib.contextmanager
+def running(lab, folder, drives, *, rest="", kind="farm", where="farm", name="interop"):
+    """A worker with a farm file of these drives (lines of YAML); ended in good order."""
+    path = folder / f"{name}-{kind}.pnfarm.yml"
+    path.write_text(FARM.format(name=name, drives="\n".join(f"  - {d}" for d in drives), rest=rest), encoding="utf-8")
+    worker = Worker(lab, where, kind, path)
+    try:
+        yield worker
+    except BaseException:
+        with contextlib.suppress(Exception):  # what went wrong first is the story to tell
+            worker.close()
+        raise
+    worker.close()
+
+
+class Capture:
+    """All frames at the peer's end of the cable, in a file, while the context lasts."""
+
+    def __init__(self, lab, path):
+        self._lab = lab
+        self.path = path
+
+    def __enter__(self):
+        self._process = self._lab.start(
+            "peer",
+            "dumpcap", "-q", "-i", "plc0", "-B", "16", "-w", self.path,
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        # dumpcap says on which file it writes once it has its socket
+        for line in self._process.stderr:
+            if line.startswith("File:"):
+                break
+        else:
+            raise AssertionError("dumpcap ended at once")
+        return self
+
+    def __exit__(self, *_):
+        time.sleep(0.3)
+        self._process.send_signal(signal.SIGINT)
+        self._process.communicate(timeout=20)
+
+    def fields(self, *names, where="", options=()):
+        """Rows of tshark's fields, each a list with one text per name; ``where`` is a display filter."""
+        return tshark_fields(self.path, *names, where=where, options=options)
+
+
+#: Checksums count too; a frame's sequence analysis by another host's stack is not ours to judge.
+STRICT = ("-o", "ip.check_checksum:TRUE", "-o", "udp.check_checksum:TRUE")
+
+
+def tshark_fields(path, *names, where="", options=()):
+    command = ["tshark", "-n", "-r", str(path), *STRICT, *options, "-T", "fields", "-E", "separator=/t"]
+    command += [part for name in names for part in ("-e", name)]
+    command += ["-Y", where] if where else []
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    errors = [line for line in done.stderr.splitlines() if not line.startswith(NOT_HERE)]
+    assert done.returncode == 0, "\n".join(errors)
+    return [line.split("\t") for line in done.stdout.splitlines()]
+
+
+def tshark_tree(path, number):
+    """One frame in full, for a failing test's message."""
+    command = ["tshark", "-n", "-r", str(path), *STRICT, "-V", "-x", "-Y", f"frame.number=={number}"]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60).stdout
+
+
+def captured_datagrams(name):
+    """(source ip, destination ip, UDP payload) of a captured start-up's DCE/RPC datagrams, in order."""
+    path = CAPTURES / f"{name}.pcap"
+    if not path.exists():
+        pytest.skip(f"the captures of real controllers are not here: no {path.name} beside the project")
+    rows = tshark_fields(path, "ip.src", "ip.dst", "udp.payload", where="udp.port==34964 && dcerpc")
+    return [(source, destination, bytes.fromhex(payload)) for source, destination, payload in rows]
+
+
+def needed(tool):
+    """Skips a test where a tool is not installed."""
+    from shutil import which
+
+    if which(tool) is None:
+        pytest.skip(f"needs the tool `{tool}`")
+
+
+def version_of_tshark():
+    text = subprocess.run(["tshark", "--version"], capture_output=True, text=True, check=False).stdout
+    found = re.search(r"(\d+)\.(\d+)", text)
+    return tuple(map(int, found.groups())) if found else (0, 0)

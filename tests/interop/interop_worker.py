@@ -1,0 +1,246 @@
+"""A farm or a controller in a process of its own, told what to do by lines of JSON on its standard input.
+
+``python interop_worker.py farm FILE`` or ``... plc FILE``.  Every line ``{"do": VERB, ...}`` is answered by one line
+``{"ok": VALUE}`` or ``{"error": TEXT}``; the first line, before any was asked, says that it is up.  The end of the input
+ends it in good order.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import time
+import traceback
+from dataclasses import asdict, is_dataclass, replace
+
+from pnfarm.controller.runtime import Plc
+from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.errors import PnfarmError
+from pnfarm.farm import farm as farm_module
+from pnfarm.farm.config import load_farm
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.farm import Farm
+from pnfarm.table.signals import WORD_NONE
+
+ANSWER_SECONDS = 10.0
+
+
+def plain(value):
+    """Something that JSON can hold."""
+    if isinstance(value, bytes):
+        return value.hex()
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+def tailored(config):
+    """A drive's model; the one named ``captured-drive`` fits the real drive of a capture.
+
+    That has a second port, and a telegram of six words each way.
+    """
+    model = model_by_name(config.model).with_identity(config.identity)
+    if config.name != "captured-drive":
+        return model
+    port = next(s for s in model.dap.submodules if s.subslot == 0x8001)
+    telegram = model.telegrams[1]
+    access_point, data = telegram.module.submodules
+    data = replace(data, input_bytes=12, output_bytes=12)
+    telegram = replace(
+        telegram,
+        output=(*telegram.output, None, None, None, None),
+        input=(*telegram.input, None, None, None, None),
+        output_words=(*telegram.output_words, *[WORD_NONE] * 4),
+        input_words=(*telegram.input_words, *[WORD_NONE] * 4),
+        module=replace(telegram.module, submodules=(access_point, data)),
+    )
+    return replace(
+        model,
+        dap=replace(model.dap, submodules=(*model.dap.submodules, replace(port, subslot=0x8002))),
+        telegrams={**model.telegrams, 1: telegram},
+    )
+
+
+class FarmWorker:
+    def __init__(self, path):
+        self.farm = Farm(load_farm(path), log=EventLog(quiet=True))
+
+    async def __aenter__(self):
+        await self.farm.open()
+        return self
+
+    async def __aexit__(self, *_):
+        await self.farm.close()
+
+    def wait(self):
+        return self.farm.wait()
+
+    def station(self, name):
+        return self.farm.core.station(name)
+
+    def do_drive(self, name):
+        """What one drive knows of itself."""
+        station = self.station(name)
+        axis = station.handle.axis
+        return {
+            "name": station.name,
+            "mac": station.port.mac.hex(":"),
+            "ip": str(station.ip.address or ""),
+            "ars": len(station.ars),
+            "established": any(ar.established for ar in station.ars.values()),
+            "connects": station.connects,
+            "aborts": station.aborts,
+            "watchdog_expirations": station.watchdog_expirations,
+            "state": int(axis.state),
+            "zsw1": int(axis.zsw1),
+            "stw1": int(axis.stw1),
+            "velocity_rpm": float(axis.velocity),
+            "velocity_step": float(axis.velocity_step),
+            "fault": int(axis.fault_code[0]) & 0xFFFFFF,
+            "signalled": station.signalled_ns is not None,
+            "discards": station.discards(),
+        }
+
+    def do_drives(self):
+        return [self.do_drive(station.configured_name) for station in self.farm.core.stations]
+
+    def do_events(self, name):
+        return [entry.as_dict() for entry in self.farm.log.entries(name)]
+
+    def do_fault(self, name, number):
+        return self.station(name).raise_fault(number, hold=False)
+
+    def do_abort(self, name, reason):
+        station, now = self.station(name), time.monotonic_ns()
+        station.cm.abort_all(reason, now)
+        self.farm.core.settle(station, now)
+
+    def do_power(self, name, on):
+        station, now = self.station(name), time.monotonic_ns()
+        (station.power_on if on else station.power_off)(now)
+        self.farm.core.settle(station, now)
+
+    def do_ready_delay(self, name, nanoseconds):
+        self.station(name).ready_delay_ns = nanoseconds
+
+
+class PlcWorker:
+    def __init__(self, path):
+        self.plc = Plc(load_farm(path), log=EventLog(quiet=True))
+
+    async def __aenter__(self):
+        await self.plc.open()
+        return self
+
+    async def __aexit__(self, *_):
+        try:
+            await self.plc.release()
+        finally:
+            await self.plc.close()
+
+    def wait(self):
+        return self.plc.wait()
+
+    async def do_wait_connected(self, seconds):
+        return await self.plc.wait_connected(seconds)
+
+    async def do_wait_running(self, seconds):
+        return await self.plc.wait_running(seconds)
+
+    def do_summary(self):
+        return list(self.plc.summary())
+
+    def do_events(self, name):
+        return [entry.as_dict() for entry in self.plc.log.entries(name)]
+
+    async def do_release(self):
+        return await self.plc.release()
+
+    def _machine(self, name):
+        return next(s for s in self.plc.core.sessions if s.plan.name == name)
+
+    async def do_read(self, name, index, api=0x3A00, slot=1, subslot=1, length=4096):
+        return await self._record(
+            name, lambda machine, tag: machine.read_record(tag, api, slot, subslot, index, length)
+        )
+
+    async def do_read_implicit(self, name, index, api=0, slot=0, subslot=1, length=4096):
+        return await self._record(
+            name, lambda machine, tag: machine.read_implicit(tag, api, slot, subslot, index, length)
+        )
+
+    async def do_write(self, name, index, data, api=0x3A00, slot=1, subslot=1):
+        octets = bytes.fromhex(data)
+        return await self._record(
+            name, lambda machine, tag: machine.write_record(tag, api, slot, subslot, index, octets)
+        )
+
+    async def _record(self, name, ask):
+        session, core = self._machine(name), self.plc.core
+        tag = object()
+        core.records.clear()
+        ask(session.machine, tag)
+        core._touched[session.index] = session
+        core._settle(time.monotonic_ns())
+        self.plc.driver.poke()
+        for _ in range(int(ANSWER_SECONDS / 0.005)):
+            for _, event in core.records:
+                if event.tag is tag:
+                    status = None if event.status is None else int(event.status)
+                    return {"status": status, "data": getattr(event, "data", None), "reason": event.reason}
+            await asyncio.sleep(0.005)
+        raise TimeoutError("the record was not answered")
+
+
+WORKERS = {"farm": FarmWorker, "plc": PlcWorker}
+
+
+async def lines():
+    loop = asyncio.get_running_loop()
+    reader = asyncio.StreamReader()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    while line := await reader.readline():
+        yield json.loads(line)
+
+
+def say(**what):
+    print(json.dumps(plain(what)), flush=True)
+
+
+async def answer(worker):
+    async for request in lines():
+        verb = request.pop("do")
+        try:
+            result = getattr(worker, f"do_{verb}")(**request)
+            if asyncio.iscoroutine(result):
+                result = await result
+            say(ok=result)
+        except Exception as exc:
+            traceback.print_exc()
+            say(error=f"{type(exc).__name__}: {exc}")
+
+
+async def main():
+    kind, path = sys.argv[1:3]
+    farm_module.model_of = tailored
+    try:
+        async with WORKERS[kind](path) as worker:
+            say(ok="up")
+            asked, failed = asyncio.ensure_future(answer(worker)), asyncio.ensure_future(worker.wait())
+            done, _ = await asyncio.wait({asked, failed}, return_when=asyncio.FIRST_COMPLETED)
+            failed.cancel()
+            asked.cancel()
+            for task in done:
+                task.result()
+    except PnfarmError as exc:
+        say(error=f"{type(exc).__name__}: {exc}")
+        raise
+
+
+if __name__ == "__main__":
+    asyncio.run(main())
