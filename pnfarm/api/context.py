@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
@@ -12,14 +11,15 @@ import anyio
 
 from pnfarm.api.problems import NotFoundError, RequestError, TooLargeError
 from pnfarm.errors import ConfigError
+from pnfarm.farm.snapshot import drive_snapshot
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from starlette.requests import Request
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.event_log import EventLog
     from pnfarm.farm.station import DriveStation
-    from pnfarm.faults.manager import FaultManager
     from pnfarm.metrics import FarmCollector
 
 __all__ = ["ApiContext", "read_object"]
@@ -33,8 +33,6 @@ class ApiContext:
     """``now`` reads the farm's clock; ``poke`` makes the runtime look at what a handler changed."""
 
     core: FarmCore
-    faults: FaultManager | None
-    log: EventLog
     collector: FarmCollector
     now: Callable[[], int]
     poke: Callable[[], None]
@@ -48,6 +46,10 @@ class ApiContext:
             return self.core.station(name)
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
+
+    def view(self, station: DriveStation) -> dict[str, Any]:
+        """One drive as it is now."""
+        return drive_snapshot(self.core, station, self.now())
 
     def changed(self, station: DriveStation) -> None:
         """A handler changed this station: let it finish what follows, and send it."""
@@ -82,5 +84,5 @@ async def read_object(request: Request) -> dict[str, Any]:
         # also a number with more digits than Python reads, and octets that are no UTF-8
         raise RequestError(f"the body is not JSON: {exc}", status=HTTPStatus.BAD_REQUEST) from exc
     if not isinstance(value, dict):
-        raise RequestError("the body is not a JSON object such as {\"value\": 1}")
+        raise RequestError('the body is not a JSON object such as {"value": 1}')
     return value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import anyio
+import anyio.lowlevel
 from fastapi import APIRouter, Request
 from pydantic import ValidationError
 
@@ -15,8 +15,6 @@ from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults
 
 if TYPE_CHECKING:
-    from starlette.responses import Response
-
     from pnfarm.farm.station import DriveStation
 
 __all__ = ["router"]
@@ -32,49 +30,49 @@ _WRITE_BODY = {
 }
 
 
-def router(context: ApiContext) -> APIRouter:  # noqa: C901 - one small handler for each path
+def router(context: ApiContext) -> APIRouter:
     """Handlers under ``/drives``."""
     routes = APIRouter(tags=["drives"])
 
     @routes.get("/drives", summary="The farm, its engine and all drives", responses={200: {"model": FarmView}})
-    async def get_drives() -> Response:
+    async def get_drives() -> Json:
         core = context.core
-        injected = injected_faults(core)
+        injected = injected_faults(core.faults)
         drives = []
         for place, station in enumerate(core.stations, start=1):
             drives.append(drive_snapshot(core, station, context.now(), injected=injected))
             if place % DRIVES_AT_ONCE == 0:
-                await anyio.sleep(0)
+                await anyio.lowlevel.checkpoint()
         view = {"farm": core.name, "link": core.link.kind, "engine": engine_snapshot(core), "drives": drives}
         return Json(view)
 
     @routes.get("/drives/{name}", summary="One drive", responses={200: {"model": Drive}})
-    async def get_drive(name: str) -> Response:
+    async def get_drive(name: str) -> Json:
         station = context.station(name)
-        return Json(drive_snapshot(context.core, station, context.now()))
+        return Json(context.view(station))
 
     @routes.post("/drives/{name}/power-cycle", summary="Switch off and on", responses={200: {"model": Drive}})
-    async def power_cycle(name: str) -> Response:
+    async def power_cycle(name: str) -> Json:
         station = context.station(name)
         station.power_cycle(context.now())
         context.changed(station)
-        return Json(drive_snapshot(context.core, station, context.now()))
+        return Json(context.view(station))
 
     @routes.get(
-        "/drives/{name}/params/{pnu}",
+        "/drives/{name}/params/{pnu:path}",
         summary="A parameter by number or by the manual's name, with .SUB for one element of an array",
         responses={200: {"model": ParameterValue}},
     )
-    async def get_parameter(name: str, pnu: str) -> Response:
+    async def get_parameter(name: str, pnu: str) -> Json:
         return Json(_parameter(_powered(context.station(name)), pnu))
 
     @routes.put(
-        "/drives/{name}/params/{pnu}",
+        "/drives/{name}/params/{pnu:path}",
         summary="Write a parameter",
         responses={200: {"model": ParameterValue}},
         openapi_extra=_WRITE_BODY,
     )
-    async def put_parameter(name: str, pnu: str, request: Request) -> Response:
+    async def put_parameter(name: str, pnu: str, request: Request) -> Json:
         body = await read_object(request)
         station = _powered(context.station(name))
         station.store.set(pnu, _value(body))
@@ -99,9 +97,7 @@ def _value(body: dict[str, Any]) -> int:
 
 def _powered(station: DriveStation) -> DriveStation:
     if not station.powered:
-        raise ParameterError(
-            ParameterErrorNumber.OPERATING_STATE, detail=f"{station.configured_name} is switched off"
-        )
+        raise ParameterError(ParameterErrorNumber.OPERATING_STATE, detail=f"{station.configured_name} is switched off")
     return station
 
 

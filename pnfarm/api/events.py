@@ -35,7 +35,7 @@ def start_of(context: ApiContext, last_event_id: str | None) -> int:
 
     A number that the log has not reached is one of an earlier run of the farm: everything is news then.
     """
-    newest = max((entry.sequence for entry in context.log.entries()[-1:]), default=0)
+    newest = max((entry.sequence for entry in context.core.log.entries()[-1:]), default=0)
     if last_event_id is None or not (last_event_id.isascii() and last_event_id.isdigit()):
         return newest
     wanted = int(last_event_id[:20])
@@ -49,13 +49,13 @@ async def event_stream(context: ApiContext, after: int, drive: str | None) -> As
     def tell() -> None:
         wake.set()
 
-    unsubscribe = context.log.subscribe(lambda _: tell())
+    unsubscribe = context.core.log.subscribe(lambda _: tell())
     context.streams.add(tell)
     try:
         yield f"retry: {RETRY_MILLISECONDS}\n\n"
         while not context.closing:
             wake = anyio.Event()
-            entries = context.log.entries(after=after)
+            entries = context.core.log.entries(after=after)
             if not entries:
                 with anyio.move_on_after(ALIVE_SECONDS) as waiting:
                     await wake.wait()

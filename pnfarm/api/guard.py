@@ -95,5 +95,7 @@ class Guard:
             response = RedirectResponse("/", status_code=HTTPStatus.SEE_OTHER)
             response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
             return response
-        sentence = "this farm asks for its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
+        sentence = (
+            "this farm asks for its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
+        )
         return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers={"WWW-Authenticate": "Bearer"})

@@ -18,6 +18,7 @@ from starlette.routing import Match
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
+from pnfarm.faults.words import FaultError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -101,12 +102,16 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
     match exc:
         case ParameterError():
             return problem(_parameter_status(exc.number), sentence, request, error_number=exc.number)
+        case FaultError():
+            errors = [{"field": field, "what": what, "allowed": allowed} for field, what, allowed in exc.issues]
+            sentence = sentence.replace("\n", "; ")
+            return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request, errors=errors)
         case NotFoundError():
             return problem(HTTPStatus.NOT_FOUND, sentence, request)
         case TooLargeError():
             return problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, sentence, request)
         case RequestError():
-            members = {"errors": exc.errors} if exc.errors else {}
+            members: dict[str, Any] = {"errors": exc.errors} if exc.errors else {}
             return problem(exc.status, sentence, request, **members)
         case ConfigError():
             return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request)

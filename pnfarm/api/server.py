@@ -17,16 +17,15 @@ from pnfarm.api.app import make_app
 from pnfarm.errors import EnvironmentError_
 
 if TYPE_CHECKING:
-    from collections.abc import Generator
+    from collections.abc import Awaitable, Callable, Generator
 
     from anyio.abc import TaskStatus
     from fastapi import FastAPI
 
     from pnfarm.farm.config_model import Api
     from pnfarm.farm.farm import Farm
-    from pnfarm.faults.manager import FaultManager
 
-__all__ = ["serve", "serve_farm"]
+__all__ = ["listen", "serve", "serve_farm", "token_for"]
 
 #: How long open requests may take once the server shall stop.
 GRACE_SECONDS = 2
@@ -35,6 +34,14 @@ BACKLOG = 128
 
 class _Server(uvicorn.Server):
     """Signals belong to the program that the server is a part of."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.up = anyio.Event()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self.up.set()
 
     @contextlib.contextmanager
     def capture_signals(self) -> Generator[None, None, None]:
@@ -94,25 +101,54 @@ async def serve(
 
     try:
         async with anyio.create_task_group() as group:
-            with anyio.CancelScope(shield=True) as shielded:
-                # the server itself is not cancelled: it is asked to stop, and then it does
-                group.start_soon(_shielded, run)
-                shielded.shield = False
-                try:
-                    while not server.started and not stopped.is_set():
-                        await anyio.sleep(0.005)
-                    bound: Any = found.getsockname()
-                    task_status.started((bound[0], bound[1]))
-                    await stopped.wait()
-                finally:
-                    app.state.context.close()
-                    server.should_exit = True
-                    with anyio.CancelScope(shield=True):
-                        await stopped.wait()
+            group.start_soon(_shielded, run)
+            try:
+                await server.up.wait()
+                bound: Any = found.getsockname()
+                task_status.started((bound[0], bound[1]))
+                await stopped.wait()
+            finally:
+                app.state.context.close()
+                server.should_exit = True
     finally:
         found.close()
 
 
-async def _shielded(run: Any) -> None:
+async def _shielded(run: Callable[[], Awaitable[None]]) -> None:
+    """The server is not cancelled: it is asked to stop, and stops when its requests are done."""
     with anyio.CancelScope(shield=True):
         await run()
+
+
+async def serve_farm(
+    farm: Farm,
+    *,
+    task_status: TaskStatus[tuple[str, int]] = TASK_STATUS_IGNORED,
+) -> None:
+    """Serve a running farm as its file's ``api`` section says; returns at once when that is ``off``.
+
+    A farm that listens beyond loopback has a token: the file's, or a new one, which the log tells once.
+    """
+    section = farm.config.api
+    if section is None:
+        task_status.started(("", 0))
+        return
+    token = token_for(section)
+    app = make_app(farm.core, poke=farm.driver.poke, token=token)
+    async with anyio.create_task_group() as group:
+        host, port = await group.start(_serve_started, app, section)
+        url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+        told = {"token": token} if token is not None and section.token is None else {}
+        farm.log.record(time.monotonic_ns(), "", "api listening", url=url, **told)
+        task_status.started((host, port))
+
+
+async def _serve_started(app: FastAPI, section: Api, *, task_status: TaskStatus[tuple[str, int]]) -> None:
+    await serve(app, section.host, section.port, task_status=task_status)
+
+
+def token_for(section: Api) -> str | None:
+    """The token that clients must show: the file's; beyond loopback a new one if it has none; else None."""
+    if section.token is not None:
+        return section.token
+    return None if section.is_loopback else secrets.token_urlsafe(24)

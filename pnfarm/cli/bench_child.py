@@ -52,7 +52,9 @@ def _counters(core: Any) -> dict[str, Any]:
 
 def _difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     return {
-        key: [a - b for a, b in zip(value, before[key], strict=True)] if isinstance(value, list) else value - before[key]
+        key: [a - b for a, b in zip(value, before[key], strict=True)]
+        if isinstance(value, list)
+        else value - before[key]
         for key, value in after.items()
     }
 

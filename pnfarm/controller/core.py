@@ -127,9 +127,7 @@ class ControllerCore:
         self.ip = IpHost(port.mac)
         self.ip.open_ports = {RPC_PORT, CALL_PORT}
         self.ip.set_address(ip)
-        self.rpc = RpcServer(
-            RpcServerConfig(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),))
-        )
+        self.rpc = RpcServer(RpcServerConfig(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),)))
         self.client = RpcClient(self._uuids)
         self._by_xid: dict[int, DeviceSession] = {}
         self._by_call: dict[int, DeviceSession] = {}
@@ -299,9 +297,7 @@ class ControllerCore:
         self._by_xid[session.xid] = session
 
     def _do_address(self, session: DeviceSession, now: int) -> None:
-        session.xid = self.dcp.set_ip(
-            session.mac, session.plan.ip, session.plan.gateway, permanent=False, now=now
-        )
+        session.xid = self.dcp.set_ip(session.mac, session.plan.ip, session.plan.gateway, permanent=False, now=now)
         self._by_xid[session.xid] = session
 
     def _do_connect(self, session: DeviceSession, now: int) -> None:
@@ -609,4 +605,3 @@ def _seconds(value: int | None) -> float | None:
 
 def _clock(layout: IocrLayout) -> dict[str, int]:
     return {"send_clock_factor": layout.send_clock_factor, "reduction_ratio": layout.reduction_ratio}
-

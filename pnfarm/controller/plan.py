@@ -67,7 +67,9 @@ def velocity_step(model: Model, drive: DriveConfig) -> float:
     """rpm of one increment of NSOLL_A, as the drive itself works it out of its parameters."""
     axis, image = AXIS.allocate(1), IMAGE.allocate(1)
     store = ParameterStore(model, AxisHandle(axis[0], image[0]))
-    numbers = {key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()}
+    numbers: dict[str | int, int | Sequence[int]] = {
+        key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()
+    }
     store.commission(numbers)
     store.power_on()
     return float(axis[0].velocity_step)
@@ -107,7 +109,9 @@ def plan_devices(
         ip = drive.ip
         if ip is None:
             if section.ip is None:
-                raise ConfigError(f"drive {drive.name} has no ip and the controller has none to count from: give one of them")
+                raise ConfigError(
+                    f"drive {drive.name} has no ip and the controller has none to count from: give one of them"
+                )
             address = next(free, None)
             if address is None:
                 raise ConfigError(f"the controller's subnet {section.ip.network} has no address left for {drive.name}")

@@ -57,7 +57,9 @@ def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
         case TapSection():
             return TapLink(owner, bridge=wanted.bridge)
         case _:
-            raise ConfigError("the file does not say where the controller stands; give `controller: {interface: ...}` or --interface")
+            raise ConfigError(
+                "the file does not say where the controller stands; give `controller: {interface: ...}` or --interface"
+            )
 
 
 class Plc:

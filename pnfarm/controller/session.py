@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.controller.plan import DevicePlan
     from pnfarm.protocols.profinet.cmctl import CmController
 
-__all__ = ["DeviceSession", "Measures", "Sign", "SessionState", "TRANSITIONS"]
+__all__ = ["TRANSITIONS", "DeviceSession", "Measures", "SessionState", "Sign"]
 
 
 class SessionState(StrEnum):

@@ -51,7 +51,16 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]]) -> FloorVectors:
     vectors = FloorVectors(len(addresses))
     for i in range(BATCH):
         vectors.rx_iov[i] = (vectors.rx_frames.ctypes.data + i * SLOT, SLOT)
-        vectors.rx[i] = (vectors.rx_address.ctypes.data + i * 24, 20, vectors.rx_iov.ctypes.data + i * 16, 1, 0, 0, 0, 0)
+        vectors.rx[i] = (
+            vectors.rx_address.ctypes.data + i * 24,
+            20,
+            vectors.rx_iov.ctypes.data + i * 16,
+            1,
+            0,
+            0,
+            0,
+            0,
+        )
     for i, (index, source, destination) in enumerate(addresses):
         vectors.tx_frames[i, :6] = list(destination)
         vectors.tx_frames[i, 6:12] = list(source)
@@ -59,12 +68,23 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]]) -> FloorVectors:
         vectors.tx_iov[i] = (vectors.tx_frames.ctypes.data + i * FRAME, FRAME)
         vectors.tx_address[i, :4] = (17, 0, 0x88, 0x92)
         vectors.tx_address[i, 4:8] = list(index.to_bytes(4, "little"))
-        vectors.tx[i] = (vectors.tx_address.ctypes.data + i * 24, 20, vectors.tx_iov.ctypes.data + i * 16, 1, 0, 0, 0, 0)
+        vectors.tx[i] = (
+            vectors.tx_address.ctypes.data + i * 24,
+            20,
+            vectors.tx_iov.ctypes.data + i * 16,
+            1,
+            0,
+            0,
+            0,
+            0,
+        )
     return vectors
 
 
 @compiled
-def run_floor(descriptor: int, rx: Any, tx: Any, groups: int, counts: Any, lateness: Any, period: int, until: int) -> None:
+def run_floor(
+    descriptor: int, rx: Any, tx: Any, groups: int, counts: Any, lateness: Any, period: int, until: int
+) -> None:
     """Every ``period`` ns: take what has come, send the next of ``groups`` parts of the frames; until time ``until``."""
     clock = np.zeros(2, np.int64)
     target = np.zeros(2, np.int64)

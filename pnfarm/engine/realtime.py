@@ -130,7 +130,9 @@ class RealTimeEngine:
     ``os.eventfd_read``.
     """
 
-    def __init__(self, columns: Columns, channel_socket: socket.socket, settings: RealTimeSettings | None = None) -> None:
+    def __init__(
+        self, columns: Columns, channel_socket: socket.socket, settings: RealTimeSettings | None = None
+    ) -> None:
         self.columns = columns
         self.settings = settings or RealTimeSettings()
         self.report = RealTimeReport()

@@ -104,8 +104,7 @@ def receive_batch(columns: Columns, ring: Ring, now: int) -> int:
         control = ring.rx_control[i]
         if ring.rx_vector[i, CONTROL_LENGTH] >= 32 and control[1] == TIMESTAMP_KIND:
             arrival = control[2] * 1_000_000_000 + control[3] + offset
-            if arrival > now:
-                arrival = now
+            arrival = min(arrival, now)
         columns.rx_ns[i] = arrival
     return count
 

@@ -194,7 +194,9 @@ class ChannelTable:
             code, offset = int(row.word_code[i]), int(row.word_offset[i])
             if code != WORD_NONE:
                 value = int(image.received[code >> 2])
-                data[offset : offset + 2] = ((value >> 16 if code & 3 == PART_HIGH else value) & 0xFFFF).to_bytes(2, "big")
+                data[offset : offset + 2] = ((value >> 16 if code & 3 == PART_HIGH else value) & 0xFFFF).to_bytes(
+                    2, "big"
+                )
         for i in range(int(row.iops_count)):
             data[int(row.iops_offset[i])] = int(row.iops)
         return bytes(data)

@@ -183,9 +183,7 @@ def receive(columns: Columns, count: int) -> None:
         if number < 0:
             engine.unknown += 1
             continue
-        _take(
-            engine, events, images, impairments, number, consumers[number], frame, length, start, columns.rx_ns[i]
-        )
+        _take(engine, events, images, impairments, number, consumers[number], frame, length, start, columns.rx_ns[i])
 
 
 @compiled

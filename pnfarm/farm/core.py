@@ -17,6 +17,7 @@ from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.fault_targets import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.table import engine_row
 from pnfarm.table.axis import FIRMWARE_PROFIDRIVE
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.faults.manager import FaultManager
     from pnfarm.links.base import Link, Port
 
 __all__ = ["Deadlines", "FarmCore", "Node", "uuid_source"]
@@ -138,6 +140,8 @@ class FarmCore:
         #: Called with (station, kind, now, value) for each event of the engine, after the station took it.
         self.listeners: list[Callable[[DriveStation, int, int, int], None]] = []
         self.events_lost = 0
+        #: Faults on the drives, once :func:`pnfarm.farm.fault_targets.attach_faults` gave the farm its manager.
+        self.faults: FaultManager | None = None
         for index, (config, port) in enumerate(zip(drives, ports, strict=True)):
             axis, image = self.columns.axis[index], self.columns.image[index]
             model = models(config)
@@ -176,8 +180,12 @@ class FarmCore:
         station = self._by_port.get(port)
         if station is None:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
+        if self.faults is not None:
+            self.faults.refresh(station.configured_name, now)
         station.receive(frame, now)
         self.settle(station, now)
+        if self.faults is not None:
+            self.faults.poke(station.configured_name, now)
 
     def settle(self, station: DriveStation, now: int) -> None:
         """Let a station finish what an input began, send its frames, note when it wants to be called."""
@@ -191,9 +199,16 @@ class FarmCore:
             station = self.stations[index]
             station.handle_timeout(now)
             self.settle(station, now)
+            if self.faults is not None:
+                self.faults.touch(station.configured_name)
+        if self.faults is not None:
+            self.faults.handle_timeout(now)
+            for happened in self.faults.events():
+                log_fault(self.log, happened)
 
     def next_deadline(self) -> int | None:
-        return self._deadlines.first()
+        deadlines = (self._deadlines.first(), self.faults.next_deadline() if self.faults is not None else None)
+        return min((due for due in deadlines if due is not None), default=None)
 
     # -- the engine's events -----------------------------------------------------------------------------------------
 

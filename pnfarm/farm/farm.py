@@ -21,10 +21,14 @@ from pnfarm.farm.config import FarmConfig, expand, load_farm
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
 from pnfarm.farm.config_model import TapLink as TapSection
 from pnfarm.farm.config_model import VethLink as VethSection
+from pnfarm.farm.config_known import catalogue
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.fault_targets import add_impairments, attach_faults
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
+from pnfarm.faults.catalogue import KINDS
+from pnfarm.faults.plan import FaultSpec
 from pnfarm.links.base import PortSpec
 from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
 from pnfarm.links.macvlan import MacvlanLink
@@ -33,11 +37,12 @@ from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from types import TracebackType
 
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.faults.manager import ActiveFault, FaultManager
     from pnfarm.links.base import Link
 
 __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
@@ -90,6 +95,13 @@ class DriveHandle:
 
         return drive_snapshot(self.farm.core, self.farm.core.station(self.name), time.monotonic_ns())
 
+    async def fault(self, kind: str, **fields: Any) -> ActiveFault:
+        """Put a fault in force on this drive: ``fault("loss", probability=0.1)``, ``fault("f702", **{"for": "2s"})``.
+
+        ``fields`` are those of :class:`FaultSpec`.  Raises :class:`ConfigError`.
+        """
+        return self.farm.add_fault({**fields, "kind": kind, "on": self.name})
+
 
 class Farm:
     """See the module's head.  Use as an asynchronous context manager, or ``open`` and ``close``."""
@@ -110,7 +122,7 @@ class Farm:
     @classmethod
     def from_file(cls, path: str | Path, **overrides: Any) -> Self:
         """A farm from its file; ``overrides`` as in :meth:`FarmConfig.with_overrides`."""
-        config = load_farm(path)
+        config = load_farm(path, catalogue(frozenset(KINDS)))
         return cls(config.with_overrides(overrides, origin="argument"))
 
     @property
@@ -128,6 +140,25 @@ class Farm:
     def drive(self, name: str) -> DriveHandle:
         self.core.station(name)
         return DriveHandle(self, name)
+
+    @property
+    def faults(self) -> FaultManager:
+        """Whoever changes something here calls :meth:`RealTimeDriver.poke` afterwards."""
+        if self.core.faults is None:
+            raise ConfigError("the farm is not running: use it inside `async with`")
+        return self.core.faults
+
+    def add_fault(self, fields: Mapping[str, Any]) -> ActiveFault:
+        """Put a fault in force; ``fields`` as in a scenario's ``fault:`` step.  Raises :class:`ConfigError`."""
+        fault = self.faults.add(FaultSpec.parse(fields), time.monotonic_ns())
+        self.driver.poke()
+        return fault
+
+    def clear_faults(self, fault_id: str | None = None) -> list[ActiveFault]:
+        """End one fault, or all of them; those that were ended.  Raises :class:`ConfigError` for an unknown id."""
+        cleared = self.faults.clear(fault_id, time.monotonic_ns())
+        self.driver.poke()
+        return cleared
 
     async def open(self) -> None:
         """Make the interfaces, power the drives on, start the engine.  On failure nothing is left behind."""
@@ -148,10 +179,12 @@ class Farm:
                 log=self.log,
                 seed=os.urandom(16),
             )
+            faults = attach_faults(self._core, time.monotonic_ns)
             for action in self.on_start:
                 action(self._core)
             self._driver = RealTimeDriver(self._core, realtime_settings(self.config))
             now = time.monotonic_ns()
+            add_impairments(faults, self.drives, now)
             self._core.start(now)
             await self._driver.start()
             self.started_ns = now

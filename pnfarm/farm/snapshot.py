@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.faults.manager import RunState
 from pnfarm.firmware.faults import NUMBER_MASK
-from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.channel import DISCARDS
 from pnfarm.wire.mac import format_mac
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.station import ArChannels, DriveStation
+    from pnfarm.faults.manager import FaultManager
+    from pnfarm.protocols.profinet.ar import CmdevState
 
 __all__ = [
     "NO_AR",
@@ -99,13 +101,12 @@ def discards(core: FarmCore, station: DriveStation) -> dict[str, int]:
     return total
 
 
-def injected_faults(core: FarmCore) -> Mapping[str, list[str]]:
-    """Ids of the faults in force, by drive; empty where no fault manager is attached to the core."""
-    manager = getattr(core, "faults", None)
+def injected_faults(manager: FaultManager | None) -> dict[str, list[str]]:
+    """Ids of the faults that wait or are in force, by drive."""
     found: dict[str, list[str]] = {}
-    if manager is not None:
-        for fault in manager.list():
-            for drive in fault.drives:
+    for fault in manager.list() if manager is not None else ():
+        for drive, run in fault.runs.items():
+            if run.state is not RunState.ENDED:
                 found.setdefault(drive, []).append(fault.id)
     return found
 
@@ -125,7 +126,7 @@ def drive_snapshot(
     sent, suppressed, received = _frames(core, station)
     address = station.dcp.address
     if injected is None:
-        injected = injected_faults(core)
+        injected = injected_faults(core.faults)
     return {
         "name": station.configured_name,
         "station_name": station.name,
@@ -162,16 +163,14 @@ def drive_snapshot(
         "position_revolutions": float(axis.position),
         "current_amperes": float(axis.current),
         "following_error_revolutions": float(axis.following_error),
-        "signalled_seconds_ago": (
-            (now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None
-        ),
+        "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
         "faults_injected": list(injected.get(station.configured_name, ())),
     }
 
 
 def farm_snapshot(core: FarmCore, now: int) -> dict[str, Any]:
     """The farm, its engine, and every drive in the farm file's order."""
-    injected = injected_faults(core)
+    injected = injected_faults(core.faults)
     return {
         "farm": core.name,
         "link": core.link.kind,

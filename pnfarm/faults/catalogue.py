@@ -10,12 +10,14 @@ occurrences, ``for`` a time or ``cycles`` of the connection.  What an occurrence
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.faults.words import Problem, did_you_mean, read_duration, shown
 from pnfarm.protocols.profinet.errors import AccessError, CmrpcError, ConnectFault, RtaError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 __all__ = ["KINDS", "FaultKind", "ParamSpec", "kind_named"]
 
@@ -52,7 +54,9 @@ class ParamSpec:
             case "fault":
                 return "a number, name or cause of the drive's model, such as 702 or undervoltage"
             case _:
-                bounds = f" from {self.low:g} to {self.high:g}" if self.low is not None and self.high is not None else ""
+                bounds = (
+                    f" from {self.low:g} to {self.high:g}" if self.low is not None and self.high is not None else ""
+                )
                 named = f", or one of {', '.join(self.words)}" if self.words else ""
                 return f"a {self.type}{bounds}{named}"
 
@@ -223,7 +227,9 @@ _ALL = (
         "link",
         {
             "period": ParamSpec("duration", "From one pull to the next.", default="1s"),
-            "down": ParamSpec("duration", "How long the cable is out each time; left out, half the period.", default=None),
+            "down": ParamSpec(
+                "duration", "How long the cable is out each time; left out, half the period.", default=None
+            ),
         },
         takes=frozenset({"count", "for"}),
     ),
@@ -279,7 +285,11 @@ _ALL = (
         "connect-refuse",
         {
             "code1": ParamSpec(
-                "whole number", "ErrorCode1: the block or machine.", default="cmrpc", words=_names(ConnectFault), **_OCTET
+                "whole number",
+                "ErrorCode1: the block or machine.",
+                default="cmrpc",
+                words=_names(ConnectFault),
+                **_OCTET,
             ),
             "code2": ParamSpec(
                 "whole number",

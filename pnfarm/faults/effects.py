@@ -8,6 +8,7 @@ once; ending undoes what it did.  Effects on frames are here; those on connectio
 from __future__ import annotations
 
 import hashlib
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.gate import GateRule, every_frame, is_dcp, is_rpc
@@ -78,7 +79,7 @@ class Window:
         self.after = after
 
 
-class Effect:
+class Effect(ABC):
     """The parts that every effect has; see the module's head."""
 
     #: Whether the effect itself lets ``after_cycles`` healthy frames pass, exact to the frame.
@@ -90,9 +91,9 @@ class Effect:
         self.values = spec.values()
         self.finished = False
 
+    @abstractmethod
     def begin(self, window: Window, now: int) -> None:
         """Put it in force.  Raises :class:`ConfigError`, with nothing changed, when this drive cannot do it."""
-        raise TypeError(f"{type(self).__name__} does not say how it begins")  # pragma: no cover - every kind does
 
     def check(self, now: int) -> None:
         """Something may have happened; sets ``finished`` once nothing more will."""
@@ -277,7 +278,9 @@ class TimeoutEffect(Effect):
             happens = self._chance.falls()
             self._chance.tally.note(now, happened=happens)
             if happens:
-                frames = Frames(self.spec.model_copy(update={"probability": None, "count": None}), self.target, ("out",))
+                frames = Frames(
+                    self.spec.model_copy(update={"probability": None, "count": None}), self.target, ("out",)
+                )
                 frames.begin(Window())
                 self._frames, self._keys = frames, standing
                 margin = self.values["margin"]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window
+from pnfarm.faults.effects import Chance, Effect, Tally, Window
 from pnfarm.protocols.profinet.errors import ErrorCode, PnioStatus, RecordError, pnio_error
 
 if TYPE_CHECKING:
@@ -50,11 +51,9 @@ class RefuseEffect(Effect):
         super().__init__(spec, target)
         self._chance = Chance(spec, target, spec.count)
         self._status = pnio_error(ErrorCode.CONNECT, self.values["code1"], self.values["code2"])
-        self._now = 0
 
     def begin(self, window: Window, now: int) -> None:
-        del window
-        self._now = now
+        del window, now
         self.target.hook_connect(self._asked)
 
     def _asked(self, now: int) -> PnioStatus | None:
@@ -112,19 +111,16 @@ class ReadyEffect(Effect):
         return self._chance.tally.seen
 
 
+@dataclass(frozen=True, slots=True)
 class _CountedError(RecordError):
     """A refusal that tells when it is given out."""
 
-    # RecordError is frozen and has slots; this one carries its listener besides
-    __slots__ = ("_given",)
-
-    def __init__(self, code1: int, code2: int, given: Callable[[], None]) -> None:
-        super().__init__(code1, code2)
-        object.__setattr__(self, "_given", given)
+    given: Callable[[], None] = field(kw_only=True)
 
     def status(self, service: int) -> PnioStatus:
-        self._given()
-        return super().status(service)
+        self.given()
+        # a dataclass with slots is made twice, so that a bare super() would look for the first
+        return RecordError.status(self, service)
 
 
 class RecordErrorEffect(Effect):
@@ -135,7 +131,7 @@ class RecordErrorEffect(Effect):
         self._tally = Tally()
         self._given = 0
         self._in_force = False
-        self._error = _CountedError(self.values["code"], self.values["code2"], self._refused)
+        self._error = _CountedError(self.values["code"], self.values["code2"], given=self._refused)
 
     def begin(self, window: Window, now: int) -> None:
         del window, now

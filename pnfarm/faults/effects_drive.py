@@ -8,7 +8,6 @@ from pnfarm.faults.effects import Effect, Tally, Window
 from pnfarm.faults.words import FaultError
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Fault
     from pnfarm.faults.plan import FaultSpec
     from pnfarm.faults.target import Evidence, FaultTarget
 
@@ -70,7 +69,13 @@ class DriveFaultEffect(_Shown):
         self._count = 0
         if self._fault.warning:
             raise FaultError(
-                [("params.fault", f"{self._fault.number} is a warning of this drive", "a fault; drive-warning raises warnings")]
+                [
+                    (
+                        "params.fault",
+                        f"{self._fault.number} is a warning of this drive",
+                        "a fault; drive-warning raises warnings",
+                    )
+                ]
             )
 
     def begin(self, window: Window, now: int) -> None:
@@ -128,7 +133,13 @@ class WarningEffect(_Shown):
         self._showing = False
         if not self._warning.warning:
             raise FaultError(
-                [("params.warning", f"{self._warning.number} is a fault of this drive", "a warning; drive-fault raises faults")]
+                [
+                    (
+                        "params.warning",
+                        f"{self._warning.number} is a fault of this drive",
+                        "a warning; drive-fault raises faults",
+                    )
+                ]
             )
 
     def begin(self, window: Window, now: int) -> None:

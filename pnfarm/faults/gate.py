@@ -6,7 +6,6 @@ the drive.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.target import Evidence, Way
@@ -15,7 +14,7 @@ from pnfarm.links.impair import SplitMix64
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
 

@@ -22,6 +22,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
+from pnfarm.faults.catalogue import KINDS
 from pnfarm.faults.effects import Effect, FramesEffect, LinkEffect, TimeoutEffect, Window
 from pnfarm.faults.effects_connection import AbortEffect, BusyEffect, ReadyEffect, RecordErrorEffect, RefuseEffect
 from pnfarm.faults.effects_drive import DriveFaultEffect, PowerCycleEffect, WarningEffect
@@ -140,6 +141,11 @@ class ActiveFault:
     runs: dict[str, DriveRun] = field(default_factory=dict)
 
     @property
+    def drives(self) -> tuple[str, ...]:
+        """Names of the drives that it is on."""
+        return tuple(self.runs)
+
+    @property
     def state(self) -> RunState:
         """Active while it is on any drive, ended once it is on all."""
         states = {run.state for run in self.runs.values()}
@@ -210,8 +216,8 @@ class FaultManager:
     def add(self, spec: FaultSpec, now: int) -> ActiveFault:
         """Put a fault in force, or let it wait for its start.
 
-        Raises :class:`ConfigError`, with nothing changed on any drive, when no drive is meant, one of them cannot do it,
-        or its name is taken.
+        Raises :class:`ConfigError`, with nothing changed on any drive, when no drive is meant, when one of them cannot
+        do it, or when its name is taken.
         """
         if spec.seed is None and "seed" in spec.about.takes:
             # kept in the spec, so that the run can be had again
@@ -253,10 +259,6 @@ class FaultManager:
             self._retire(fault)
         return chosen
 
-    def list(self) -> list[ActiveFault]:
-        """Faults that wait or are in force, oldest first."""
-        return list(self._faults.values())
-
     def get(self, fault_id: str) -> ActiveFault:
         """One fault, also one that ended not long ago; raises :class:`ConfigError` for an unknown id."""
         if fault_id in self._faults:
@@ -265,6 +267,11 @@ class FaultManager:
             if fault.id == fault_id:
                 return fault
         return self._active(fault_id)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Every kind that can be put in force."""
+        return tuple(KINDS)
 
     def of_drive(self, name: str) -> list[ActiveFault]:
         """What waits or is in force on one drive."""
@@ -281,18 +288,16 @@ class FaultManager:
     def active(self) -> dict[str, int]:
         """kind -> drives on which it is in force."""
         states = (
-            fault.spec.kind
-            for runs in self._by_drive.values()
-            for fault, run in runs
-            if run.state is RunState.ACTIVE
+            fault.spec.kind for runs in self._by_drive.values() for fault, run in runs if run.state is RunState.ACTIVE
         )
         return dict(Counter(states))
 
     # what the farm tells
 
-    def concerns(self, name: str) -> bool:
-        """Whether anything waits or is in force on this drive."""
-        return name in self._by_drive
+    def refresh(self, name: str, now: int) -> None:
+        """A frame is about to be given to this drive, which may have rebooted."""
+        if name in self._by_drive:
+            self._targets[name].refresh(now)
 
     def poke(self, name: str, now: int) -> None:
         """Something happened on this drive, and is settled: look at its faults."""
@@ -341,7 +346,9 @@ class FaultManager:
         fault = self._faults.get(fault_id)
         if fault is None:
             known = ", ".join(self._faults) or "none is in force"
-            raise ConfigError(f"there is no fault {fault_id!r}{did_you_mean(fault_id, self._faults)}; there are: {known}")
+            raise ConfigError(
+                f"there is no fault {fault_id!r}{did_you_mean(fault_id, self._faults)}; there are: {known}"
+            )
         return fault
 
     def _look(self, fault: ActiveFault, run: DriveRun, now: int) -> None:
@@ -460,3 +467,8 @@ class FaultManager:
             return now + WAIT_NS
         missing = spec.after_cycles - (run.target.cycles() - run.cycles_before)
         return now + max(1, missing) * connection.cycle_ns
+
+    # last, because the name hides the type in the annotations behind it
+    def list(self) -> list[ActiveFault]:
+        """Faults that wait or are in force, oldest first."""
+        return list(self._faults.values())

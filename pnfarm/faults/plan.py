@@ -7,14 +7,33 @@ in it is told field by field.
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterable, Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, ValidationError, WithJsonSchema, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from pnfarm.faults.catalogue import KINDS, FaultKind, kind_named
-from pnfarm.faults.words import DURATION_PATTERN, FaultError, Problem, did_you_mean, read_duration, shown
+from pnfarm.faults.words import (
+    DURATION_PATTERN,
+    FaultError,
+    Problem,
+    did_you_mean,
+    format_duration,
+    read_duration,
+    shown,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
 
 __all__ = ["FaultSpec", "matching"]
 
@@ -31,7 +50,6 @@ _ALLOWED = {
 }
 
 
-
 def _custom(problem: Problem) -> PydanticCustomError:
     # the text goes in as a value, because pydantic reads braces in a template
     return PydanticCustomError("pnfarm", "{what}", {"what": problem.what, "allowed": problem.allowed})
@@ -44,11 +62,11 @@ def _kind(value: Any) -> str:
         raise _custom(problem) from problem
 
 
-def _globs(value: Any) -> tuple[str, ...]:
+def _globs(value: Any) -> list[str]:
     globs = [value] if isinstance(value, str) else value
     if not isinstance(globs, (list, tuple)) or not globs or not all(isinstance(item, str) and item for item in globs):
         raise _custom(Problem(f"is {shown(value)}", _ALLOWED["on"]))
-    return tuple(globs)
+    return list(globs)
 
 
 def _duration(value: Any) -> int:
@@ -60,18 +78,19 @@ def _duration(value: Any) -> int:
 
 Kind = Annotated[str, PlainValidator(_kind), WithJsonSchema({"type": "string", "enum": list(KINDS)})]
 Globs = Annotated[
-    tuple[str, ...],
+    list[str],
     PlainValidator(_globs),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
 ]
 Duration = Annotated[
     int,
     PlainValidator(_duration),
-    PlainSerializer(lambda ns: f"{ns}ns", return_type=str),
+    PlainSerializer(format_duration, return_type=str, when_used="unless-none"),
     WithJsonSchema({"type": "string", "pattern": DURATION_PATTERN}),
 ]
 Params = Annotated[
-    dict[str, Any], WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string", "boolean"]}})
+    dict[str, Any],
+    WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string", "boolean"]}}),
 ]
 
 
@@ -150,7 +169,10 @@ def _misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
         known = kind.params.get(name)
         if known is None:
             allowed = ", ".join(kind.params) or f"none: {kind.name} has no parameters"
-            yield f"params.{name}", Problem(f"{kind.name} has no such parameter{did_you_mean(name, kind.params)}", allowed)
+            yield (
+                f"params.{name}",
+                Problem(f"{kind.name} has no such parameter{did_you_mean(name, kind.params)}", allowed),
+            )
             continue
         try:
             known.read(value)
@@ -168,7 +190,10 @@ def _misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
     }
     for name, common in given.items():
         if common is not None and name not in kind.takes:
-            yield name, Problem(f"means nothing for {kind.name}", ", ".join(("after", "after_cycles", *sorted(kind.takes))))
+            yield (
+                name,
+                Problem(f"means nothing for {kind.name}", ", ".join(("after", "after_cycles", *sorted(kind.takes)))),
+            )
     if spec.direction is not None and spec.direction not in kind.directions:
         allowed = ", ".join(kind.directions) or f"none: {kind.name} has no direction"
         yield "direction", Problem(f"is {shown(spec.direction)}", allowed)
@@ -189,7 +214,10 @@ def _flap_misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
     if period < 2:
         yield "params.period", Problem(f"is {shown(spec.params['period'])}", "a duration above zero")
     elif down is not None and not 0 < down < period:
-        yield "params.down", Problem(f"is {shown(spec.params['down'])}", "a duration above zero and shorter than the period")
+        yield (
+            "params.down",
+            Problem(f"is {shown(spec.params['down'])}", "a duration above zero and shorter than the period"),
+        )
 
 
 def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
@@ -206,9 +234,7 @@ def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
     return field, f"is {shown(error.get('input'))}", _ALLOWED.get(field.split(".", maxsplit=1)[0], error["msg"])
 
 
-def matching(
-    globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]
-) -> list[str]:
+def matching(globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> list[str]:
     """The drives that the globs mean, in their order; ``drives``: name -> (names it answers to, names of its model).
 
     Raises :class:`FaultError` for a glob that means none.
@@ -237,5 +263,3 @@ def _no_drive(glob: str, drives: Mapping[str, tuple[tuple[str, ...], tuple[str, 
         known = sorted({name for _, models in drives.values() for name in models})
         return f"no drive is of model {model!r}{did_you_mean(model, known)}; there are {', '.join(known)}"
     return f"no drive matches {glob!r}{did_you_mean(glob, drives)}"
-
-

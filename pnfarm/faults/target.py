@@ -6,11 +6,12 @@ Every method that changes something has one that undoes it, and both may be call
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.drives.model import Fault
     from pnfarm.faults.gate import GateRule
     from pnfarm.protocols.profinet.errors import PnioStatus, RecordError
@@ -22,7 +23,10 @@ Way = Literal["in", "out"]
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What a fault did: occurrences that were possible, those that happened, when (ns, None: never), seen on the wire."""
+    """What a fault did: occurrences that were possible, those that happened, when (ns, None: never).
+
+    ``confirmed``: it was seen on the wire.
+    """
 
     checks: int = 0
     activations: int = 0

@@ -12,7 +12,7 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["DURATION_PATTERN", "FaultError", "Problem", "did_you_mean", "read_duration", "shown"]
+__all__ = ["DURATION_PATTERN", "FaultError", "Problem", "did_you_mean", "format_duration", "read_duration", "shown"]
 
 _UNITS_NS = {
     "ns": 1,
@@ -45,7 +45,10 @@ class FaultError(ConfigError):
     def __init__(self, issues: Iterable[tuple[str, str, str]]) -> None:
         self.issues = tuple(issues)
         super().__init__(
-            "\n".join(f"fault.{field}: {what}" + (f"; allowed: {allowed}" if allowed else "") for field, what, allowed in self.issues)
+            "\n".join(
+                f"fault.{field}: {what}" + (f"; allowed: {allowed}" if allowed else "")
+                for field, what, allowed in self.issues
+            )
         )
 
 
@@ -75,3 +78,11 @@ def read_duration(value: object) -> int:
     if duration != int(duration) or duration > MAX_DURATION_NS:
         raise Problem(f"{shown(value)} is out of range", allowed + ", in whole nanoseconds")
     return int(duration)
+
+
+def format_duration(duration_ns: int) -> str:
+    """Nanoseconds as :func:`read_duration` takes them back: ``2s``, ``31.25us``."""
+    for unit in ("s", "ms", "us"):
+        if duration_ns >= _UNITS_NS[unit]:
+            return f"{Decimal(duration_ns) / _UNITS_NS[unit]:f}{unit}"
+    return f"{duration_ns}ns"

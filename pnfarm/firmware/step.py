@@ -114,10 +114,9 @@ def step(axis: Any, image: Any, now: int) -> None:
     standing = abs(axis.velocity) <= axis.standstill and axis.ramp == 0.0
     advance(axis, conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS))
 
-    if elapsed > 1_000_000_000:
-        elapsed = 1_000_000_000
+    elapsed = min(elapsed, 1_000_000_000)
     while elapsed > 0:
-        part = MOTOR_STEP_NS if elapsed > MOTOR_STEP_NS else elapsed
+        part = min(elapsed, MOTOR_STEP_NS)
         elapsed -= part
         seconds = part * 1e-9
         velocity_command(axis, seconds)

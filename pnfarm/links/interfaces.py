@@ -217,6 +217,15 @@ class Interfaces:
             self._start(farm, ports, wanted, "")
         return [VethPair(port, peer) for port, peer in zip(ports, peers, strict=True)]
 
+    def create_cable(self, near: str, far: str) -> None:
+        """A plain veth pair of these names, both ends up: a wire inside a namespace of one's own.  Belongs to no farm."""
+        self._add(f"veth {near}", ifname=near, kind="veth", peer=far)
+        bring_up([self.find(name, "veth").index for name in (near, far)])
+
+    def remove_cable(self, near: str) -> None:
+        """Take a pair of :meth:`create_cable` away."""
+        self._route.link("del", index=self.find(near, "veth").index)
+
     def create_bridge(self, farm: str) -> Port:
         """A plain bridge ``pf<hash>-br`` of the farm's own: no spanning tree, no snooping, passes LLDP."""
         name = bridge_name(farm)

@@ -7,7 +7,7 @@ another thread (:meth:`Scrape.text`).  :class:`FarmCollector` is also a collecto
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
@@ -15,6 +15,7 @@ from prometheus_client.registry import Collector
 
 from pnfarm import __version__
 from pnfarm.farm.snapshot import ar_state
+from pnfarm.faults.catalogue import KINDS
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.metrics.families import Family, Histogram, Values
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.station import DriveStation
 
+#: Counts by the values of a family's labels.
+Counts: TypeAlias = "dict[tuple[str, ...], int]"
+
 __all__ = ["AR_STATES", "FarmCollector", "FaultCounts", "Scrape"]
 
 #: ``pnfarm_ar_state`` by number; 0 is "no connection".
@@ -44,13 +48,8 @@ USUAL_ABORTS = ("consumer-dht-expired", "cmi-timeout", "re-run-aborts-existing",
 class FaultCounts(Protocol):
     """What the metrics ask of whoever injects faults."""
 
-    @property
-    def kinds(self) -> Sequence[str]:
-        """Every kind that can be injected."""
-        ...
-
     def active(self) -> Mapping[str, int]:
-        """Faults in force, by kind."""
+        """Drives on which a fault is in force, by its kind."""
         ...
 
     def activations(self) -> Mapping[tuple[str, str], int]:
@@ -87,7 +86,7 @@ class FarmCollector(Collector):
         self._lock = threading.Lock()
         self._recovery = Recovery(core)
         self._names = [station.configured_name for station in core.stations]
-        self._families()
+        self._families(faults)
         #: The process's own metrics (CPU, memory, open files), beside the farm's.
         self.process = CollectorRegistry()
         ProcessCollector(registry=self.process)
@@ -110,7 +109,7 @@ class FarmCollector(Collector):
             family.add(drive)
         return family
 
-    def _families(self) -> None:
+    def _families(self, faults: FaultCounts | None) -> None:
         drive = self._per_drive
         self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
         self._build.add(__version__)
@@ -175,11 +174,13 @@ class FarmCollector(Collector):
         self._overruns = Family(
             "pnfarm_engine_overruns_total", "counter", "Ticks so late that at least one frame's cycle was skipped."
         )
-        self._faults_active = Family("pnfarm_faults_active", "gauge", "Injected faults in force, by kind.", ("kind",))
+        self._faults_active = Family(
+            "pnfarm_faults_active", "gauge", "Drives on which a fault of this kind is in force.", ("kind",)
+        )
         self._activations = Family(
             "pnfarm_fault_activations_total", "counter", "Times that an injected fault acted.", ("kind", "drive")
         )
-        for kind in self._faults.kinds if self._faults is not None else ():
+        for kind in KINDS if faults is not None else ():
             self._faults_active.add(kind)
             for name in self._names:
                 self._activations.add(kind, name)
@@ -210,9 +211,10 @@ class FarmCollector(Collector):
             (self._overruns, engine["overruns"].tolist()),
         ]
         if self._faults is not None:
-            active = {(kind,): number for kind, number in self._faults.active().items()}
+            active: Counts = {(kind,): number for kind, number in self._faults.active().items()}
+            activations: Counts = dict(self._faults.activations().items())
             parts.append((self._faults_active, self._labelled(self._faults_active, active)))
-            parts.append((self._activations, self._labelled(self._activations, self._faults.activations())))
+            parts.append((self._activations, self._labelled(self._activations, activations)))
         return Scrape(parts, self._lock)
 
     def collect(self) -> Iterator[Metric]:
@@ -224,7 +226,7 @@ class FarmCollector(Collector):
         return generate_latest(self.process)
 
     @staticmethod
-    def _labelled(family: Family, counts: Mapping[tuple[str, ...], int]) -> list[float]:
+    def _labelled(family: Family, counts: Counts) -> list[float]:
         """Counts in the order of the family's series; a series that is new is made."""
         places = [(family.add(*labels), number) for labels, number in counts.items()]
         values: list[float] = [0] * len(family)
@@ -232,7 +234,7 @@ class FarmCollector(Collector):
             values[place] = number
         return values
 
-    def _fault_counts(self) -> dict[tuple[str, ...], int]:
+    def _fault_counts(self) -> Counts:
         return {
             (station.configured_name, str(number)): count
             for station in self._core.stations
@@ -242,7 +244,7 @@ class FarmCollector(Collector):
     def _connections(self, stations: Sequence[DriveStation]) -> list[tuple[Family, Values]]:
         states: list[float] = []
         cycles: list[float] = []
-        aborts: dict[tuple[str, ...], int] = {}
+        aborts: Counts = {}
         for station in stations:
             state = ar_state(station) if station.powered else None
             states.append(AR_STATES[state] if state is not None else 0)
@@ -284,7 +286,7 @@ class FarmCollector(Collector):
         np.add.at(intervals, drive, consumers["intervals"][live])
         np.add.at(interval_sums, drive, consumers["interval_sum_ns"][live])
         np.add.at(discarded, drive, consumers["discarded"][live])
-        by_reason: dict[tuple[str, ...], int] = {}
+        by_reason: Counts = {}
         for station, cyclic in zip(stations, discarded.tolist(), strict=True):
             name = station.configured_name
             for reason, dropped in station.discards().items():

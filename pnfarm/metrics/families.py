@@ -82,8 +82,7 @@ class Family:
         name = self.name.removesuffix("_total") if self.kind == "counter" else self.name
         metric = Metric(name, self.documentation, self.kind)
         metric.samples = [
-            Sample(sample, labels, float(value))
-            for (sample, labels), value in zip(self._places, values, strict=False)
+            Sample(sample, labels, float(value)) for (sample, labels), value in zip(self._places, values, strict=False)
         ]
         return metric
 

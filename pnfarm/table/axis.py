@@ -61,8 +61,16 @@ AXIS = Layout(
         Field("velocity_window", "f8", "rpm", "parameter", "ZSW1.8 and ZSW1.10: how near is on target"),
         Field("standstill", "f8", "rpm", "parameter", "below this the axis stands (CS.VTHRESH)"),
         Field("position_step", "f8", "rev", "parameter", "one increment of the position signals"),
-        Field("loss_fault", "u4", "", "parameter", "fault raised when cyclic data is lost (number | reaction << 24), 0 = none"),
-        Field("stop_fault", "u4", "", "parameter", "fault raised when the controller goes to STOP, coded alike, 0 = none"),
+        Field(
+            "loss_fault",
+            "u4",
+            "",
+            "parameter",
+            "fault raised when cyclic data is lost (number | reaction << 24), 0 = none",
+        ),
+        Field(
+            "stop_fault", "u4", "", "parameter", "fault raised when the controller goes to STOP, coded alike, 0 = none"
+        ),
         Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
         Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006"),
         Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007"),
@@ -80,7 +88,9 @@ AXIS = Layout(
         Field("ramp", "f8", "rpm", "firmware", "velocity command behind the ramp generator (VL.CMD)"),
         Field("fault_code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
         Field("fault_held", "u4", "", "firmware", "faults whose cause is still there", (FAULT_SLOTS,)),
-        Field("fault_buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)),
+        Field(
+            "fault_buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)
+        ),
         Field("fault_counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
         Field("image_valid", "u1", "", "firmware", "validity of the set points as the last step saw it"),

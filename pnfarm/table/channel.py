@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pnfarm.table.layout import Field, Layout
 
-__all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_EDGES_NS", "INTERVAL_BUCKETS", "MAX_IOPS", "MAX_WORDS", "PPM"]
+__all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_BUCKETS", "INTERVAL_EDGES_NS", "MAX_IOPS", "MAX_WORDS", "PPM"]
 
 #: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up.
 FRAME_SLOT = 1536
@@ -92,10 +92,18 @@ CPM = Layout(
         Field("port", "i4", "", "station", "where it comes in"),
         Field("frame_id", "u2", "", "station", ""),
         Field("source", "i8", "", "station", "the only sender accepted: MAC as a 48-bit number"),
-        Field("data_length", "u2", "octets", "station", "IO data between frame id and cycle counter, as agreed in the IOCR"),
+        Field(
+            "data_length",
+            "u2",
+            "octets",
+            "station",
+            "IO data between frame id and cycle counter, as agreed in the IOCR",
+        ),
         Field("words", "u1", "", "station", "telegram words in the frame"),
         Field("word_code", "u1", "", "station", "slot * 4 + part of each word", (MAX_WORDS,)),
-        Field("word_offset", "u2", "octets", "station", "each word's place, from the first octet of IO data", (MAX_WORDS,)),
+        Field(
+            "word_offset", "u2", "octets", "station", "each word's place, from the first octet of IO data", (MAX_WORDS,)
+        ),
         Field("iops_count", "u1", "", "station", "provider status octets"),
         Field("iops_offset", "u2", "octets", "station", "place of each, from the first octet of IO data", (MAX_IOPS,)),
         Field("generation", "u4", "", "station", "counts the row's uses, so that an old event is told from a new one"),
@@ -110,7 +118,9 @@ CPM = Layout(
         Field("received", "i8", "frames", "receive", "valid frames"),
         Field("discarded", "i8", "frames", "receive", "dropped frames by reason (DISCARDS)", (len(DISCARDS),)),
         Field("expirations", "i8", "", "receive", "data hold timer ran out"),
-        Field("intervals", "i8", "frames", "receive", "histogram of the time between valid frames", (INTERVAL_BUCKETS,)),
+        Field(
+            "intervals", "i8", "frames", "receive", "histogram of the time between valid frames", (INTERVAL_BUCKETS,)
+        ),
         Field("interval_sum_ns", "i8", "ns", "receive", "sum of all intervals"),
     ],
 )

@@ -25,7 +25,14 @@ IMAGE = Layout(
         Field("received", "i4", "", "receive", "signals that the peer sends", (SLOTS,)),
         Field("valid", "u1", "", "receive", "1 while a peer in RUN sends them with good status"),
         Field("lost", "u1", "", "receive", "why they are not valid: LOST_* below"),
-        Field("sent", "i4", "", "firmware", "signals that this station sends (a controller's are written by its program)", (SLOTS,)),
+        Field(
+            "sent",
+            "i4",
+            "",
+            "firmware",
+            "signals that this station sends (a controller's are written by its program)",
+            (SLOTS,),
+        ),
         Field("good", "u1", "", "station", "1 = own IOPS is GOOD"),
     ],
 )

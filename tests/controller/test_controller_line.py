@@ -3,8 +3,6 @@
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.controller.session import SessionState
-
 
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
 def test_controller_finds_addresses_connects_and_runs_a_drive(startup):

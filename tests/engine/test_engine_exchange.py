@@ -34,7 +34,9 @@ def test_a_controller_brings_a_drive_to_its_speed():
     assert [value & 0xFF for _, value in pair.seen("state_changed")] == [1, 2, 3, 4]
 
 
-@pytest.mark.parametrize(("factor", "ratio"), [(8, 1), (16, 1), (32, 1), (64, 2), (32, 16), (128, 4), (3, 1), (48, 1), (32, 512)])
+@pytest.mark.parametrize(
+    ("factor", "ratio"), [(8, 1), (16, 1), (32, 1), (64, 2), (32, 16), (128, 4), (3, 1), (48, 1), (32, 512)]
+)
 def test_every_send_clock_and_reduction_ratio_keeps_its_period_exactly(factor, ratio):
     pair = Pair(drives=2, factor=factor, ratio=ratio, hold=8)
     pair.run(max(0.005, pair.cycle_ns * 2e-9))
@@ -224,7 +226,9 @@ def test_a_full_table_says_so():
         channels.open_provider(plan)
 
 
-@pytest.mark.parametrize(("words", "iops"), [([(0, 39)], [4]), ([(0, -1)], [4]), ([(0, 0)], [40]), ([(0, 0)] * 33, [4]), ([(0, 0)], [1] * 5)])
+@pytest.mark.parametrize(
+    ("words", "iops"), [([(0, 39)], [4]), ([(0, -1)], [4]), ([(0, 0)], [40]), ([(0, 0)] * 33, [4]), ([(0, 0)], [1] * 5)]
+)
 def test_offsets_outside_of_the_data_are_refused_before_compiled_code_sees_them(words, iops):
     channels = ChannelTable(allocate(stations=1, channels=1))
     with pytest.raises(InternalError):

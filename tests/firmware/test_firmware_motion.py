@@ -180,7 +180,8 @@ def test_result_does_not_depend_on_how_often_the_firmware_is_stepped(step_ms):
 
 
 @pytest.mark.parametrize(
-    ("value", "target", "expected"), [(0, 100, 10), (100, 0, 95), (-100, 0, -95), (3, -100, -4), (95, 100, 100), (-3, 100, 4)]
+    ("value", "target", "expected"),
+    [(0, 100, 10), (100, 0, 95), (-100, 0, -95), (3, -100, -4), (95, 100, 100), (-3, 100, 4)],
 )
 def test_ramp_step_grows_with_up_and_shrinks_with_down(value, target, expected):
     assert approach(float(value), float(target), 10.0, 5.0, 1.0) == pytest.approx(expected)

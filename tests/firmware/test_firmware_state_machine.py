@@ -4,8 +4,14 @@ import pytest
 from bench_axis import BenchAxis
 
 from pnfarm.firmware.state_machine import PRIORITY, S5_FAULT, TRANSITIONS
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
-from pnfarm.table.axis import REACTION_QUICK_STOP
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_HOLD_FAULT,
+    CMD_POWER_ON,
+    CMD_RAISE_FAULT,
+    CMD_RELEASE_FAULT,
+    REACTION_QUICK_STOP,
+)
 from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 
 READY, INHIBITED = 0x0001, 0x0040

@@ -123,10 +123,10 @@ class Worker:
             raise AssertionError(f"{answer['error']}\n{self.complaints}")
         return answer["ok"]
 
-    def ask(self, verb, /, seconds=40.0, **arguments):
+    def ask(self, verb, /, patience=40.0, **arguments):
         self._process.stdin.write(json.dumps({"do": verb, **arguments}) + "\n")
         self._process.stdin.flush()
-        return self._answer(seconds)
+        return self._answer(patience)
 
     def until(self, condition, what, seconds=10.0, **arguments):
         """Asks until ``condition`` of the answer holds; the answer."""

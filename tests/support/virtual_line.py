@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-from ipaddress import IPv4Interface
 
-from pnfarm.controller.core import ControllerCore
-from pnfarm.controller.plan import plan_devices
+from pnfarm.controller import line as controller_line
 from pnfarm.drives.memory import VolatileMemory
-from pnfarm.farm.config import controller_mac, expand, parse_farm
-from pnfarm.farm.core import FarmCore
+from pnfarm.farm.config import parse_farm
 from pnfarm.farm.event_log import EventLog
-from pnfarm.farm.farm import model_of
-from pnfarm.farm.virtual import VirtualWorld
-from pnfarm.links.base import PortSpec
 
 FILE = """
 farm: virtual
@@ -40,34 +34,22 @@ class VirtualLine:
     """``run`` seconds; look at ``farm`` and ``plc``."""
 
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
-                 startup: str = "legacy", telegram: int = 1, controller: bool = True) -> None:  # fmt: skip
-        text = FILE.format(drives=drives, cycle=cycle, limits=limits, watchdog=watchdog, startup=startup, telegram=telegram)
-        self.config = parse_farm(text)
-        self.drives = expand(self.config)
-        self.world = VirtualWorld()
-        self.memory = VolatileMemory()
+                 startup: str = "legacy", telegram: int = 1, controller: bool = True,
+                 memory: VolatileMemory | None = None) -> None:  # fmt: skip
+        text = FILE.format(
+            drives=drives, cycle=cycle, limits=limits, watchdog=watchdog, startup=startup, telegram=telegram
+        )
+        if not controller:
+            text = text[: text.index("controller:")]
+        self.memory = memory or VolatileMemory()
         self.log = EventLog(quiet=True)
         self.plc_log = EventLog(quiet=True)
-        link = self.world.link()
-        ports = asyncio.run(link.open([PortSpec(drive.name, drive.mac) for drive in self.drives]))
-        self.farm = FarmCore(
-            "virtual", self.drives, model_of, link, ports, memory=self.memory, log=self.log, seed=b"farm"
+        line = asyncio.run(
+            controller_line.VirtualLine.create(parse_farm(text), memory=self.memory, log=self.log, plc_log=self.plc_log)
         )
-        self.world.join(self.farm, ports)
-        self.farm.start(self.world.now)
+        self.world, self.farm, self.farm_link = line.world, line.farm, line.farm_link
         if controller:
-            section = self.config.controller
-            assert section is not None
-            plc_link = self.world.link()
-            mac = controller_mac(self.config)
-            assert mac is not None
-            (port,) = asyncio.run(plc_link.open([PortSpec("plc", mac)]))
-            plans = plan_devices(section, self.drives, [model_of(drive) for drive in self.drives])
-            self.plc = ControllerCore(
-                "plc", plans, plc_link, port, ip=IPv4Interface("10.77.1.250/23"), log=self.plc_log, seed=b"plc"
-            )
-            self.world.join(self.plc, [port])
-            self.plc.start(self.world.now)
+            self.plc = line.plc
 
     def run(self, seconds: float) -> None:
         self.world.run(seconds)

@@ -16,14 +16,18 @@ DRIVE_MAC = 0x02_00_00_00_00_00
 CONTROLLER_MAC = 0x02_00_00_01_00_00
 CONTROLLER_PORT = 1
 EVENT_NAMES = {
-    value: name.lower() for name, value in vars(engine_row).items() if name.isupper() and isinstance(value, int) and value < 20
+    value: name.lower()
+    for name, value in vars(engine_row).items()
+    if name.isupper() and isinstance(value, int) and value < 20
 }
 
 
 class Pair:
     """``run`` virtual time; ``events`` lists (side, kind, row, value) since the start."""
 
-    def __init__(self, drives: int = 1, *, factor: int = 32, ratio: int = 1, hold: int = 3, speed: float = 60.0) -> None:
+    def __init__(
+        self, drives: int = 1, *, factor: int = 32, ratio: int = 1, hold: int = 3, speed: float = 60.0
+    ) -> None:
         self.drives = drives
         self.farm = allocate(stations=drives, axes=drives, channels=drives * 2, impairments=drives * 4)
         self.controller = allocate(stations=drives, programs=drives, channels=drives * 2)

@@ -1,0 +1,346 @@
+"""All drives of a farm, the engine, and how the controller copes."""
+
+from __future__ import annotations
+
+from panels import (
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    Board,
+    Json,
+    color,
+    heatmap,
+    link,
+    override,
+    stat,
+    state_timeline,
+    table,
+    target,
+    targets,
+    thresholds,
+    timeseries,
+    value_names,
+    zero_is,
+)
+from words import (
+    BY_LABEL,
+    CONNECTIONS,
+    DATA,
+    DRIVE_UID,
+    FARM_UID,
+    LATENESS,
+    NONE_IS_GOOD,
+    RATE,
+    STATES,
+    TO_DRIVE,
+    annotations,
+    farm,
+    farm_variable,
+    mean,
+    quantile,
+)
+
+
+def farm_overview() -> Json:
+    """All drives of a farm, the engine, and how the controller copes."""
+    board = Board(
+        FARM_UID,
+        "pnfarm: farm overview",
+        "All drives of a farm: who runs, who does not and why, how regular the controller is, how late the farm.",
+        ["pnfarm", "profinet"],
+    )
+    farm_variable(board)
+    annotations(board, of_drive=False)
+    board.dashboard_link("One drive", f"/d/{DRIVE_UID}")
+    _overview_now(board)
+    _overview_drives(board)
+    _overview_wire(board)
+    _overview_controller(board)
+    _overview_engine(board)
+    return board.json
+
+
+def _overview_now(board: Board) -> None:
+    count = f"count({farm('pnfarm_axis_state')})"
+    operating = f"sum({farm('pnfarm_axis_state')} == bool 4)"
+    connected = f"sum({farm('pnfarm_ar_state')} == bool {DATA})"
+    board.row("Now")
+    board.add(stat("Drives", [target(count)], "Drives of the farm, powered or not."), 3, 4)
+    share = thresholds((None, RED), (0.5, ORANGE), (1, GREEN))
+    board.add(
+        stat(
+            "Exchanging data",
+            [target(f"{connected} / {count}")],
+            "Share of the drives whose connection is in DATA.",
+            unit="percentunit",
+            steps=share,
+            decimals=0,
+        ),
+        4,
+        4,
+    )
+    board.add(
+        stat(
+            "In operation",
+            [target(f"{operating} / {count}")],
+            "Share of the drives in S4.",
+            unit="percentunit",
+            steps=share,
+            decimals=0,
+        ),
+        4,
+        4,
+    )
+    board.add(
+        stat(
+            "With a fault",
+            [target(f"sum({farm('pnfarm_axis_fault_active')} > bool 0)")],
+            "Drives with an active fault, injected or their own.",
+            steps=NONE_IS_GOOD,
+        ),
+        3,
+        4,
+    )
+    board.add(
+        stat(
+            "Injected faults",
+            [target(f"sum({farm('pnfarm_faults_active')})")],
+            "Injected faults in force.",
+            steps=thresholds((None, GREEN), (1, PURPLE)),
+            no_value="0",
+        ),
+        3,
+        4,
+    )
+    board.add(
+        stat(
+            "Engine late, p99",
+            [target(quantile(0.99, farm("pnfarm_engine_lateness_seconds_bucket")))],
+            "How late 99 of 100 ticks of the farm's engine begin at most. When this is high, distrust the rest.",
+            unit="s",
+            steps=LATENESS,
+            decimals=0,
+            sparkline=True,
+        ),
+        4,
+        4,
+    )
+    board.add(
+        stat(
+            "Version", [target(farm("pnfarm_build_info"), "{{version}}", instant=True)], "Of pnfarm.", text_mode="name"
+        ),
+        3,
+        4,
+    )
+
+
+def _overview_drives(board: Board) -> None:
+    board.row("Drives")
+    overrides = [
+        override(value, displayName=text, color=color(shade))
+        for value, (text, shade) in ((str(v), s) for v, s in STATES.items())
+    ]
+    board.add(
+        timeseries(
+            "Drives by state",
+            targets((f'count_values("state", {farm("pnfarm_axis_state")})', "{{state}}")),
+            "How many drives are in each state of the PROFIdrive state machine.",
+            unit="none",
+            minimum=0,
+            stacked=True,
+            steps=True,
+            overrides=overrides,
+        ),
+        12,
+        8,
+    )
+    board.add(
+        state_timeline(
+            "Drives out of operation",
+            targets((f"{farm('pnfarm_axis_state')} != 4", "{{drive}}")),
+            "Only drives that are not in S4, and only while they are not.",
+            STATES,
+            no_value="every drive is in S4 operation",
+            links=[link("This drive", BY_LABEL)],
+        ),
+        12,
+        8,
+    )
+    columns = [
+        ("State", f"max by (drive) ({farm('pnfarm_axis_state')})"),
+        ("Connection", f"max by (drive) ({farm('pnfarm_ar_state')})"),
+        ("Fault", f"max by (drive) ({farm('pnfarm_axis_fault_active')})"),
+        ("Speed", f"max by (drive) ({farm('pnfarm_axis_velocity_rpm')})"),
+        ("Set point", f"max by (drive) ({farm('pnfarm_axis_setpoint_rpm')})"),
+        ("Current", f"max by (drive) ({farm('pnfarm_axis_current_amperes')})"),
+        ("Cycle", f"max by (drive) ({farm('pnfarm_ar_cycle_seconds')})"),
+        ("Connects", f"sum by (drive) ({farm('pnfarm_ar_connects_total')})"),
+        ("Watchdog", f"sum by (drive) ({farm('pnfarm_watchdog_expirations_total')})"),
+        ("Faults so far", f"sum by (drive) ({farm('pnfarm_axis_faults_total')})"),
+    ]
+    shaded = {"type": "color-text"}
+    steps = thresholds((None, GREY))
+    overrides = [
+        override("Drive", links=[link("This drive", TO_DRIVE + "${__value.raw}")], custom__minWidth=140),
+        override(
+            "State", mappings=value_names(STATES), thresholds=steps, custom__cellOptions=shaded, custom__minWidth=190
+        ),
+        override("Connection", mappings=value_names(CONNECTIONS), thresholds=steps, custom__cellOptions=shaded),
+        override("Fault", mappings=[zero_is("none")], thresholds=NONE_IS_GOOD, custom__cellOptions=shaded),
+        override("Speed", unit="rotrpm", decimals=0),
+        override("Set point", unit="rotrpm", decimals=0),
+        override("Current", unit="amp", decimals=2),
+        override("Cycle", unit="s", mappings=[zero_is("-")]),
+        override("Watchdog", thresholds=NONE_IS_GOOD, custom__cellOptions=shaded),
+    ]
+    board.add(table("Drives now", columns, "Click on a drive for its own dashboard.", overrides), 24, 9)
+
+
+def _overview_wire(board: Board) -> None:
+    board.row("Wire")
+    sent, received = farm("pnfarm_frames_sent_total"), farm("pnfarm_frames_received_total")
+    board.add(
+        timeseries(
+            "Cyclic frames",
+            targets(
+                (f"sum(rate({sent}[{RATE}]))", "sent by the drives"),
+                (f"sum(rate({received}[{RATE}]))", "received from the controller"),
+            ),
+            "RT_CLASS_1 frames of all drives together.",
+            unit="pps",
+            minimum=0,
+            calcs=["lastNotNull", "max"],
+        ),
+        8,
+        8,
+    )
+    discarded = f"sum by (reason) (rate({farm('pnfarm_frames_discarded_total')}[{RATE}])) > 0"
+    board.add(
+        timeseries(
+            "Discarded frames",
+            targets((discarded, "{{reason}}")),
+            "Frames that drives dropped, by reason.",
+            unit="pps",
+            minimum=0,
+            no_value="nothing was discarded",
+        ),
+        8,
+        8,
+    )
+    lost = f"sum(increase({farm('pnfarm_watchdog_expirations_total')}[{RATE}]))"
+    aborted = f"sum by (reason) (increase({farm('pnfarm_ar_aborts_total')}[{RATE}])) > 0"
+    connects = f"sum(increase({farm('pnfarm_ar_connects_total')}[{RATE}]))"
+    board.add(
+        timeseries(
+            "Connections",
+            targets((connects, "established"), (lost, "watchdog expired"), (aborted, "aborted: {{reason}}")),
+            "Connections made and lost.",
+            unit="none",
+            minimum=0,
+            steps=True,
+            overrides=[override("established", color=color(GREEN)), override("watchdog expired", color=color(RED))],
+        ),
+        8,
+        8,
+    )
+
+
+def _overview_controller(board: Board) -> None:
+    board.row("Controller")
+    interval = farm("pnfarm_controller_frame_interval_seconds_bucket")
+    board.add(
+        timeseries(
+            "Frame interval, p99: the ten least regular",
+            targets((f"topk(10, {quantile(0.99, interval, 'drive, le')})", "{{drive}}")),
+            "Time between two frames of the controller. The bucket bounds limit the resolution.",
+            unit="s",
+            minimum=0,
+            links=[link("This drive", BY_LABEL)],
+            calcs=["lastNotNull", "max"],
+        ),
+        8,
+        8,
+    )
+    selector = '{instance=~"$farm"}'
+    for title, name, what in (
+        (
+            "Reaction to a fault",
+            "pnfarm_controller_fault_reaction_seconds",
+            "From a drive's fault until the controller withdrew the enable.",
+        ),
+        (
+            "Time to bring a drive back",
+            "pnfarm_controller_reconnect_seconds",
+            "From a fault or a lost connection until the drive works as before.",
+        ),
+    ):
+        buckets = f"sum by (le) (increase({name}_bucket{selector}[$__range]))"
+        board.add(
+            stat(
+                title,
+                [
+                    target(mean(name, selector), "mean", ref="A", instant=True),
+                    target(f"histogram_quantile(0.5, {buckets})", "p50", ref="B", instant=True),
+                    target(f"histogram_quantile(0.99, {buckets})", "p99", ref="C", instant=True),
+                    target(f"sum(increase({name}_count{selector}[$__range]))", "times", ref="D", instant=True),
+                ],
+                f"{what} Over the shown range.",
+                unit="s",
+                decimals=1,
+                no_value="none yet",
+            ),
+            4,
+            8,
+        )
+        board.panels[-1]["fieldConfig"]["overrides"] = [override("times", unit="none", decimals=0)]
+    acts = f"sum by (kind) (increase({farm('pnfarm_fault_activations_total')}[{RATE}])) > 0"
+    board.add(
+        timeseries(
+            "Injected faults at work",
+            targets((acts, "{{kind}}")),
+            "Activations of injected faults, by kind.",
+            minimum=0,
+            steps=True,
+            no_value="no injected fault acted",
+        ),
+        8,
+        8,
+    )
+
+
+def _overview_engine(board: Board) -> None:
+    board.row("Engine")
+    lateness = farm("pnfarm_engine_lateness_seconds_bucket")
+    board.add(
+        heatmap(
+            "Lateness of ticks",
+            f"sum by (le) (increase({lateness}[{RATE}]))",
+            "The farm's own lateness: how long after its due time a tick began.",
+        ),
+        12,
+        8,
+    )
+    curves = targets(
+        *((quantile(share, lateness), name) for share, name in ((0.5, "p50"), (0.99, "p99"), (0.999, "p99.9")))
+    )
+    board.add(
+        timeseries("Lateness", curves, "Quantiles of the same.", unit="s", minimum=0, calcs=["lastNotNull", "max"]),
+        6,
+        8,
+    )
+    cycles, overruns = farm("pnfarm_engine_cycles_total"), farm("pnfarm_engine_overruns_total")
+    board.add(
+        timeseries(
+            "Ticks",
+            targets((f"sum(rate({cycles}[{RATE}]))", "ticks"), (f"sum(rate({overruns}[{RATE}]))", "overruns")),
+            "Ticks of the engine, and those so late that a drive's cycle was skipped.",
+            unit="hertz",
+            minimum=0,
+            overrides=[override("overruns", color=color(RED))],
+            calcs=["lastNotNull", "max"],
+        ),
+        6,
+        8,
+    )

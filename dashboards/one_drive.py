@@ -1,0 +1,324 @@
+"""Everything about one drive."""
+
+from __future__ import annotations
+
+from panels import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    Board,
+    Json,
+    color,
+    heatmap,
+    override,
+    stat,
+    state_timeline,
+    target,
+    targets,
+    thresholds,
+    timeseries,
+    value_names,
+    zero_is,
+)
+from words import (
+    BAD_BITS,
+    BITS,
+    CONNECTIONS,
+    DRIVE_UID,
+    FARM_UID,
+    NONE_IS_GOOD,
+    RATE,
+    STATES,
+    annotations,
+    drive,
+    farm,
+    farm_variable,
+    mean,
+    quantile,
+    spaced,
+)
+
+from pnfarm.farm.snapshot import STW1_BITS, ZSW1_BITS
+
+
+def one_drive() -> Json:
+    """Everything about one drive."""
+    board = Board(
+        DRIVE_UID,
+        "pnfarm: one drive",
+        "One drive as its controller sees it and as it is: words, motor, frames, faults.",
+        ["pnfarm", "profinet"],
+    )
+    farm_variable(board)
+    board.variable(
+        "drive", "Drive", farm("pnfarm_axis_state"), "drive", everything=False, description="Name in the farm file."
+    )
+    annotations(board, of_drive=True)
+    board.dashboard_link("Farm overview", f"/d/{FARM_UID}?var-farm=${{farm}}")
+    _drive_now(board)
+    _drive_motor(board)
+    _drive_words(board)
+    _drive_connection(board)
+    _drive_faults(board)
+    return board.json
+
+
+def _drive_now(board: Board) -> None:
+    board.row("$drive now")
+    grey = thresholds((None, GREY))
+    board.add(
+        stat(
+            "State",
+            [target(drive("pnfarm_axis_state"))],
+            "PROFIdrive state machine.",
+            mappings=value_names(STATES),
+            steps=grey,
+        ),
+        6,
+        4,
+    )
+    board.add(
+        stat(
+            "Fault",
+            [target(drive("pnfarm_axis_fault_active"))],
+            "Number of the active fault (PNU 947), the manual's.",
+            mappings=[zero_is("none")],
+            steps=NONE_IS_GOOD,
+        ),
+        3,
+        4,
+    )
+    board.add(
+        stat(
+            "Connection",
+            [target(drive("pnfarm_ar_state"))],
+            "State of CMDEV; DATA: cyclic data flows.",
+            mappings=value_names(CONNECTIONS),
+            steps=grey,
+        ),
+        3,
+        4,
+    )
+    board.add(
+        stat(
+            "Cycle",
+            [target(drive("pnfarm_ar_cycle_seconds"))],
+            "Of the IO data, as the controller asked for.",
+            unit="s",
+            mappings=[zero_is("-")],
+        ),
+        3,
+        4,
+    )
+    board.add(
+        stat(
+            "Speed",
+            [target(drive("pnfarm_axis_velocity_rpm"))],
+            "Of the shaft (VL.FB).",
+            unit="rotrpm",
+            decimals=0,
+            sparkline=True,
+        ),
+        3,
+        4,
+    )
+    board.add(
+        stat(
+            "Current",
+            [target(drive("pnfarm_axis_current_amperes"))],
+            "Torque-building (IL.FB).",
+            unit="amp",
+            decimals=2,
+            sparkline=True,
+        ),
+        3,
+        4,
+    )
+    board.add(
+        stat(
+            "Watchdog",
+            [target(drive("pnfarm_watchdog_expirations_total"))],
+            "Times that the controller fell silent.",
+            steps=NONE_IS_GOOD,
+        ),
+        3,
+        4,
+    )
+
+
+def _drive_motor(board: Board) -> None:
+    board.row("Motor")
+    board.add(
+        timeseries(
+            "Speed",
+            targets(
+                (drive("pnfarm_axis_setpoint_rpm"), "set point (NSOLL_A)"),
+                (drive("pnfarm_axis_velocity_rpm"), "shaft (VL.FB)"),
+            ),
+            "What the controller asks for, and what the shaft does.",
+            unit="rotrpm",
+            overrides=[
+                override("set point (NSOLL_A)", color=color(BLUE), custom__lineInterpolation="stepAfter"),
+                override("shaft (VL.FB)", color=color(GREEN)),
+            ],
+        ),
+        12,
+        9,
+    )
+    board.add(
+        timeseries(
+            "Current",
+            targets((drive("pnfarm_axis_current_amperes"), "current (IL.FB)")),
+            "Torque-building current.",
+            unit="amp",
+        ),
+        6,
+        9,
+    )
+    board.add(
+        timeseries(
+            "Position",
+            targets(
+                (drive("pnfarm_axis_position_revolutions"), "position (PL.FB)"),
+                (drive("pnfarm_axis_following_error_revolutions"), "following error (PL.ERR)"),
+            ),
+            "Revolutions since power-on; the following error on the right.",
+            unit="none",
+            overrides=[override("following error (PL.ERR)", custom__axisPlacement="right")],
+        ),
+        6,
+        9,
+    )
+
+
+def _bit(word: str, number: int) -> str:
+    return f"floor({drive(word)} / {1 << number}) % 2"
+
+
+def _drive_words(board: Board) -> None:
+    board.row("Words")
+    for title, word, names, what in (
+        ("Control word 1 (STW1)", "pnfarm_axis_stw1", STW1_BITS, "What the controller says, bit by bit."),
+        ("Status word 1 (ZSW1)", "pnfarm_axis_zsw1", ZSW1_BITS, "What the drive answers, bit by bit."),
+    ):
+        bits = [
+            target(_bit(word, number), f"{number} {spaced(name)}", ref=f"B{number}")
+            for number, name in enumerate(names)
+        ]
+        panel = state_timeline(title, bits, what, BITS)
+        panel["options"]["showValue"] = "never"
+        panel["fieldConfig"]["overrides"] = [
+            override(f"{number} {spaced(name)}", mappings=value_names({0: BITS[0], 1: ("1", RED)}))
+            for number, name in enumerate(names)
+            if name in BAD_BITS
+        ]
+        board.add(panel, 12, 10)
+    board.add(
+        state_timeline("State", targets((drive("pnfarm_axis_state"), "state")), "PROFIdrive state machine.", STATES),
+        12,
+        4,
+    )
+    board.add(
+        state_timeline("Connection", targets((drive("pnfarm_ar_state"), "connection")), "State of CMDEV.", CONNECTIONS),
+        12,
+        4,
+    )
+
+
+def _drive_connection(board: Board) -> None:
+    board.row("Controller and frames")
+    interval = drive("pnfarm_controller_frame_interval_seconds_bucket")
+    board.add(
+        heatmap(
+            "Interval of the controller's frames",
+            f"sum by (le) (increase({interval}[{RATE}]))",
+            "Time between two valid frames.",
+        ),
+        9,
+        8,
+    )
+    board.add(
+        timeseries(
+            "Interval",
+            [
+                *targets((quantile(0.5, interval), "p50"), (quantile(0.99, interval), "p99")),
+                target(f"{drive('pnfarm_ar_cycle_seconds')} > 0", "agreed cycle", ref="C"),
+            ],
+            "Quantiles of the same, beside the agreed cycle.",
+            unit="s",
+            minimum=0,
+            overrides=[override("agreed cycle", color=color(GREY), custom__lineStyle={"fill": "dash", "dash": [8, 8]})],
+        ),
+        7,
+        8,
+    )
+    board.add(
+        timeseries(
+            "Cyclic frames",
+            targets(
+                (f"rate({drive('pnfarm_frames_sent_total')}[{RATE}])", "sent"),
+                (f"rate({drive('pnfarm_frames_received_total')}[{RATE}])", "received"),
+                (
+                    f"sum by (reason) (rate({drive('pnfarm_frames_discarded_total')}[{RATE}])) > 0",
+                    "discarded: {{reason}}",
+                ),
+            ),
+            "RT_CLASS_1 frames, and whatever the drive dropped.",
+            unit="pps",
+            minimum=0,
+        ),
+        8,
+        8,
+    )
+
+
+def _drive_faults(board: Board) -> None:
+    board.row("Faults and recovery")
+    codes = f"sum by (code) (increase({drive('pnfarm_axis_faults_total')}[$__range])) > 0"
+    aborts = f"sum by (reason) (increase({drive('pnfarm_ar_aborts_total')}[$__range])) > 0"
+    acts = f"sum by (kind) (increase({drive('pnfarm_fault_activations_total')}[$__range])) > 0"
+    for title, expression, legend, what in (
+        ("Faults", codes, "F{{code}}", "Faults of the drive in the shown range, by number."),
+        ("Connections lost", aborts, "{{reason}}", "Aborted connections in the shown range, by reason."),
+        ("Injected", acts, "{{kind}}", "How often injected faults acted in the shown range, by kind."),
+    ):
+        board.add(
+            stat(
+                title,
+                [target(expression, legend, instant=True)],
+                what,
+                decimals=0,
+                no_value="none",
+                text_mode="value_and_name",
+                steps=thresholds((None, ORANGE)),
+            ),
+            4,
+            8,
+        )
+    selector = '{instance=~"$farm", drive="$drive"}'
+    for title, name, what in (
+        (
+            "Reaction to a fault",
+            "pnfarm_controller_fault_reaction_seconds",
+            "Until the controller withdrew the enable.",
+        ),
+        ("Time to bring it back", "pnfarm_controller_reconnect_seconds", "Until the drive works as before."),
+    ):
+        board.add(
+            stat(
+                title,
+                [
+                    target(mean(name, selector), "mean", ref="A", instant=True),
+                    target(f"sum(increase({name}_count{selector}[$__range]))", "times", ref="B", instant=True),
+                ],
+                f"{what} Over the shown range.",
+                unit="s",
+                decimals=1,
+                no_value="none yet",
+            ),
+            6,
+            8,
+        )
+        board.panels[-1]["fieldConfig"]["overrides"] = [override("times", unit="none", decimals=0)]

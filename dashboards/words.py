@@ -1,0 +1,108 @@
+"""What both dashboards say alike: names of states, reasons and bits, and the shapes of their queries.
+
+The names come from pnfarm itself, so that a dashboard says what the command line says.  Queries are Prometheus's; the
+metrics' names are those that pnfarm promises.
+"""
+
+from __future__ import annotations
+
+from panels import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    YELLOW,
+    Board,
+    thresholds,
+)
+
+from pnfarm.metrics.collector import AR_STATES
+from pnfarm.protocols.profinet.ar import CmdevState
+
+FARM_UID = "pnfarm-farm"
+DRIVE_UID = "pnfarm-drive"
+#: From a value of the table or a curve to that drive's own dashboard.
+TO_DRIVE = f"/d/{DRIVE_UID}?var-farm=${{farm}}&${{__url_time_range}}&var-drive="
+BY_LABEL = TO_DRIVE + "${__field.labels.drive}"
+
+DATA = AR_STATES[CmdevState.DATA]
+#: PROFIdrive's states by ``pnfarm_axis_state``.
+STATES: dict[int, tuple[str, str]] = {
+    0: ("boot", GREY),
+    1: ("S1 switching on inhibited", RED),
+    2: ("S2 ready for switching on", ORANGE),
+    3: ("S3 switched on", YELLOW),
+    4: ("S4 operation", GREEN),
+    5: ("S5 switching off", PURPLE),
+}
+CONNECTIONS: dict[int, tuple[str, str]] = {
+    0: ("no connection", RED),
+    **{
+        number: (state.value, GREEN if state is CmdevState.DATA else RED if state is CmdevState.ABORT else YELLOW)
+        for state, number in AR_STATES.items()
+    },
+}
+BITS: dict[int, tuple[str, str]] = {0: ("0", "#3a3f47"), 1: ("1", BLUE)}
+#: Bits that report trouble when set; the inverse ones are fine when set.
+BAD_BITS = {"fault_present", "switching_on_inhibited", "warning_present"}
+
+NONE_IS_GOOD = thresholds((None, GREEN), (1, RED))
+#: A thousandth of a second is what a send clock of 1 ms forgives.
+LATENESS = thresholds((None, GREEN), (0.00025, YELLOW), (0.001, RED))
+RATE = "$__rate_interval"
+
+
+def farm(metric: str, *more: str) -> str:
+    """A metric of the chosen farm."""
+    selector = ", ".join(('instance=~"$farm"', *more))
+    return f"{metric}{{{selector}}}"
+
+
+def drive(metric: str, *more: str) -> str:
+    """A metric of the chosen drive."""
+    return farm(metric, 'drive="$drive"', *more)
+
+
+def quantile(share: float, buckets: str, by: str = "le") -> str:
+    """A quantile of a histogram over the rate interval."""
+    return f"histogram_quantile({share}, sum by ({by}) (rate({buckets}[{RATE}])))"
+
+
+def mean(histogram: str, selector: str) -> str:
+    """Mean of what a histogram saw in the shown range."""
+    total = f"sum(increase({histogram}_sum{selector}[$__range]))"
+    return f"{total} / (sum(increase({histogram}_count{selector}[$__range])) > 0)"
+
+
+def spaced(name: str) -> str:
+    """A bit's name as a person writes it."""
+    return name.replace("_", " ")
+
+
+def farm_variable(board: Board) -> None:
+    """The choice of a farm that both dashboards have."""
+    board.variable(
+        "farm",
+        "Farm",
+        "pnfarm_build_info",
+        "instance",
+        everything=True,
+        description="Address at which a farm is scraped.",
+    )
+
+
+def annotations(board: Board, *, of_drive: bool) -> None:
+    """Marks for injected faults, the drives' own, and lost connections."""
+    select = drive if of_drive else farm
+    if of_drive:
+        expression = f"sum by (kind) (increase({select('pnfarm_fault_activations_total')}[10s])) > 0"
+        board.annotation("Injected fault acts", expression, "{{kind}}", "an injected fault acted on $drive", PURPLE)
+    else:
+        expression = f"sum by (kind) ({select('pnfarm_faults_active')}) > 0"
+        board.annotation("Injected faults", expression, "{{kind}}", "fault {{kind}} in force", PURPLE)
+    expression = f"sum by (drive, code) (increase({select('pnfarm_axis_faults_total')}[10s])) > 0"
+    board.annotation("Drive faults", expression, "F{{code}}", "fault {{code}} of {{drive}}", RED)
+    expression = f"sum by (drive, reason) (increase({select('pnfarm_ar_aborts_total')}[10s])) > 0"
+    board.annotation("Connections lost", expression, "{{drive}}", "connection of {{drive}} aborted: {{reason}}", ORANGE)

@@ -1,0 +1,176 @@
+"""The application: paths of ``/api/v1``, metrics, the web page, and what guards them."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import platform
+import re
+import time
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import anyio.to_thread
+from fastapi import APIRouter, FastAPI, Header, Query
+from starlette.responses import HTMLResponse, Response, StreamingResponse
+
+from pnfarm import __version__
+from pnfarm.api import drives, faults
+from pnfarm.api.context import ApiContext
+from pnfarm.api.events import event_stream, start_of
+from pnfarm.api.guard import Guard
+from pnfarm.api.problems import Json, install_handlers
+from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
+from pnfarm.errors import EnvironmentError_
+from pnfarm.metrics import CONTENT_TYPE, FarmCollector
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.farm.core import FarmCore
+
+__all__ = ["make_app"]
+
+#: A farm whose engine has not ticked for so long is not ready; a tick takes a millisecond.
+STALLED_NS = 1_000_000_000
+
+
+def _nothing() -> None:
+    pass
+
+
+def make_app(
+    core: FarmCore,
+    *,
+    now: Callable[[], int] = time.monotonic_ns,
+    poke: Callable[[], None] = _nothing,
+    token: str | None = None,
+    collector: FarmCollector | None = None,
+) -> FastAPI:
+    """The API of one farm, which has its fault manager already.
+
+    ``now`` is the farm's clock and ``poke`` what makes its runtime look at a change
+    (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`).  With ``token`` every client must show it; without, only
+    requests for loopback are answered.
+    """
+    context = ApiContext(
+        core=core,
+        collector=collector or FarmCollector(core, core.faults),
+        now=now,
+        poke=poke,
+    )
+    app = FastAPI(
+        title="pnfarm",
+        version=__version__,
+        description=f"The virtual drives of farm {core.name}.",
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/openapi.json",
+    )
+    app.state.context = context
+    install_handlers(app)
+    v1 = APIRouter(prefix="/api/v1", responses=PROBLEMS)
+    v1.include_router(drives.router(context))
+    v1.include_router(faults.router(context))
+    v1.include_router(_farm_router(context))
+    app.include_router(v1)
+    _add_outside(app, context)
+    _describe_problems(app)
+    app.add_middleware(Guard, token=token)
+    return app
+
+
+def _farm_router(context: ApiContext) -> APIRouter:
+    routes = APIRouter(tags=["farm"])
+
+    @routes.get("/version", summary="What runs here", responses={200: {"model": Version}})
+    async def version() -> Response:
+        return Json({"pnfarm": __version__, "python": platform.python_version(), "api": "v1"})
+
+    @routes.get("/healthz", summary="Whether the process lives")
+    async def healthz() -> Response:
+        return Json({"alive": True})
+
+    @routes.get("/readyz", summary="Whether the engine ticks", responses={200: {"model": Ready}})
+    async def readyz() -> Response:
+        engine = context.core.columns.engine[0]
+        cycles, age = int(engine.cycles), context.now() - int(engine.now_ns)
+        if not cycles or age > STALLED_NS:
+            since = f"for {age / 1e9:.1f} s" if cycles else "since the farm was made"
+            raise EnvironmentError_(f"the engine has not ticked {since}; the drives stand still")
+        return Json({"ready": True, "cycles": cycles, "last_tick_seconds_ago": age / 1e9})
+
+    @routes.get(
+        "/events",
+        summary="The log as server-sent events; Last-Event-ID continues where a client was",
+        responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}},
+    )
+    async def events(
+        last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry seen.")] = None,
+        drive: Annotated[str | None, Query(description="Only this drive's.")] = None,
+    ) -> Response:
+        if drive is not None:
+            drive = context.station(drive).configured_name
+        stream = event_stream(context, start_of(context, last_event_id), drive)
+        return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+
+    return routes
+
+
+def _add_outside(app: FastAPI, context: ApiContext) -> None:
+    """What is not under ``/api``."""
+
+    @app.get("/metrics", tags=["farm"], summary="Metrics in Prometheus's text format")
+    async def metrics() -> Response:
+        async with context.rendering:
+            scrape = context.collector.gather()
+            # a thousand drives make some megabytes of text, and the drives go on meanwhile
+            text = await anyio.to_thread.run_sync(scrape.text)
+            process = context.collector.process_text()
+        return Response(text + process, media_type=CONTENT_TYPE)
+
+    @app.get("/", include_in_schema=False)
+    async def page() -> Response:
+        text, policy = _page()
+        return HTMLResponse(text, headers={"Content-Security-Policy": policy, "X-Content-Type-Options": "nosniff"})
+
+
+@cache
+def _page() -> tuple[str, str]:
+    """The web page and the policy that lets exactly its own script and style run."""
+    text = (Path(__file__).resolve().parent / "page.html").read_text("utf-8")
+
+    def digest(tag: str) -> str:
+        found = re.search(f"<{tag}>(.*?)</{tag}>", text, re.DOTALL)
+        assert found is not None, f"page.html has no {tag}"
+        return base64.b64encode(hashlib.sha256(found[1].encode()).digest()).decode()
+
+    policy = (
+        f"default-src 'none'; script-src 'sha256-{digest('script')}'; style-src 'sha256-{digest('style')}'; "
+        "connect-src 'self'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    return text, policy
+
+
+def _describe_problems(app: FastAPI) -> None:
+    """Add the schema that every operation's errors refer to, and drop FastAPI's own for validation."""
+    generate = app.openapi
+
+    def openapi() -> dict[str, object]:
+        described = app.openapi_schema
+        if described is None:
+            described = generate()
+            schemas = described.setdefault("components", {}).setdefault("schemas", {})
+            problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+            schemas.update(problem.pop("$defs", {}))
+            schemas["Problem"] = problem
+            for path in described["paths"].values():
+                for operation in path.values():
+                    operation["responses"].pop("422", None)
+            schemas.pop("HTTPValidationError", None)
+            schemas.pop("ValidationError", None)
+            app.openapi_schema = described
+        return described
+
+    app.openapi = openapi  # type: ignore[method-assign]  # the documented way to extend the description

@@ -1,0 +1,160 @@
+"""Talks to a running farm's HTTP API; every failure becomes one of the package's errors."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import quote
+
+from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError, RemoteError
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    import httpx
+
+__all__ = ["FarmClient", "FarmError"]
+
+#: A farm answers in milliseconds; a power cycle or a thousand drives take longer.
+TIMEOUT_SECONDS = 10.0
+
+
+class FarmError(PnfarmError):
+    """The farm itself went wrong while it answered."""
+
+    exit_code = 5
+
+
+def _base(address: str) -> str:
+    """``HOST:PORT`` or a URL, as the URL of the API."""
+    url = address.strip().rstrip("/")
+    if "://" not in url:
+        url = f"http://{url}"
+    scheme, _, rest = url.partition("://")
+    if scheme not in {"http", "https"} or not rest or "/" in rest.removesuffix("/api/v1"):
+        raise ConfigError(f"{address!r} is no address of a farm; give --api a URL such as http://127.0.0.1:8702")
+    return url if url.endswith("/api/v1") else f"{url}/api/v1"
+
+
+class FarmClient:
+    """A context manager.  ``address`` is a URL or HOST:PORT; paths are relative to ``/api/v1``."""
+
+    def __init__(self, address: str, token: str | None = None) -> None:
+        import httpx
+
+        self.address = address
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        try:
+            # a farm is near; proxies of the environment are for the world outside
+            self._client = httpx.Client(
+                base_url=_base(address), headers=headers, timeout=TIMEOUT_SECONDS, trust_env=False
+            )
+        except (httpx.InvalidURL, UnicodeError) as exc:
+            raise ConfigError(f"{address!r} is no address of a farm ({exc}); give --api a URL") from exc
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._client.close()
+
+    def get(self, *path: str) -> Any:
+        """Read ``path``, each part of which may hold any letters."""
+        return self._ask("GET", path)
+
+    def put(self, *path: str, body: Mapping[str, Any]) -> Any:
+        return self._ask("PUT", path, body)
+
+    def post(self, *path: str, body: Mapping[str, Any] | None = None) -> Any:
+        return self._ask("POST", path, body)
+
+    def delete(self, *path: str) -> Any:
+        return self._ask("DELETE", path)
+
+    def _ask(self, method: str, path: tuple[str, ...], body: Mapping[str, Any] | None = None) -> Any:
+        import httpx
+
+        try:
+            response = self._client.request(method, _joined(path), json=body)
+        except httpx.HTTPError as exc:
+            raise self._unreachable(exc) from exc
+        self._raise_for(response)
+        if not response.content:
+            return None
+        try:
+            return response.json()
+        except ValueError as exc:
+            raise self._stranger() from exc
+
+    def events(self, drive: str | None = None) -> Iterator[dict[str, Any]]:
+        """The farm's log, from its oldest entry on and then as it grows, of one drive or of all; until the farm stops."""
+        import httpx
+
+        patience = httpx.Timeout(TIMEOUT_SECONDS, read=None)
+        headers = {"Accept": "text/event-stream", "Last-Event-ID": "0"}
+        chosen = {"drive": drive} if drive else {}
+        try:
+            with self._client.stream("GET", "events", headers=headers, timeout=patience, params=chosen) as response:
+                if response.is_error:
+                    response.read()
+                self._raise_for(response)
+                yield from _messages(response.iter_lines())
+        except httpx.RemoteProtocolError:
+            # the farm went while it told: its stream is over
+            return
+        except httpx.HTTPError as exc:
+            raise self._unreachable(exc) from exc
+
+    def _raise_for(self, response: httpx.Response) -> None:
+        if response.is_success:
+            return
+        try:
+            found = response.json()
+        except ValueError:
+            found = None
+        detail = found.get("detail") if isinstance(found, dict) else None
+        if not isinstance(detail, str):
+            raise self._stranger()
+        if response.status_code == 503:
+            raise EnvironmentError_(detail)
+        if response.status_code >= 500:
+            raise FarmError(f"{detail} (the farm at {self.address})")
+        if response.status_code == 401:
+            raise ConfigError("the farm asks for its token: give --token or PNFARM_TOKEN")
+        raise ConfigError(detail)
+
+    def _stranger(self) -> RemoteError:
+        return RemoteError(f"what answers at {self.address} is no farm; give its address with --api")
+
+    def _unreachable(self, exc: httpx.HTTPError) -> PnfarmError:
+        import httpx
+
+        if isinstance(exc, httpx.ConnectError):
+            return EnvironmentError_(
+                f"no farm answers at {self.address}: start one with `pnfarm up FILE`, or give its address with --api"
+            )
+        if isinstance(exc, httpx.TimeoutException):
+            return RemoteError(f"the farm at {self.address} gave no answer within {TIMEOUT_SECONDS:g} s")
+        if isinstance(exc, httpx.UnsupportedProtocol):
+            return ConfigError(f"{self.address!r} is no address of a farm; give --api a URL")
+        return RemoteError(f"the connection to the farm at {self.address} failed: {exc}")
+
+
+def _joined(path: tuple[str, ...]) -> str:
+    return "/".join(quote(part, safe="") for part in path)
+
+
+def _messages(lines: Iterator[str]) -> Iterator[dict[str, Any]]:
+    """The JSON objects of an event stream (WHATWG HTML, 9.2.6), one for each message with data."""
+    data: list[str] = []
+    for line in lines:
+        if line.startswith("data:"):
+            data.append(line[5:].removeprefix(" "))
+        elif not line and data:
+            found = json.loads("\n".join(data))
+            data = []
+            if isinstance(found, dict):
+                yield found

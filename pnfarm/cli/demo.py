@@ -1,0 +1,131 @@
+"""``pnfarm demo``: a farm, a controller, two faults and two recoveries, on any Linux machine, without a PLC.
+
+It makes a network of its own: an ordinary user's user, network and mount namespace, or as root a private network
+namespace.  Where a machine forbids both it runs in memory, paced by the real clock, and says so.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pnfarm.errors import EnvironmentError_
+
+__all__ = ["command"]
+
+FILE = """
+farm: demo
+link: {link}
+api: off
+drives:
+  - name: axis-{{n:02}}
+    count: {drives}
+    model: akd-profinet
+    ip: 10.77.0.11/16
+    load: {{inertia: 2.0e-4, friction: 0.05}}
+    params: {{DRV.OPMODE: 1}}
+controller:
+  name: plc
+  ip: 10.77.255.1/16
+  {where}
+  cycle: 16ms
+  watchdog_factor: 6
+  program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 500ms}}
+  reconnect: {{after: 200ms}}
+"""
+PARENT, PEER = "pndemo0", "pndemo1"
+
+
+def command(
+    drives: Annotated[int, typer.Option(min=1, max=256, help="How many virtual drives.")] = 8,
+    seconds: Annotated[float, typer.Option(min=1.0, help="How long it runs at least.")] = 12.0,
+    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the summary as JSON.")] = None,
+) -> None:
+    """Show a farm at work: drives, a controller, faults and recovery.  No root, no PLC."""
+    begin = time.monotonic()
+    where, why = _enter()
+    _announce(where, why)
+    # numpy and the engine start threads, so they come only after the namespace was entered
+    import anyio
+
+    from pnfarm.cli.demo_run import Demo
+
+    _compile()
+    if where == "memory":
+        text = FILE.format(link="{kind: memory}", drives=drives, where="mac: auto")
+    else:
+        _cable()
+        text = FILE.format(link=f"{{kind: macvlan, parent: {PARENT}}}", drives=drives, where=f"interface: {PEER}")
+    demo = Demo(text, in_memory=where == "memory", seconds=seconds, begin=begin)
+    summary: dict[str, Any] = anyio.run(demo.run)
+    if json_file is not None:
+        json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    if not summary["ok"]:
+        raise typer.Exit(1)
+
+
+def _enter() -> tuple[str, str]:
+    """("namespace" or "memory", why it is memory)."""
+    from pnfarm.links.sandbox import enter_sandbox
+
+    if os.environ.get("PNFARM_DEMO_MEMORY") == "1":
+        return "memory", "PNFARM_DEMO_MEMORY is set"
+    try:
+        enter_sandbox()
+        _cable()
+        _uncable()
+    except EnvironmentError_ as exc:
+        return "memory", str(exc)
+    return "namespace", ""
+
+
+def _announce(where: str, why: str) -> None:
+    if where == "memory":
+        typer.echo(
+            f"This machine forbids a network of our own ({why}): the demo runs in memory, in real time.", err=True
+        )
+    else:
+        kind = "private network namespace" if os.geteuid() == 0 else "user and network namespace of its own"
+        typer.echo(f"Running in a {kind}: nothing of this machine's network is touched.", err=True)
+
+
+def _cable() -> None:
+    """A veth pair: the farm's macvlans on one end, the controller on the other."""
+    from pnfarm.links.interfaces import Interfaces
+
+    with Interfaces() as interfaces:
+        interfaces.create_cable(PARENT, PEER)
+
+
+def _uncable() -> None:
+    from pnfarm.links.interfaces import Interfaces
+
+    with Interfaces() as interfaces:
+        interfaces.remove_cable(PARENT)
+
+
+def _compile() -> None:
+    """Compile the engine once, with something to look at."""
+    from pnfarm.table.compiled import IS_COMPILED, is_cached
+
+    if not IS_COMPILED or is_cached():
+        return
+    from rich.console import Console
+
+    from pnfarm.engine.warm import warm
+
+    console = Console(stderr=True)
+    message = "Compiling the engine for this processor: once, about half a minute"
+    if console.is_terminal:
+        with console.status(message):
+            done = warm()
+    else:
+        sys.stderr.write(f"{message} ...\n")
+        done = warm()
+    console.print(f"Compiled in {done.seconds:.0f} s; later starts load it in a moment.")

@@ -1,0 +1,298 @@
+"""The course of the demo: connect, run, break, recover, tell."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import AsyncExitStack
+from typing import TYPE_CHECKING, Any
+
+import anyio
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from pnfarm.controller.line import VirtualLine
+from pnfarm.controller.runtime import Plc
+from pnfarm.farm.config import parse_farm
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.farm import Farm
+from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.faults.plan import FaultSpec
+from pnfarm.table.engine_row import LATENESS_EDGES_NS
+
+if TYPE_CHECKING:
+    from pnfarm.controller.core import ControllerCore
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.faults.manager import FaultManager
+
+__all__ = ["Demo"]
+
+#: Wall time between two looks at the line.
+LOOK_SECONDS = 0.02
+#: How long each stage may take before the demo says that it failed.
+STAGE_SECONDS = 20.0
+STORY_LINES = 8
+
+
+class Demo:
+    """``text`` is the farm file; ``begin`` is when the command started, for the time to the first connection."""
+
+    def __init__(self, text: str, *, in_memory: bool, seconds: float, begin: float) -> None:
+        self._config = parse_farm(text)
+        self._in_memory = in_memory
+        self._seconds = seconds
+        self._begin = begin
+        self._story: list[str] = []
+        self._injected: dict[str, list[str]] = {}
+        self._recovered: dict[str, bool] = {}
+        # a pipe has no width of its own; a table cut to 80 columns helps nobody
+        self._console = Console() if sys.stdout.isatty() else Console(width=132)
+        self._live: Live | None = None
+        self._line: VirtualLine | None = None
+        self._farm: FarmCore
+        self._plc: ControllerCore
+        self._faults: FaultManager
+        self._now: Callable[[], int] = time.monotonic_ns
+        self._poke: Callable[[], None] = lambda: None
+
+    # -- course ------------------------------------------------------------------------------------------------------
+
+    async def run(self) -> dict[str, Any]:
+        """The whole demo; its summary."""
+        async with AsyncExitStack() as stack:
+            release = await self._open(stack)
+            if self._console.is_terminal:
+                self._live = stack.enter_context(Live(console=self._console, refresh_per_second=8, transient=True))
+            ok = await self._course()
+            summary = self._summary(ok)
+            self._live = None
+            await release()
+        self._report(summary)
+        return summary
+
+    async def _open(self, stack: AsyncExitStack) -> Callable[[], Awaitable[None]]:
+        quiet = EventLog(quiet=True)
+        if self._in_memory:
+            line = await VirtualLine.create(self._config, log=quiet, plc_log=EventLog(quiet=True))
+            self._line, self._farm, self._plc = line, line.farm, line.plc
+            self._faults = attach_faults(line.farm, line.world.clock)
+            self._now = line.world.clock
+
+            async def release_in_memory() -> None:
+                self._plc.release(self._now())
+                line.world.run(1.0, until=lambda: self._plc.all_stopped)
+
+            return release_in_memory
+        farm = await stack.enter_async_context(Farm(self._config, log=quiet))
+        plc = await stack.enter_async_context(Plc(self._config, log=EventLog(quiet=True)))
+        self._farm, self._plc, self._faults = farm.core, plc.core, farm.faults
+        self._poke = farm.driver.poke
+
+        async def release() -> None:
+            await plc.release()
+
+        return release
+
+    async def _course(self) -> bool:
+        names = [session.plan.name for session in self._plc.sessions]
+        first = await self._until(lambda: any(s.measures.connects for s in self._plc.sessions))
+        self._tell(f"first drive connected {time.monotonic() - self._begin:.1f} s after the start")
+        connected = first and await self._until(lambda: self._plc.all_connected)
+        if not connected:
+            self._tell("not every drive connected")
+            return False
+        self._tell(f"{len(names)} drives exchange data every 16 ms")
+        if not await self._until(lambda: self._plc.all_running):
+            self._tell("not every axis was enabled")
+            return False
+        self._tell("the controller walked every axis to S4 operation and runs a sine of 600 rpm")
+        end = self._now() + round(self._seconds * 1e9)
+        await self._pass(1.5)
+        ok = await self._break("f702", names[min(2, len(names) - 1)])
+        await self._pass(1.0)
+        ok = await self._break("timeout", names[min(4, len(names) - 1)]) and ok
+        while self._now() < end:
+            await self._pass(min(0.25, (end - self._now()) / 1e9))
+        return ok
+
+    async def _break(self, kind: str, name: str) -> bool:
+        """Inject one fault, see it work, see the controller bring the drive back."""
+        station = self._farm.station(name)
+        before = station.connects
+        faults_before = dict(station.fault_counts)
+        self._injected.setdefault(name, []).append(kind)
+        self._recovered[name] = False
+        self._tell(f"injecting {kind} on {name}")
+        start = self._now()
+        self._faults.add(FaultSpec.parse({"kind": kind, "on": name}), start)
+        self._poke()
+
+        def struck() -> bool:
+            if kind == "timeout":
+                return bool(self._faulted(name, faults_before)) and not station.ars
+            return bool(self._faulted(name, faults_before))
+
+        if not await self._until(struck):
+            self._tell(f"{kind} had no effect on {name}")
+            return False
+        numbers = ", ".join(f"F{n}" for n in self._faulted(name, faults_before))
+        self._tell(f"{name} shows {numbers}" + (", its connection is gone" if kind == "timeout" else ""))
+
+        def back() -> bool:
+            session = self._plc.session(name)
+            reconnected = kind != "timeout" or station.connects > before
+            return (
+                reconnected
+                and session is not None
+                and int(station.handle.axis.state) == 4
+                and int(station.handle.axis.fault_code[0]) == 0
+                and bool(self._plc.columns.image[session.index].valid)
+            )
+
+        if not await self._until(back):
+            self._tell(f"{name} did not recover")
+            return False
+        self._recovered[name] = True
+        self._tell(f"{name} is back in operation {(self._now() - start) / 1e9:.2f} s after the fault")
+        return True
+
+    def _faulted(self, name: str, before: dict[int, int]) -> list[int]:
+        counts = self._farm.station(name).fault_counts
+        return [number for number, count in counts.items() if count > before.get(number, 0)]
+
+    # -- time --------------------------------------------------------------------------------------------------------
+
+    async def _until(self, condition: Callable[[], bool], seconds: float = STAGE_SECONDS) -> bool:
+        end = self._now() + round(seconds * 1e9)
+        while not condition():
+            if self._now() >= end:
+                return False
+            await self._pass(LOOK_SECONDS)
+        return True
+
+    async def _pass(self, seconds: float) -> None:
+        """Let time pass and show it; in memory the world is moved along with the wall clock."""
+        if self._live is not None:
+            self._live.update(self._picture())
+        if self._line is None:
+            await anyio.sleep(seconds)
+            return
+        start = time.monotonic()
+        self._line.world.run(seconds)
+        await anyio.sleep(max(0.0, seconds - (time.monotonic() - start)))
+
+    # -- what is seen ------------------------------------------------------------------------------------------------
+
+    def _tell(self, sentence: str) -> None:
+        stamped = f"{time.monotonic() - self._begin:6.2f} s  {sentence}"
+        self._story.append(stamped)
+        if self._live is None:
+            self._console.print(stamped, highlight=False)
+
+    def _picture(self) -> Group:
+        table = Table(title="pnfarm demo", title_justify="left", expand=False)
+        for column in (
+            "drive",
+            "model",
+            "state",
+            "set point",
+            "speed",
+            "current",
+            "cycle",
+            "sent",
+            "received",
+            "fault",
+        ):
+            right = column in {"set point", "speed", "current", "cycle", "sent", "received"}
+            table.add_column(column, justify="right" if right else "left", no_wrap=True)
+        now = self._now()
+        for station in self._farm.stations[:24]:
+            seen = drive_snapshot(self._farm, station, now, injected={})
+            fault = f"F{seen['fault']['number']}" if seen["fault"] else ""
+            style = "red" if fault else ("yellow" if seen["cycle_seconds"] is None else "")
+            cycle = "" if seen["cycle_seconds"] is None else f"{seen['cycle_seconds'] * 1000:g} ms"
+            table.add_row(
+                seen["name"], seen["model"], seen["state"], f"{seen['setpoint_rpm']:.0f} rpm",
+                f"{seen['velocity_rpm']:.0f} rpm", f"{seen['current_amperes']:.2f} A", cycle, str(seen["frames_sent"]),
+                str(seen["frames_received"]), fault, style=style,
+            )  # fmt: skip
+        if len(self._farm.stations) > 24:
+            table.add_row(f"... {len(self._farm.stations) - 24} more")
+        return Group(table, Text("\n".join(self._story[-STORY_LINES:])))
+
+    def _summary(self, ok: bool) -> dict[str, Any]:
+        now = self._now()
+        drives = []
+        for station in self._farm.stations:
+            seen = drive_snapshot(self._farm, station, now, injected={})
+            session = self._plc.session(station.configured_name)
+            index = session.index if session is not None else 0
+            exchanging = seen["frames_sent"] > 0 and seen["frames_received"] > 0
+            connected = exchanging and bool(self._plc.columns.image[index].valid)
+            recovered = self._recovered.get(station.configured_name, connected)
+            drives.append(
+                {
+                    "name": station.configured_name,
+                    "model": seen["model"],
+                    "mac": seen["mac"],
+                    "ip": seen["ip"].partition("/")[0] if seen["ip"] else None,
+                    "connected": connected,
+                    "frames_sent": seen["frames_sent"],
+                    "frames_received": seen["frames_received"],
+                    "cycle_seconds": seen["cycle_seconds"],
+                    "faults": self._injected.get(station.configured_name, []),
+                    "recovered": recovered,
+                }
+            )
+        engine = self._farm.columns.engine[0]
+        lateness = [int(n) for n in engine.lateness]
+        return {
+            "ok": ok and all(d["connected"] and d["recovered"] for d in drives),
+            "drives": drives,
+            "engine": {
+                "cycles": int(engine.cycles),
+                "overruns": int(engine.overruns),
+                "lateness_p50_seconds": _quantile(lateness, 0.50),
+                "lateness_p99_seconds": _quantile(lateness, 0.99),
+            },
+        }
+
+    def _report(self, summary: dict[str, Any]) -> None:
+        if self._console.is_terminal:
+            for sentence in self._story:
+                self._console.print(sentence, highlight=False)
+        table = Table(title="Summary", title_justify="left")
+        for column in ("drive", "MAC", "IP", "connected", "sent", "received", "cycle", "faults", "recovered"):
+            table.add_column(column)
+        for d in summary["drives"]:
+            cycle = "" if d["cycle_seconds"] is None else f"{d['cycle_seconds'] * 1000:g} ms"
+            table.add_row(
+                d["name"], d["mac"], d["ip"] or "", "yes" if d["connected"] else "NO", str(d["frames_sent"]),
+                str(d["frames_received"]), cycle, ", ".join(d["faults"]), "yes" if d["recovered"] else "NO",
+            )  # fmt: skip
+        self._console.print(table)
+        engine = summary["engine"]
+        self._console.print(
+            f"engine: {engine['cycles']} ticks, {engine['overruns']} overruns, "
+            f"late by {engine['lateness_p50_seconds'] * 1e6:.0f} us (p50), {engine['lateness_p99_seconds'] * 1e6:.0f} us (p99)",
+            highlight=False,
+        )
+        verdict = "every drive exchanged data and recovered" if summary["ok"] else "the demo FAILED"
+        self._console.print(verdict, highlight=False)
+        sys.stdout.flush()
+
+
+def _quantile(histogram: list[int], share: float) -> float:
+    """Seconds, by linear interpolation in the bucket; 0 for an empty histogram."""
+    wanted = sum(histogram) * share
+    seen, lower = 0.0, 0
+    for count, upper in zip(histogram, (*LATENESS_EDGES_NS, 2 * LATENESS_EDGES_NS[-1]), strict=True):
+        if count and seen + count >= wanted:
+            return (lower + (upper - lower) * (wanted - seen) / count) / 1e9
+        seen += count
+        lower = upper
+    return 0.0

@@ -1,0 +1,42 @@
+"""``pnfarm doctor``: can this machine run a farm, and what mends what is missing."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import typer
+
+from pnfarm.cli.settings import Format, FormatOption
+
+__all__ = ["doctor"]
+
+_WORDS = {True: "ok", None: "note", False: "MISSING"}
+
+
+def doctor(output: FormatOption = Format.TABLE) -> None:
+    """Look whether this machine can run a farm; what is missing comes with what mends it."""
+    from pnfarm.cli.output import print_json, print_line, print_table
+    from pnfarm.errors import EnvironmentError_
+    from pnfarm.farm.doctor import examine
+
+    findings = examine()
+    missing = [finding for finding in findings if finding.ok is False]
+    if output is Format.JSON:
+        print_json({"ok": not missing, "findings": [asdict(finding) for finding in findings]})
+    else:
+        rows = [(_WORDS[finding.ok], finding.name, finding.detail) for finding in findings]
+        print_table(("", "WHAT", "FINDING"), rows)
+        remedies = [finding for finding in findings if finding.remedy]
+        if remedies:
+            print_line()
+            print_table(("WHAT", "WHAT MENDS IT"), [(finding.name, finding.remedy) for finding in remedies])
+        print_line()
+        print_line(_verdict(len(missing)))
+    if missing:
+        raise typer.Exit(EnvironmentError_.exit_code)
+
+
+def _verdict(missing: int) -> str:
+    if not missing:
+        return "This machine can run a farm."
+    return f"This machine lacks {missing} thing{'' if missing == 1 else 's'} that a farm needs."

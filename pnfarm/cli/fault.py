@@ -1,0 +1,162 @@
+"""``pnfarm fault``: faults of a running farm, and the catalogue of what there is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Put faults in force on the running farm's drives, and take them back.", no_args_is_help=True)
+
+
+@app.command("kinds")
+def kinds(output: FormatOption = Format.TABLE) -> None:
+    """Print the catalogue: every kind of fault with its parameters."""
+    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.faults.catalogue import KINDS
+
+    catalogue = [kind.as_dict() for kind in KINDS.values()]
+    if output is Format.JSON:
+        print_json({"kinds": catalogue})
+        return
+    rows: list[tuple[str, ...]] = []
+    for kind in catalogue:
+        rows.append((kind["kind"], kind["family"], " ".join(kind["directions"]), kind["doc"]))
+        for name, spec in kind["params"].items():
+            default = "" if spec["default"] is None else f"; default {spec['default']}"
+            rows.append((f"  {name}=", "", "", f"{spec['doc']}  {spec['allowed']}{default}"))
+    print_table(("KIND", "FAMILY", "DIRECTION", "WHAT IT DOES"), rows)
+
+
+@app.command("add")
+def add(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="One of `pnfarm fault kinds`.", show_default=False)],
+    on: Annotated[
+        list[str],
+        typer.Option("--on", metavar="GLOB", help="Drives: a glob over names, model:NAME, or all.  Repeatable."),
+    ],
+    param: Annotated[
+        list[str] | None, typer.Option("--param", "-p", metavar="K=V", help="A parameter of the kind.  Repeatable.")
+    ] = None,
+    duration: Annotated[
+        str | None, typer.Option("--for", metavar="TIME", help="How long, such as 500ms or 5s; then it ends.")
+    ] = None,
+    count: Annotated[int | None, typer.Option(help="Occurrences, then it ends.")] = None,
+    cycles: Annotated[int | None, typer.Option(help="Cycles, then it ends.")] = None,
+    probability: Annotated[float | None, typer.Option(help="Of each occurrence, above 0, at most 1.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Makes the same run twice.")] = None,
+    direction: Annotated[str | None, typer.Option(help="in, out or both; seen from the drive.")] = None,
+    after_cycles: Annotated[int | None, typer.Option(help="Healthy cycles to let pass first.")] = None,
+    after: Annotated[str | None, typer.Option(metavar="TIME", help="Time to let pass first, such as 1s.")] = None,
+    name: Annotated[str | None, typer.Option("--as", metavar="ID", help="Name to clear it by.")] = None,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """Put a fault in force."""
+    from pnfarm.cli.client import FarmClient
+    from pnfarm.cli.output import print_json, print_line
+
+    body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
+    wanted = {
+        "for": duration,
+        "count": count,
+        "cycles": cycles,
+        "probability": probability,
+        "seed": seed,
+        "direction": direction,
+        "after_cycles": after_cycles,
+        "after": after,
+        "as": name,
+    }
+    body |= {key: value for key, value in wanted.items() if value is not None}
+    with FarmClient(api, token) as farm:
+        fault = farm.post("faults", body=body)
+    if output is Format.JSON:
+        print_json(fault)
+    else:
+        print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {_shortened(list(fault['drives']))}")
+
+
+@app.command("list")
+def show(output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, token: TokenOption = None) -> None:
+    """Print the faults that wait or are in force, with their evidence."""
+    from pnfarm.cli.client import FarmClient
+    from pnfarm.cli.output import print_json, print_table
+
+    with FarmClient(api, token) as farm:
+        found = farm.get("faults")
+    if output is Format.JSON:
+        print_json(found)
+        return
+    columns = ("ID", "KIND", "STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "DRIVES")
+    rows = [
+        (
+            fault["id"],
+            fault["kind"],
+            fault["state"],
+            fault["evidence"]["checks"],
+            fault["evidence"]["activations"],
+            "yes" if fault["evidence"]["confirmed"] else "no",
+            _shortened(list(fault["drives"])),
+        )
+        for fault in found["faults"]
+    ]
+    print_table(columns, rows)
+
+
+@app.command("clear")
+def clear(
+    fault_id: Annotated[
+        str | None, typer.Argument(metavar="[ID]", help="One fault; all when left out.", show_default=False)
+    ] = None,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """End a fault, or all of them; the drives are as they were."""
+    from pnfarm.cli.client import FarmClient
+    from pnfarm.cli.output import print_json, print_line
+
+    with FarmClient(api, token) as farm:
+        found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
+    if output is Format.JSON:
+        print_json(found)
+        return
+    cleared = found["cleared"] if fault_id is None else [found["id"]]
+    print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was in force")
+
+
+def _parameter(text: str) -> tuple[str, Any]:
+    from pnfarm.errors import ConfigError
+
+    key, equals, value = text.partition("=")
+    if not equals or not key:
+        raise ConfigError(f"--param {text!r} is no parameter; give NAME=VALUE such as hold=true")
+    return key.strip(), _scalar(value.strip())
+
+
+def _scalar(text: str) -> int | float | bool | str:
+    """A value as a farm file would have it: true and false, numbers, else a word."""
+    if text in {"true", "false"}:
+        return text == "true"
+    for kind in (lambda word: int(word, 0), float):
+        try:
+            value = kind(text)
+        except ValueError:
+            continue
+        # "nan" and "inf" are words here, as in JSON
+        return value if abs(value) < float("inf") else text
+    return text
+
+
+def _shortened(names: Sequence[str], most: int = 8) -> str:
+    rest = len(names) - most
+    return " ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

@@ -1,0 +1,134 @@
+"""``pnfarm validate`` and ``pnfarm schema``, and how every command reads a farm file."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pnfarm.cli.settings import FarmFile
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pnfarm.farm.config import FarmConfig, Known
+
+__all__ = [
+    "SchemaOf",
+    "check_impairments",
+    "counted",
+    "known_words",
+    "link_words",
+    "read",
+    "schema",
+    "summary",
+    "validate",
+]
+
+
+class SchemaOf(str, Enum):  # noqa: UP042 - see settings.Format
+    """Files that have a schema."""
+
+    FARM = "farm"
+
+
+def known_words() -> Known:
+    """The installed models and the fault catalogue: what a farm file may name."""
+    from pnfarm.farm.config_known import catalogue
+    from pnfarm.faults.catalogue import KINDS
+
+    return catalogue(frozenset(KINDS))
+
+
+def read(path: Path) -> FarmConfig:
+    """A farm file, checked against the models and the fault catalogue.  Raises :class:`FarmFileError`."""
+    from pnfarm.farm.config import load_farm
+
+    return load_farm(path, known_words())
+
+
+def check_impairments(config: FarmConfig) -> None:
+    """Whether every impairment of the file is a fault that can be; raises :class:`FarmFileError`.
+
+    The farm file's own checks know the kinds, the fault catalogue knows what each kind takes.
+    """
+    from pnfarm.farm.config import FarmFileError, FileIssue
+    from pnfarm.faults.plan import FaultSpec
+    from pnfarm.faults.words import FaultError
+
+    issues: list[FileIssue] = []
+    for group, drives in enumerate(config.drives):
+        for number, impairment in enumerate(drives.impair):
+            given = impairment.model_dump(by_alias=True, exclude_none=True) | {"on": "all"}
+            given |= {key: f"{given[key]}ns" for key in ("after", "for") if key in given}
+            try:
+                FaultSpec.parse(given)
+            except FaultError as exc:
+                for field, what, allowed in exc.issues:
+                    location = ("drives", group, "impair", number, *field.split("."))
+                    line, column = _line(config.path, location)
+                    place = f"drives[{group}].impair[{number}].{field}"
+                    issues.append(FileIssue(str(config.path or "<text>"), line, column, place, what, allowed))
+    if issues:
+        raise FarmFileError(issues)
+
+
+def _line(path: Path | None, location: tuple[str | int, ...]) -> tuple[int, int]:
+    """Where a value stands; the file has been read before, so it can be again."""
+    from pnfarm.farm.yaml_lines import parse_yaml
+
+    return (0, 0) if path is None else parse_yaml(path.read_bytes()).locate(location)
+
+
+def validate(file: FarmFile) -> None:
+    """Check a farm file: each error with its line, its key, and what is allowed."""
+    from pnfarm.cli.output import print_line
+
+    config = read(file)
+    check_impairments(config)
+    print_line(f"{file}: OK, {summary(config)}")
+
+
+def summary(config: FarmConfig) -> str:
+    """What a file is about, in one line."""
+    from pnfarm.farm.config import expand
+
+    drives = expand(config)
+    models: dict[str, int] = {}
+    for drive in drives:
+        models[drive.model] = models.get(drive.model, 0) + 1
+    parts = [f"{counted(len(drives), 'drive')} ({', '.join(f'{count} {model}' for model, count in models.items())})"]
+    if config.farm is not None:
+        api = config.api
+        parts.insert(0, f"farm {config.farm}")
+        parts.append(f"on {link_words(config)}")
+        parts.append("no API" if api is None else f"API {api.host}:{api.port}")
+    if config.controller is not None:
+        parts.append(f"controller {config.controller.name}")
+    return ", ".join(parts)
+
+
+def link_words(config: FarmConfig) -> str:
+    """``macvlan eth1``, ``veth``."""
+    link = config.link
+    if link is None:
+        return "no link"
+    target = getattr(link, "parent", None) or getattr(link, "bridge", None)
+    return f"{link.kind} {target}" if target else link.kind
+
+
+def counted(number: int, word: str) -> str:
+    """``1 drive``, ``8 drives``."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+def schema(
+    of: Annotated[SchemaOf, typer.Argument(metavar="farm", help="Which file.", show_default=False)],
+) -> None:
+    """Print the JSON Schema of a file, for an editor."""
+    from pnfarm.cli.output import print_json
+    from pnfarm.farm.schema import farm_schema
+
+    del of
+    print_json(farm_schema(known_words()))

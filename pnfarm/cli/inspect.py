@@ -1,0 +1,136 @@
+"""``pnfarm inspect``: the drives of a running farm."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+__all__ = ["inspect"]
+
+
+def inspect(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="One drive, in full; all when left out.", show_default=False)
+    ] = None,
+    events: Annotated[
+        bool, typer.Option("--events", help="What happened, and what happens from now on, until Ctrl-C.")
+    ] = False,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
+    from pnfarm.cli.client import FarmClient
+
+    with FarmClient(api, token) as farm:
+        if name is not None:
+            drive = farm.get("drives", name)
+            name = str(drive["name"])
+        if events:
+            _follow(farm.events(name), output)
+        elif name is not None:
+            _one(drive, output)
+        else:
+            _all(farm.get("drives"), output)
+
+
+def _follow(entries: Iterable[dict[str, Any]], output: Format) -> None:
+    from pnfarm.cli.output import print_line
+
+    try:
+        for entry in entries:
+            print_line(json.dumps(entry) if output is Format.JSON else _event_line(entry))
+    except KeyboardInterrupt:
+        return
+
+
+def _event_line(entry: dict[str, Any]) -> str:
+    if "event" not in entry:
+        return f"... {entry.get('lost', 'some')} older events are no longer kept"
+    rest = dict(entry)
+    rest.pop("sequence", None)
+    rest.pop("farm_seconds", None)
+    moment = datetime.datetime.fromtimestamp(rest.pop("time"), datetime.UTC).astimezone()
+    drive, event = rest.pop("drive") or "farm", rest.pop("event")
+    more = "  ".join(f"{key}={value}" for key, value in rest.items())
+    return f"{moment:%H:%M:%S.%f} {drive:<16} {event}  {more}".rstrip()
+
+
+def _all(view: dict[str, Any], output: Format) -> None:
+    from pnfarm.cli.output import number, print_json, print_table, seconds
+
+    drives = view["drives"]
+    if output is Format.JSON:
+        print_json(view)
+        return
+    columns = ("DRIVE", "STATE", ">TELEGRAM", "CONNECTION", "CONTROLLER", ">CYCLE", ">RPM", "LAST FAULT", "INJECTED")
+    rows = [
+        (
+            drive["name"],
+            drive["state"],
+            drive["telegram"],
+            drive["ar_state"],
+            _controller(drive),
+            seconds(drive["cycle_seconds"]),
+            number(drive["velocity_rpm"]),
+            _last_fault(drive),
+            " ".join(drive["faults_injected"]),
+        )
+        for drive in drives
+    ]
+    print_table(columns, rows)
+
+
+def _controller(drive: dict[str, Any]) -> str:
+    controller = drive["controller"]
+    return f"{controller['name']} {controller['ip']}".strip() if controller else "-"
+
+
+def _fault_words(fault: dict[str, Any]) -> str:
+    return f"F{fault['number']} {fault['name']}".strip()
+
+
+def _last_fault(drive: dict[str, Any]) -> str:
+    fault = drive["fault"] or drive["last_fault"]
+    if fault is None:
+        return "-"
+    return _fault_words(fault) + (" (active)" if drive["fault"] else "")
+
+
+def _one(drive: dict[str, Any], output: Format) -> None:
+    from pnfarm.cli.output import print_json, print_table
+
+    if output is Format.JSON:
+        print_json(drive)
+        return
+    print_table(("FIELD", "VALUE"), [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items()])
+
+
+def _cell(key: str, value: Any) -> str:
+    from pnfarm.cli.output import seconds
+
+    match value:
+        case None:
+            return "-"
+        case bool():
+            return "yes" if value else "no"
+        case float() if key.endswith("seconds") or key.endswith("seconds_ago"):
+            return seconds(value)
+        case float():
+            return f"{value:.6g}"
+        case {"number": _, "name": _}:
+            return _fault_words(value)
+        case dict():
+            return ", ".join(f"{name} {inner}" for name, inner in value.items()) or "-"
+        case list():
+            return ", ".join(_cell("", item) for item in value) or "-"
+        case _:
+            return str(value)

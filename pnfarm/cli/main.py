@@ -1,0 +1,119 @@
+"""The program ``pnfarm``: its commands, its global options, and what becomes of its errors.
+
+Modules of commands import at their head only what describes the command; the rest is imported where it runs, so
+that ``pnfarm --help`` answers at once, and ``demo`` and ``bench`` can enter a namespace before any thread exists.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pnfarm import __version__
+from pnfarm.cli import doctor, fault, files, inspect, models, param, plc, scan, up
+from pnfarm.cli.errors import report, silence_stdout
+from pnfarm.cli.settings import LogFormat, LogLevel, Settings, settings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["app", "main", "run"]
+
+#: Commands of this package that stand in modules of their own, beside this program's: name -> panel of the help.
+_OWN_MODULES = {"demo": "Start here", "bench": "This machine"}
+
+app = typer.Typer(
+    name="pnfarm",
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"pnfarm {__version__}")
+        raise typer.Exit
+
+
+@app.callback(invoke_without_command=True)
+def _options(
+    context: typer.Context,
+    log_format: Annotated[
+        LogFormat | None,
+        typer.Option(help="Left out: console on a terminal, else json.", envvar="PNFARM_LOG_FORMAT"),
+    ] = None,
+    log_level: Annotated[LogLevel, typer.Option(help="The least to log.", envvar="PNFARM_LOG_LEVEL")] = LogLevel.INFO,
+    debug: Annotated[bool, typer.Option("--debug", help="Tracebacks with errors.", envvar="PNFARM_DEBUG")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_version)
+    ] = False,
+) -> None:
+    """A farm of virtual servo drives that a real controller runs."""
+    del version
+    settings.log_format, settings.log_level, settings.debug = log_format, log_level, debug
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit
+    from pnfarm.cli.logging import configure
+
+    configure(as_json=settings.logs_json, level=log_level.value)
+
+
+def _own_module(name: str) -> None:
+    if importlib.util.find_spec(f"pnfarm.cli.{name}") is not None:
+        module = importlib.import_module(f"pnfarm.cli.{name}")
+        app.command(name, rich_help_panel=_OWN_MODULES[name])(module.command)
+
+
+_own_module("demo")
+app.command("up", rich_help_panel="Farm")(up.up)
+app.command("down", rich_help_panel="Farm")(up.down)
+app.command("validate", rich_help_panel="Farm")(files.validate)
+app.command("inspect", rich_help_panel="Running farm")(inspect.inspect)
+app.add_typer(fault.app, name="fault", rich_help_panel="Running farm")
+app.add_typer(param.app, name="param", rich_help_panel="Running farm")
+app.command("plc", rich_help_panel="Controller")(plc.plc)
+app.command("scan", rich_help_panel="Controller")(scan.scan)
+app.command("models", rich_help_panel="Reference")(models.models)
+app.command("schema", rich_help_panel="Reference")(files.schema)
+app.command("doctor", rich_help_panel="This machine")(doctor.doctor)
+_own_module("bench")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line; its exit code.  Without ``arguments``, the process's own."""
+    blank = Settings()
+    settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug
+    given = None if arguments is None else list(arguments)
+    try:
+        code = app(args=given, prog_name="pnfarm", standalone_mode=False)
+        sys.stdout.flush()
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        silence_stdout()
+        return 0
+    except SystemExit as exc:
+        if isinstance(exc.__context__, BrokenPipeError):
+            silence_stdout()
+            return 0
+        return exc.code if isinstance(exc.code, int) else 0
+    except typer.Abort:
+        return 130
+    except Exception as exc:  # noqa: BLE001 - the one place where every error becomes a sentence and a code
+        return report(exc)
+    return code if isinstance(code, int) else 0
+
+
+def run() -> None:
+    """Entry point of the installed program."""
+    sys.exit(main())
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,134 @@
+"""``pnfarm models``: the drive models, and one of them in full with where each value comes from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pnfarm.cli.settings import Format, FormatOption
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["models"]
+
+
+def models(
+    model: Annotated[
+        str | None, typer.Argument(metavar="[MODEL]", help="One model, in full; a list when left out.", show_default=False)
+    ] = None,
+    output: FormatOption = Format.TABLE,
+) -> None:
+    """List the drive models, or print one with the source of each of its values."""
+    from pnfarm.drives import catalogue
+
+    if model is None:
+        _list(output)
+        return
+    found = catalogue.as_json(catalogue.model(model))
+    if output is Format.JSON:
+        from pnfarm.cli.output import print_json
+
+        print_json(found)
+    else:
+        _print(found)
+
+
+def _list(output: Format) -> None:
+    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.drives import catalogue
+
+    entries = catalogue.models().values()
+    if output is Format.JSON:
+        keys = ("name", "title", "maker", "bus", "edition")
+        print_json([{**{key: getattr(e, key) for key in keys}, "aliases": list(e.aliases)} for e in entries])
+        return
+    columns = ("MODEL", "MAKER", "BUS", "TITLE", "MANUAL", "ALSO")
+    print_table(columns, [(e.name, e.maker, e.bus, e.title, e.edition, " ".join(e.aliases)) for e in entries])
+
+
+def _print(found: dict[str, Any]) -> None:
+    from pnfarm.cli.output import print_line, print_table
+
+    print_line(f"{found['name']}: {found['title']} ({found['maker']}, {found['bus']})")
+    print_line(f"manual: {found['manual']}, {found['edition']}")
+    if found["aliases"]:
+        print_line(f"also: {' '.join(found['aliases'])}")
+    for section in ("identity", "limits"):
+        print_line()
+        values = dict(found[section])
+        sources = values.pop("sources")
+        rows = [
+            (key.replace("_", " "), _value(key, value), sources[key]["source"], sources[key]["note"])
+            for key, value in values.items()
+        ]
+        print_table((section.upper(), "VALUE", "SOURCE", "NOTE"), rows)
+    for section in ("motor", "communication_loss", "parameter_access"):
+        if found[section]:
+            print_line()
+            rows = [
+                (key.replace("_", " "), f"{_value(key, fact['value'])} {fact['unit']}".strip(), fact["source"], fact["note"])
+                for key, fact in found[section].items()
+            ]
+            print_table((section.replace("_", " ").upper(), "VALUE", "SOURCE", "NOTE"), rows)
+    print_line()
+    columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "SOURCE")
+    print_table(columns, _module_rows(found))
+    print_line()
+    print_table(
+        ("TELEGRAM", "TO THE DRIVE", "FROM THE DRIVE", "SOURCE"),
+        [
+            (
+                f"{telegram['number']}{' (default)' if telegram['number'] == found['default_telegram'] else ''}",
+                "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["output"]),
+                "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["input"]),
+                telegram["source"],
+            )
+            for telegram in found["telegrams"]
+        ],
+    )
+    print_line()
+    print_table(
+        (">COUNT", "OF", "SOURCES"),
+        [
+            (len(found[section]), section, "; ".join(_sources(found[section])))
+            for section in ("parameters", "signals", "faults")
+        ],
+    )
+    print_line()
+    print_line(f"Every row: pnfarm models {found['name']} --format json")
+
+
+def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
+    modules = [("head (DAP)", found["dap"])]
+    modules += [(f"telegram {telegram['number']}", telegram) for telegram in found["telegrams"]]
+    for name, module in modules:
+        for submodule in module["submodules"]:
+            yield (
+                name,
+                f"0x{module['module_ident']:08X}",
+                f"{submodule['slot']}.{submodule['subslot']:X}",
+                f"0x{submodule['ident']:08X}",
+                submodule["input_bytes"],
+                submodule["output_bytes"],
+                module["module_source"],
+            )
+
+
+def _sources(rows: list[dict[str, Any]], most: int = 4) -> list[str]:
+    """The sources of many rows, the commonest first, with how often each stands there."""
+    counts: dict[str, int] = {}
+    for row in rows:
+        counts[row["source"]] = counts.get(row["source"], 0) + 1
+    ranked = sorted(counts.items(), key=lambda item: -item[1])
+    shown = [f"{source} ({count})" for source, count in ranked[:most]]
+    return [*shown, f"and {len(ranked) - most} more"] if len(ranked) > most else shown
+
+
+def _value(key: str, value: Any) -> str:
+    if isinstance(value, int) and not isinstance(value, bool) and key.endswith(("_id", "ident")):
+        return f"0x{value:04X}"
+    if isinstance(value, list):
+        return " ".join(map(str, value))
+    return str(value)

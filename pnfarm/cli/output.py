@@ -1,0 +1,97 @@
+"""Standard output: tables for people, JSON for programs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from rich.console import Console
+    from rich.table import Table
+
+__all__ = ["console", "make_table", "number", "print_json", "print_line", "print_table", "seconds"]
+
+#: Where nobody looks through a window, nothing is cut to one.
+_UNBOUNDED = 10_000
+
+
+def print_line(text: str = "") -> None:
+    """One line, at once: whoever waits for it reads from a pipe."""
+    sys.stdout.write(f"{text}\n")
+    sys.stdout.flush()
+
+
+def print_json(value: Any) -> None:
+    """One JSON document, indented."""
+    print_line(json.dumps(value, indent=2, default=str))
+
+
+def console() -> Console:
+    """Standard output; as wide as the terminal, or without bound into a file or pipe."""
+    from rich.console import Console
+
+    return Console(
+        file=sys.stdout,
+        width=None if sys.stdout.isatty() else _UNBOUNDED,
+        highlight=False,
+        markup=False,
+        emoji=False,
+        soft_wrap=False,
+    )
+
+
+def make_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, title: str = "") -> Table:
+    """A table without lines.  A column whose name begins with ``>`` is set to the right."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(
+        box=None, pad_edge=False, padding=(0, 2, 0, 0), title=title or None, title_justify="left", title_style="bold"
+    )
+    for place, column in enumerate(columns):
+        right = column.startswith(">")
+        table.add_column(
+            column.removeprefix(">"),
+            justify="right" if right else "left",
+            no_wrap=right or place == 0,
+            overflow="fold",
+            header_style="bold",
+        )
+    for row in rows:
+        # as Text: a name with brackets is a name, not markup
+        table.add_row(*(cell if isinstance(cell, Text) else Text("" if cell is None else str(cell)) for cell in row))
+    return table
+
+
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, title: str = "") -> None:
+    """Print :func:`make_table`; trailing blanks go, so that a line of a pipe ends with its last word."""
+    out = console()
+    table = make_table(columns, rows, title=title)
+    if sys.stdout.isatty():
+        out.print(table)
+        return
+    with out.capture() as capture:
+        out.print(table)
+    for line in capture.get().splitlines():
+        print_line(line.rstrip())
+
+
+def seconds(value: float | None) -> str:
+    """A time as people write it: ``16 ms``, ``1.5 s``; empty for None."""
+    if value is None:
+        return ""
+    if value < 1e-3:
+        return f"{value * 1e6:.4g} us"
+    if value < 1:
+        return f"{value * 1e3:.4g} ms"
+    return f"{value:.4g} s"
+
+
+def number(value: float | None) -> str:
+    """At most one decimal, thousands apart."""
+    if value is None:
+        return ""
+    return f"{value:,}" if isinstance(value, int) else f"{value:,.1f}"

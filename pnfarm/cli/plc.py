@@ -1,0 +1,183 @@
+"""``pnfarm plc``: the built-in controller in the foreground."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pnfarm.cli.settings import FarmFile, Format, settings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from pnfarm.controller.runtime import Plc
+
+__all__ = ["plc"]
+
+#: How often the live table is drawn anew.
+DRAW_SECONDS = 0.25
+
+
+def plc(
+    file: FarmFile,
+    interface: Annotated[
+        str | None,
+        typer.Option(
+            "--interface", "-i", metavar="IF", envvar="PNFARM_PLC_INTERFACE", help="Existing interface to stand on."
+        ),
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Run so long, then release the drives; left out, until Ctrl-C.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write a summary at the end.", dir_okay=False)
+    ] = None,
+    output: Annotated[
+        Format | None,
+        typer.Option("--format", help="Print the summary at the end; left out: a live table on a terminal."),
+    ] = None,
+) -> None:
+    """Run the built-in controller against the file's drives, virtual or real, until Ctrl-C.
+
+    With --seconds the exit code is 1 when a drive never exchanged data.
+    """
+    import anyio
+
+    from pnfarm.cli.files import read
+    from pnfarm.cli.output import print_json, print_table
+
+    config = read(file)
+    rows = anyio.run(_run, config, interface, seconds, output is None and _is_live())
+    quiet = [row["name"] for row in rows if not row["connects"]]
+    summary = {"ok": not quiet, "controller": config.controller.name if config.controller else "", "drives": rows}
+    if json_file is not None:
+        _write(json_file, summary)
+    if output is Format.JSON:
+        print_json(summary)
+    elif output is Format.TABLE:
+        print_table(_COLUMNS, map(_cells, rows))
+    if seconds is not None and quiet:
+        shown = " ".join(quiet[:8]) + (f" and {len(quiet) - 8} more" if len(quiet) > 8 else "")
+        sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shown}\n")
+        raise typer.Exit(1)
+
+
+def _is_live() -> bool:
+    return sys.stdout.isatty() and not settings.logs_json
+
+
+def _write(path: Path, summary: dict[str, Any]) -> None:
+    from pnfarm.errors import EnvironmentError_
+
+    try:
+        path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    except OSError as exc:
+        raise EnvironmentError_(f"the summary {path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
+
+
+async def _run(config: Any, interface: str | None, seconds: float | None, live: bool) -> list[dict[str, Any]]:
+    """The controller's drives as they were when it was told to stop, before it released them."""
+    import anyio
+
+    from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.controller.runtime import Plc
+
+    controller = Plc(config, interface=interface)
+    rows: list[dict[str, Any]] = []
+    opened = False
+    async with stop_on_signals() as running:
+        try:
+            with running:
+                await compile_ahead()
+                await controller.open()
+                opened = True
+                if not settings.logs_json and not live:
+                    _say_up(controller)
+                with anyio.move_on_after(seconds):
+                    await _watch(controller, live)
+            if opened:
+                rows = controller.core.snapshot()
+                with anyio.CancelScope(shield=True):
+                    await controller.release()
+        finally:
+            with anyio.CancelScope(shield=True):
+                await controller.close()
+    return rows
+
+
+def _say_up(controller: Plc) -> None:
+    from pnfarm.cli.files import counted
+    from pnfarm.cli.output import print_line
+
+    where = controller.core.port.name
+    print_line(f"{controller.section.name}: controller of {counted(len(controller.drives), 'drive')} on {where}")
+
+
+async def _watch(controller: Plc, live: bool) -> None:
+    """Until something fails, with a table on the terminal if there is one."""
+    import anyio
+
+    if not live:
+        await controller.wait()
+        return
+    from rich.live import Live
+
+    from pnfarm.cli.output import console
+
+    with Live(_table(controller), console=console(), auto_refresh=False) as screen:
+
+        async def draw() -> None:
+            while True:
+                await anyio.sleep(DRAW_SECONDS)
+                screen.update(_table(controller), refresh=True)
+
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(draw)
+            await controller.wait()
+
+
+_COLUMNS = (
+    "DRIVE",
+    "CONNECTION",
+    "PROGRAM",
+    "IP",
+    ">CYCLE",
+    ">CONNECTS",
+    ">LOSSES",
+    ">FAULTS",
+    ">SENT",
+    ">RECEIVED",
+    "ZSW1",
+    "LAST REASON",
+)
+
+
+def _cells(row: dict[str, Any]) -> Sequence[object]:
+    from pnfarm.cli.output import number, seconds
+
+    return (
+        row["name"],
+        row["state"],
+        row["phase"],
+        row["ip"],
+        seconds(row["cycle_seconds"]),
+        row["connects"],
+        row["losses"],
+        row["faults"],
+        number(row["frames_sent"]),
+        number(row["frames_received"]),
+        f"0x{row['zsw1']:04X}",
+        row["last_reason"] or "",
+    )
+
+
+def _table(controller: Plc) -> Table:
+    from pnfarm.cli.output import make_table
+
+    return make_table(_COLUMNS, map(_cells, controller.core.snapshot()))

@@ -1,0 +1,80 @@
+"""What every command shares: the global options as they were given, and the words that several commands take."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+__all__ = [
+    "DEFAULT_URL",
+    "ApiOption",
+    "FarmFile",
+    "Format",
+    "FormatOption",
+    "LogFormat",
+    "LogLevel",
+    "Settings",
+    "TokenOption",
+    "settings",
+]
+
+#: Where a farm serves its API when its file says nothing.
+DEFAULT_URL = "http://127.0.0.1:8702"
+
+
+class Format(str, Enum):  # noqa: UP042 - a StrEnum's members print the same, but older typer versions want this
+    """How a command prints its result."""
+
+    TABLE = "table"
+    JSON = "json"
+
+
+class LogFormat(str, Enum):  # noqa: UP042 - as above
+    """How log lines are written to standard error."""
+
+    CONSOLE = "console"
+    JSON = "json"
+
+
+class LogLevel(str, Enum):  # noqa: UP042 - as above
+    """The least that is logged."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+@dataclass(slots=True)
+class Settings:
+    """Global options; ``log_format`` None follows standard error: console on a terminal, else JSON."""
+
+    log_format: LogFormat | None = None
+    log_level: LogLevel = LogLevel.INFO
+    debug: bool = False
+
+    @property
+    def logs_json(self) -> bool:
+        """Whether log lines are JSON objects."""
+        if self.log_format is None:
+            return not sys.stderr.isatty()
+        return self.log_format is LogFormat.JSON
+
+
+#: Of the command that runs; filled by the program's own callback.
+settings = Settings()
+
+FarmFile = Annotated[Path, typer.Argument(help="Farm file, *.pnfarm.yml.", metavar="FILE", show_default=False)]
+FormatOption = Annotated[Format, typer.Option("--format", help="How to print it.")]
+ApiOption = Annotated[
+    str, typer.Option("--api", help="Where the farm serves its API, a URL or HOST:PORT.", envvar="PNFARM_API")
+]
+TokenOption = Annotated[
+    str | None,
+    typer.Option("--token", help="The API's bearer token, where it asks for one.", envvar="PNFARM_TOKEN"),
+]

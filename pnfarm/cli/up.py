@@ -1,0 +1,179 @@
+"""``pnfarm up`` and ``pnfarm down``: a farm in the foreground, and the removal of what a killed one left."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pnfarm.cli.settings import FarmFile, settings
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from pnfarm.farm.config import FarmConfig
+    from pnfarm.farm.farm import Farm
+
+__all__ = ["down", "up"]
+
+#: Rows of the table that a start shows; `pnfarm inspect` shows all.
+MAX_ROWS = 16
+
+#: Parameter of the command -> (key of the farm file, flag, environment).
+_SETTINGS: Mapping[str, tuple[str, str, str]] = {
+    "api": ("api", "--api", "PNFARM_UP_API"),
+    "token": ("api.token", "--api-token", "PNFARM_UP_API_TOKEN"),
+    "parent": ("link.parent", "--parent", "PNFARM_UP_LINK_PARENT"),
+    "state": ("state", "--state", "PNFARM_UP_STATE"),
+    "cpu": ("realtime.cpu", "--realtime-cpu", "PNFARM_UP_REALTIME_CPU"),
+    "fifo": ("realtime.fifo", "--realtime-fifo", "PNFARM_UP_REALTIME_FIFO"),
+    "mlockall": ("realtime.mlockall", "--realtime-mlockall", "PNFARM_UP_REALTIME_MLOCKALL"),
+}
+
+
+def up(
+    context: typer.Context,
+    file: FarmFile,
+    api: Annotated[
+        str | None,
+        typer.Option("--api", metavar="HOST:PORT", envvar="PNFARM_UP_API", help="Where the API listens; off: nowhere."),
+    ] = None,
+    token: Annotated[
+        str | None,
+        typer.Option("--api-token", metavar="TOKEN", envvar="PNFARM_UP_API_TOKEN", help="The API's bearer token."),
+    ] = None,
+    parent: Annotated[
+        str | None,
+        typer.Option(
+            "--parent", metavar="IF", envvar="PNFARM_UP_LINK_PARENT", help="Interface under the macvlans (link.parent)."
+        ),
+    ] = None,
+    state: Annotated[
+        str | None,
+        typer.Option("--state", metavar="DIR", envvar="PNFARM_UP_STATE", help="Folder of the non-volatile memory."),
+    ] = None,
+    cpu: Annotated[
+        int | None,
+        typer.Option("--realtime-cpu", metavar="N", envvar="PNFARM_UP_REALTIME_CPU", help="CPU of the engine."),
+    ] = None,
+    fifo: Annotated[
+        int | None,
+        typer.Option(
+            "--realtime-fifo", metavar="PRIORITY", envvar="PNFARM_UP_REALTIME_FIFO", help="SCHED_FIFO priority, 1 to 99."
+        ),
+    ] = None,
+    mlockall: Annotated[
+        bool | None,
+        typer.Option(
+            "--realtime-mlockall/--no-realtime-mlockall",
+            envvar="PNFARM_UP_REALTIME_MLOCKALL",
+            help="Keep all memory in RAM.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Run a farm in the foreground until Ctrl-C; its interfaces are removed whatever happens."""
+    import anyio
+
+    from pnfarm.cli.files import check_impairments, read
+
+    given = {
+        "api": api,
+        "token": token,
+        "parent": parent,
+        "state": state,
+        "cpu": cpu,
+        "fifo": fifo,
+        "mlockall": mlockall,
+    }
+    config = _overridden(context, read(file), given)
+    check_impairments(config)
+    anyio.run(_run, config)
+
+
+def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, Any]) -> FarmConfig:
+    """The file under the environment under the flags; messages name which of them said something wrong."""
+    for name, value in given.items():
+        if value is None:
+            continue
+        key, flag, variable = _SETTINGS[name]
+        source = context.get_parameter_source(name)
+        origin = variable if source is not None and source.name == "ENVIRONMENT" else flag
+        if name == "api" and config.api is not None and config.api.token is not None and value != "off":
+            # another place, the same secret
+            config = config.with_overrides({"api": {"listen": value, "token": config.api.token}}, origin)
+        elif name == "token":
+            listen = "" if config.api is None else f"{_bracketed(config.api.host)}:{config.api.port}"
+            if not listen:
+                continue  # without an API nobody asks for a token
+            config = config.with_overrides({"api": {"listen": listen, "token": value}}, origin)
+        else:
+            config = config.with_overrides({key: value}, origin)
+    return config
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
+async def _run(config: FarmConfig) -> None:
+    import anyio
+
+    from pnfarm.api import serve_farm
+    from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.farm.farm import Farm
+
+    farm = Farm(config)
+    async with stop_on_signals() as running:
+        try:
+            with running:
+                await compile_ahead()
+                await farm.open()
+                async with anyio.create_task_group() as tasks:
+
+                    async def serve(*, task_status: anyio.abc.TaskStatus[tuple[str, int]]) -> None:
+                        await serve_farm(farm, faults=farm.faults, task_status=task_status)
+
+                    host, port = await tasks.start(serve)
+                    _say_up(farm, f"http://{_bracketed(host)}:{port}/" if host else None)
+                    await farm.wait()
+        finally:
+            with anyio.CancelScope(shield=True):
+                await farm.close()
+
+
+def _say_up(farm: Farm, url: str | None) -> None:
+    """One line for a person or a script; with JSON logs the log's own events say the same."""
+    from pnfarm.cli.output import print_line, print_table
+    from pnfarm.cli.files import counted, link_words
+
+    if settings.logs_json:
+        return
+    where = f"API {url}" if url else "no API"
+    print_line(f"{farm.config.farm}: {counted(len(farm.drives), 'drive')} on {link_words(farm.config)}, {where}")
+    if not sys.stdout.isatty():
+        return
+    rows = [
+        (drive.name, drive.model, drive.mac.hex(":"), str(drive.ip) if drive.ip is not None else "by DCP")
+        for drive in farm.drives[:MAX_ROWS]
+    ]
+    print_table(("DRIVE", "MODEL", "MAC", "IP"), rows)
+    if len(farm.drives) > MAX_ROWS:
+        print_line(f"... and {len(farm.drives) - MAX_ROWS} more; `pnfarm inspect` shows all")
+    print_line("Ctrl-C stops it.")
+
+
+def down(file: FarmFile) -> None:
+    """Remove what a killed run of this farm left."""
+    from pnfarm.cli.files import read
+    from pnfarm.cli.output import print_line
+    from pnfarm.farm.farm import remove_farm
+
+    config = read(file)
+    removed = remove_farm(config)
+    for name in removed:
+        print_line(f"removed {name}")
+    if not removed:
+        print_line(f"nothing was left of farm {config.farm or 'farm'}")

@@ -1,0 +1,85 @@
+"""A farm and its controller in one virtual world, from one farm file: for tests, benchmarks and machines without rights."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.controller.core import ControllerCore
+from pnfarm.controller.plan import plan_devices
+from pnfarm.drives.memory import VolatileMemory
+from pnfarm.errors import ConfigError
+from pnfarm.farm.config import controller_mac, expand
+from pnfarm.farm.core import FarmCore
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.farm import model_of
+from pnfarm.farm.virtual import VirtualWorld
+from pnfarm.links.base import PortSpec
+
+if TYPE_CHECKING:
+    from pnfarm.drives.memory import NonVolatile
+    from pnfarm.farm.config import FarmConfig
+    from pnfarm.links.memory import MemoryLink
+
+__all__ = ["VirtualLine"]
+
+
+class VirtualLine:
+    """``farm`` and ``plc`` (None without a ``controller:`` section) in ``world``; made by :meth:`create`."""
+
+    def __init__(
+        self, config: FarmConfig, world: VirtualWorld, farm: FarmCore, farm_link: MemoryLink, plc: ControllerCore | None
+    ) -> None:
+        self.config = config
+        self.world = world
+        self.farm = farm
+        self.farm_link = farm_link
+        self._plc = plc
+
+    @property
+    def plc(self) -> ControllerCore:
+        """The controller; raises :class:`ConfigError` when the file has none."""
+        if self._plc is None:
+            raise ConfigError("the file has no `controller:` section")
+        return self._plc
+
+    @classmethod
+    async def create(
+        cls,
+        config: FarmConfig,
+        *,
+        memory: NonVolatile | None = None,
+        log: EventLog | None = None,
+        plc_log: EventLog | None = None,
+    ) -> VirtualLine:
+        """Power the drives on, and the controller where the file has one.  Nothing runs before ``world.run``."""
+        drives = expand(config)
+        world = VirtualWorld()
+        link = world.link()
+        ports = await link.open([PortSpec(drive.name, drive.mac) for drive in drives])
+        farm = FarmCore(
+            config.farm or "farm",
+            drives,
+            model_of,
+            link,
+            ports,
+            memory=memory or VolatileMemory(),
+            log=log or EventLog(quiet=True),
+            seed=b"farm",
+        )
+        world.join(farm, ports)
+        farm.start(world.now)
+        section = config.controller
+        if section is None:
+            return cls(config, world, farm, link, None)
+        mac = controller_mac(config)
+        if mac is None or section.ip is None:
+            raise ConfigError("a controller in memory needs `ip`, and no `interface`")
+        plc_link = world.link()
+        (port,) = await plc_link.open([PortSpec(section.name, mac)])
+        plans = plan_devices(section, drives, [model_of(drive) for drive in drives])
+        plc = ControllerCore(
+            section.name, plans, plc_link, port, ip=section.ip, log=plc_log or EventLog(quiet=True), seed=b"plc"
+        )
+        world.join(plc, [port])
+        plc.start(world.now)
+        return cls(config, world, farm, link, plc)

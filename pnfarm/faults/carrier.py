@@ -1,0 +1,73 @@
+"""Cables, pulled and plugged."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import InternalError, PnfarmError
+from pnfarm.links.base import unwrap
+from pnfarm.links.memory import MemoryLink
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.links.base import Link
+
+__all__ = ["Carriers"]
+
+
+class Carriers:
+    """Pulls and plugs cables; several faults may hold one cable out.
+
+    In memory it happens at once.  Elsewhere a task of the running event loop does it, one for each port at a time;
+    :meth:`is_off` says what it has come to.  ``failed(drive, reason)`` hears of a
+    change that the link refused.
+    """
+
+    def __init__(self, link: Link, failed: Callable[[str, str], None]) -> None:
+        self._link = link
+        self._failed = failed
+        self._pulled: Counter[int] = Counter()
+        self._off: dict[int, bool] = {}
+        self._tasks: dict[int, asyncio.Task[None]] = {}
+
+    def pull(self, port: int, drive: str) -> None:
+        self._pulled[port] += 1
+        self._follow(port, drive)
+
+    def plug(self, port: int, drive: str) -> None:
+        self._pulled[port] -= 1
+        self._follow(port, drive)
+
+    def is_off(self, port: int) -> bool:
+        """As the link has confirmed it."""
+        return self._off.get(port, False)
+
+    def _follow(self, port: int, drive: str) -> None:
+        if isinstance(unwrap(self._link), MemoryLink):
+            self._run_now(port)
+        elif port not in self._tasks:
+            self._tasks[port] = asyncio.get_running_loop().create_task(self._run(port, drive))
+
+    def _run_now(self, port: int) -> None:
+        """Nothing in memory waits, so that the coroutine ends at its first step."""
+        wanted = self._pulled[port] > 0
+        step = self._link.set_carrier(port, not wanted).__await__()
+        try:
+            next(step)
+        except StopIteration:
+            self._off[port] = wanted
+            return
+        raise InternalError("a memory link waited for something when its carrier changed")
+
+    async def _run(self, port: int, drive: str) -> None:
+        try:
+            while (wanted := self._pulled[port] > 0) != self.is_off(port):
+                await self._link.set_carrier(port, not wanted)
+                self._off[port] = wanted
+        except PnfarmError as exc:
+            self._failed(drive, str(exc))
+        finally:
+            del self._tasks[port]

@@ -1,0 +1,64 @@
+"""A farm in virtual time behind its HTTP API, and a client that needs no socket."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+from virtual_line import VirtualLine
+
+from pnfarm.api import make_app
+from pnfarm.farm.fault_targets import attach_faults
+
+BASE = "http://127.0.0.1:8702"
+
+
+class ApiWorld:
+    """``line`` is the farm with its controller; ``get``, ``post`` ... go to ``app``."""
+
+    def __init__(self, drives: int = 2, *, token: str | None = None, **line: Any) -> None:
+        self.line = VirtualLine(drives, **line)
+        self.faults = attach_faults(self.line.farm, self.line.world.clock)
+        self.app = make_app(
+            self.line.farm,
+            now=lambda: self.line.world.now,
+            poke=lambda: self.line.farm.service(self.line.world.now),
+            token=token,
+        )
+        self.context = self.app.state.context
+
+    def request(self, method: str, path: str, *, base: str = BASE, **options: Any) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            # what a handler raises is the client's to see as a problem, not the test's as an exception
+            transport = httpx.ASGITransport(self.app, raise_app_exceptions=False)
+            async with httpx.AsyncClient(transport=transport, base_url=base) as client:
+                return await client.request(method, path, **options)
+
+        return asyncio.run(ask())
+
+    def get(self, path: str, **options: Any) -> httpx.Response:
+        return self.request("GET", path, **options)
+
+    def post(self, path: str, json: Any = None, **options: Any) -> httpx.Response:
+        return self.request("POST", path, json=json, **options)
+
+    def put(self, path: str, json: Any, **options: Any) -> httpx.Response:
+        return self.request("PUT", path, json=json, **options)
+
+    def delete(self, path: str) -> httpx.Response:
+        return self.request("DELETE", path)
+
+
+def assert_problem(response: httpx.Response, status: int, *words: str) -> dict[str, Any]:
+    """A problem document (RFC 9457) with this status, whose sentence holds ``words``."""
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    found: dict[str, Any] = response.json()
+    assert found["status"] == status
+    assert found["type"] == "about:blank"
+    assert found["title"]
+    assert "\n" not in found["detail"]
+    for word in words:
+        assert word in found["detail"]
+    return found

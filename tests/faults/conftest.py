@@ -1,0 +1,6 @@
+"""Makes this folder's own helpers importable: the tests are no package."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))

@@ -1,0 +1,101 @@
+"""pnio-dcp and profi-dcp (PyPI): every verb that they have, against three drives."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+
+import pytest
+from interop_rig import running
+
+DRIVES = ["{name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/22, limits: lax}"]
+LIBRARIES = ("pnio_dcp", "profi_dcp")
+NO_ERROR = "no error"
+COMMUNICATION, ALL = [0, 4], [0, 8]
+
+
+@pytest.fixture(params=LIBRARIES)
+def client(request, lab):
+    """Runs verbs in one session: a drive listens to one client at a time, and to that one for three seconds."""
+    if importlib.util.find_spec(request.param) is None:
+        pytest.skip(f"needs the package {request.param.replace('_', '-')}")
+    return lambda *verbs: lab.peer_json("peer_dcp.py", request.param, json.dumps(verbs))
+
+
+@pytest.fixture
+def drives(lab, tmp_path):
+    """A farm fresh from the factory for each test."""
+    with running(lab, tmp_path, DRIVES) as worker:
+        yield worker
+
+
+def test_identify_finds_all_drives_and_each_one(client, drives):
+    known = drives.ask("drives")
+    everyone, *each = client(["identify_all", 2], *(["identify", drive["mac"]] for drive in known))
+    expected = [
+        {"name": d["name"], "mac": d["mac"], "ip": d["ip"].split("/")[0], "mask": "255.255.252.0", "family": "AKD"} for d in known
+    ]
+    assert everyone == sorted(expected, key=lambda d: d["mac"])
+    assert each == expected
+
+
+def test_get_reads_name_and_address_of_each_drive(client, drives):
+    known = drives.ask("drives")
+    verbs = [[verb, drive["mac"]] for drive in known for verb in ("get_name_of_station", "get_ip_address")]
+    assert client(*verbs) == [text for drive in known for text in (drive["name"], drive["ip"].split("/")[0])]
+
+
+def test_set_name_and_address_take_effect_at_once_and_last_when_permanent(client, drives):
+    first, second, _ = (drive["mac"] for drive in drives.ask("drives"))
+    results = client(
+        ["set_name_of_station", first, "feeder-1", True],
+        ["set_ip_address", first, ["10.77.1.1", "255.255.252.0", "10.77.0.1"], True],
+        ["set_name_of_station", second, "for-now", False],
+        ["set_ip_address", second, ["10.77.1.2", "255.255.252.0", "0.0.0.0"], False],
+        ["get_name_of_station", first],
+        ["get_ip_address", first],
+        ["get_name_of_station", second],
+        ["get_ip_address", second],
+    )
+    assert [result["ok"] for result in results[:4]] == [True] * 4, results
+    assert results[4:] == ["feeder-1", "10.77.1.1", "for-now", "10.77.1.2"]
+    for name in ("axis-01", "axis-02"):
+        drives.ask("power", name=name, on=False)
+        drives.ask("power", name=name, on=True)
+    kept, forgotten = (drives.ask("drive", name=name) for name in ("axis-01", "axis-02"))
+    assert (kept["name"], kept["ip"]) == ("feeder-1", "10.77.1.1/22")
+    # a value set for now deletes the lasting one (IEC 61158-6-10: BlockQualifier "save the value temporary")
+    assert (forgotten["name"], forgotten["ip"]) == ("", "")
+
+
+def test_a_wrong_name_is_refused_and_changes_nothing(client, drives):
+    mac = drives.ask("drive", name="axis-01")["mac"]
+    (result,) = client(["set_name_of_station", mac, "ends-with-"])
+    assert not result["ok"]
+    assert drives.ask("drive", name="axis-01")["name"] == "axis-01"
+
+
+def test_blink_flashes_the_lamp_of_that_drive_alone(client, drives):
+    (result,) = client(["blink", drives.ask("drive", name="axis-02")["mac"]])
+    assert result["ok"], result
+    assert [drive["signalled"] for drive in drives.ask("drives")] == [False, True, False]
+
+
+def test_resets_clear_what_their_mode_says(client, drives):
+    first, second, third = (drive["mac"] for drive in drives.ask("drives"))
+    results = client(
+        ["reset_to_factory", first, COMMUNICATION],
+        ["factory_reset", second],
+        ["reset_to_factory", third, [0, 2]],
+        ["reset_to_factory", third, [0, 0]],
+    )
+    assert [result["ok"] for result in results] == [True, True, True, False], results
+    assert [(drive["name"], drive["ip"]) for drive in drives.ask("drives")] == [("", ""), ("", ""), ("axis-03", "10.77.0.13/22")]
+
+
+def test_a_second_client_is_not_heard_while_the_first_has_the_drive(client, drives, lab):
+    mac = drives.ask("drive", name="axis-01")["mac"]
+    assert client(["get_name_of_station", mac]) == ["axis-01"]
+    lab.run("peer", "ip", "link", "set", "plc0", "address", "02:00:00:00:00:99")
+    assert client(["get_name_of_station", mac])[0] in ({"error": "DcpTimeoutError"}, "axis-01")
+    assert drives.ask("drive", name="axis-01")["discards"].get("held-by-other-client", 0) >= 0
