@@ -281,7 +281,8 @@ def test_promtool_has_nothing_to_remark():
 
 
 def test_thousand_drives_are_scraped_in_fifty_milliseconds(monkeypatch):
-    monkeypatch.setattr(virtual_line, "FILE", virtual_line.FILE.replace("10.77.0.11/23", "10.80.0.1/16"))
+    # no addresses, or a thousand drives would announce theirs to a thousand
+    monkeypatch.setattr(virtual_line, "FILE", virtual_line.FILE.replace("    ip: 10.77.0.11/23\n", ""))
     line = VirtualLine(1024, controller=False)
     collector = FarmCollector(line.farm, NoFaults())
     line.run(0.1)

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import anyio.to_thread
-from fastapi import APIRouter, FastAPI, Header, Query
+from fastapi import FastAPI, Header, Query
 from starlette.responses import HTMLResponse, Response, StreamingResponse
 
 from pnfarm import __version__
-from pnfarm.api import drives, faults
-from pnfarm.api.context import ApiContext
+from pnfarm.api.context import PREFIX, ApiContext
+from pnfarm.api.drives import add_drives
 from pnfarm.api.events import event_stream, start_of
+from pnfarm.api.faults import add_faults
 from pnfarm.api.guard import Guard
 from pnfarm.api.problems import Json, install_handlers
 from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
@@ -27,6 +28,7 @@ from pnfarm.metrics import CONTENT_TYPE, FarmCollector
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from enum import Enum
 
     from pnfarm.farm.core import FarmCore
 
@@ -67,32 +69,31 @@ def make_app(
         docs_url=None,
         redoc_url=None,
         openapi_url="/openapi.json",
+        responses=PROBLEMS,
     )
     app.state.context = context
     install_handlers(app)
-    v1 = APIRouter(prefix="/api/v1", responses=PROBLEMS)
-    v1.include_router(drives.router(context))
-    v1.include_router(faults.router(context))
-    v1.include_router(_farm_router(context))
-    app.include_router(v1)
+    add_drives(app, context)
+    add_faults(app, context)
+    _add_farm(app, context)
     _add_outside(app, context)
     _describe_problems(app)
     app.add_middleware(Guard, token=token)
     return app
 
 
-def _farm_router(context: ApiContext) -> APIRouter:
-    routes = APIRouter(tags=["farm"])
+def _add_farm(app: FastAPI, context: ApiContext) -> None:
+    tags: list[str | Enum] = ["farm"]
 
-    @routes.get("/version", summary="What runs here", responses={200: {"model": Version}})
+    @app.get(f"{PREFIX}/version", tags=tags, summary="What runs here", responses={200: {"model": Version}})
     async def version() -> Response:
         return Json({"pnfarm": __version__, "python": platform.python_version(), "api": "v1"})
 
-    @routes.get("/healthz", summary="Whether the process lives")
+    @app.get(f"{PREFIX}/healthz", tags=tags, summary="Whether the process lives")
     async def healthz() -> Response:
         return Json({"alive": True})
 
-    @routes.get("/readyz", summary="Whether the engine ticks", responses={200: {"model": Ready}})
+    @app.get(f"{PREFIX}/readyz", tags=tags, summary="Whether the engine ticks", responses={200: {"model": Ready}})
     async def readyz() -> Response:
         engine = context.core.columns.engine[0]
         cycles, age = int(engine.cycles), context.now() - int(engine.now_ns)
@@ -101,8 +102,9 @@ def _farm_router(context: ApiContext) -> APIRouter:
             raise EnvironmentError_(f"the engine has not ticked {since}; the drives stand still")
         return Json({"ready": True, "cycles": cycles, "last_tick_seconds_ago": age / 1e9})
 
-    @routes.get(
-        "/events",
+    @app.get(
+        f"{PREFIX}/events",
+        tags=tags,
         summary="The log as server-sent events; Last-Event-ID continues where a client was",
         responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}},
     )
@@ -114,8 +116,6 @@ def _farm_router(context: ApiContext) -> APIRouter:
             drive = context.station(drive).configured_name
         stream = event_stream(context, start_of(context, last_event_id), drive)
         return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
-
-    return routes
 
 
 def _add_outside(app: FastAPI, context: ApiContext) -> None:

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from pnfarm.farm.station import DriveStation
     from pnfarm.metrics import FarmCollector
 
-__all__ = ["ApiContext", "read_object"]
+__all__ = ["PREFIX", "ApiContext", "read_object"]
 
+#: Of every path of this version.
+PREFIX = "/api/v1"
 #: Octets of the largest body; a fault is some hundred.
 MAX_BODY = 65_536
 

@@ -5,19 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import anyio.lowlevel
-from fastapi import APIRouter, Request
+from fastapi import Request
 from pydantic import ValidationError
 
-from pnfarm.api.context import ApiContext, read_object
+from pnfarm.api.context import PREFIX, ApiContext, read_object
 from pnfarm.api.problems import Json, RequestError
 from pnfarm.api.schemas import Drive, FarmView, ParameterValue, ParameterWrite
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults
 
 if TYPE_CHECKING:
+    from enum import Enum
+
+    from fastapi import FastAPI
+
     from pnfarm.farm.station import DriveStation
 
-__all__ = ["router"]
+__all__ = ["add_drives"]
 
 #: Drives described between two looks at the event loop: some milliseconds.
 DRIVES_AT_ONCE = 64
@@ -30,11 +34,16 @@ _WRITE_BODY = {
 }
 
 
-def router(context: ApiContext) -> APIRouter:
+def add_drives(app: FastAPI, context: ApiContext) -> None:
     """Handlers under ``/drives``."""
-    routes = APIRouter(tags=["drives"])
+    tags: list[str | Enum] = ["drives"]
 
-    @routes.get("/drives", summary="The farm, its engine and all drives", responses={200: {"model": FarmView}})
+    @app.get(
+        f"{PREFIX}/drives",
+        tags=tags,
+        summary="The farm, its engine and all drives",
+        responses={200: {"model": FarmView}},
+    )
     async def get_drives() -> Json:
         core = context.core
         injected = injected_faults(core.faults)
@@ -46,28 +55,35 @@ def router(context: ApiContext) -> APIRouter:
         view = {"farm": core.name, "link": core.link.kind, "engine": engine_snapshot(core), "drives": drives}
         return Json(view)
 
-    @routes.get("/drives/{name}", summary="One drive", responses={200: {"model": Drive}})
+    @app.get(f"{PREFIX}/drives/{{name}}", tags=tags, summary="One drive", responses={200: {"model": Drive}})
     async def get_drive(name: str) -> Json:
         station = context.station(name)
         return Json(context.view(station))
 
-    @routes.post("/drives/{name}/power-cycle", summary="Switch off and on", responses={200: {"model": Drive}})
+    @app.post(
+        f"{PREFIX}/drives/{{name}}/power-cycle",
+        tags=tags,
+        summary="Switch off and on",
+        responses={200: {"model": Drive}},
+    )
     async def power_cycle(name: str) -> Json:
         station = context.station(name)
         station.power_cycle(context.now())
         context.changed(station)
         return Json(context.view(station))
 
-    @routes.get(
-        "/drives/{name}/params/{pnu:path}",
+    @app.get(
+        f"{PREFIX}/drives/{{name}}/params/{{pnu:path}}",
+        tags=tags,
         summary="A parameter by number or by the manual's name, with .SUB for one element of an array",
         responses={200: {"model": ParameterValue}},
     )
     async def get_parameter(name: str, pnu: str) -> Json:
         return Json(_parameter(_powered(context.station(name)), pnu))
 
-    @routes.put(
-        "/drives/{name}/params/{pnu:path}",
+    @app.put(
+        f"{PREFIX}/drives/{{name}}/params/{{pnu:path}}",
+        tags=tags,
         summary="Write a parameter",
         responses={200: {"model": ParameterValue}},
         openapi_extra=_WRITE_BODY,
@@ -78,8 +94,6 @@ def router(context: ApiContext) -> APIRouter:
         station.store.set(pnu, _value(body))
         context.changed(station)
         return Json(_parameter(station, pnu))
-
-    return routes
 
 
 def _value(body: dict[str, Any]) -> int:

@@ -6,9 +6,9 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Request
+from fastapi import Request
 
-from pnfarm.api.context import ApiContext, read_object
+from pnfarm.api.context import PREFIX, ApiContext, read_object
 from pnfarm.api.problems import Json, NotFoundError
 from pnfarm.api.schemas import Reset
 from pnfarm.errors import ConfigError, InternalError
@@ -16,9 +16,13 @@ from pnfarm.faults.catalogue import KINDS
 from pnfarm.faults.plan import FaultSpec
 
 if TYPE_CHECKING:
+    from enum import Enum
+
+    from fastapi import FastAPI
+
     from pnfarm.faults.manager import FaultManager
 
-__all__ = ["router"]
+__all__ = ["add_faults"]
 
 _SPEC_BODY = {
     "requestBody": {
@@ -33,9 +37,9 @@ _SPEC_BODY = {
 }
 
 
-def router(context: ApiContext) -> APIRouter:
+def add_faults(app: FastAPI, context: ApiContext) -> None:
     """Handlers of faults."""
-    routes = APIRouter(tags=["faults"])
+    tags: list[str | Enum] = ["faults"]
 
     def manager() -> FaultManager:
         found = context.core.faults
@@ -43,30 +47,30 @@ def router(context: ApiContext) -> APIRouter:
             raise InternalError("this farm runs without a fault manager")
         return found
 
-    @routes.get("/fault-kinds", summary="Every kind of fault with its parameters")
+    @app.get(f"{PREFIX}/fault-kinds", tags=tags, summary="Every kind of fault with its parameters")
     async def get_kinds() -> Json:
         return Json({"kinds": [kind.as_dict() for kind in KINDS.values()]})
 
-    @routes.get("/faults", summary="Faults that wait or are in force, with their evidence")
+    @app.get(f"{PREFIX}/faults", tags=tags, summary="Faults that wait or are in force, with their evidence")
     async def get_faults() -> Json:
         return Json({"faults": [fault.as_dict() for fault in manager().list()]})
 
-    @routes.post("/faults", summary="Put a fault in force", status_code=201, openapi_extra=_SPEC_BODY)
+    @app.post(f"{PREFIX}/faults", tags=tags, summary="Put a fault in force", status_code=201, openapi_extra=_SPEC_BODY)
     async def post_fault(request: Request) -> Json:
         spec = FaultSpec.parse(await read_object(request))
         fault = manager().add(spec, context.now())
         context.poke()
-        place = f"/api/v1/faults/{quote(fault.id, safe='')}"
+        place = f"{PREFIX}/faults/{quote(fault.id, safe='')}"
         return Json(fault.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
 
-    @routes.get("/faults/{fault_id}", summary="One fault, also one that ended not long ago")
+    @app.get(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="One fault, also one that ended not long ago")
     async def get_fault(fault_id: str) -> Json:
         try:
             return Json(manager().get(fault_id).as_dict())
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
 
-    @routes.delete("/faults/{fault_id}", summary="End a fault; its last evidence")
+    @app.delete(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="End a fault; its last evidence")
     async def delete_fault(fault_id: str) -> Json:
         try:
             (fault,) = manager().clear(fault_id, context.now())
@@ -75,11 +79,9 @@ def router(context: ApiContext) -> APIRouter:
         context.poke()
         return Json(fault.as_dict())
 
-    @routes.post("/reset", summary="End every injected fault", responses={200: {"model": Reset}})
+    @app.post(f"{PREFIX}/reset", tags=tags, summary="End every injected fault", responses={200: {"model": Reset}})
     async def reset() -> Json:
         cleared = manager().clear(None, context.now())
         context.poke()
         view: dict[str, Any] = {"cleared": [fault.id for fault in cleared]}
         return Json(view)
-
-    return routes

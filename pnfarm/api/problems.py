@@ -7,6 +7,7 @@ stands in members of its own: ``error_number`` (PROFIdrive) and ``errors`` (fiel
 from __future__ import annotations
 
 import json
+import traceback
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
@@ -122,7 +123,9 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
 
 
 def _internal(request: Request, exc: Exception) -> Response:
-    logger.error("internal error", path=request.scope["path"], exc_info=exc)
+    # as text: a pretty traceback shows local variables, and takes seconds
+    trace = "".join(traceback.format_exception(exc))
+    logger.error("internal error", path=request.scope["path"], traceback=trace)
     sentence = f"internal error: {type(exc).__name__}; the farm's log says more"
     return problem(HTTPStatus.INTERNAL_SERVER_ERROR, sentence, request)
 

@@ -90,7 +90,7 @@ class FarmClient:
             raise self._stranger() from exc
 
     def events(self, drive: str | None = None) -> Iterator[dict[str, Any]]:
-        """The farm's log, from its oldest entry on and then as it grows, of one drive or of all; until the farm stops."""
+        """The farm's log from its oldest entry on, then as it grows, of one drive or of all, until the farm stops."""
         import httpx
 
         patience = httpx.Timeout(TIMEOUT_SECONDS, read=None)

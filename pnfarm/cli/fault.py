@@ -6,14 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Put faults in force on the running farm's drives, and take them back.", no_args_is_help=True)
+app = typer.Typer(help="Put faults in force on the running farm's drives, and take them back.")
+app.callback(invoke_without_command=True)(help_without_command)
 
 
 @app.command("kinds")
@@ -115,7 +116,7 @@ def show(output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, toke
 @app.command("clear")
 def clear(
     fault_id: Annotated[
-        str | None, typer.Argument(metavar="[ID]", help="One fault; all when left out.", show_default=False)
+        str | None, typer.Argument(metavar="ID", help="One fault; all when left out.", show_default=False)
     ] = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,

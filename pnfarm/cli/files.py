@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pnfarm.cli.settings import FarmFile
+from pnfarm.cli.settings import FarmFile  # noqa: TC001 - the command line is made from the annotations
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,7 +66,7 @@ def check_impairments(config: FarmConfig) -> None:
                 FaultSpec.parse(given)
             except FaultError as exc:
                 for field, what, allowed in exc.issues:
-                    location = ("drives", group, "impair", number, *field.split("."))
+                    location: tuple[str | int, ...] = ("drives", group, "impair", number, *field.split("."))
                     line, column = _line(config.path, location)
                     place = f"drives[{group}].impair[{number}].{field}"
                     issues.append(FileIssue(str(config.path or "<text>"), line, column, place, what, allowed))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import json
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +18,7 @@ __all__ = ["inspect"]
 
 def inspect(
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="One drive, in full; all when left out.", show_default=False)
+        str | None, typer.Argument(metavar="NAME", help="One drive, in full; all when left out.", show_default=False)
     ] = None,
     events: Annotated[
         bool, typer.Option("--events", help="What happened, and what happens from now on, until Ctrl-C.")
@@ -58,7 +58,7 @@ def _event_line(entry: dict[str, Any]) -> str:
     rest = dict(entry)
     rest.pop("sequence", None)
     rest.pop("farm_seconds", None)
-    moment = datetime.datetime.fromtimestamp(rest.pop("time"), datetime.UTC).astimezone()
+    moment = dt.datetime.fromtimestamp(rest.pop("time"), dt.UTC).astimezone()
     drive, event = rest.pop("drive") or "farm", rest.pop("event")
     more = "  ".join(f"{key}={value}" for key, value in rest.items())
     return f"{moment:%H:%M:%S.%f} {drive:<16} {event}  {more}".rstrip()
@@ -122,7 +122,7 @@ def _cell(key: str, value: Any) -> str:
             return "-"
         case bool():
             return "yes" if value else "no"
-        case float() if key.endswith("seconds") or key.endswith("seconds_ago"):
+        case float() if key.endswith(("seconds", "seconds_ago")):
             return seconds(value)
         case float():
             return f"{value:.6g}"

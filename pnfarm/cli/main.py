@@ -16,7 +16,7 @@ import typer
 from pnfarm import __version__
 from pnfarm.cli import doctor, fault, files, inspect, models, param, plc, scan, up
 from pnfarm.cli.errors import report, silence_stdout
-from pnfarm.cli.settings import LogFormat, LogLevel, Settings, settings
+from pnfarm.cli.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,9 +56,7 @@ def _options(
     """A farm of virtual servo drives that a real controller runs."""
     del version
     settings.log_format, settings.log_level, settings.debug = log_format, log_level, debug
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
-        raise typer.Exit
+    help_without_command(context)
     from pnfarm.cli.logging import configure
 
     configure(as_json=settings.logs_json, level=log_level.value)
@@ -85,11 +83,35 @@ app.command("doctor", rich_help_panel="This machine")(doctor.doctor)
 _own_module("bench")
 
 
+#: Global options that may stand behind the command as well -> whether a value follows.
+_ANYWHERE = {"--log-format": True, "--log-level": True, "--debug": False}
+
+
+def _global_first(arguments: Sequence[str]) -> list[str]:
+    """The same command line with its global options before the command, where the parser wants them."""
+    first: list[str] = []
+    rest: list[str] = []
+    given = list(arguments)
+    while given:
+        word = given.pop(0)
+        if word == "--":
+            rest += [word, *given]
+            break
+        name, equals, _ = word.partition("=")
+        if name not in _ANYWHERE:
+            rest.append(word)
+            continue
+        first.append(word)
+        if _ANYWHERE[name] and not equals and given:
+            first.append(given.pop(0))
+    return [*first, *rest]
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line; its exit code.  Without ``arguments``, the process's own."""
     blank = Settings()
     settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug
-    given = None if arguments is None else list(arguments)
+    given = _global_first(sys.argv[1:] if arguments is None else arguments)
     try:
         code = app(args=given, prog_name="pnfarm", standalone_mode=False)
         sys.stdout.flush()

@@ -16,7 +16,8 @@ __all__ = ["models"]
 
 def models(
     model: Annotated[
-        str | None, typer.Argument(metavar="[MODEL]", help="One model, in full; a list when left out.", show_default=False)
+        str | None,
+        typer.Argument(metavar="MODEL", help="One model, in full; a list when left out.", show_default=False),
     ] = None,
     output: FormatOption = Format.TABLE,
 ) -> None:
@@ -68,7 +69,12 @@ def _print(found: dict[str, Any]) -> None:
         if found[section]:
             print_line()
             rows = [
-                (key.replace("_", " "), f"{_value(key, fact['value'])} {fact['unit']}".strip(), fact["source"], fact["note"])
+                (
+                    key.replace("_", " "),
+                    f"{_value(key, fact['value'])} {fact['unit']}".strip(),
+                    fact["source"],
+                    fact["note"],
+                )
                 for key, fact in found[section].items()
             ]
             print_table((section.replace("_", " ").upper(), "VALUE", "SOURCE", "NOTE"), rows)

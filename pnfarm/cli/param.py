@@ -6,11 +6,12 @@ from typing import Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Read and write a drive's parameters.", no_args_is_help=True)
+app = typer.Typer(help="Read and write a drive's parameters.")
+app.callback(invoke_without_command=True)(help_without_command)
 
 Drive = Annotated[str, typer.Argument(metavar="NAME", help="The drive.", show_default=False)]
 Pnu = Annotated[

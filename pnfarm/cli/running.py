@@ -59,9 +59,7 @@ async def compile_ahead() -> None:
         return
     started = time.monotonic()
     with _announced("compiling the engine for this machine; only the first start takes these seconds"):
-        run = await anyio.run_process(
-            [sys.executable, "-m", "pnfarm.engine.warm"], check=False, start_new_session=True
-        )
+        run = await anyio.run_process([sys.executable, "-m", "pnfarm.engine.warm"], check=False, start_new_session=True)
     if run.returncode == 0:
         logger.info("engine compiled", seconds=round(time.monotonic() - started, 1))
     else:

@@ -19,7 +19,8 @@ _ROLES = ("device", "controller", "multidevice", "supervisor")
 
 def scan(
     interface: Annotated[
-        str, typer.Option("--interface", "-i", metavar="IF", help="Network interface, such as eth1.", show_default=False)
+        str,
+        typer.Option("--interface", "-i", metavar="IF", help="Network interface, such as eth1.", show_default=False),
     ],
     seconds: Annotated[float, typer.Option(min=0.1, max=60, help="How long to wait for answers.")] = 2.0,
     output: FormatOption = Format.TABLE,

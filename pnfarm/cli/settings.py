@@ -20,6 +20,7 @@ __all__ = [
     "LogLevel",
     "Settings",
     "TokenOption",
+    "help_without_command",
     "settings",
 ]
 
@@ -78,3 +79,9 @@ TokenOption = Annotated[
     str | None,
     typer.Option("--token", help="The API's bearer token, where it asks for one.", envvar="PNFARM_TOKEN"),
 ]
+
+
+def help_without_command(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+        raise typer.Exit

@@ -11,7 +11,6 @@ from pnfarm.cli.settings import FarmFile, settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     from pnfarm.farm.config import FarmConfig
     from pnfarm.farm.farm import Farm
@@ -38,30 +37,58 @@ def up(
     file: FarmFile,
     api: Annotated[
         str | None,
-        typer.Option("--api", metavar="HOST:PORT", envvar="PNFARM_UP_API", help="Where the API listens; off: nowhere."),
+        typer.Option(
+            "--api",
+            metavar="HOST:PORT",
+            envvar="PNFARM_UP_API",
+            show_envvar=False,
+            help="Where the API listens; off: nowhere.",
+        ),
     ] = None,
     token: Annotated[
         str | None,
-        typer.Option("--api-token", metavar="TOKEN", envvar="PNFARM_UP_API_TOKEN", help="The API's bearer token."),
+        typer.Option(
+            "--api-token",
+            metavar="TOKEN",
+            envvar="PNFARM_UP_API_TOKEN",
+            show_envvar=False,
+            help="The API's bearer token.",
+        ),
     ] = None,
     parent: Annotated[
         str | None,
         typer.Option(
-            "--parent", metavar="IF", envvar="PNFARM_UP_LINK_PARENT", help="Interface under the macvlans (link.parent)."
+            "--parent",
+            metavar="IF",
+            envvar="PNFARM_UP_LINK_PARENT",
+            show_envvar=False,
+            help="Interface under the macvlans (link.parent).",
         ),
     ] = None,
     state: Annotated[
         str | None,
-        typer.Option("--state", metavar="DIR", envvar="PNFARM_UP_STATE", help="Folder of the non-volatile memory."),
+        typer.Option(
+            "--state",
+            metavar="DIR",
+            envvar="PNFARM_UP_STATE",
+            show_envvar=False,
+            help="Folder of the non-volatile memory.",
+        ),
     ] = None,
     cpu: Annotated[
         int | None,
-        typer.Option("--realtime-cpu", metavar="N", envvar="PNFARM_UP_REALTIME_CPU", help="CPU of the engine."),
+        typer.Option(
+            "--realtime-cpu", metavar="N", envvar="PNFARM_UP_REALTIME_CPU", show_envvar=False, help="CPU of the engine."
+        ),
     ] = None,
     fifo: Annotated[
         int | None,
         typer.Option(
-            "--realtime-fifo", metavar="PRIORITY", envvar="PNFARM_UP_REALTIME_FIFO", help="SCHED_FIFO priority, 1 to 99."
+            "--realtime-fifo",
+            metavar="PRIORITY",
+            envvar="PNFARM_UP_REALTIME_FIFO",
+            show_envvar=False,
+            help="SCHED_FIFO priority, 1 to 99.",
         ),
     ] = None,
     mlockall: Annotated[
@@ -69,12 +96,18 @@ def up(
         typer.Option(
             "--realtime-mlockall/--no-realtime-mlockall",
             envvar="PNFARM_UP_REALTIME_MLOCKALL",
+            show_envvar=False,
             help="Keep all memory in RAM.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """Run a farm in the foreground until Ctrl-C; its interfaces are removed whatever happens."""
+    """Run a farm in the foreground until Ctrl-C; its interfaces are removed whatever happens.
+
+    What the file says gives way to the environment (PNFARM_UP_API, PNFARM_UP_API_TOKEN, PNFARM_UP_LINK_PARENT,
+    PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO, PNFARM_UP_REALTIME_MLOCKALL), and that to
+    the options.
+    """
     import anyio
 
     from pnfarm.cli.files import check_impairments, read
@@ -132,11 +165,7 @@ async def _run(config: FarmConfig) -> None:
                 await compile_ahead()
                 await farm.open()
                 async with anyio.create_task_group() as tasks:
-
-                    async def serve(*, task_status: anyio.abc.TaskStatus[tuple[str, int]]) -> None:
-                        await serve_farm(farm, faults=farm.faults, task_status=task_status)
-
-                    host, port = await tasks.start(serve)
+                    host, port = await tasks.start(serve_farm, farm)
                     _say_up(farm, f"http://{_bracketed(host)}:{port}/" if host else None)
                     await farm.wait()
         finally:
@@ -146,8 +175,8 @@ async def _run(config: FarmConfig) -> None:
 
 def _say_up(farm: Farm, url: str | None) -> None:
     """One line for a person or a script; with JSON logs the log's own events say the same."""
-    from pnfarm.cli.output import print_line, print_table
     from pnfarm.cli.files import counted, link_words
+    from pnfarm.cli.output import print_line, print_table
 
     if settings.logs_json:
         return

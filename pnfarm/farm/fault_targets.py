@@ -295,6 +295,8 @@ class StationTarget:
         self._off -= 1
         if self._off == 0 and not self._station.powered:
             self._station.power_on(now)
+            if self._warnings:
+                self._show_warning(CMD_RAISE_WARNING, self._warnings[-1])
             self.refresh(now)
             self._core.settle(self._station, now)
 
@@ -318,8 +320,13 @@ class StationTarget:
 
     def release_fault(self, fault: Fault) -> None:
         self._held[fault.number] -= 1
-        if not self._held[fault.number]:
-            del self._held[fault.number]
+        if self._held[fault.number]:
+            return
+        del self._held[fault.number]
+        try:
+            # the drive was off all the while and need not hear of it
+            self._commands.remove((CMD_HOLD_FAULT, fault.code))
+        except ValueError:
             self._command(CMD_RELEASE_FAULT, fault.number)
 
     def fault_stands(self, fault: Fault) -> bool:
@@ -330,22 +337,29 @@ class StationTarget:
 
     def warn(self, fault: Fault) -> None:
         self._warnings.append(fault)
-        self._command(CMD_RAISE_WARNING, fault.number)
+        self._show_warning(CMD_RAISE_WARNING, fault)
 
     def unwarn(self, fault: Fault) -> None:
         self._warnings.remove(fault)
         if self._warnings:
-            self._command(CMD_RAISE_WARNING, self._warnings[-1].number)
+            self._show_warning(CMD_RAISE_WARNING, self._warnings[-1])
         else:
-            self._command(CMD_CLEAR_WARNING, fault.number)
+            self._show_warning(CMD_CLEAR_WARNING, fault)
+
+    def _show_warning(self, code: int, fault: Fault) -> None:
+        """A drive shows one warning, so that only the last word counts."""
+        waiting = [c for c in self._commands if c[0] not in {CMD_RAISE_WARNING, CMD_CLEAR_WARNING}]
+        self._commands = deque(waiting)
+        self._command(code, fault.number)
 
     def _command(self, code: int, argument: int) -> None:
-        """To the firmware in this order, also when it takes none just now (its ring holds few while it is off)."""
+        """To the firmware in this order; what it cannot take now waits for :meth:`refresh`."""
         self._commands.append((code, argument))
         self._flush()
 
     def _flush(self) -> None:
-        while self._commands:
+        # a drive without supply takes nothing, and its ring must have room for the command that boots it
+        while self._commands and self._station.powered:
             try:
                 self._station.handle.push_command(*self._commands[0])
             except CommandRingFullError:

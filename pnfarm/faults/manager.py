@@ -301,6 +301,7 @@ class FaultManager:
 
     def poke(self, name: str, now: int) -> None:
         """Something happened on this drive, and is settled: look at its faults."""
+        self.refresh(name, now)
         for fault, run in list(self._by_drive.get(name, ())):
             self._look(fault, run, now)
 

@@ -120,15 +120,13 @@ class FaultSpec(BaseModel):
         try:
             return cls.model_validate(dict(data))
         except ValidationError as exc:
-            raise FaultError(_issue(error) for error in exc.errors(include_url=False)) from exc
+            raise FaultError(issue for error in exc.errors(include_url=False) for issue in _issues(error)) from exc
 
     @model_validator(mode="after")
     def _fits_the_kind(self) -> Self:
-        for field, problem in _misfits(self):
-            # pydantic reports one error of a model's own check; the first is enough to act on
-            raise PydanticCustomError(
-                "pnfarm", "{what}", {"what": problem.what, "allowed": problem.allowed, "field": field}
-            )
+        misfits = [(field, problem.what, problem.allowed) for field, problem in _misfits(self)]
+        if misfits:
+            raise PydanticCustomError("pnfarm-kind", "{what}", {"what": misfits[0][1], "misfits": misfits})
         return self
 
     @property
@@ -220,10 +218,14 @@ def _flap_misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
         )
 
 
+def _issues(error: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """One of pydantic's errors as (field, what is wrong, what is allowed); our own one about the kind tells several."""
+    return error["ctx"]["misfits"] if error["type"] == "pnfarm-kind" else [_issue(error)]
+
+
 def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
-    """One of pydantic's errors as (field, what is wrong, what is allowed)."""
     kind, context = error["type"], error.get("ctx", {})
-    field = context.get("field") or ".".join(str(step) for step in error["loc"]) or "fault"
+    field = ".".join(str(step) for step in error["loc"]) or "fault"
     if kind == "pnfarm":
         return field, context["what"], context["allowed"]
     if kind == "missing":

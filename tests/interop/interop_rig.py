@@ -244,7 +244,7 @@ def captured_datagrams(name):
     path = CAPTURES / f"{name}.pcap"
     if not path.exists():
         pytest.skip(f"the captures of real controllers are not here: no {path.name} beside the project")
-    rows = tshark_fields(path, "ip.src", "ip.dst", "udp.payload", where="udp.port==34964 && dcerpc")
+    rows = tshark_fields(path, "ip.src", "ip.dst", "udp.payload", where="udp && dcerpc")
     return [(source, destination, bytes.fromhex(payload)) for source, destination, payload in rows]
 
 

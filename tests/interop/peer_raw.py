@@ -118,6 +118,22 @@ def dcp(macs):
     return answers
 
 
+def hold(mac):
+    """Two clients that read the name of one drive: who is answered."""
+    first, second = Frames(), Frames()
+    second.mac = bytes.fromhex("020000000099")
+    destination = bytes.fromhex(mac.replace(":", ""))
+    xids = itertools.count(1)
+
+    def answered(client):
+        pdu = DcpPdu(frame_id_of(3, 0), 3, 0, next(xids), (), (OptionId(2, 2),), 0)
+        return bool(client.exchange(destination, emit_dcp(pdu)))
+
+    found = {"first": answered(first), "second": answered(second), "first again": answered(first)}
+    time.sleep(3.1)
+    return {**found, "second later": answered(second)}
+
+
 def arp(ip):
     """A probe as duplicate address detection sends it (RFC 5227): the MAC address that answers, or None."""
     frames = Frames(0x0806)
@@ -292,6 +308,7 @@ def taken_call(own, seconds=2.0):
 
 VERBS = {
     "dcp": lambda *macs: dcp(macs),
+    "hold": hold,
     "arp": arp,
     "lookup": lookup,
     "rpc": lambda ip: rpc(ip, 0x0105, 1),

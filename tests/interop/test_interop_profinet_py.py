@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
-
 import pytest
 
-if importlib.util.find_spec("profinet") is None:
-    pytest.skip("needs the package profinet-py", allow_module_level=True)
+pytest.importorskip("profinet", reason="needs the package profinet-py")
 
-#: 0x07E1 and 0x006E: firmware of 2017, 1 November as ddmm; the manufacturer, drive unit type and version before them.
+#: Positive answer: five words; manufacturer 0x0105, drive unit type 1, version 1.17, year 2017, day and month.
 PNU_964 = "0101000142050105000100750 7e1006e".replace(" ", "")
 ORDER = "AKD-P00306-NBPN-0000"
 
@@ -57,7 +54,8 @@ def test_it_takes_a_drive_to_operation_and_exchanges_data(peer, farm, station, f
 def test_it_reads_records_without_cyclic_data(peer, farm):
     found = peer("acyclic", "axis-01")
     assert found["im0"] == {"order": ORDER, "vendor": 0x0105, "serial": found["im0"]["serial"]}
-    assert bytes.fromhex(found["implicit_im0"])[10:30].decode() == ORDER
+    # block header of six octets, then the manufacturer's id
+    assert bytes.fromhex(found["implicit_im0"])[8:28].decode() == ORDER
     assert found["slots"] == [[0, 1], [0, 0x8000], [0, 0x8001]], "RealIdentificationData of API 0"
     assert farm.ask("drive", name="axis-01")["ars"] == 0
 
@@ -72,6 +70,10 @@ def test_it_names_addresses_signals_and_resets_a_drive(peer, farm):
     assert found["signalled"]
     drive = farm.ask("drive", name="axis-03")
     assert (drive["name"], drive["ip"], drive["signalled"]) == ("spindle-7", "10.77.2.77/22", True)
-    assert peer("reset", mac)
+    # its names of the modes are not the standard's (BlockQualifier: 2 application data, 4 communication): so by number
+    assert peer("reset", mac, "0002")
+    drive = farm.ask("drive", name="axis-03")
+    assert (drive["name"], drive["ip"]) == ("spindle-7", "10.77.2.77/22")
+    assert peer("reset", mac, "0004")
     drive = farm.ask("drive", name="axis-03")
     assert (drive["name"], drive["ip"]) == ("", "")

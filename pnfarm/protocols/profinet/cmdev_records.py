@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.ar import Ar
     from pnfarm.protocols.profinet.record_store import RecordHandler
-    from pnfarm.protocols.profinet.wire.iod import IodReadReqHeader, RecordWrite
+    from pnfarm.protocols.profinet.wire.iod import IodReadReqHeader, IodWriteReqHeader, RecordWrite
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
 __all__ = ["ServedCall", "serve_read", "serve_write"]
@@ -69,8 +69,7 @@ def _version_fault(service: ErrorCode, version: int) -> PnioStatus:
     return pnio_error(service, ConnectFault.RECORD, field)
 
 
-def _write_response(write: RecordWrite, status: PnioStatus, error: RecordError | None = None) -> IodWriteResHeader:
-    h = write.header
+def _write_response(h: IodWriteReqHeader, status: PnioStatus, error: RecordError | None = None) -> IodWriteResHeader:
     values = (error.additional_value1, error.additional_value2) if error else (0, 0)
     return IodWriteResHeader(h.sequence_number, h.ar_uuid, h.api, h.slot, h.subslot, h.index, 0, *values, status)
 
@@ -79,14 +78,14 @@ def _write_one(ar: Ar, write: RecordWrite, handler: RecordHandler, now: int) -> 
     h = write.header
     status = _version_fault(ErrorCode.WRITE, h.version)
     if not status.ok:
-        return _write_response(write, status), False
+        return _write_response(h, status), False
     if h.ar_uuid != ar.uuid:
         status = pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
-        return _write_response(write, status), False
+        return _write_response(h, status), False
     error = handler.write(ar, h.api, h.slot, h.subslot, h.index, write.data, now)
     if error is not None:
-        return _write_response(write, error.status(ErrorCode.WRITE), error), False
-    return _write_response(write, OK), True
+        return _write_response(h, error.status(ErrorCode.WRITE), error), False
+    return _write_response(h, OK), True
 
 
 def serve_write(payload: bytes, find_ar: Callable[[UUID], Ar | None], handler: RecordHandler, now: int) -> ServedCall:
@@ -98,10 +97,14 @@ def serve_write(payload: bytes, find_ar: Callable[[UUID], Ar | None], handler: R
     try:
         request = parse_write_request(payload)
     except DecodeError as exc:
-        return _undecodable(ErrorCode.WRITE, exc)
+        refused = _undecodable(ErrorCode.WRITE, exc).status
+        # a refused write, too, answers with its header
+        header = IodWriteResHeader(0, NIL_UUID, 0, 0, 0, 0, 0, 0, 0, refused)
+        return ServedCall(refused, emit_write_response((header,)))
     ar = find_ar(request.header.ar_uuid)
     if ar is None:
-        return ServedCall(pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN))
+        unknown = pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
+        return ServedCall(unknown, emit_write_response((_write_response(request.header, unknown),)))
     headers, events = [], []
     for write in request.writes:
         header, written = _write_one(ar, write, handler, now)

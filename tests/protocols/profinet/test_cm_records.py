@@ -197,9 +197,16 @@ def test_a_real_controllers_start_up_records_for_the_physical_device_are_taken_a
 
 def test_the_written_uuid_must_be_an_ars(bench):
     status, answer = write(bench, 47, b"", uuid=UUID_2)
-    assert (status.error_code, status.error_code1, status.error_code2, answer) == (0xDF, 0x40, 5, b"")
-    status, _ = bench.call(3, b"\x00\x08")
+    assert (status.error_code, status.error_code1, status.error_code2) == (0xDF, 0x40, 5)
+    (header,) = parse_write_response(answer)
+    assert (header.ar_uuid, header.index, header.status) == (UUID_2, 47, status)
+
+
+def test_a_write_that_cannot_be_read_is_refused_with_a_header_all_the_same(bench):
+    status, answer = bench.call(3, b"\x00\x08")
     assert (status.error_code1, status.error_code2) == (0x40, 0)
+    (header,) = parse_write_response(answer)
+    assert header.status == status
 
 
 def test_record_calls_keep_a_slow_start_up_alive():

@@ -1,0 +1,27 @@
+"""Whether every drive of a farm exchanges data with a controller: the health check of the rig's controller.
+
+``PNFARM_API`` and ``PNFARM_TOKEN`` name the farm, as for ``pnfarm inspect``.  Exit code 0: all do; 1: some do not.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import urllib.request
+
+
+def main() -> int:
+    """Ask once."""
+    api = os.environ.get("PNFARM_API", "http://127.0.0.1:8702").rstrip("/")
+    headers = {"Authorization": f"Bearer {os.environ['PNFARM_TOKEN']}"} if "PNFARM_TOKEN" in os.environ else {}
+    request = urllib.request.Request(f"{api}/api/v1/drives", headers=headers)  # noqa: S310 - the farm's own address
+    with urllib.request.urlopen(request, timeout=3) as answer:  # noqa: S310 - as above
+        drives = json.load(answer)["drives"]
+    missing = [drive["name"] for drive in drives if drive["ar_state"] != "DATA"]
+    sys.stdout.write(f"{len(drives) - len(missing)} of {len(drives)} drives exchange data\n")
+    return 1 if missing or not drives else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""What the documentation says of the code comes from the code."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def _pages():
+    spec = importlib.util.spec_from_file_location("docs_build", ROOT / "docs" / "build.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.PAGES
+
+
+@pytest.mark.parametrize("name", ["table.md", "states.md"])
+def test_generated_pages_are_up_to_date(name):
+    assert (ROOT / "docs" / name).read_text(encoding="utf-8") == _pages()[name](), "run `python docs/build.py`"
+
+
+def test_every_field_of_the_table_says_what_it_means_and_who_writes_it():
+    from pnfarm.table.axis import AXIS
+    from pnfarm.table.channel import CPM, PPM
+    from pnfarm.table.image import IMAGE
+    from pnfarm.table.impairment import IMPAIRMENT
+    from pnfarm.table.program import PROGRAM
+
+    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT):
+        for field in layout.fields.values():
+            assert field.doc or field.name == "frame_id", f"{layout.name}.{field.name}"

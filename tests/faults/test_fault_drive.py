@@ -1,0 +1,336 @@
+"""Faults of the drive, of its connection and of its records, as the controller sees them."""
+
+import pytest
+from fault_line import FaultLine
+
+from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterRequest, emit_request
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.errors import describe_status
+
+CYCLE = 0.016
+FAULT, WARNING = 0x0008, 0x0080
+API = 0x3A00
+
+
+@pytest.fixture
+def line():
+    line = FaultLine()
+    line.connect()
+    line.enable()
+    line.run(0.1)
+    return line
+
+
+def active_fault(line, index=0) -> int:
+    return int(line.farm.columns.axis[index].fault_code[0]) & 0xFFFFFF
+
+
+# -- drive
+
+
+def test_f702_shows_in_zsw1_within_a_cycle_and_the_controller_brings_the_drive_back(line):
+    fault = line.add("f702", as_="trip")
+    line.run(2 * CYCLE)
+    assert line.seen_zsw1() & FAULT
+    assert active_fault(line) == 702
+    assert fault.evidence().confirmed
+    assert line.until(lambda: fault.state == "ended", 2.0)
+    line.enable()
+    assert not line.seen_zsw1() & FAULT
+    assert line.losses() == 0, "the connection stays"
+
+
+def test_f702_comes_again_after_each_acknowledgement_as_often_as_asked(line):
+    fault = line.add("f702", count=3)
+    assert line.until(lambda: fault.state == "ended", 5.0)
+    assert fault.evidence().activations == 3
+    assert line.farm.stations[0].fault_counts[702] == 3
+    line.enable()
+    line.run(1.0)
+    assert line.farm.stations[0].fault_counts[702] == 3
+
+
+def test_a_held_fault_cannot_be_acknowledged_before_it_is_cleared(line):
+    fault = line.add("drive-fault", params={"fault": "encoder-error", "hold": True})
+    line.run(3.0)
+    assert active_fault(line) == 417
+    assert line.seen_zsw1() & FAULT
+    line.clear(fault.id)
+    line.enable()
+    assert active_fault(line) == 0
+
+
+def test_two_who_hold_one_fault_must_both_let_it_go(line):
+    line.add("undervoltage", as_="one")
+    line.add("undervoltage", as_="two")
+    line.run(0.5)
+    line.clear("one")
+    line.run(2.0)
+    assert active_fault(line) == 502
+    line.clear("two")
+    line.enable()
+
+
+@pytest.mark.parametrize(
+    ("kind", "number"), [("undervoltage", 502), ("encoder-error", 417), ("following-error", 439), ("sto", 602)]
+)
+def test_a_cause_raises_the_models_fault_for_so_long(line, kind, number):
+    fault = line.add(kind, for_="1s")
+    line.run(0.5)
+    assert active_fault(line) == number
+    line.run(0.6)
+    assert fault.state == "ended"
+    assert fault.evidence().confirmed
+    line.enable()
+
+
+@pytest.mark.parametrize(("side", "number"), [("positive", 107), ("negative", 108)])
+def test_a_limit_switch_warns_and_the_drive_goes_on(line, side, number):
+    fault = line.add("limit-switch", params={"side": side})
+    line.run(2 * CYCLE)
+    assert line.seen_zsw1() & WARNING
+    assert int(line.farm.columns.axis[0].warning_code) == number
+    assert line.plc.all_running
+    assert fault.evidence().confirmed
+    line.clear(fault.id)
+    line.run(2 * CYCLE)
+    assert not line.seen_zsw1() & WARNING
+
+
+def test_the_earlier_warning_shows_again_when_the_later_one_ends(line):
+    line.add("drive-warning", params={"warning": 107}, as_="one")
+    line.add("drive-warning", params={"warning": 108}, as_="two")
+    line.run(0.1)
+    assert int(line.farm.columns.axis[0].warning_code) == 108
+    line.clear("two")
+    line.run(0.1)
+    assert int(line.farm.columns.axis[0].warning_code) == 107
+
+
+def test_a_fault_that_the_model_does_not_have_is_told_and_nothing_happens(line):
+    with pytest.raises(ConfigError, match=r"axis-01: kollmorgen-akd-profinet has no fault '9999'|has no fault"):
+        line.add("drive-fault", params={"fault": 9999})
+    with pytest.raises(ConfigError, match="is a warning"):
+        line.add("drive-fault", params={"fault": 107})
+    with pytest.raises(ConfigError, match="is a fault"):
+        line.add("drive-warning", params={"warning": 702})
+    assert line.faults.list() == []
+
+
+def test_a_power_cycle_boots_the_drive_and_the_controller_finds_it_again(line):
+    fault = line.add("power-cycle", params={"off": "500ms"})
+    assert not line.farm.stations[0].powered
+    line.run(0.4)
+    assert line.losses() == 1
+    assert not line.farm.stations[0].powered
+    line.run(0.2)
+    assert line.farm.stations[0].powered
+    assert fault.state == "ended"
+    line.enable()
+    assert line.events("axis-01").count("power off") == 1
+
+
+def test_a_power_cycle_that_is_cleared_switches_on_at_once(line):
+    fault = line.add("power-cycle", params={"off": "1h"})
+    line.run(1.0)
+    line.clear(fault.id)
+    assert line.farm.stations[0].powered
+    line.enable()
+
+
+def test_a_second_power_cycle_waits_until_the_drive_is_connected_again(line):
+    fault = line.add("power-cycle", params={"off": "200ms"}, count=2)
+    assert line.until(lambda: fault.state == "ended", 5.0)
+    assert line.losses() == 2
+    line.enable()
+
+
+def test_a_fault_held_while_the_drive_is_off_is_there_when_it_comes_back(line):
+    line.add("power-cycle", params={"off": "1s"})
+    for _ in range(12):
+        held = line.add("undervoltage")
+        line.run(0.01)
+        line.clear(held.id)
+    held = line.add("undervoltage")
+    line.run(3.0)
+    assert active_fault(line) == 502
+    line.clear(held.id)
+    line.enable()
+
+
+# -- connection
+
+
+def test_ar_abort_tells_the_controller_its_code(line):
+    fault = line.add("ar-abort", params={"code": "ip-suite-changed"})
+    line.run(CYCLE)
+    assert line.losses() == 1
+    assert "IP suite changed" in line.session().measures.last_reason
+    assert fault.state == "ended"
+    line.connect()
+    line.run(2.0)
+    assert line.losses() == 1
+
+
+def test_ar_abort_ends_every_connection_while_it_lasts(line):
+    fault = line.add("ar-abort", for_="2s")
+    line.run(2.1)
+    assert line.losses() >= 3
+    assert fault.evidence().activations == line.losses()
+    line.connect()
+
+
+def test_connect_refuse_gives_its_codes_so_often_and_then_lets_the_controller_in():
+    line = FaultLine()
+    fault = line.add("connect-refuse", count=2, params={"code1": "cmdev", "code2": 1})
+    assert line.until(lambda: line.session().measures.refusals == 1, 5.0)
+    assert "CMDEV: resources (DB 81 3D 01)" in line.session().measures.last_reason
+    line.connect()
+    assert line.session().measures.refusals == 2
+    assert fault.state == "ended"
+    assert fault.evidence().confirmed
+
+
+def test_of_two_refusals_each_has_its_own_end():
+    line = FaultLine()
+    line.add("connect-refuse", as_="one")
+    line.add("connect-refuse", as_="two")
+    line.run(2.0)
+    line.clear("one")
+    line.run(2.0)
+    assert not line.plc.all_connected
+    line.clear("two")
+    line.connect()
+
+
+def test_without_application_ready_the_start_up_hangs_until_the_fault_is_cleared():
+    line = FaultLine()
+    fault = line.add("no-application-ready")
+    line.run(3.0)
+    assert line.session().state == "CONNECT"
+    assert str(line.session().machine.state) == "W_ARDY"
+    assert fault.evidence().activations == 1
+    line.clear(fault.id)
+    line.connect(0.5)
+    assert line.session().measures.refusals == 0
+
+
+def test_late_application_ready_is_late_by_its_delay_and_once_if_asked():
+    line = FaultLine()
+    fault = line.add("late-application-ready", params={"delay": "2s"}, count=1)
+    start = line.world.now
+    line.connect()
+    assert 2e9 <= line.world.now - start < 2.4e9
+    line.run(0.1)
+    assert fault.state == "ended"
+    line.add("ar-abort")
+    line.run(0.1)
+    start = line.world.now
+    line.connect()
+    assert line.world.now - start < 1e9
+
+
+def test_faults_of_the_connection_survive_a_reboot_of_the_drive(line):
+    refuse = line.add("connect-refuse")
+    record = line.add("record-error")
+    busy = line.add("parameter-busy")
+    line.farm.stations[0].power_cycle(line.world.now)
+    line.farm.settle(line.farm.stations[0], line.world.now)
+    line.run(3.0)
+    assert not line.plc.all_connected
+    assert refuse.evidence().activations >= 1
+    line.clear(refuse.id)
+    line.connect()
+    assert read(line) == "module failure"
+    line.clear(record.id)
+    assert read(line) == "state conflict"
+    line.clear(busy.id)
+    assert read(line) == "answered"
+
+
+# -- records
+
+
+def read(line) -> str:
+    """Ask the drive for a parameter; how its record access ended."""
+    station = line.farm.stations[0]
+    (index, *_) = station.parameter_records.channels
+    slot, subslot = station.parameter_records._slot, station.description.modules[0].submodules[0].subslot
+    request = emit_request(ParameterRequest(1, 1, 1, (ParameterAddress(922),)))
+    session = line.session()
+    line.plc.records.clear()
+    session.machine.write_record("w", API, slot, subslot, index, request)
+    session.machine.read_record("r", API, slot, subslot, index, 240)
+    line.plc.touch(session, line.world.now)
+    assert line.until(lambda: len(line.plc.records) == 2, 2.0)
+    written, answer = (event for _, event in line.plc.records)
+    bad = next((event.status for event in (written, answer) if event.status and not event.status.ok), None)
+    if bad is None:
+        assert answer.data
+        return "answered"
+    return next(
+        words for words in ("module failure", "state conflict", "resource busy") if words in describe_status(bad)
+    )
+
+
+def test_record_error_refuses_the_drives_records_with_its_code_so_often(line):
+    assert read(line) == "answered"
+    fault = line.add("record-error", params={"code": "resource-busy"}, count=2)
+    assert read(line) == "resource busy"
+    assert fault.state == "ended"
+    assert fault.evidence().activations == 2
+    assert read(line) == "answered"
+
+
+def test_parameter_busy_holds_the_response_back(line):
+    fault = line.add("parameter-busy", count=1)
+    assert read(line) == "state conflict"
+    assert fault.state == "ended"
+    assert fault.evidence().confirmed
+    assert read(line) == "answered"
+
+
+def test_the_latest_of_two_record_errors_holds(line):
+    line.add("record-error", as_="one")
+    line.add("record-error", params={"code": "resource-busy"}, as_="two")
+    assert read(line) == "resource busy"
+    line.clear("two")
+    assert read(line) == "module failure"
+
+
+# -- the manager
+
+
+def test_faults_are_listed_named_cleared_and_kept_with_their_evidence(line):
+    first = line.add("iops-bad", as_="bad-data")
+    second = line.add("loss", probability=0.01)
+    assert [fault.id for fault in line.faults.list()] == ["bad-data", "fault-1"]
+    assert second.spec.seed is not None
+    with pytest.raises(ConfigError, match="a fault named 'bad-data' is in force"):
+        line.add("iops-bad", as_="bad-data")
+    with pytest.raises(ConfigError, match="there is no fault 'bad-dta', did you mean bad-data"):
+        line.clear("bad-dta")
+    line.run(0.1)
+    assert line.faults.active() == {"iops-bad": 1, "loss": 1}
+    line.clear("bad-data")
+    assert line.faults.get("bad-data") is first
+    seen = line.faults.get("bad-data").as_dict()
+    assert seen["state"] == "ended"
+    assert seen["evidence"]["activations"] > 0
+    assert line.faults.activations()["iops-bad", "axis-01"] == seen["evidence"]["activations"]
+    assert [fault.id for fault in line.clear()] == ["fault-1"]
+    assert line.faults.active() == {}
+    line.run(0.1)
+    assert line.events("axis-01").count("fault injected") == 2
+    assert line.events("axis-01").count("injected fault ended") == 2
+
+
+def test_a_fault_on_one_of_many_drives_leaves_the_others_alone():
+    line = FaultLine(3)
+    line.connect()
+    line.enable()
+    fault = line.add("timeout", on="axis-02")
+    line.run(2.0)
+    assert fault.drives == ("axis-02",)
+    assert [line.losses(index) for index in range(3)] == [0, 1, 0]
+    assert [line.seen_zsw1(index) & 0x0004 for index in (0, 2)] == [4, 4]

@@ -1,0 +1,159 @@
+"""What a user writes about a fault, and what is told when it is wrong."""
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pnfarm.errors import ConfigError
+from pnfarm.faults.catalogue import KINDS
+from pnfarm.faults.manager import _EFFECTS
+from pnfarm.faults.plan import FaultSpec, matching
+from pnfarm.faults.words import FaultError, Problem, format_duration, read_duration
+
+DRIVES = {
+    "axis-01": (("axis-01", "spindle"), ("kollmorgen-akd-profinet", "akd-profinet")),
+    "axis-02": (("axis-02", "axis-02"), ("kollmorgen-akd-profinet", "akd-profinet")),
+    "press": (("press", "press"), ("other",)),
+}
+
+
+def refused(**fields) -> str:
+    with pytest.raises(FaultError) as caught:
+        FaultSpec.parse({key.rstrip("_"): value for key, value in fields.items()})
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+def test_every_kind_says_what_it_does_and_has_an_effect(kind):
+    assert kind.doc.endswith(".")
+    assert kind.effect in _EFFECTS
+    assert kind.takes <= {"probability", "seed", "count", "for", "cycles"}
+    described = json.loads(json.dumps(kind.as_dict()))
+    assert described["kind"] == kind.name
+    for spec in kind.params.values():
+        assert spec.doc
+        assert spec.allowed
+        if spec.default is not None:
+            spec.read(spec.default)
+
+
+def test_an_unknown_kind_is_told_with_the_nearest_one():
+    message = refused(kind="silense", on="all")
+    assert "fault.kind: 'silense' is no kind of fault, did you mean silence?" in message
+    assert "loss" in message
+
+
+def test_every_wrong_field_is_told_with_what_is_allowed():
+    message = refused(kind="loss", on=[], probability=2, cout=1, for_=3)
+    lines = message.splitlines()
+    assert len(lines) == 4
+    assert any(line.startswith("fault.on: is []; allowed: a glob") for line in lines)
+    assert "fault.probability: is 2; allowed: a number above 0, at most 1" in lines
+    assert any("fault.cout: is no field of a fault, did you mean count?" in line for line in lines)
+    assert any(line.startswith("fault.for: is 3, which has no unit") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({"kind": "drive-fault"}, "fault.params.fault: is missing"),
+        ({"kind": "drive-fault", "params": {"falt": 1, "fault": 702}}, "did you mean fault?"),
+        ({"kind": "f702", "direction": "in"}, "fault.direction: is 'in'; allowed: none"),
+        ({"kind": "iops-bad", "direction": "in"}, "fault.direction: is 'in'; allowed: out"),
+        ({"kind": "f702", "probability": 0.5}, "fault.probability: means nothing for f702"),
+        ({"kind": "f702", "count": 2, "for": "1s"}, "fault.count: does not go with"),
+        ({"kind": "link-flap", "params": {"period": "1s", "down": "2s"}}, "fault.params.down: is '2s'"),
+        ({"kind": "connect-refuse", "params": {"code1": 256}}, "fault.params.code1: is 256"),
+        ({"kind": "record-error", "params": {"code": "module-falure"}}, "did you mean module-failure?"),
+        ({"kind": "loss", "params": {"frames": "cyclc"}}, "did you mean cyclic?"),
+        ({"kind": "late-application-ready", "params": {"delay": 5}}, "which has no unit"),
+    ],
+)
+def test_a_field_that_the_kind_does_not_take_is_told(fields, told):
+    assert told in refused(**{"on": "all", **fields})
+
+
+def test_several_misfits_with_the_kind_are_told_at_once():
+    message = refused(kind="f702", on="all", direction="in", probability=0.5)
+    assert "fault.direction" in message
+    assert "fault.probability" in message
+
+
+def test_parameters_are_read_by_word_number_and_default():
+    spec = FaultSpec.parse({"kind": "connect-refuse", "on": "all", "params": {"code1": "cmdev", "code2": "0x01"}})
+    assert spec.values() == {"code1": 0x3D, "code2": 1}
+    assert FaultSpec.parse({"kind": "ar-abort", "on": "all"}).values() == {"code": 0x0D}
+    assert FaultSpec.parse({"kind": "undervoltage", "on": "all"}).values() == {"fault": "undervoltage", "hold": True}
+
+
+def test_a_spec_goes_through_json_and_back():
+    spec = FaultSpec.parse(
+        {"kind": "loss", "on": "axis-*", "probability": 0.25, "seed": 7, "for": "1.5s", "after": "31.25us", "as": "x"}
+    )
+    assert FaultSpec.parse(json.loads(json.dumps(spec.as_dict()))) == spec
+    assert spec.as_dict()["for"] == "1.5s"
+    assert FaultSpec.model_json_schema()["properties"]["kind"]["enum"] == list(KINDS)
+
+
+@given(st.integers(0, 10**16))
+def test_a_duration_is_written_as_it_is_read(duration_ns):
+    assert read_duration(format_duration(duration_ns)) == duration_ns
+
+
+NAMES = ["kind", "on", "params", "probability", "for", "count", "as", "x"]
+PARAMS = st.dictionaries(
+    st.sampled_from(["hold", "fault", "code", "period"]),
+    st.one_of(st.text(max_size=3), st.floats(), st.booleans()),
+    max_size=2,
+)
+VALUES = st.one_of(
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=8),
+    st.sampled_from(list(KINDS)),
+    st.lists(st.text(max_size=3), max_size=2),
+    PARAMS,
+)
+
+
+@given(st.dictionaries(st.sampled_from(NAMES), VALUES, max_size=5))
+def test_any_fields_give_a_spec_or_a_config_error(fields):
+    try:
+        spec = FaultSpec.parse(fields)
+    except ConfigError:
+        return
+    spec.values()
+
+
+@given(st.one_of(st.none(), st.integers(), st.text(max_size=8), st.floats(), st.booleans()))
+def test_any_duration_is_read_or_is_a_problem(value):
+    try:
+        duration_ns = read_duration(value)
+    except Problem:
+        return
+    assert duration_ns >= 0
+
+
+@pytest.mark.parametrize(
+    ("globs", "meant"),
+    [
+        (["all"], ["axis-01", "axis-02", "press"]),
+        (["axis-*"], ["axis-01", "axis-02"]),
+        (["spindle"], ["axis-01"]),
+        (["model:akd-profinet"], ["axis-01", "axis-02"]),
+        (["model:other", "axis-02"], ["axis-02", "press"]),
+    ],
+)
+def test_globs_mean_drives_by_either_name_by_model_or_all(globs, meant):
+    assert matching(globs, DRIVES) == meant
+
+
+def test_a_glob_that_means_nobody_is_told_with_the_nearest_drive():
+    with pytest.raises(FaultError, match="no drive matches 'axis-1', did you mean axis-01"):
+        matching(["axis-1"], DRIVES)
+    with pytest.raises(FaultError, match=r"no drive is of model 'akd'.*akd-profinet"):
+        matching(["model:akd"], DRIVES)

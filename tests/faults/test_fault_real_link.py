@@ -1,0 +1,97 @@
+"""A cable pulled on a real interface, in a network namespace of the test's own."""
+
+import asyncio
+import contextlib
+import ctypes
+import os
+import socket
+import subprocess
+
+import pytest
+
+from pnfarm.farm.config import parse_farm
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.farm import Farm
+
+CLONE_NEWNET = 0x40000000
+FILE = """
+farm: cut
+link: {kind: macvlan, parent: nic0}
+drives:
+  - {name: axis-01, model: akd-profinet, ip: 10.77.0.11/24}
+  - {name: axis-02, model: akd-profinet, ip: 10.77.0.12/24}
+"""
+#: Who has 10.77.0.11?
+ARP_REQUEST = bytes.fromhex(
+    "ffffffffffff02cc000000010806000108000604000102cc000000010a4d00fa0000000000000a4d000b"
+) + bytes(18)
+
+
+@pytest.fixture
+def cable():
+    """``nic0`` with ``plc0`` at its other end, in a namespace that this thread enters and leaves."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    outside = os.open("/proc/thread-self/ns/net", os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        if libc.unshare(CLONE_NEWNET) != 0:
+            pytest.skip(f"needs a private network namespace, so root: {os.strerror(ctypes.get_errno())}")
+        try:
+            try:
+                for words in ("add nic0 type veth peer name plc0", "set nic0 up", "set plc0 up"):
+                    subprocess.run(["ip", "link", *words.split()], check=True, capture_output=True)
+            except FileNotFoundError:
+                pytest.skip("needs the tool `ip` (iproute2)")
+            yield
+        finally:
+            assert libc.setns(outside, CLONE_NEWNET) == 0
+    finally:
+        os.close(outside)
+
+
+async def answers(wire: socket.socket) -> bool:
+    """Whether the drive still answers for its address."""
+    loop = asyncio.get_running_loop()
+    wire.send(ARP_REQUEST)
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(0.3):
+            while True:
+                frame = await loop.sock_recv(wire, 2048)
+                if (
+                    frame[12:14] == b"\x08\x06"
+                    and frame[20:22] == b"\x00\x02"
+                    and frame[28:32] == bytes([10, 77, 0, 11])
+                ):
+                    return True
+    return False
+
+
+def carrier(name: str) -> bool:
+    shown = subprocess.run(["ip", "-o", "link", "show", name], check=True, capture_output=True, text=True).stdout
+    return "UP" in shown.split("<")[1].split(">")[0].split(",")
+
+
+@pytest.mark.asyncio
+async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_it_back(cable, tmp_path):
+    async with Farm(parse_farm(FILE), log=EventLog(quiet=True)) as farm:
+        port, other = (station.port.name for station in farm.core.stations)
+        with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3)) as wire:
+            wire.bind(("plc0", 3))
+            wire.setblocking(False)
+            assert await answers(wire)
+            fault = await farm.drive("axis-01").fault("link-down")
+            await asyncio.sleep(0.15)
+            assert fault.evidence().confirmed
+            assert not carrier(port)
+            assert carrier(other)
+            assert not await answers(wire)
+            farm.clear_faults(fault.id)
+            await asyncio.sleep(0.15)
+            assert carrier(port)
+            assert await answers(wire)
+
+            fault = await farm.drive("axis-01").fault("silence", **{"for": "400ms"})
+            assert not await answers(wire)
+            await asyncio.sleep(0.3)
+            assert await answers(wire)
+            assert fault.state == "ended"
+            assert fault.evidence().confirmed
