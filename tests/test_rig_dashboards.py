@@ -164,38 +164,32 @@ class _Sampled:
             yield family
 
 
+#: Scrape -> the fault that begins there.
+HAPPENS = {
+    15: {"kind": "drive-fault", "params": {"fault": 702, "hold": True}, "for": "5s"},
+    25: {"kind": "timeout"},
+    35: {"kind": "loss", "probability": 0.05, "direction": "in", "for": "40s"},
+}
+
+
 def eventful_history(begin):
     """OpenMetrics text of a farm that connects, runs, trips, loses a drive and recovers, from ``begin`` on."""
     line = VirtualLine(3)
     faults = attach_faults(line.farm, line.farm.link)
     collector = FarmCollector(line.farm, faults)
-    families, samples = {}, {}
+    heads, samples = {}, {}
     for tick in range(SHOWN_SECONDS // STEP_SECONDS + 1):
-        if tick == 15:
-            faults.add(FaultSpec.model_validate({"kind": "f702", "on": "axis-01"}), line.world.now)
-        if tick == 25:
-            faults.add(FaultSpec.model_validate({"kind": "timeout", "on": "axis-01"}), line.world.now)
-        if tick == 35:
-            faults.add(
-                FaultSpec.model_validate(
-                    {"kind": "loss", "on": "axis-01", "probability": 0.05, "direction": "in", "for": "40s"}
-                ),
-                line.world.now,
-            )
+        if tick in HAPPENS:
+            faults.add(FaultSpec.model_validate({"on": "axis-01", **HAPPENS[tick]}), line.world.now)
         text = generate_latest(_Sampled(collector, begin + tick * STEP_SECONDS)).decode()
-        name = ""
-        for row in text.splitlines():
-            if row.startswith("# "):
-                name = row.split()[2]
-                head = families.setdefault(name, [])
-                if row not in head and row != "# EOF":
-                    head.append(row)
-            else:
-                samples.setdefault(name, []).append(row)
+        for block in text.removesuffix("# EOF\n").split("# HELP ")[1:]:
+            help_row, type_row, *rows = block.splitlines()
+            name = help_row.split()[0]
+            heads[name] = f"# HELP {help_row}\n{type_row}"
+            samples.setdefault(name, []).extend(rows)
         line.run(STEP_SECONDS)
     # the import wants all samples of a metric together
-    rows = [row for name, head in families.items() if name != "" for row in (*head, *samples.get(name, ()))]
-    return "\n".join([*rows, "# EOF", ""])
+    return "".join("\n".join([head, *samples[name], ""]) for name, head in heads.items()) + "# EOF\n"
 
 
 def free_port():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import anyio.lowlevel
-from fastapi import Request
+from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 from pydantic import ValidationError
 
 from pnfarm.api.context import PREFIX, ApiContext, read_object

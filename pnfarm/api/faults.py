@@ -6,7 +6,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from fastapi import Request
+from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
 from pnfarm.api.context import PREFIX, ApiContext, read_object
 from pnfarm.api.problems import Json, NotFoundError

@@ -80,7 +80,10 @@ async def serve(
 
     Leaving ends every event stream and lets requests finish.  Raises :class:`EnvironmentError_`.
     """
-    found = listen(host, port)
+    await _serve(app, listen(host, port), task_status.started)
+
+
+async def _serve(app: FastAPI, found: socket.socket, up: Callable[[tuple[str, int]], None]) -> None:
     config = uvicorn.Config(
         app,
         log_config=None,
@@ -105,7 +108,7 @@ async def serve(
             try:
                 await server.up.wait()
                 bound: Any = found.getsockname()
-                task_status.started((bound[0], bound[1]))
+                up((bound[0], bound[1]))
                 await stopped.wait()
             finally:
                 app.state.context.close()
@@ -135,16 +138,19 @@ async def serve_farm(
         return
     token = token_for(section)
     app = make_app(farm.core, poke=farm.driver.poke, token=token)
-    async with anyio.create_task_group() as group:
-        host, port = await group.start(_serve_started, app, section)
+    # a token of the file is known to whoever needs it
+    told = {"token": token} if token is not None and section.token is None else {}
+
+    def up(address: tuple[str, int]) -> None:
+        host, port = address
         url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-        told = {"token": token} if token is not None and section.token is None else {}
         farm.log.record(time.monotonic_ns(), "", "api listening", url=url, **told)
-        task_status.started((host, port))
+        task_status.started(address)
 
-
-async def _serve_started(app: FastAPI, section: Api, *, task_status: TaskStatus[tuple[str, int]]) -> None:
-    await serve(app, section.host, section.port, task_status=task_status)
+    try:
+        await _serve(app, listen(section.host, section.port), up)
+    finally:
+        app.state.context.collector.close()
 
 
 def token_for(section: Api) -> str | None:

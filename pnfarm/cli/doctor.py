@@ -25,11 +25,11 @@ def doctor(output: FormatOption = Format.TABLE) -> None:
         print_json({"ok": not missing, "findings": [asdict(finding) for finding in findings]})
     else:
         rows = [(_WORDS[finding.ok], finding.name, finding.detail) for finding in findings]
-        print_table(("", "WHAT", "FINDING"), rows)
+        print_table(("", "WHAT", "~FINDING"), rows)
         remedies = [finding for finding in findings if finding.remedy]
         if remedies:
             print_line()
-            print_table(("WHAT", "WHAT MENDS IT"), [(finding.name, finding.remedy) for finding in remedies])
+            print_table(("WHAT", "~WHAT MENDS IT"), [(finding.name, finding.remedy) for finding in remedies])
         print_line()
         print_line(_verdict(len(missing)))
     if missing:

@@ -33,7 +33,7 @@ def kinds(output: FormatOption = Format.TABLE) -> None:
         for name, spec in kind["params"].items():
             default = "" if spec["default"] is None else f"; default {spec['default']}"
             rows.append((f"  {name}=", "", "", f"{spec['doc']}  {spec['allowed']}{default}"))
-    print_table(("KIND", "FAMILY", "DIRECTION", "WHAT IT DOES"), rows)
+    print_table(("KIND", "FAMILY", "DIRECTION", "~WHAT IT DOES"), rows)
 
 
 @app.command("add")
@@ -97,7 +97,7 @@ def show(output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, toke
     if output is Format.JSON:
         print_json(found)
         return
-    columns = ("ID", "KIND", "STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "DRIVES")
+    columns = ("ID", "KIND", "STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "~DRIVES")
     rows = [
         (
             fault["id"],

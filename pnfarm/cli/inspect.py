@@ -71,7 +71,7 @@ def _all(view: dict[str, Any], output: Format) -> None:
     if output is Format.JSON:
         print_json(view)
         return
-    columns = ("DRIVE", "STATE", ">TELEGRAM", "CONNECTION", "CONTROLLER", ">CYCLE", ">RPM", "LAST FAULT", "INJECTED")
+    columns = ("DRIVE", "STATE", ">TELEGRAM", "CONNECTION", "~CONTROLLER", ">CYCLE", ">RPM", "~LAST FAULT", "~INJECTED")
     rows = [
         (
             drive["name"],
@@ -111,7 +111,7 @@ def _one(drive: dict[str, Any], output: Format) -> None:
     if output is Format.JSON:
         print_json(drive)
         return
-    print_table(("FIELD", "VALUE"), [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items()])
+    print_table(("FIELD", "~VALUE"), [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items()])
 
 
 def _cell(key: str, value: Any) -> str:

@@ -45,7 +45,7 @@ def _list(output: Format) -> None:
         keys = ("name", "title", "maker", "bus", "edition")
         print_json([{**{key: getattr(e, key) for key in keys}, "aliases": list(e.aliases)} for e in entries])
         return
-    columns = ("MODEL", "MAKER", "BUS", "TITLE", "MANUAL", "ALSO")
+    columns = ("MODEL", "MAKER", "BUS", "~TITLE", "~MANUAL", "~ALSO")
     print_table(columns, [(e.name, e.maker, e.bus, e.title, e.edition, " ".join(e.aliases)) for e in entries])
 
 
@@ -64,7 +64,7 @@ def _print(found: dict[str, Any]) -> None:
             (key.replace("_", " "), _value(key, value), sources[key]["source"], sources[key]["note"])
             for key, value in values.items()
         ]
-        print_table((section.upper(), "VALUE", "SOURCE", "NOTE"), rows)
+        print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
     for section in ("motor", "communication_loss", "parameter_access"):
         if found[section]:
             print_line()
@@ -77,13 +77,13 @@ def _print(found: dict[str, Any]) -> None:
                 )
                 for key, fact in found[section].items()
             ]
-            print_table((section.replace("_", " ").upper(), "VALUE", "SOURCE", "NOTE"), rows)
+            print_table((section.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
     print_line()
-    columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "SOURCE")
+    columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
     print_table(columns, _module_rows(found))
     print_line()
     print_table(
-        ("TELEGRAM", "TO THE DRIVE", "FROM THE DRIVE", "SOURCE"),
+        ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE"),
         [
             (
                 f"{telegram['number']}{' (default)' if telegram['number'] == found['default_telegram'] else ''}",
@@ -96,7 +96,7 @@ def _print(found: dict[str, Any]) -> None:
     )
     print_line()
     print_table(
-        (">COUNT", "OF", "SOURCES"),
+        (">COUNT", "OF", "~SOURCES"),
         [
             (len(found[section]), section, "; ".join(_sources(found[section])))
             for section in ("parameters", "signals", "faults")

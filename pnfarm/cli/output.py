@@ -43,21 +43,22 @@ def console() -> Console:
     )
 
 
-def make_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, title: str = "") -> Table:
-    """A table without lines.  A column whose name begins with ``>`` is set to the right."""
+def make_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, caption: str = "") -> Table:
+    """A table without lines.
+
+    A column whose name begins with ``>`` is set to the right; one that begins with ``~`` holds text, which may take
+    several lines in a narrow terminal, so that the others keep theirs.
+    """
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(
-        box=None, pad_edge=False, padding=(0, 2, 0, 0), title=title or None, title_justify="left", title_style="bold"
-    )
-    for place, column in enumerate(columns):
-        right = column.startswith(">")
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=caption or None, caption_justify="left")
+    for column in columns:
         table.add_column(
-            column.removeprefix(">"),
-            justify="right" if right else "left",
-            no_wrap=right or place == 0,
-            overflow="fold",
+            column.lstrip(">~"),
+            justify="right" if column.startswith(">") else "left",
+            no_wrap=not column.startswith("~"),
+            overflow="fold" if column.startswith("~") else "ellipsis",
             header_style="bold",
         )
     for row in rows:
@@ -66,10 +67,10 @@ def make_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, titl
     return table
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, title: str = "") -> None:
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Print :func:`make_table`; trailing blanks go, so that a line of a pipe ends with its last word."""
     out = console()
-    table = make_table(columns, rows, title=title)
+    table = make_table(columns, rows)
     if sys.stdout.isatty():
         out.print(table)
         return

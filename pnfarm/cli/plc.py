@@ -130,12 +130,18 @@ async def _watch(controller: Plc, live: bool) -> None:
 
     from pnfarm.cli.output import console
 
-    with Live(_table(controller), console=console(), auto_refresh=False) as screen:
+    out = console()
+
+    def table() -> Table:
+        # a line for the heads of the columns, one for what is left out, one for the cursor
+        return _live_table(controller, max(1, out.height - 3))
+
+    with Live(table(), console=out, auto_refresh=False) as screen:
 
         async def draw() -> None:
             while True:
                 await anyio.sleep(DRAW_SECONDS)
-                screen.update(_table(controller), refresh=True)
+                screen.update(table(), refresh=True)
 
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(draw)
@@ -154,8 +160,10 @@ _COLUMNS = (
     ">SENT",
     ">RECEIVED",
     "ZSW1",
-    "LAST REASON",
+    "~LAST REASON",
 )
+#: What a terminal of 80 columns has room for.
+_LIVE_COLUMNS = ("DRIVE", "CONNECTION", "PROGRAM", ">CYCLE", ">LOSSES", ">FAULTS", ">RECEIVED", "~LAST REASON")
 
 
 def _cells(row: dict[str, Any]) -> Sequence[object]:
@@ -177,7 +185,25 @@ def _cells(row: dict[str, Any]) -> Sequence[object]:
     )
 
 
-def _table(controller: Plc) -> Table:
-    from pnfarm.cli.output import make_table
+def _live_table(controller: Plc, room: int) -> Table:
+    """As many drives as there is room for, those in trouble first."""
+    from pnfarm.cli.output import make_table, number, seconds
 
-    return make_table(_COLUMNS, map(_cells, controller.core.snapshot()))
+    rows = controller.core.snapshot()
+    hidden = len(rows) - room
+    if hidden > 0:
+        rows = sorted(rows, key=lambda row: row["state"] == "DATA" and row["phase"] == "running")[:room]
+    cells = [
+        (
+            row["name"],
+            row["state"],
+            row["phase"],
+            seconds(row["cycle_seconds"]),
+            row["losses"],
+            row["faults"],
+            number(row["frames_received"]),
+            row["last_reason"] or "",
+        )
+        for row in rows
+    ]
+    return make_table(_LIVE_COLUMNS, cells, caption=f"... and {hidden} more" if hidden > 0 else "")

@@ -9,6 +9,8 @@ import typer
 from pnfarm.cli.settings import Format, FormatOption
 
 if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
     from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered
 
 __all__ = ["scan"]
@@ -35,7 +37,7 @@ def scan(
     if output is Format.JSON:
         print_json(found)
         return
-    columns = ("NAME", "TYPE", "MAC", "IP", "VENDOR", "DEVICE", "ROLE")
+    columns = ("NAME", "TYPE", "MAC", "IP", "VENDOR", "DEVICE", "~ROLE")
     rows = [
         (
             device["name"] or "-",
@@ -113,14 +115,19 @@ def _answer(event: IdentifyAnswered) -> dict[str, Any]:
         "name": info.name,
         "type": info.station_type,
         "mac": event.mac.hex(":"),
-        "ip": str(info.ip) if info.ip is not None and int(info.ip) else None,
-        "mask": str(info.mask) if info.mask is not None else None,
-        "gateway": str(info.gateway) if info.gateway is not None else None,
+        "ip": _address(info.ip),
+        "mask": _address(info.mask),
+        "gateway": _address(info.gateway),
         "vendor_id": info.vendor_id,
         "device_id": info.device_id,
         "role": info.role,
         "roles": [word for bit, word in enumerate(_ROLES) if role >> bit & 1],
     }
+
+
+def _address(value: IPv4Address | None) -> str | None:
+    """0.0.0.0 is how DCP says that there is none."""
+    return str(value) if value is not None and int(value) else None
 
 
 def _hex(value: int | None) -> str:

@@ -195,14 +195,33 @@ def _say_up(farm: Farm, url: str | None) -> None:
 
 
 def down(file: FarmFile) -> None:
-    """Remove what a killed run of this farm left."""
+    """Remove what a killed run of this farm, or of its controller, left."""
     from pnfarm.cli.files import read
     from pnfarm.cli.output import print_line
     from pnfarm.farm.farm import remove_farm
 
     config = read(file)
-    removed = remove_farm(config)
+    removed = [*remove_farm(config), *_remove_controller(config)]
     for name in removed:
         print_line(f"removed {name}")
     if not removed:
         print_line(f"nothing was left of farm {config.farm or 'farm'}")
+
+
+def _remove_controller(config: FarmConfig) -> list[str]:
+    """What `pnfarm plc` left that was killed; one that runs keeps its own."""
+    from pnfarm.errors import EnvironmentError_
+    from pnfarm.links.interfaces import remove_leftovers_now
+    from pnfarm.links.ownership import FarmLock
+
+    if config.controller is None:
+        return []
+    # the name under which the controller owns its interfaces
+    owner = f"{config.farm or 'farm'} {config.controller.name}"
+    lock = FarmLock(owner)
+    try:
+        lock.acquire()
+    except EnvironmentError_:
+        return []
+    with lock:
+        return remove_leftovers_now(owner)

@@ -15,10 +15,13 @@ from uuid import UUID
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
-from pnfarm.errors import ConfigError, InternalError
+from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.fault_targets import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
+from pnfarm.protocols.profinet.dcp_device import identify_matches
+from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
+from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 from pnfarm.table import engine_row
 from pnfarm.table.axis import FIRMWARE_PROFIDRIVE
 from pnfarm.table.columns import Columns, allocate
@@ -30,6 +33,10 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.faults.manager import FaultManager
     from pnfarm.links.base import Link, Port
+
+#: Ethertype of ARP; ethertype and frame id of a DCP Identify request.
+ARP = bytes.fromhex("0806")
+DCP_IDENTIFY = bytes.fromhex("8892fefe")
 
 __all__ = ["Deadlines", "FarmCore", "Node", "uuid_source"]
 
@@ -136,6 +143,8 @@ class FarmCore:
         self._by_port: dict[int, DriveStation] = {}
         self._by_name: dict[str, DriveStation] = {}
         self._deadlines = Deadlines()
+        #: The last Identify, what it says, and the name if it asks for one only.
+        self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
         self._tail = 0
         #: Called with (station, kind, now, value) for each event of the engine, after the station took it.
         self.listeners: list[Callable[[DriveStation, int, int, int], None]] = []
@@ -180,12 +189,35 @@ class FarmCore:
         station = self._by_port.get(port)
         if station is None:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
+        if frame[0] & 1 and not self._concerns(station, frame):
+            return
         if self.faults is not None:
             self.faults.refresh(station.configured_name, now)
         station.receive(frame, now)
         self.settle(station, now)
         if self.faults is not None:
             self.faults.poke(station.configured_name, now)
+
+    def _concerns(self, station: DriveStation, frame: bytes) -> bool:
+        """Whether a group-addressed frame can mean anything to this station.
+
+        The link delivers each one to every drive: a thousand drives that are sought by name are a million
+        copies.  So an Identify is parsed once for all of them, and an ARP for somebody else goes no further.
+        """
+        if frame[12:14] == ARP:
+            own = station.own_ip
+            if not own or own in {frame[28:32], frame[38:42]}:
+                return True
+            return station.passed_over("arp-for-another")
+        if frame[12:16] == DCP_IDENTIFY:
+            if frame != self._identify[0]:
+                self._identify = (frame, *_read_identify(frame))
+            _, pdu, name = self._identify
+            if pdu is not None and (
+                station.dcp.name != name if name is not None else not identify_matches(pdu, station.dcp)
+            ):
+                return station.passed_over("identify-for-another")
+        return True
 
     def settle(self, station: DriveStation, now: int) -> None:
         """Let a station finish what an input began, send its frames, note when it wants to be called."""
@@ -266,6 +298,17 @@ class FarmCore:
             case _:
                 return None
         return station
+
+
+def _read_identify(frame: bytes) -> tuple[DcpPdu | None, str | None]:
+    """The PDU of an Identify request, None if it is none; and the name, if that is its one filter."""
+    try:
+        pdu = parse_dcp(frame[14:])
+    except DecodeError:
+        return None, None
+    if len(pdu.blocks) == 1 and isinstance(pdu.blocks[0], NameBlock):
+        return pdu, pdu.blocks[0].name
+    return pdu, None
 
 
 def _apply_load(axis: Any, config: DriveConfig) -> None:

@@ -176,7 +176,7 @@ class DriveStation:
         )
         self.ip = IpHost(mac)
         self.ip.open_ports = {RPC_PORT, CALL_PORT}
-        self.ip.set_address(address, gateway)
+        self._set_address(address, gateway)
         version = identity.software_version
         self._object_uuid = object_uuid(self.description.instance, identity.device_id, identity.vendor_id)
         self.rpc = RpcServer(
@@ -203,6 +203,11 @@ class DriveStation:
             self.description, plugged, lambda: self.cm.ars, application=self.parameter_records, io_data=self._io_data
         )
         self.cm = CmDevice(self.description, plugged, self.records, mac=mac, station_name=name)
+
+    def _set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None) -> None:
+        self.ip.set_address(address, gateway)
+        #: The address as in an ARP packet, empty for none: looked at for every broadcast.
+        self.own_ip = address.ip.packed if address is not None else b""
 
     @property
     def name(self) -> str:
@@ -261,6 +266,11 @@ class DriveStation:
             self._drop("other-destination")
         else:
             self.cm.receive_rta(frame.payload, frame.source, now)
+
+    def passed_over(self, reason: str) -> bool:
+        """Count a frame that was for others; always False."""
+        self._drop(reason)
+        return False
 
     def _drop(self, reason: str) -> None:
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
@@ -323,7 +333,7 @@ class DriveStation:
                     self._keep(now, "name", name if permanent else "")
                     self._note(now, "name set", name=name, permanent=permanent)
                 case IpSet(interface, gateway, permanent):
-                    self.ip.set_address(interface, gateway)
+                    self._set_address(interface, gateway)
                     if interface is not None:
                         self.rpc.set_address(interface.ip)
                     self._keep(now, "ip", str(interface) if interface and permanent else "")

@@ -139,6 +139,8 @@ class ActiveFault:
     spec: FaultSpec
     added_ns: int
     runs: dict[str, DriveRun] = field(default_factory=dict)
+    #: Runs that have ended; counted, because each frame of a drive asks whether its faults are over.
+    over: int = 0
 
     @property
     def drives(self) -> tuple[str, ...]:
@@ -419,6 +421,7 @@ class FaultManager:
             return
         seen = NOTHING if waited else run.effect.evidence()
         self._events.append(FaultEnded(fault.id, kind, run.drive, now, run.reason, seen))
+        fault.over += 1
         self._activations[kind, run.drive] += seen.activations
         self._forget(run)
 
@@ -431,7 +434,7 @@ class FaultManager:
         self._due.pop(run.key, None)
 
     def _retire(self, fault: ActiveFault) -> None:
-        if fault.state is RunState.ENDED and self._faults.pop(fault.id, None) is not None:
+        if fault.over == len(fault.runs) and self._faults.pop(fault.id, None) is not None:
             self._ended.append(fault)
 
     def _withdraw(self, fault: ActiveFault, now: int) -> None:

@@ -172,3 +172,14 @@ def test_drive_is_found_by_the_name_that_dcp_gave_it():
     world.line.farm.station("axis-01").dcp.name = "press-left"
     drive = world.get("/api/v1/drives/press-left").json()
     assert (drive["name"], drive["station_name"]) == ("axis-01", "press-left")
+
+
+def test_looking_changes_nothing():
+    world = ApiWorld(1)
+    world.line.connect()
+    columns = world.line.farm.columns
+    tables = (columns.axis, columns.image, columns.ppm, columns.cpm, columns.engine, columns.impairment)
+    before = [table.tobytes() for table in tables]
+    assert world.get("/api/v1/drives").status_code == 200
+    assert world.get("/metrics").status_code == 200
+    assert [table.tobytes() for table in tables] == before

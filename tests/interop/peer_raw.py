@@ -296,7 +296,7 @@ def taken_call(own, seconds=2.0):
     args = parse_request_args(pdu.body, little_endian=pdu.little_endian)
     (block, *_) = parse_blocks(args.payload)
     payload = emit_control_block(control_response(block))
-    body = emit_response_args(ResponseArgs(OK, args.args_maximum, payload), little_endian=pdu.little_endian)
+    body = emit_response_args(ResponseArgs(OK, payload, args.args_maximum), little_endian=pdu.little_endian)
     answer = RpcPdu(
         PacketType.RESPONSE, UUID_PNIO_CONTROLLER, pdu.activity, pdu.object_uuid, pdu.sequence, pdu.opnum, body,
         flags1=Flags1.LAST_FRAGMENT | Flags1.NO_FACK, drep=pdu.drep,

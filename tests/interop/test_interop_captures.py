@@ -200,14 +200,3 @@ def test_every_record_of_a_multiple_write_gets_an_answer_of_its_own(replayed, na
         if header.slot:
             assert not header.status.ok, f"slot {header.slot} is empty and took a record"
 
-
-def test_a_connect_meant_for_another_device_is_refused(line):
-    """The same octets to a drive whose vendor and device are others: there is no such object."""
-    lab, farm, folder = line
-    controller, _, text = next(d for d in captured_datagrams(S7_1515))
-    plan = folder / "wrong.json"
-    plan.write_text(json.dumps({"local": "192.168.0.1", "ip": "192.168.0.10", "requests": [text.hex()]}), encoding="utf-8")
-    (answer,) = lab.peer_json("peer_raw.py", "replay", plan)
-    assert answer["type"] in {"REJECT", "FAULT"} or answer["status"] != 0
-    assert answer["call"] is None
-    del controller, farm

@@ -1,0 +1,140 @@
+"""The program run in this process, and as a process of its own in a private network namespace."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from pnfarm.cli.main import main
+
+CLONE_NEWNET = 0x40000000
+#: A first start compiles the engine, on a machine that others use as well.
+START_SECONDS = 120.0
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def pnfarm(capsys, monkeypatch):
+    """One command line in this process; the test run keeps its own logging."""
+    monkeypatch.setattr("pnfarm.cli.logging.configure", lambda **_: None)
+    for name in [name for name in os.environ if name.startswith("PNFARM_")]:
+        monkeypatch.delenv(name)
+
+    def run(*arguments: str | Path) -> Outcome:
+        code = main([str(argument) for argument in arguments])
+        return Outcome(code, *capsys.readouterr())
+
+    return run
+
+
+def command(*arguments: str | Path) -> list[str]:
+    return [sys.executable, "-m", "pnfarm.cli.main", *map(str, arguments)]
+
+
+def clean_environment(**more: str) -> dict[str, str]:
+    return {name: value for name, value in os.environ.items() if not name.startswith("PNFARM_")} | more
+
+
+@pytest.fixture(scope="session")
+def process():
+    """One command line as a process of its own, to its end."""
+
+    def run(*arguments: str | Path, timeout: float = START_SECONDS, **environment: str) -> Outcome:
+        done = subprocess.run(
+            command(*arguments),
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            env=clean_environment(**environment),
+        )
+        return Outcome(done.returncode, done.stdout, done.stderr)
+
+    run.command = command
+    return run
+
+
+@pytest.fixture(scope="module")
+def network():
+    """Moves this thread into an empty network namespace; runs ``ip`` in it.  It vanishes afterwards."""
+    outside = os.open("/proc/thread-self/ns/net", os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        if _libc.unshare(CLONE_NEWNET) != 0:
+            pytest.skip(f"needs a private network namespace, so root: {os.strerror(ctypes.get_errno())}")
+        try:
+
+            def ip(*arguments: str) -> str:
+                return subprocess.run(["ip", *arguments], check=True, capture_output=True, text=True).stdout
+
+            try:
+                ip("link", "set", "lo", "up")
+            except FileNotFoundError:
+                pytest.skip("needs the tool `ip` (iproute2)")
+            yield ip
+        finally:
+            assert _libc.setns(outside, CLONE_NEWNET) == 0
+    finally:
+        os.close(outside)
+
+
+class Background:
+    """A command that runs until it is stopped; its output is a file each, so that no pipe fills."""
+
+    def __init__(self, folder: Path, *arguments: str | Path, **environment: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._out, self._err = folder / "out", folder / "err"
+        with self._out.open("w") as out, self._err.open("w") as err:
+            self._process = subprocess.Popen(
+                command(*arguments), stdout=out, stderr=err, env=clean_environment(**environment)
+            )
+
+    @property
+    def out(self) -> str:
+        return self._out.read_text()
+
+    @property
+    def err(self) -> str:
+        return self._err.read_text()
+
+    def wait_for(self, text: str, seconds: float = START_SECONDS) -> None:
+        """Until it has said ``text``, on either way out."""
+        end = time.monotonic() + seconds
+        while text not in self.out and text not in self.err:
+            if self._process.poll() is not None or time.monotonic() > end:
+                pytest.fail(f"never said {text!r}: {self.out}\n{self.err}")
+            time.sleep(0.02)
+
+    def stop(self, number: int = signal.SIGTERM) -> int:
+        """Send a signal and wait for the end; the exit code."""
+        if self._process.poll() is None:
+            self._process.send_signal(number)
+        return self._process.wait(START_SECONDS)
+
+
+@pytest.fixture
+def background(tmp_path):
+    """Starts commands that run beside the test; what still runs at its end is killed."""
+    started: list[Background] = []
+
+    def start(*arguments: str | Path, **environment: str) -> Background:
+        started.append(Background(tmp_path / f"process-{len(started)}", *arguments, **environment))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.stop(signal.SIGKILL)

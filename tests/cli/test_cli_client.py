@@ -1,0 +1,286 @@
+"""inspect, fault and param against an API that answers what each test wants."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+DRIVE = {
+    "name": "axis-01",
+    "state": "S4",
+    "telegram": 1,
+    "ar_state": "DATA",
+    "controller": {"name": "plc", "ip": "10.77.0.1", "mac": "02:00:00:00:00:01"},
+    "cycle_seconds": 0.016,
+    "velocity_rpm": 600.04,
+    "fault": None,
+    "last_fault": {"number": 702, "name": "Fieldbus communication lost"},
+    "faults_injected": ["trip"],
+    "powered": True,
+    "stw1_bits": ["on", "[no]_markup"],
+}
+FAULT = {
+    "id": "trip",
+    "kind": "f702",
+    "state": "active",
+    "evidence": {"checks": 3, "activations": 1, "confirmed": True},
+    "drives": {f"axis-{n:02}": {} for n in range(1, 12)},
+}
+PARAMETER = {
+    "drive": "axis-01",
+    "pnu": 2135,
+    "subindex": 0,
+    "name": "DRV.OPMODE",
+    "value": 1,
+    "values": None,
+    "unit": "",
+}
+ENTRY = {"sequence": 7, "time": 1.7e9, "farm_seconds": 1.0, "drive": "axis-01", "event": "fault", "number": 702}
+
+
+@dataclass
+class FakeFarm:
+    """Answers by (method, path): (status, body); keeps what it was asked."""
+
+    url: str = ""
+    answers: dict[tuple[str, str], tuple[int, object]] = field(default_factory=dict)
+    asked: list[tuple[str, str, object, str | None]] = field(default_factory=list)
+
+    def answer(self, method: str, path: str, body: object, status: int = 200) -> None:
+        self.answers[method, f"/api/v1/{path}"] = (status, body)
+
+
+@pytest.fixture
+def farm(monkeypatch):
+    fake = FakeFarm()
+
+    class Handler(BaseHTTPRequestHandler):
+        def _reply(self) -> None:
+            length = int(self.headers.get("Content-Length") or 0)
+            body = json.loads(self.rfile.read(length)) if length else None
+            fake.asked.append((self.command, self.path, body, self.headers.get("Authorization")))
+            nothing = (404, {"detail": f"there is no {self.path}"})
+            status, found = fake.answers.get((self.command, self.path), nothing)
+            data = found.encode() if isinstance(found, str) else json.dumps(found).encode()
+            self.send_response(status)
+            self.send_header("Content-Length", str(len(data)))
+            self.end_headers()
+            self.wfile.write(data)
+
+        do_GET = do_POST = do_PUT = do_DELETE = _reply  # noqa: N815 - the names are the library's
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        fake.url = f"http://127.0.0.1:{server.server_address[1]}"
+        yield fake
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def ask(pnfarm, farm, monkeypatch):
+    def ask(*arguments: str):
+        monkeypatch.setenv("PNFARM_API", farm.url)
+        return pnfarm(*arguments)
+
+    return ask
+
+
+# -- inspect
+
+
+def test_inspect_shows_each_drive_in_a_line(ask, farm):
+    farm.answer("GET", "drives", {"farm": "line-1", "drives": [DRIVE]})
+    head, line = ask("inspect").out.splitlines()
+    assert head.split()[:3] == ["DRIVE", "STATE", "TELEGRAM"]
+    wanted = "axis-01 S4 1 DATA plc 10.77.0.1 16 ms 600.0 F702 Fieldbus communication lost trip"
+    assert " ".join(line.split()) == wanted
+
+
+def test_inspect_as_json_is_the_apis_answer(ask, farm):
+    farm.answer("GET", "drives", {"farm": "line-1", "drives": [DRIVE]})
+    assert json.loads(ask("inspect", "--format", "json").out)["drives"] == [DRIVE]
+
+
+def test_inspect_of_one_drive_shows_every_field(ask, farm):
+    farm.answer("GET", "drives/axis-01", DRIVE)
+    text = ask("inspect", "axis-01").out
+    for line in ("powered          yes", "cycle seconds    16 ms", "stw1 bits        on, [no]_markup"):
+        assert line in text
+    assert json.loads(ask("inspect", "axis-01", "--format", "json").out) == DRIVE
+
+
+def test_a_name_with_odd_letters_stays_one_name(ask, farm):
+    farm.answer("GET", "drives/a%2Fb%20c", DRIVE)
+    assert ask("inspect", "a/b c").code == 0
+
+
+def test_events_are_lines_or_json_lines(ask, farm):
+    farm.answer("GET", "drives/axis-01", DRIVE)
+    stream = (
+        f"retry: 2000\n\n: alive\n\nid: 7\ndata: {json.dumps(ENTRY)}\n\nevent: gap\ndata: {json.dumps({'lost': 3})}\n\n"
+    )
+    farm.answer("GET", "events", stream)
+    farm.answer("GET", "events?drive=axis-01", stream)
+    first, second = ask("inspect", "--events").out.splitlines()
+    assert first.endswith("axis-01          fault  number=702")
+    assert "3 older events" in second
+    lines = ask("inspect", "axis-01", "--events", "--format", "json").out.splitlines()
+    assert [json.loads(line) for line in lines] == [ENTRY, {"lost": 3}]
+
+
+# -- fault
+
+
+def test_fault_add_sends_what_was_asked_for_and_prints_the_id(ask, farm):
+    farm.answer("POST", "faults", FAULT, 201)
+    line = (
+        "fault add f702 --on axis-* --on model:akd --param hold=true -p code=0x10 -p x=1.5 -p word=nan --for 5s "
+        "--count 2 --cycles 3 --probability 0.5 --seed 7 --direction out --after-cycles 9 --after 1s --as trip"
+    )
+    found = ask(*line.split())
+    assert found.out.startswith("trip: f702 active on axis-01 ")
+    assert found.out.endswith("and 3 more\n")
+    _, _, body, _ = farm.asked[-1]
+    assert body == {
+        "kind": "f702",
+        "on": ["axis-*", "model:akd"],
+        "params": {"hold": True, "code": 16, "x": 1.5, "word": "nan"},
+        "for": "5s",
+        "count": 2,
+        "cycles": 3,
+        "probability": 0.5,
+        "seed": 7,
+        "direction": "out",
+        "after_cycles": 9,
+        "after": "1s",
+        "as": "trip",
+    }
+
+
+def test_what_is_not_given_is_not_sent(ask, farm):
+    farm.answer("POST", "faults", FAULT, 201)
+    assert json.loads(ask("fault", "add", "timeout", "--on", "all", "--format", "json").out) == FAULT
+    assert farm.asked[-1][2] == {"kind": "timeout", "on": ["all"], "params": {}}
+
+
+@pytest.mark.parametrize("word", ["hold", "=1"])
+def test_a_parameter_without_name_or_value_is_bad_input(ask, word):
+    found = ask("fault", "add", "f702", "--on", "all", "--param", word)
+    assert found.code == 2
+    assert "NAME=VALUE" in found.err
+
+
+def test_fault_list_shows_the_evidence(ask, farm):
+    farm.answer("GET", "faults", {"faults": [FAULT]})
+    _, line = ask("fault", "list").out.splitlines()
+    assert line.split()[:6] == ["trip", "f702", "active", "3", "1", "yes"]
+
+
+def test_fault_clear_ends_one_or_all(ask, farm):
+    farm.answer("DELETE", "faults/trip", FAULT)
+    farm.answer("POST", "reset", {"cleared": ["a", "b"]})
+    assert ask("fault", "clear", "trip").out == "cleared trip\n"
+    assert ask("fault", "clear").out == "cleared a b\n"
+    farm.answer("POST", "reset", {"cleared": []})
+    assert ask("fault", "clear").out == "no fault was in force\n"
+
+
+# -- param
+
+
+def test_param_get_prints_the_value_with_its_name(ask, farm):
+    farm.answer("GET", "drives/axis-01/params/DRV.OPMODE", PARAMETER)
+    assert ask("param", "get", "axis-01", "DRV.OPMODE").out == "axis-01 2135.0 DRV.OPMODE = 1\n"
+    assert json.loads(ask("param", "get", "axis-01", "DRV.OPMODE", "--format", "json").out) == PARAMETER
+
+
+def test_param_get_prints_every_element_of_an_array(ask, farm):
+    farm.answer("GET", "drives/axis-01/params/964", PARAMETER | {"values": [261, 1, 117], "unit": "x"})
+    assert ask("param", "get", "axis-01", "964").out.endswith("= 261 1 117 x\n")
+
+
+@pytest.mark.parametrize(("text", "value"), [("2", 2), ("-5", -5), ("0x1F", 31), ("007", 7)])
+def test_param_set_sends_a_number(ask, farm, text, value):
+    farm.answer("PUT", "drives/axis-01/params/930", PARAMETER)
+    assert ask("param", "set", "axis-01", "930", text).code == 0
+    assert farm.asked[-1][2] == {"value": value}
+
+
+def test_param_set_refuses_what_is_no_number(ask, farm):
+    found = ask("param", "set", "axis-01", "930", "fast")
+    assert found.code == 2
+    assert "'fast' is no value of a parameter" in found.err
+    assert farm.asked == []
+
+
+# -- errors
+
+
+def test_the_farms_sentence_is_the_commands_sentence(ask, farm):
+    farm.answer("GET", "drives/axis-09", {"detail": "there is no drive 'axis-09'"}, 404)
+    found = ask("inspect", "axis-09")
+    assert (found.code, found.err) == (2, "pnfarm: there is no drive 'axis-09'\n")
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "code", "told"),
+    [
+        (422, {"detail": "a: is b"}, 2, "a: is b"),
+        (503, {"detail": "the engine stands"}, 4, "the engine stands"),
+        (500, {"detail": "internal error: KeyError"}, 5, "internal error: KeyError"),
+        (401, {"detail": "token?"}, 2, "PNFARM_TOKEN"),
+        (404, "<html>nothing</html>", 1, "is no farm"),
+        (500, {"error": "x"}, 1, "is no farm"),
+        (200, "<html>hello</html>", 1, "is no farm"),
+    ],
+)
+def test_an_error_of_the_api_has_its_exit_code(ask, farm, status, body, code, told):
+    farm.answer("GET", "drives", body, status)
+    found = ask("inspect")
+    assert found.code == code
+    assert told in found.err
+    assert found.err.count("\n") == 1
+
+
+def test_a_farm_that_is_not_there_is_told_with_the_way_to_start_one(pnfarm):
+    found = pnfarm("inspect", "--api", "127.0.0.1:1")
+    assert found.code == 4
+    assert "no farm answers at 127.0.0.1:1" in found.err
+    assert "pnfarm up" in found.err
+
+
+@pytest.mark.parametrize("address", ["ftp://127.0.0.1", "http://127.0.0.1/other/place", "", "http://[::1"])
+def test_an_address_that_is_none_is_bad_input(pnfarm, address):
+    found = pnfarm("inspect", "--api", address)
+    assert found.code == 2
+    assert "no address of a farm" in found.err
+
+
+def test_the_token_is_shown_to_the_farm(ask, farm, monkeypatch):
+    farm.answer("GET", "faults", {"faults": []})
+    ask("fault", "list", "--token", "secret-1")
+    monkeypatch.setenv("PNFARM_TOKEN", "secret-2")
+    ask("fault", "list")
+    assert [shown for *_, shown in farm.asked] == ["Bearer secret-1", "Bearer secret-2"]
+
+
+def test_a_proxy_of_the_environment_does_not_stand_before_the_farm(ask, farm, monkeypatch):
+    monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:1")
+    farm.answer("GET", "faults", {"faults": []})
+    assert ask("fault", "list").code == 0
+
+
+@pytest.mark.parametrize("suffix", ["", "/", "/api/v1", "/api/v1/"])
+def test_the_address_may_be_with_or_without_the_apis_path(pnfarm, farm, suffix):
+    farm.answer("GET", "faults", {"faults": []})
+    assert pnfarm("fault", "list", "--api", farm.url + suffix).code == 0
+    assert pnfarm("fault", "list", "--api", farm.url.removeprefix("http://")).code == 0

@@ -1,0 +1,240 @@
+"""Commands that need neither a farm nor a network: validate, schema, models, fault kinds, doctor."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from pnfarm.cli import up
+from pnfarm.errors import ConfigError
+from pnfarm.farm.config import FarmFileError, parse_farm
+from pnfarm.farm.doctor import Finding
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+FARM = """\
+farm: line-1
+link: {kind: macvlan, parent: eth1}
+drives:
+  - name: axis-{n:02}
+    count: 3
+    model: akd-profinet
+    ip: 10.77.0.11/24
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text: str) -> Path:
+        path = tmp_path / "a.pnfarm.yml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+# -- validate
+
+
+def test_validate_sums_a_good_file_up(pnfarm, write):
+    path = write(FARM)
+    found = pnfarm("validate", path)
+    assert found.code == 0
+    wanted = "farm line-1, 3 drives (3 akd-profinet), on macvlan eth1, API 127.0.0.1:8702"
+    assert found.out == f"{path}: OK, {wanted}\n"
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.pnfarm.yml")), ids=lambda path: path.name)
+def test_every_file_that_comes_with_the_project_is_valid(pnfarm, path):
+    assert pnfarm("validate", path).code == 0
+
+
+def test_validate_tells_every_error_with_its_line(pnfarm, write):
+    path = write(FARM.replace("count: 3", "count: many").replace("akd-profinet", "akd-profibus"))
+    found = pnfarm("validate", path)
+    assert found.code == 2
+    lines = found.err.splitlines()
+    assert lines[0].startswith(f"{path}:5: drives[0].count: is 'many'; allowed: ")
+    assert lines[1].startswith(f"{path}:6: drives[0].model: ")
+    assert found.out == ""
+
+
+def test_validate_knows_the_fault_catalogue(pnfarm, write):
+    path = write(FARM + "    impair:\n      - kind: losss\n")
+    found = pnfarm("validate", path)
+    assert found.code == 2
+    assert f"{path}:9: drives[0].impair[0].kind: 'losss' is no kind of fault, did you mean loss?" in found.err
+
+
+@pytest.mark.parametrize(
+    ("impairment", "told"),
+    [
+        ("{kind: drive-fault}", "impair[0].params.fault: is missing"),
+        ("{kind: loss, params: {frames: some}}", "impair[0].params.frames: is 'some'"),
+        ("{kind: loss, for: 2s, direction: out, count: 3}", None),
+        ("{kind: f702, on: axis-01, after: 500ms}", None),
+    ],
+)
+def test_validate_checks_what_a_kind_takes(pnfarm, write, impairment, told):
+    path = write(FARM + f"    impair:\n      - {impairment}\n")
+    found = pnfarm("validate", path)
+    assert found.code == (0 if told is None else 2)
+    if told is not None:
+        assert found.err.startswith(f"{path}:9: drives[0].")
+        assert told in found.err
+
+
+def test_a_missing_file_is_bad_input(pnfarm, tmp_path):
+    found = pnfarm("validate", tmp_path / "none.yml")
+    assert found.code == 2
+    assert "cannot be read: no such file or directory" in found.err
+
+
+@pytest.mark.parametrize("line", [("up",), ("down",), ("plc",)])
+def test_every_command_checks_its_file_first(pnfarm, write, line):
+    found = pnfarm(*line, write("farm: x\n"))
+    assert found.code == 2
+    assert "drives: is missing" in found.err
+
+
+# -- settings from outside
+
+
+class FakeContext:
+    """Where the command line's values come from."""
+
+    def __init__(self, **sources: str) -> None:
+        self._sources = sources
+
+    def get_parameter_source(self, name: str):
+        return type("Source", (), {"name": self._sources.get(name, "COMMANDLINE")})
+
+
+def overridden(text: str, given: dict, **sources: str):
+    return up._overridden(FakeContext(**sources), parse_farm(text), given)
+
+
+def test_a_setting_from_outside_wins_over_the_file():
+    config = overridden(FARM, {"api": "127.0.0.1:9000", "parent": "eth7", "cpu": 1, "fifo": 50, "mlockall": True})
+    assert config.api.listen == ("127.0.0.1", 9000)
+    assert config.link.parent == "eth7"
+    assert (config.realtime.cpu, config.realtime.fifo, config.realtime.mlockall) == (1, 50, True)
+
+
+def test_the_api_can_be_switched_off_from_outside():
+    assert overridden(FARM, {"api": "off"}).api is None
+
+
+def test_another_address_keeps_the_files_token_and_another_token_the_files_address():
+    text = FARM + "api: {listen: '127.0.0.1:8702', token: 'secret-of-the-file'}\n"
+    config = overridden(text, {"api": "0.0.0.0:9000"})
+    assert (config.api.listen, config.api.token) == (("0.0.0.0", 9000), "secret-of-the-file")
+    config = overridden(text, {"token": "another-secret"})
+    assert (config.api.listen, config.api.token) == (("127.0.0.1", 8702), "another-secret")
+
+
+@pytest.mark.parametrize(
+    ("sources", "origin"), [({}, "--parent"), ({"parent": "ENVIRONMENT"}, "PNFARM_UP_LINK_PARENT")]
+)
+def test_a_wrong_setting_is_told_with_where_it_comes_from(sources, origin):
+    with pytest.raises(FarmFileError) as caught:
+        overridden(FARM, {"parent": "a name with blanks"}, **sources)
+    assert str(caught.value).startswith(f"{origin}: link.parent: ")
+
+
+def test_the_environment_reaches_the_farm(pnfarm, write, monkeypatch):
+    monkeypatch.setenv("PNFARM_UP_LINK_PARENT", "no such name")
+    found = pnfarm("up", write(FARM))
+    assert found.code == 2
+    assert found.err.startswith("PNFARM_UP_LINK_PARENT: link.parent: ")
+
+
+def test_a_flag_wins_over_the_environment(pnfarm, write, monkeypatch):
+    monkeypatch.setenv("PNFARM_UP_LINK_PARENT", "no such name")
+    found = pnfarm("up", write(FARM), "--parent", "no name either")
+    assert found.code == 2
+    assert found.err.startswith("--parent: link.parent: ")
+
+
+# -- schema, models, kinds
+
+
+def test_schema_is_json_and_names_the_fault_kinds(pnfarm):
+    found = json.loads(pnfarm("schema", "farm").out)
+    assert found["$schema"].endswith("/schema")
+    assert "f702" in found["$defs"]["Impairment"]["properties"]["kind"]["enum"]
+
+
+def test_models_lists_and_describes(pnfarm):
+    assert "akd-profinet" in pnfarm("models").out
+    listed = json.loads(pnfarm("models", "--format", "json").out)
+    assert {"name", "maker", "bus", "aliases"} <= set(listed[0])
+
+
+def test_a_model_is_printed_with_the_source_of_its_values(pnfarm):
+    found = pnfarm("models", "akd-profinet")
+    assert found.code == 0
+    lines = found.out.splitlines()
+    (vendor,) = [line for line in lines if line.startswith("vendor id")]
+    assert "0x0105" in vendor
+    assert "PI manufacturer table" in vendor
+    assert any(line.startswith("1 (default)") and "NSOLL_A" in line and "5.11.2" in line for line in lines)
+    assert any("parameters" in line and line.strip()[:3].isdigit() for line in lines)
+
+
+def test_a_model_as_json_has_the_promised_keys(pnfarm):
+    found = json.loads(pnfarm("models", "akd", "--format", "json").out)
+    assert {"identity", "dap", "telegrams", "parameters", "faults", "limits"} <= set(found)
+    assert {"module_ident", "submodules"} <= set(found["dap"])
+    submodule = found["telegrams"][0]["submodules"][0]
+    assert {"slot", "subslot", "ident", "api", "input_bytes", "output_bytes"} <= set(submodule)
+
+
+def test_an_unknown_model_says_which_there_are(pnfarm):
+    found = pnfarm("models", "adk-profinet")
+    assert found.code == 2
+    assert "did you mean akd-profinet?" in found.err
+
+
+def test_fault_kinds_prints_every_kind_with_its_parameters(pnfarm):
+    text = pnfarm("fault", "kinds").out
+    assert any(line.startswith("timeout ") for line in text.splitlines())
+    assert "  fault=" in text
+    kinds = {kind["kind"]: kind for kind in json.loads(pnfarm("fault", "kinds", "--format", "json").out)["kinds"]}
+    assert kinds["drive-fault"]["params"]["fault"]["required"]
+
+
+# -- doctor
+
+FINE = Finding("python", True, "3.11")
+NOTE = Finding("processors", None, "1 usable", "give it a second one")
+GONE = Finding("CAP_NET_RAW", False, "missing", "run with sudo")
+
+
+@pytest.mark.parametrize(("findings", "code"), [([FINE], 0), ([FINE, NOTE], 0), ([FINE, NOTE, GONE], 4)])
+def test_doctor_fails_only_for_what_a_farm_cannot_do_without(pnfarm, monkeypatch, findings, code):
+    monkeypatch.setattr("pnfarm.farm.doctor.examine", lambda: findings)
+    found = pnfarm("doctor")
+    assert found.code == code
+    for finding in findings:
+        assert finding.detail in found.out
+        assert finding.remedy in found.out
+    as_json = pnfarm("doctor", "--format", "json")
+    assert as_json.code == code
+    answer = json.loads(as_json.out)
+    assert answer["ok"] is (code == 0)
+    assert [finding["name"] for finding in answer["findings"]] == [finding.name for finding in findings]
+
+
+def test_what_has_no_interfaces_is_refused_by_up(pnfarm, write):
+    found = pnfarm("up", write(FARM.replace("{kind: macvlan, parent: eth1}", "{kind: memory}")))
+    assert found.code == 2
+    assert "memory" in found.err
+
+
+def test_plc_needs_a_controller_section(pnfarm, write):
+    found = pnfarm("plc", write(FARM))
+    assert found.code == ConfigError.exit_code
+    assert "controller" in found.err

@@ -1,0 +1,302 @@
+"""A farm and a controller as a user runs them: processes in a private network namespace."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import shutil
+import signal
+import subprocess
+import time
+import urllib.request
+
+import pytest
+
+FARM = """\
+farm: clitest
+link: {kind: veth}
+api: 127.0.0.1:8702
+drives:
+  - name: axis-{n:02}
+    count: 2
+    model: akd-profinet
+    ip: 10.77.0.11/24
+controller:
+  name: plc
+  ip: 10.77.0.1/24
+  cycle: 16ms
+  watchdog_factor: 6
+  program: {kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 200ms}
+  reconnect: {after: 200ms}
+"""
+UP = "clitest: 2 drives on veth, API http://127.0.0.1:8702/"
+
+
+@pytest.fixture
+def file(tmp_path, network):
+    path = tmp_path / "clitest.pnfarm.yml"
+    path.write_text(FARM)
+    return path
+
+
+@pytest.fixture
+def farm(file, background):
+    """A farm that runs."""
+    started = background("--log-format", "console", "up", file)
+    started.wait_for(UP)
+    return started
+
+
+def own_interfaces(ip) -> list[str]:
+    return re.findall(r"^\d+: (pf[^:@]+)", ip("-o", "link"), re.MULTILINE)
+
+
+def until(condition, seconds: float = 20.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.1)
+    return True
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_stops_a_farm_and_leaves_no_interface(farm, network, number):
+    assert len(own_interfaces(network)) == 5
+    assert farm.stop(number) == 0
+    assert own_interfaces(network) == []
+    assert "Traceback" not in farm.err
+
+
+def test_a_farm_and_its_controller_at_work(farm, file, process, background, tmp_path):
+    plc = background("plc", file, "--seconds", "60", "--json", tmp_path / "plc.json")
+    plc.wait_for('"connected"')
+
+    def states() -> dict[str, str]:
+        drives = json.loads(process("inspect", "--format", "json").out)["drives"]
+        return {drive["name"]: drive["state"] for drive in drives}
+
+    assert until(lambda: states() == {"axis-01": "S4", "axis-02": "S4"})
+    line = process("inspect").out.splitlines()[1]
+    assert line.split()[:5] == ["axis-01", "S4", "1", "DATA", "plc"]
+
+    added = process("fault", "add", "f702", "--on", "axis-01", "--param", "hold=true", "--as", "trip")
+    assert (added.code, added.out) == (0, "trip: f702 active on axis-01\n")
+    (fault,) = json.loads(process("fault", "list", "--format", "json").out)["faults"]
+    assert fault["id"] == "trip"
+    assert "F702" in process("inspect", "axis-01").out
+    assert states()["axis-01"] != "S4"
+    assert process("fault", "clear", "trip").out == "cleared trip\n"
+    assert until(lambda: states()["axis-01"] == "S4")
+
+    assert process("param", "get", "axis-01", "930").out == "axis-01 930.0 Operating mode = 1\n"
+    assert process("param", "set", "axis-01", "930", "-5").code == 2
+
+    events = background("inspect", "axis-01", "--events")
+    events.wait_for("fault injected")
+    assert events.stop(signal.SIGINT) == 0
+    assert "axis-02" not in events.out
+
+    assert plc.stop(signal.SIGTERM) == 0
+    summary = json.loads((tmp_path / "plc.json").read_text())
+    assert summary["ok"] is True
+    assert {drive["name"] for drive in summary["drives"]} == {"axis-01", "axis-02"}
+    assert all(drive["frames_received"] > 0 for drive in summary["drives"])
+
+
+def test_plc_ends_after_its_seconds_with_a_table(farm, file, process):
+    found = process("plc", file, "--seconds", "3", "--format", "table")
+    assert found.code == 0, found.err
+    assert [line.split()[:2] for line in found.out.splitlines()[-2:]] == [["axis-01", "DATA"], ["axis-02", "DATA"]]
+
+
+def test_plc_fails_when_a_drive_never_answers(file, process, network):
+    network("link", "add", "plc0", "type", "veth", "peer", "name", "plc1")
+    try:
+        for end in ("plc0", "plc1"):
+            network("link", "set", end, "up")
+        found = process("plc", file, "--interface", "plc0", "--seconds", "1", "--format", "json")
+    finally:
+        network("link", "del", "plc0")
+    assert found.code == 1
+    assert found.err.splitlines()[-1] == "pnfarm: 2 of 2 drives never exchanged data: axis-01 axis-02"
+    assert json.loads(found.out)["ok"] is False
+
+
+def test_a_second_up_says_that_the_farm_runs(farm, file, process):
+    found = process("up", file)
+    assert found.code == 4
+    assert "farm clitest is already running (pid " in found.err
+    assert process("down", file).code == 4
+    assert process("inspect").code == 0
+
+
+def test_a_taken_port_is_told_and_leaves_nothing(farm, file, tmp_path, process, network):
+    before = own_interfaces(network)
+    other = tmp_path / "other.pnfarm.yml"
+    other.write_text(FARM.replace("clitest", "other"))
+    found = process("up", other)
+    assert found.code == 4
+    assert "127.0.0.1:8702" in found.err.splitlines()[-1]
+    assert own_interfaces(network) == before
+
+
+def test_down_removes_what_a_killed_farm_and_a_killed_controller_left(farm, file, process, background, network):
+    plc = background("plc", file)
+    plc.wait_for('"connected"')
+    plc.stop(signal.SIGKILL)
+    farm.stop(signal.SIGKILL)
+    left = own_interfaces(network)
+    assert len(left) == 7
+    found = process("down", file)
+    assert found.code == 0
+    assert sorted(found.out.splitlines()) == sorted(f"removed {name}" for name in left)
+    assert own_interfaces(network) == []
+    assert process("down", file).out == "nothing was left of farm clitest\n"
+
+
+def test_up_clears_away_what_a_killed_run_left(farm, file, background, network):
+    farm.stop(signal.SIGKILL)
+    assert len(own_interfaces(network)) == 5
+    again = background("--log-format", "console", "up", file)
+    again.wait_for(UP)
+    assert len(own_interfaces(network)) == 5
+    assert again.stop() == 0
+
+
+def test_down_leaves_a_running_controller_its_own(farm, file, process, background, network):
+    plc = background("plc", file)
+    plc.wait_for('"connected"')
+    farm.stop(signal.SIGKILL)
+    assert process("down", file).code == 0
+    assert len(own_interfaces(network)) == 2
+    assert plc.stop() == 0
+    assert own_interfaces(network) == []
+
+
+def test_logs_of_a_farm_nobody_watches_are_json_alone(file, background):
+    farm = background("up", file)
+    farm.wait_for("api listening")
+    assert farm.stop() == 0
+    assert farm.out == ""
+    assert "farm started" in [json.loads(line)["event"] for line in farm.err.splitlines()]
+
+
+def test_beyond_loopback_the_api_wants_the_token_that_the_log_tells(file, background, process):
+    farm = background("up", file, PNFARM_UP_API="0.0.0.0:8703")
+    farm.wait_for("api listening")
+    (told,) = [entry for line in farm.err.splitlines() if (entry := json.loads(line))["event"] == "api listening"]
+    refused = process("inspect", "--api", "127.0.0.1:8703")
+    assert refused.code == 2
+    assert "PNFARM_TOKEN" in refused.err
+    assert process("inspect", "--api", "127.0.0.1:8703", PNFARM_TOKEN=told["token"]).code == 0
+    assert farm.stop() == 0
+
+
+def test_a_farm_without_api_runs(file, background):
+    farm = background("--log-format", "console", "up", file, "--api", "off")
+    farm.wait_for("clitest: 2 drives on veth, no API")
+    assert farm.stop() == 0
+
+
+def test_stopping_does_not_wait_for_somebody_who_watches(farm, background):
+    events = background("inspect", "--events")
+    events.wait_for("state changed")
+    began = time.monotonic()
+    assert farm.stop() == 0
+    assert time.monotonic() - began < 10
+    assert events.stop(0) == 0
+
+
+def test_health_and_metrics_are_served(farm):
+    with urllib.request.urlopen("http://127.0.0.1:8702/api/v1/readyz", timeout=10) as reply:
+        assert json.load(reply)["ready"] is True
+    with urllib.request.urlopen("http://127.0.0.1:8702/metrics", timeout=10) as reply:
+        assert b"pnfarm_build_info" in reply.read()
+
+
+def test_scan_finds_the_drives(farm, process, network):
+    (bridge,) = [name for name in own_interfaces(network) if name.endswith("-br")]
+    network("link", "add", "scan0", "type", "veth", "peer", "name", "scan1")
+    try:
+        network("link", "set", "scan1", "master", bridge)
+        for end in ("scan0", "scan1"):
+            network("link", "set", end, "up")
+        found = process("scan", "--interface", "scan0", "--seconds", "1", "--format", "json")
+        table = process("scan", "--interface", "scan0", "--seconds", "1")
+    finally:
+        network("link", "del", "scan0")
+    assert found.code == 0, found.err
+    devices = json.loads(found.out)
+    assert [(device["name"], device["ip"], device["roles"]) for device in devices] == [
+        ("axis-01", "10.77.0.11", ["device"]),
+        ("axis-02", "10.77.0.12", ["device"]),
+    ]
+    assert devices[0]["vendor_id"] == 0x0105
+    assert table.out.splitlines()[1].split()[:2] == ["axis-01", "AKD"]
+
+
+def test_scan_of_an_interface_that_is_not_there(network, process):
+    found = process("scan", "--interface", "none0")
+    assert found.code == 4
+    assert "none0" in found.err
+
+
+def test_without_privileges_scan_and_up_say_what_is_missing(file, network, process):
+    if os.geteuid() != 0 or shutil.which("setpriv") is None:
+        pytest.skip("needs root and setpriv (util-linux), to give privileges up")
+    drop = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]
+    for line, word in ((("scan", "--interface", "lo"), "scan"), (("up", str(file)), "up")):
+        run = subprocess.run([*drop, *process.command(*line)], check=False, capture_output=True, text=True, timeout=120)
+        assert run.returncode == 4, (word, run.stderr)
+        assert "CAP_NET_" in run.stderr or "Ethernet" in run.stderr
+
+
+def in_a_terminal(arguments: list[str], seconds: float, number: int) -> tuple[int, str]:
+    """Run a command in a terminal of 80 columns, stop it with a signal; its exit code and what the terminal showed."""
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execve(arguments[0], arguments, os.environ | {"COLUMNS": "80", "LINES": "24", "TERM": "xterm"})  # noqa: S606
+    shown = b""
+    end = time.monotonic() + seconds
+    os.set_blocking(terminal, False)
+    sent = False
+    while True:
+        try:
+            shown += os.read(terminal, 65536)
+        except BlockingIOError:
+            time.sleep(0.02)
+        except OSError:  # the other end is closed
+            break
+        if not sent and time.monotonic() > end:
+            os.kill(pid, number)
+            sent = True
+    os.close(terminal)
+    _, status = os.waitpid(pid, 0)
+    return os.waitstatus_to_exitcode(status), shown.decode(errors="replace")
+
+
+def test_in_a_terminal_the_controller_draws_a_table(farm, file, process):
+    code, shown = in_a_terminal(process.command("plc", str(file)), 4.0, signal.SIGINT)
+    assert code == 0
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
+    assert re.search(r"^axis-01 +DATA +running +16 ms +0 ", plain, re.MULTILINE), plain
+    assert "Traceback" not in plain
+
+
+def test_in_a_terminal_up_shows_its_drives(file, process):
+    code, shown = in_a_terminal(process.command("up", str(file)), 4.0, signal.SIGINT)
+    assert code == 0
+    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
+    assert re.search(r"^axis-02 +akd-profinet +02(:[0-9a-f]{2}){5} +10\.77\.0\.12/24", plain, re.MULTILINE), plain
+
+
+def test_a_signal_ends_the_first_compilation(file, background, network, tmp_path):
+    farm = background("up", file, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    farm.wait_for("compiling the engine")
+    began = time.monotonic()
+    assert farm.stop() == 0
+    assert time.monotonic() - began < 10
+    assert own_interfaces(network) == []

@@ -1,0 +1,186 @@
+"""Good input to start from: what a farm and its controller say to each other, and what real controllers said.
+
+A *layer* is a kind of octets (an Ethernet frame, an RPC PDU, a block of one type ...); the corpus holds some of each.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from uuid import UUID
+
+from virtual_line import VirtualLine
+
+from pnfarm.drives.profiles.profidrive import base_mode
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire.blocks import split_blocks
+from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
+from pnfarm.protocols.profinet.wire.iod import parse_read_response, parse_write_request
+from pnfarm.protocols.profinet.wire.rpc import UUID_EPM, PacketType, parse_request_args, parse_response_args, parse_rpc
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
+from pnfarm.wire.ipv4 import parse_ipv4
+from pnfarm.wire.udp import parse_udp
+
+__all__ = ["BASE_MODE", "CAPTURES", "Conversation", "captured_frames", "layers", "virtual_conversation"]
+
+CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
+#: Frames of each capture that are kept; cyclic ones are all alike.
+CYCLIC_KEPT = 20
+PARAMETERS = (
+    "01010001 1005 03c4 0000", "01020002 1001 03a8 0000 1001 03b3 0000", "02030001 1001 03c4 0000 4201 0001",
+    "02040001 1001 0393 0000 4202 0001 0005", "01050001 2000 03c4 0000", "01060001 3001 03c4 0000", "01070001 1001 ffff 0000",
+)  # fmt: skip
+BASE_MODE = tuple(bytes.fromhex(text) for text in PARAMETERS)
+RECORDS = (0xAFF0, 0xF000, 0xF820, 0xF821, 0xF830, 0xF840, 0xE000, 0xE001, 0xE002, 0xE010, 0xE050, 0xC000, 0x8000, 0x8028, 0x8029)
+
+
+class Conversation:
+    """A farm of one drive and its controller in virtual time, and every acyclic frame between them, ``(to the drive, frame)``."""
+
+    def __init__(self, startup: str) -> None:
+        self.line = VirtualLine(1, cycle="4ms", limits="lax", watchdog=100, startup=startup)
+        self.frames: list[tuple[bool, bytes]] = []
+        self._tap(self.line.plc.link, to_drive=True)
+        self._tap(self.line.farm.link, to_drive=False)
+        self.line.connect()
+        self._access_records()
+        self.line.run(0.3)
+
+    def _tap(self, link, *, to_drive):
+        send = link.send
+
+        def recorded(port, frame):
+            self.frames.append((to_drive, bytes(frame)))
+            send(port, frame)
+
+        link.send = recorded
+
+    def _access_records(self):
+        core = self.line.plc
+        session = core.sessions[0]
+        machine = session.machine
+
+        def asked(call, *arguments):
+            call(object(), *arguments)
+            core._touched[session.index] = session
+            core._settle(self.line.world.now)
+            self.line.run(0.01)
+
+        for octets in BASE_MODE:
+            for index in (47, 0xB02E):
+                asked(machine.write_record, 0x3A00, 1, 1, index, octets)
+                asked(machine.read_record, 0x3A00, 1, 1, index, 4096)
+        for index in RECORDS:
+            for api, slot, subslot in ((0, 0, 1), (0x3A00, 1, 2)):
+                asked(machine.read_record, api, slot, subslot, index, 4096)
+                asked(machine.read_implicit, api, slot, subslot, index, 4096)
+
+
+def virtual_conversation(startup: str, *, ended: bool = False) -> Conversation:
+    """A connection that exchanges data; with ``ended`` it was aborted, made again and released."""
+    talk = Conversation(startup)
+    if ended:
+        line, now = talk.line, talk.line.world.now
+        line.farm.stations[0].cm.abort_all(5, now)
+        line.farm.settle(line.farm.stations[0], now)
+        line.run(2.0)
+        line.plc.release(line.world.now)
+        line.run(1.0)
+    return talk
+
+
+def captured_frames() -> Iterator[bytes]:
+    """Frames of the captures beside the project; none where there are none."""
+    for path in sorted(CAPTURES.glob("*.pcap")) if CAPTURES.is_dir() else ():
+        data = path.read_bytes()
+        order = "<" if data[:4] in {b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1"} else ">"
+        place, cyclic = 24, 0
+        while place + 16 <= len(data):
+            (length,) = struct.unpack_from(order + "8xI", data, place)
+            frame = data[place + 16 : place + 16 + length]
+            place += 16 + length
+            alike = b"\x88\x92\x80" in frame[:20]
+            cyclic += alike
+            if not alike or cyclic <= CYCLIC_KEPT:
+                yield frame
+
+
+def layers(frames: Iterable[bytes]) -> dict[str, list[bytes]]:
+    """The octets of every layer in these frames, each once."""
+    found: dict[str, dict[bytes, None]] = defaultdict(dict)
+    for frame in frames:
+        found["frame"][frame] = None
+        ether = parse_ethernet(frame)
+        if ether.ethertype == ETHERTYPE_PROFINET:
+            frame_id = int.from_bytes(ether.payload[:2], "big")
+            is_dcp = DCP_HELLO <= frame_id <= DCP_IDENTIFY_RESPONSE
+            found["dcp" if is_dcp else "rta" if frame_id >= 0xFC00 else "rtc"][ether.payload] = None
+        elif ether.ethertype == 0x0806:
+            found["arp"][ether.payload] = None
+        elif ether.ethertype == 0x0800:
+            _dig_ip(ether.payload, found)
+    found["base-request"].update(dict.fromkeys(BASE_MODE))
+    return {name: list(octets) for name, octets in found.items()}
+
+
+def _dig_ip(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:
+    found["ipv4"][payload] = None
+    packet = parse_ipv4(payload)
+    found["icmp" if packet.protocol == 1 else "udp"][packet.payload] = None
+    if packet.protocol != 17:
+        return
+    datagram = parse_udp(packet.payload)
+    found["rpc"][datagram.data] = None
+    try:
+        pdu = parse_rpc(datagram.data)
+    except DecodeError:
+        return
+    found["rpc-body"][pdu.body] = None
+    if pdu.interface == UUID_EPM:
+        return
+    if pdu.kind == PacketType.REQUEST:
+        found["request-args"][pdu.body] = None
+        payload = parse_request_args(pdu.body, little_endian=pdu.little_endian).payload
+        if pdu.opnum == 3:
+            found["write"][payload] = None
+            for write in parse_write_request(payload).writes:
+                found["record"][write.data] = None
+    elif pdu.kind == PacketType.RESPONSE:
+        found["response-args"][pdu.body] = None
+        payload = parse_response_args(pdu.body, little_endian=pdu.little_endian).payload
+        if pdu.opnum in {2, 5} and payload:
+            found["read"][payload] = None
+            _dig_record(parse_read_response(payload).data, found)
+    else:
+        return
+    if payload:
+        found["blocks"][payload] = None
+        _dig_blocks(payload, found)
+
+
+def _dig_record(data: bytes, found: dict[str, dict[bytes, None]]) -> None:
+    found["record"][data] = None
+    _dig_blocks(data, found)
+    try:
+        response = base_mode.parse_response(data)
+    except DecodeError:
+        return
+    if response.response_id & 0x7F in {1, 2}:
+        found["base-response"][data] = None
+
+
+def _dig_blocks(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:
+    try:
+        blocks = split_blocks(payload)
+    except DecodeError:
+        return  # records and what follows a header need not be blocks
+    for block in blocks:
+        found["block"][block.body] = None
+        found[f"block-{block.block_type:04x}"][block.body] = None
+
+
+def fresh_uuid(octets: bytes) -> UUID:
+    """A UUID of 16 octets."""
+    return UUID(bytes=octets)
