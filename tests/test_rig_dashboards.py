@@ -17,19 +17,17 @@ import sys
 import time
 import urllib.parse
 import urllib.request
-from pathlib import Path
 
 import pytest
 import yaml
 from prometheus_client.openmetrics.exposition import generate_latest
+from rig_dashboards import BOARDS, ROOT, board, panels, queries
 from virtual_line import VirtualLine
 
 from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.metrics import FarmCollector
 
-ROOT = Path(__file__).resolve().parents[1]
-BOARDS = sorted((ROOT / "dashboards" / "json").glob("*.json"))
 needs_prometheus = pytest.mark.skipif(
     shutil.which("prometheus") is None or shutil.which("promtool") is None,
     reason="prometheus and promtool are not installed (apt-get install prometheus)",
@@ -37,32 +35,6 @@ needs_prometheus = pytest.mark.skipif(
 STEP_SECONDS = 2
 SHOWN_SECONDS = 120
 INSTANCE = "farm:8702"
-#: What Grafana fills in.
-FILLED = {"$__rate_interval": "10s", "$__range": f"{SHOWN_SECONDS}s", "$farm": ".*", "$drive": "axis-01"}
-
-
-def board(path):
-    return json.loads(path.read_text("utf-8"))
-
-
-def panels(path):
-    return [panel for panel in board(path)["panels"] if panel["type"] != "row"]
-
-
-def queries(path):
-    """(panel's title, query as Grafana sends it)."""
-    for panel in panels(path):
-        for target in panel["targets"]:
-            yield f"{panel['title']} {target['refId']}", filled(target["expr"])
-    for note in board(path)["annotations"]["list"]:
-        yield f"annotation {note['name']}", filled(note["expr"])
-
-
-def filled(expression):
-    for word, value in FILLED.items():
-        expression = expression.replace(word, value)
-    assert "$" not in expression
-    return expression
 
 
 def test_checked_in_dashboards_are_what_the_program_makes():
@@ -240,14 +212,14 @@ def prometheus(tmp_path_factory):
 @needs_prometheus
 @pytest.mark.parametrize("path", BOARDS, ids=lambda path: path.stem)
 def test_every_query_of_a_dashboard_finds_data_of_an_eventful_farm(prometheus, path):
-    asked = dict(queries(path))
+    asked = queries(path)
     assert len(asked) > 20
     assert [title for title, query in asked.items() if not prometheus(query)] == []
 
 
 @needs_prometheus
 def test_dashboards_show_the_fault_the_lost_connection_and_the_recovery(prometheus):
-    one_drive = dict(queries(ROOT / "dashboards" / "json" / "one-drive.json"))
+    one_drive = queries(ROOT / "dashboards" / "json" / "one-drive.json")
     values = {
         title: [float(value) for _, value in series["values"]]
         for title in ("Fault A", "Connection A", "State A", "Speed A")
@@ -260,7 +232,7 @@ def test_dashboards_show_the_fault_the_lost_connection_and_the_recovery(promethe
     assert max(values["Speed A"]) == pytest.approx(60, abs=1)
     codes = {series["metric"]["code"] for series in prometheus(one_drive["Faults A"])}
     assert "702" in codes
-    overview = dict(queries(ROOT / "dashboards" / "json" / "farm-overview.json"))
+    overview = queries(ROOT / "dashboards" / "json" / "farm-overview.json")
     (drives,) = prometheus(overview["Drives A"])
     assert {value for _, value in drives["values"]} == {"3"}
     injected = {series["metric"]["kind"] for series in prometheus(overview["Injected faults at work A"])}

@@ -16,8 +16,12 @@ def main() -> int:
     api = os.environ.get("PNFARM_API", "http://127.0.0.1:8702").rstrip("/")
     headers = {"Authorization": f"Bearer {os.environ['PNFARM_TOKEN']}"} if "PNFARM_TOKEN" in os.environ else {}
     request = urllib.request.Request(f"{api}/api/v1/drives", headers=headers)  # noqa: S310 - the farm's own address
-    with urllib.request.urlopen(request, timeout=3) as answer:  # noqa: S310 - as above
-        drives = json.load(answer)["drives"]
+    try:
+        with urllib.request.urlopen(request, timeout=3) as answer:  # noqa: S310 - as above
+            drives = json.load(answer)["drives"]
+    except OSError as exc:  # refused, timed out, or answered with an error
+        sys.stderr.write(f"the farm at {api} does not tell: {exc}\n")
+        return 1
     missing = [drive["name"] for drive in drives if drive["ar_state"] != "DATA"]
     sys.stdout.write(f"{len(drives) - len(missing)} of {len(drives)} drives exchange data\n")
     return 1 if missing or not drives else 0

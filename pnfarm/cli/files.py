@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 
-class SchemaOf(str, Enum):  # noqa: UP042 - see settings.Format
+class SchemaOf(StrEnum):
     """Files that have a schema."""
 
     FARM = "farm"

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pnfarm.controller.runtime import Plc
+    from pnfarm.farm.config import FarmConfig
 
 __all__ = ["plc"]
 
@@ -53,7 +54,7 @@ def plc(
     from pnfarm.cli.output import print_json, print_table
 
     config = read(file)
-    rows = anyio.run(_run, config, interface, seconds, output is None and _is_live())
+    rows, interrupted = anyio.run(_run, config, interface, seconds, output is None and _is_live())
     quiet = [row["name"] for row in rows if not row["connects"]]
     summary = {"ok": not quiet, "controller": config.controller.name if config.controller else "", "drives": rows}
     if json_file is not None:
@@ -62,7 +63,7 @@ def plc(
         print_json(summary)
     elif output is Format.TABLE:
         print_table(_COLUMNS, map(_cells, rows))
-    if seconds is not None and quiet:
+    if seconds is not None and quiet and not interrupted:
         shown = " ".join(quiet[:8]) + (f" and {len(quiet) - 8} more" if len(quiet) > 8 else "")
         sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shown}\n")
         raise typer.Exit(1)
@@ -81,8 +82,10 @@ def _write(path: Path, summary: dict[str, Any]) -> None:
         raise EnvironmentError_(f"the summary {path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
 
 
-async def _run(config: Any, interface: str | None, seconds: float | None, live: bool) -> list[dict[str, Any]]:
-    """The controller's drives as they were when it was told to stop, before it released them."""
+async def _run(
+    config: FarmConfig, interface: str | None, seconds: float | None, live: bool
+) -> tuple[list[dict[str, Any]], bool]:
+    """The controller's drives as they were at the end, before it released them; whether a signal was the end."""
     import anyio
 
     from pnfarm.cli.running import compile_ahead, stop_on_signals
@@ -108,7 +111,7 @@ async def _run(config: Any, interface: str | None, seconds: float | None, live: 
         finally:
             with anyio.CancelScope(shield=True):
                 await controller.close()
-    return rows
+    return rows, running.cancel_called
 
 
 def _say_up(controller: Plc) -> None:

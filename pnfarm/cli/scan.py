@@ -66,7 +66,6 @@ async def _identify(interface: str, seconds: float) -> list[IdentifyAnswered]:
 
     link = InterfaceLink(interface)
     answers: list[IdentifyAnswered] = []
-    # on a NIC the link hands over what was sent to others, too: the client sorts that out
     finished = anyio.Event()
     try:
         (port,) = await link.open([PortSpec("scan", bytes(6))])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -28,21 +28,21 @@ __all__ = [
 DEFAULT_URL = "http://127.0.0.1:8702"
 
 
-class Format(str, Enum):  # noqa: UP042 - a StrEnum's members print the same, but older typer versions want this
+class Format(StrEnum):
     """How a command prints its result."""
 
     TABLE = "table"
     JSON = "json"
 
 
-class LogFormat(str, Enum):  # noqa: UP042 - as above
+class LogFormat(StrEnum):
     """How log lines are written to standard error."""
 
     CONSOLE = "console"
     JSON = "json"
 
 
-class LogLevel(str, Enum):  # noqa: UP042 - as above
+class LogLevel(StrEnum):
     """The least that is logged."""
 
     DEBUG = "debug"

@@ -71,8 +71,11 @@ __all__ = ["ControllerCore"]
 CALL_PORT = 49_153
 #: How long an Identify by name waits for its one answer.
 SEARCH_NS = 500_000_000
-#: Sessions begin this far apart, so that a hundred drives do not answer at once.
-START_SPACING_NS = 1_000_000
+#: From so many drives that are sought at once on, everybody is asked to answer instead of each one by its name: a
+#: question by name reaches every station, so that a thousand of them are a million copies.
+ROLL_CALL = 16
+#: Answers to a roll call that come within 10 ms (the unit of DCP's response delay).
+ROLL_CALL_BURST = 16
 #: First frame id of the input CRs (RT_CLASS_2 unicast); each drive has its own.
 FIRST_FRAME_ID = 0x8000
 #: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
@@ -124,12 +127,14 @@ class ControllerCore:
         )
         # a controller's own name and address are not for others to set
         self.dcp_self.in_operation = True
-        self.ip = IpHost(port.mac)
+        self.ip = IpHost(port.mac, neighbours=max(256, 2 * count))
         self.ip.open_ports = {RPC_PORT, CALL_PORT}
         self.ip.set_address(ip)
         self.rpc = RpcServer(RpcServerConfig(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),)))
         self.client = RpcClient(self._uuids)
         self._by_xid: dict[int, DeviceSession] = {}
+        self._roll_calls: dict[int, dict[str, DeviceSession]] = {}
+        self._sought: list[DeviceSession] = []
         self._by_call: dict[int, DeviceSession] = {}
         self._by_ar: dict[Any, DeviceSession] = {}
         self._by_mac: dict[bytes, DeviceSession] = {}
@@ -157,7 +162,7 @@ class ControllerCore:
     def start(self, now: int) -> None:
         """Begin to look for the drives."""
         for session in self.sessions:
-            session.due_ns = now + session.index * START_SPACING_NS
+            session.due_ns = now
             self._deadlines.set(session.index, session.due_ns)
         self._settle(now)
 
@@ -293,8 +298,19 @@ class ControllerCore:
 
     def _do_search(self, session: DeviceSession, now: int) -> None:
         session.measures.search_ns = now
-        session.xid = self.dcp.identify([NameBlock(session.plan.name)], now=now, window_ns=SEARCH_NS, expected=1)
-        self._by_xid[session.xid] = session
+        self._sought.append(session)
+
+    def _ask(self, now: int) -> None:
+        """Send the Identify requests for all sessions that began to search in this instant."""
+        sought, self._sought = self._sought, []
+        if len(sought) > ROLL_CALL:
+            factor = max(1, len(self.sessions) // ROLL_CALL_BURST)
+            xid = self.dcp.identify(now=now, delay_factor=factor)
+            self._roll_calls[xid] = {session.plan.name: session for session in sought}
+            return
+        for session in sought:
+            session.xid = self.dcp.identify([NameBlock(session.plan.name)], now=now, window_ns=SEARCH_NS, expected=1)
+            self._by_xid[session.xid] = session
 
     def _do_address(self, session: DeviceSession, now: int) -> None:
         session.xid = self.dcp.set_ip(session.mac, session.plan.ip, session.plan.gateway, permanent=False, now=now)
@@ -428,6 +444,8 @@ class ControllerCore:
 
     def _settle(self, now: int) -> None:
         """Carry events between the machines until nothing moves, then send."""
+        if self._sought:
+            self._ask(now)
         moved = True
         while moved:
             moved = self._pump_dcp(now)
@@ -452,27 +470,53 @@ class ControllerCore:
         return bool(events or own)
 
     def _take_dcp(self, event: IdentifyAnswered | IdentifyFinished | SetFinished, now: int) -> None:
+        called = self._roll_calls.get(event.xid)
+        if called is not None:
+            self._take_roll_call(event, called, now)
+            return
         session = self._by_xid.get(event.xid)
         if session is None:
             return
         match event:
-            case IdentifyAnswered(mac=mac, info=info):
-                if session.state is not SessionState.SEARCH:
-                    return
-                session.mac = mac
-                session.station_type = info.station_type or ""
-                ready = not session.plan.assign_ip or info.ip == session.plan.ip.ip
-                self._sign(session, Sign.FOUND_READY if ready else Sign.FOUND, now)
+            case IdentifyAnswered():
+                self._found(session, event, now)
             case IdentifyFinished():
                 self._by_xid.pop(event.xid, None)
-                if session.state is SessionState.SEARCH:
-                    session.measures.last_reason = "no station of this name answers"
-                    self._sign(session, Sign.MISSED, now)
+                self._missed(session, now)
             case SetFinished(error=error):
                 self._by_xid.pop(event.xid, None)
                 if error is not None:
                     session.measures.last_reason = f"Set IP: {error}"
                 self._sign(session, Sign.MISSED if error else Sign.ADDRESSED, now)
+
+    def _take_roll_call(
+        self,
+        event: IdentifyAnswered | IdentifyFinished | SetFinished,
+        called: dict[str, DeviceSession],
+        now: int,
+    ) -> None:
+        if isinstance(event, IdentifyAnswered):
+            session = called.get(event.info.name or "")
+            if session is not None:
+                self._found(session, event, now)
+        elif isinstance(event, IdentifyFinished):
+            del self._roll_calls[event.xid]
+            for session in called.values():
+                self._missed(session, now)
+
+    def _found(self, session: DeviceSession, event: IdentifyAnswered, now: int) -> None:
+        if session.state is not SessionState.SEARCH:
+            return
+        session.mac = event.mac
+        session.station_type = event.info.station_type or ""
+        self.ip.learn(session.plan.ip.ip, event.mac, now)
+        ready = not session.plan.assign_ip or event.info.ip == session.plan.ip.ip
+        self._sign(session, Sign.FOUND_READY if ready else Sign.FOUND, now)
+
+    def _missed(self, session: DeviceSession, now: int) -> None:
+        if session.state is SessionState.SEARCH:
+            session.measures.last_reason = "no station of this name answers"
+            self._sign(session, Sign.MISSED, now)
 
     def _hello(self, event: HelloReceived, now: int) -> None:
         """A drive came up: no need to wait for the next search."""

@@ -226,6 +226,7 @@ class ParameterStore:
             setattr(axis, field, value)
         for parameter in self.model.axis_parameters:
             self._apply(parameter)
+        axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
         self._apply_communication_loss()
 
     def snapshot(self) -> dict[str, Any]:
@@ -348,6 +349,7 @@ class ParameterStore:
         if parameter.behaviour is Behaviour.FIELD:
             self._apply(parameter)
         elif parameter.pnu == ACCELERATION_SCALING:
+            self.handle.axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
             for other in self.model.axis_parameters:
                 if other.scale == "acceleration":
                     self._apply(other)

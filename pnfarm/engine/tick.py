@@ -199,6 +199,8 @@ def _watch(columns: Columns, now: int) -> None:
                 if image.valid:
                     image.valid = 0
                     image.lost = LOST_CLOSED
+                # the next connection may bring another telegram: nothing of this one's stays
+                image.received[:] = 0
         elif consumer.state == IDLE:
             consumer.state = FRUN
             consumer.last_ns = now

@@ -51,21 +51,21 @@ def raise_fault(axis: Any, code: int, now: int) -> None:
 
 
 @compiled
-def _hold(axis: Any, number: int) -> None:
+def _hold(axis: Any, code: int) -> None:
     free = -1
     for i in range(FAULT_SLOTS):
-        if axis.fault_held[i] == number:
+        if (axis.fault_held[i] & NUMBER_MASK) == (code & NUMBER_MASK):
             return
         if axis.fault_held[i] == 0 and free < 0:
             free = i
     if free >= 0:
-        axis.fault_held[free] = number
+        axis.fault_held[free] = code
 
 
 @compiled
 def _release(axis: Any, number: int) -> None:
     for i in range(FAULT_SLOTS):
-        if axis.fault_held[i] == number:
+        if (axis.fault_held[i] & NUMBER_MASK) == number:
             axis.fault_held[i] = 0
 
 
@@ -126,7 +126,7 @@ def take_commands(axis: Any, now: int) -> None:
         if code == CMD_RAISE_FAULT:
             raise_fault(axis, argument, now)
         elif code == CMD_HOLD_FAULT:
-            _hold(axis, argument & NUMBER_MASK)
+            _hold(axis, argument)
             raise_fault(axis, argument, now)
         elif code == CMD_RELEASE_FAULT:
             _release(axis, argument & NUMBER_MASK)

@@ -45,7 +45,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
     """Advance ``axis.ramp`` by one step of ``seconds``; ``axis.setpoint`` is what the controller asks for."""
     stw1 = axis.stw1
     if axis.state == 5:
-        down = axis.deceleration if axis.stop == 1 else axis.quick_stop_deceleration
+        down = axis.ramp_down if axis.stop == 1 else axis.quick_stop_deceleration
         axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
         return
     if axis.state != 4:
@@ -53,7 +53,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
         axis.ramp = axis.velocity
         return
     if axis.opmode != 1:
-        axis.ramp = approach(axis.ramp, 0.0, axis.deceleration, axis.deceleration, seconds)
+        axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
         return
     working = stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED)
     if working == 0 and stw1 & (JOG_1 | JOG_2):
@@ -64,7 +64,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
         return
     if not stw1 & RAMP_ENABLED:
         # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
-        axis.ramp = approach(axis.ramp, 0.0, axis.deceleration, axis.deceleration, seconds)
+        axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
         return
     if not stw1 & RAMP_UNFROZEN:
         return
@@ -73,4 +73,4 @@ def velocity_command(axis: Any, seconds: float) -> None:
         target = axis.max_velocity
     elif target < -axis.max_velocity:
         target = -axis.max_velocity
-    axis.ramp = approach(axis.ramp, target, axis.acceleration, axis.deceleration, seconds)
+    axis.ramp = approach(axis.ramp, target, axis.ramp_up, axis.ramp_down, seconds)

@@ -80,6 +80,8 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
         from_setpoints(axis, image)
     else:
         axis.setpoint = 0.0
+        axis.ramp_up = axis.acceleration
+        axis.ramp_down = axis.deceleration
     if valid and axis.fault_code[0] != 0 and not axis.reacted and (word & 0x0009) != 0x0009:
         axis.reacted = 1
 

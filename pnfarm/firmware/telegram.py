@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import ITIST_GLATT, NIST_A, NSOLL_A, XIST_A, XIST_ERROR, ZSW1
+from pnfarm.table.signals import DRV_ACC, DRV_DEC, ITIST_GLATT, NIST_A, NSOLL_A, XIST_A, XIST_ERROR, ZSW1
 
 __all__ = ["from_setpoints", "signed16", "signed32", "to_actuals"]
 
@@ -38,8 +38,15 @@ def _clamp16(value: float) -> int:
 
 @compiled
 def from_setpoints(axis: Any, image: Any) -> None:
-    """The velocity set point out of NSOLL_A (AKD PROFINET manual 6.5)."""
+    """The velocity set point out of NSOLL_A (AKD PROFINET manual 6.5), ramps out of DRV_ACC and DRV_DEC (6.1).
+
+    A telegram without those two, or one that leaves them zero, keeps the drive's own ramps.
+    """
     axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
+    up = image.received[DRV_ACC] & 0xFFFF
+    down = image.received[DRV_DEC] & 0xFFFF
+    axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration
+    axis.ramp_down = down * axis.acceleration_step if down else axis.deceleration
 
 
 @compiled

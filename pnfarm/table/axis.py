@@ -57,6 +57,7 @@ AXIS = Layout(
         Field("velocity_step", "f8", "rpm", "parameter", "one increment of NSOLL_A and NIST_A"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
         Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),
+        Field("acceleration_step", "f8", "rpm/s", "parameter", "one increment of DRV_ACC and DRV_DEC (PN.ACCSCALING)"),
         Field("quick_stop_deceleration", "f8", "rpm/s", "parameter", "quick stop ramp (CS.DEC)"),
         Field("velocity_window", "f8", "rpm", "parameter", "ZSW1.8 and ZSW1.10: how near is on target"),
         Field("standstill", "f8", "rpm", "parameter", "below this the axis stands (CS.VTHRESH)"),
@@ -84,10 +85,12 @@ AXIS = Layout(
         Field("zsw1", "u2", "", "firmware", "status word 1"),
         Field("stw1", "u2", "", "firmware", "control word 1 in force (with bit 10 honoured)"),
         Field("stw1_seen", "u2", "", "firmware", "control word 1 as it came in last, for edges"),
+        Field("ramp_up", "f8", "rpm/s", "firmware", "acceleration in force: DRV_ACC of the telegram, or DRV.ACC"),
+        Field("ramp_down", "f8", "rpm/s", "firmware", "deceleration in force: DRV_DEC of the telegram, or DRV.DEC"),
         Field("setpoint", "f8", "rpm", "firmware", "velocity that the controller asks for"),
         Field("ramp", "f8", "rpm", "firmware", "velocity command behind the ramp generator (VL.CMD)"),
         Field("fault_code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
-        Field("fault_held", "u4", "", "firmware", "faults whose cause is still there", (FAULT_SLOTS,)),
+        Field("fault_held", "u4", "", "firmware", "faults whose cause is still there, with their reaction", (FAULT_SLOTS,)),
         Field(
             "fault_buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import signal
@@ -126,15 +127,33 @@ class Background:
         return self._process.wait(START_SECONDS)
 
 
-@pytest.fixture
-def background(tmp_path):
-    """Starts commands that run beside the test; what still runs at its end is killed."""
+@contextlib.contextmanager
+def _started(folder: Path):
     started: list[Background] = []
 
     def start(*arguments: str | Path, **environment: str) -> Background:
-        started.append(Background(tmp_path / f"process-{len(started)}", *arguments, **environment))
+        started.append(Background(folder / f"process-{len(started)}", *arguments, **environment))
         return started[-1]
 
-    yield start
-    for one in started:
-        one.stop(signal.SIGKILL)
+    try:
+        yield start
+    finally:
+        for one in reversed(started):
+            try:
+                one.stop(signal.SIGTERM)
+            except subprocess.TimeoutExpired:
+                one.stop(signal.SIGKILL)
+
+
+@pytest.fixture
+def background(tmp_path):
+    """Starts commands that run beside the test; what still runs at its end is stopped."""
+    with _started(tmp_path) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def shared_background(tmp_path_factory):
+    """The same for a whole module."""
+    with _started(tmp_path_factory.mktemp("shared")) as start:
+        yield start

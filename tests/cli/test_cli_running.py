@@ -14,6 +14,8 @@ import urllib.request
 
 import pytest
 
+from pnfarm.links.ownership import interface_prefix
+
 FARM = """\
 farm: clitest
 link: {kind: veth}
@@ -32,25 +34,43 @@ controller:
   reconnect: {after: 200ms}
 """
 UP = "clitest: 2 drives on veth, API http://127.0.0.1:8702/"
+SOLO_UP = "solo: 2 drives on veth, no API"
 
 
-@pytest.fixture
-def file(tmp_path, network):
-    path = tmp_path / "clitest.pnfarm.yml"
+@pytest.fixture(scope="module")
+def file(tmp_path_factory, network):
+    path = tmp_path_factory.mktemp("file") / "clitest.pnfarm.yml"
     path.write_text(FARM)
     return path
 
 
-@pytest.fixture
-def farm(file, background):
-    """A farm that runs."""
-    started = background("--log-format", "console", "up", file)
+@pytest.fixture(scope="module")
+def farm(file, shared_background):
+    """A farm that runs, for everybody who leaves it running."""
+    started = shared_background("--log-format", "console", "up", file)
     started.wait_for(UP)
     return started
 
 
-def own_interfaces(ip) -> list[str]:
-    return re.findall(r"^\d+: (pf[^:@]+)", ip("-o", "link"), re.MULTILINE)
+@pytest.fixture
+def solo_file(tmp_path, network):
+    """A farm of one's own, to be stopped and killed."""
+    path = tmp_path / "solo.pnfarm.yml"
+    path.write_text(FARM.replace("clitest", "solo").replace("127.0.0.1:8702", "off"))
+    return path
+
+
+@pytest.fixture
+def solo(solo_file, background):
+    started = background("--log-format", "console", "up", solo_file)
+    started.wait_for(SOLO_UP)
+    return started
+
+
+def own_interfaces(ip, farm: str = "solo") -> list[str]:
+    """What stands there of a farm and of its controller."""
+    prefixes = (interface_prefix(farm), interface_prefix(f"{farm} plc"))
+    return [name for name in re.findall(r"^\d+: ([^:@]+)", ip("-o", "link"), re.MULTILINE) if name.startswith(prefixes)]
 
 
 def until(condition, seconds: float = 20.0) -> bool:
@@ -63,11 +83,11 @@ def until(condition, seconds: float = 20.0) -> bool:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_a_signal_stops_a_farm_and_leaves_no_interface(farm, network, number):
+def test_a_signal_stops_a_farm_and_leaves_no_interface(solo, network, number):
     assert len(own_interfaces(network)) == 5
-    assert farm.stop(number) == 0
+    assert solo.stop(number) == 0
     assert own_interfaces(network) == []
-    assert "Traceback" not in farm.err
+    assert "Traceback" not in solo.err
 
 
 def test_a_farm_and_its_controller_at_work(farm, file, process, background, tmp_path):
@@ -107,22 +127,32 @@ def test_a_farm_and_its_controller_at_work(farm, file, process, background, tmp_
 
 
 def test_plc_ends_after_its_seconds_with_a_table(farm, file, process):
-    found = process("plc", file, "--seconds", "3", "--format", "table")
+    found = process("plc", file, "--seconds", "2", "--format", "table")
     assert found.code == 0, found.err
     assert [line.split()[:2] for line in found.out.splitlines()[-2:]] == [["axis-01", "DATA"], ["axis-02", "DATA"]]
 
 
-def test_plc_fails_when_a_drive_never_answers(file, process, network):
+@pytest.fixture
+def lonely(network):
+    """An interface at whose other end is nobody."""
     network("link", "add", "plc0", "type", "veth", "peer", "name", "plc1")
-    try:
-        for end in ("plc0", "plc1"):
-            network("link", "set", end, "up")
-        found = process("plc", file, "--interface", "plc0", "--seconds", "1", "--format", "json")
-    finally:
-        network("link", "del", "plc0")
+    for end in ("plc0", "plc1"):
+        network("link", "set", end, "up")
+    yield "plc0"
+    network("link", "del", "plc0")
+
+
+def test_plc_fails_when_a_drive_never_answers(file, process, lonely):
+    found = process("plc", file, "--interface", lonely, "--seconds", "1", "--format", "json")
     assert found.code == 1
     assert found.err.splitlines()[-1] == "pnfarm: 2 of 2 drives never exchanged data: axis-01 axis-02"
     assert json.loads(found.out)["ok"] is False
+
+
+def test_a_controller_that_is_interrupted_has_not_failed(file, background, lonely):
+    plc = background("--log-format", "console", "plc", file, "--interface", lonely, "--seconds", "60")
+    plc.wait_for("plc: controller of 2 drives on plc0")
+    assert plc.stop(signal.SIGINT) == 0
 
 
 def test_a_second_up_says_that_the_farm_runs(farm, file, process):
@@ -134,58 +164,57 @@ def test_a_second_up_says_that_the_farm_runs(farm, file, process):
 
 
 def test_a_taken_port_is_told_and_leaves_nothing(farm, file, tmp_path, process, network):
-    before = own_interfaces(network)
     other = tmp_path / "other.pnfarm.yml"
     other.write_text(FARM.replace("clitest", "other"))
     found = process("up", other)
     assert found.code == 4
     assert "127.0.0.1:8702" in found.err.splitlines()[-1]
-    assert own_interfaces(network) == before
+    assert own_interfaces(network, "other") == []
 
 
-def test_down_removes_what_a_killed_farm_and_a_killed_controller_left(farm, file, process, background, network):
-    plc = background("plc", file)
+def test_down_removes_what_a_killed_farm_and_a_killed_controller_left(solo, solo_file, process, background, network):
+    plc = background("plc", solo_file)
     plc.wait_for('"connected"')
     plc.stop(signal.SIGKILL)
-    farm.stop(signal.SIGKILL)
+    solo.stop(signal.SIGKILL)
     left = own_interfaces(network)
     assert len(left) == 7
-    found = process("down", file)
+    found = process("down", solo_file)
     assert found.code == 0
     assert sorted(found.out.splitlines()) == sorted(f"removed {name}" for name in left)
     assert own_interfaces(network) == []
-    assert process("down", file).out == "nothing was left of farm clitest\n"
+    assert process("down", solo_file).out == "nothing was left of farm solo\n"
 
 
-def test_up_clears_away_what_a_killed_run_left(farm, file, background, network):
-    farm.stop(signal.SIGKILL)
+def test_up_clears_away_what_a_killed_run_left(solo, solo_file, background, network):
+    solo.stop(signal.SIGKILL)
     assert len(own_interfaces(network)) == 5
-    again = background("--log-format", "console", "up", file)
-    again.wait_for(UP)
+    again = background("--log-format", "console", "up", solo_file)
+    again.wait_for(SOLO_UP)
     assert len(own_interfaces(network)) == 5
     assert again.stop() == 0
 
 
-def test_down_leaves_a_running_controller_its_own(farm, file, process, background, network):
-    plc = background("plc", file)
+def test_down_leaves_a_running_controller_its_own(solo, solo_file, process, background, network):
+    plc = background("plc", solo_file)
     plc.wait_for('"connected"')
-    farm.stop(signal.SIGKILL)
-    assert process("down", file).code == 0
+    solo.stop(signal.SIGKILL)
+    assert process("down", solo_file).code == 0
     assert len(own_interfaces(network)) == 2
     assert plc.stop() == 0
     assert own_interfaces(network) == []
 
 
-def test_logs_of_a_farm_nobody_watches_are_json_alone(file, background):
-    farm = background("up", file)
-    farm.wait_for("api listening")
+def test_logs_of_a_farm_nobody_watches_are_json_alone(solo_file, background):
+    farm = background("up", solo_file)
+    farm.wait_for("farm started")
     assert farm.stop() == 0
     assert farm.out == ""
     assert "farm started" in [json.loads(line)["event"] for line in farm.err.splitlines()]
 
 
-def test_beyond_loopback_the_api_wants_the_token_that_the_log_tells(file, background, process):
-    farm = background("up", file, PNFARM_UP_API="0.0.0.0:8703")
+def test_beyond_loopback_the_api_wants_the_token_that_the_log_tells(solo_file, background, process):
+    farm = background("up", solo_file, PNFARM_UP_API="0.0.0.0:8703")
     farm.wait_for("api listening")
     (told,) = [entry for line in farm.err.splitlines() if (entry := json.loads(line))["event"] == "api listening"]
     refused = process("inspect", "--api", "127.0.0.1:8703")
@@ -195,14 +224,10 @@ def test_beyond_loopback_the_api_wants_the_token_that_the_log_tells(file, backgr
     assert farm.stop() == 0
 
 
-def test_a_farm_without_api_runs(file, background):
-    farm = background("--log-format", "console", "up", file, "--api", "off")
-    farm.wait_for("clitest: 2 drives on veth, no API")
-    assert farm.stop() == 0
-
-
-def test_stopping_does_not_wait_for_somebody_who_watches(farm, background):
-    events = background("inspect", "--events")
+def test_stopping_does_not_wait_for_somebody_who_watches(solo_file, background):
+    farm = background("up", solo_file, "--api", "127.0.0.1:8704")
+    farm.wait_for("api listening")
+    events = background("inspect", "--events", "--api", "127.0.0.1:8704")
     events.wait_for("state changed")
     began = time.monotonic()
     assert farm.stop() == 0
@@ -218,7 +243,7 @@ def test_health_and_metrics_are_served(farm):
 
 
 def test_scan_finds_the_drives(farm, process, network):
-    (bridge,) = [name for name in own_interfaces(network) if name.endswith("-br")]
+    (bridge,) = [name for name in own_interfaces(network, "clitest") if name.endswith("-br")]
     network("link", "add", "scan0", "type", "veth", "peer", "name", "scan1")
     try:
         network("link", "set", "scan1", "master", bridge)
@@ -244,21 +269,30 @@ def test_scan_of_an_interface_that_is_not_there(network, process):
     assert "none0" in found.err
 
 
-def test_without_privileges_scan_and_up_say_what_is_missing(file, network, process):
+def test_without_privileges_scan_and_up_say_what_is_missing(solo_file, network, process):
     if os.geteuid() != 0 or shutil.which("setpriv") is None:
         pytest.skip("needs root and setpriv (util-linux), to give privileges up")
-    drop = ["setpriv", "--bounding-set=-all", "--inh-caps=-all"]
-    for line, word in ((("scan", "--interface", "lo"), "scan"), (("up", str(file)), "up")):
-        run = subprocess.run([*drop, *process.command(*line)], check=False, capture_output=True, text=True, timeout=120)
-        assert run.returncode == 4, (word, run.stderr)
-        assert "CAP_NET_" in run.stderr or "Ethernet" in run.stderr
+    network("link", "add", "bare0", "type", "veth", "peer", "name", "bare1")
+    network("link", "set", "bare0", "up")
+
+    def without(*line: str) -> subprocess.CompletedProcess[str]:
+        drop = ["setpriv", "--bounding-set=-all", "--inh-caps=-all", *process.command(*line)]
+        return subprocess.run(drop, check=False, capture_output=True, text=True, timeout=120)
+
+    try:
+        scan, up = without("scan", "--interface", "bare0"), without("up", str(solo_file))
+    finally:
+        network("link", "del", "bare0")
+    assert (scan.returncode, up.returncode) == (4, 4)
+    assert "CAP_NET_RAW" in scan.stderr
+    assert "CAP_NET_ADMIN" in up.stderr
 
 
 def in_a_terminal(arguments: list[str], seconds: float, number: int) -> tuple[int, str]:
     """Run a command in a terminal of 80 columns, stop it with a signal; its exit code and what the terminal showed."""
     pid, terminal = pty.fork()
     if pid == 0:
-        os.execve(arguments[0], arguments, os.environ | {"COLUMNS": "80", "LINES": "24", "TERM": "xterm"})  # noqa: S606
+        os.execve(arguments[0], arguments, os.environ | {"COLUMNS": "80", "LINES": "24", "TERM": "xterm"})
     shown = b""
     end = time.monotonic() + seconds
     os.set_blocking(terminal, False)
@@ -279,22 +313,22 @@ def in_a_terminal(arguments: list[str], seconds: float, number: int) -> tuple[in
 
 
 def test_in_a_terminal_the_controller_draws_a_table(farm, file, process):
-    code, shown = in_a_terminal(process.command("plc", str(file)), 4.0, signal.SIGINT)
+    code, shown = in_a_terminal(process.command("plc", str(file)), 3.0, signal.SIGINT)
     assert code == 0
     plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
     assert re.search(r"^axis-01 +DATA +running +16 ms +0 ", plain, re.MULTILINE), plain
     assert "Traceback" not in plain
 
 
-def test_in_a_terminal_up_shows_its_drives(file, process):
-    code, shown = in_a_terminal(process.command("up", str(file)), 4.0, signal.SIGINT)
+def test_in_a_terminal_up_shows_its_drives(solo_file, process):
+    code, shown = in_a_terminal(process.command("up", str(solo_file)), 3.0, signal.SIGINT)
     assert code == 0
     plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
     assert re.search(r"^axis-02 +akd-profinet +02(:[0-9a-f]{2}){5} +10\.77\.0\.12/24", plain, re.MULTILINE), plain
 
 
-def test_a_signal_ends_the_first_compilation(file, background, network, tmp_path):
-    farm = background("up", file, XDG_CACHE_HOME=str(tmp_path / "cache"))
+def test_a_signal_ends_the_first_compilation(solo_file, background, network, tmp_path):
+    farm = background("up", solo_file, XDG_CACHE_HOME=str(tmp_path / "cache"))
     farm.wait_for("compiling the engine")
     began = time.monotonic()
     assert farm.stop() == 0

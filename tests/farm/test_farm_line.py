@@ -133,6 +133,22 @@ def test_release_closes_the_channels_and_leaves_no_fault():
     assert not line.farm.columns.ppm.active.any()
 
 
+def test_telegram_354_brings_its_own_ramps_in_units_of_pn_accscaling():
+    line = VirtualLine(telegram=354)
+    line.connect()
+    line.enable()
+    line.run(0.5)
+    image = line.plc.columns.image[0]
+    image.sent[13], image.sent[14] = 2, 4
+    line.run(0.05)
+    axis = line.farm.columns.axis[0]
+    assert axis.ramp_up == 2 * 763
+    assert axis.ramp_down == 4 * 763
+    image.sent[13] = 0
+    line.run(0.05)
+    assert axis.ramp_up == axis.acceleration
+
+
 # -- loss ------------------------------------------------------------------------------------------------------------
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from ipaddress import IPv4Address
 from pathlib import Path
 from uuid import UUID
 
@@ -15,15 +16,40 @@ from virtual_line import VirtualLine
 
 from pnfarm.drives.profiles.profidrive import base_mode
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.blocks import split_blocks
+from pnfarm.protocols.profinet.wire import blocks_connect as connect
+from pnfarm.protocols.profinet.wire import records
+from pnfarm.protocols.profinet.wire.blocks import RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+from pnfarm.protocols.profinet.wire.epm import (
+    EntryHandle,
+    EptEntry,
+    LookupRequest,
+    LookupResponse,
+    Tower,
+    emit_handle,
+    emit_handle_freed,
+    emit_lookup_request,
+    emit_lookup_response,
+    emit_tower,
+)
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.iod import parse_read_response, parse_write_request
-from pnfarm.protocols.profinet.wire.rpc import UUID_EPM, PacketType, parse_request_args, parse_response_args, parse_rpc
+from pnfarm.protocols.profinet.wire.rpc import (
+    RPC_PORT,
+    UUID_EPM,
+    FackBody,
+    Opnum,
+    PacketType,
+    emit_fack,
+    parse_request_args,
+    parse_response_args,
+    parse_rpc,
+)
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 from pnfarm.wire.ipv4 import parse_ipv4
 from pnfarm.wire.udp import parse_udp
 
-__all__ = ["BASE_MODE", "CAPTURES", "Conversation", "captured_frames", "layers", "virtual_conversation"]
+__all__ = ["BASE_MODE", "CAPTURES", "Conversation", "captured_frames", "layers"]
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
 #: Frames of each capture that are kept; cyclic ones are all alike.
@@ -47,6 +73,21 @@ class Conversation:
         self.line.connect()
         self._access_records()
         self.line.run(0.3)
+
+    def end(self) -> None:
+        """The drive aborts, the controller connects again and releases."""
+        line = self.line
+        station, now = line.farm.stations[0], line.world.now
+        station.cm.abort_all(5, now)
+        line.farm.settle(station, now)
+        line.run(2.0)
+        line.plc.release(line.world.now)
+        line.run(1.0)
+
+    def untap(self) -> None:
+        """Record no more."""
+        for node in (self.line.plc, self.line.farm):
+            del node.link.send
 
     def _tap(self, link, *, to_drive):
         send = link.send
@@ -76,19 +117,6 @@ class Conversation:
             for api, slot, subslot in ((0, 0, 1), (0x3A00, 1, 2)):
                 asked(machine.read_record, api, slot, subslot, index, 4096)
                 asked(machine.read_implicit, api, slot, subslot, index, 4096)
-
-
-def virtual_conversation(startup: str, *, ended: bool = False) -> Conversation:
-    """A connection that exchanges data; with ``ended`` it was aborted, made again and released."""
-    talk = Conversation(startup)
-    if ended:
-        line, now = talk.line, talk.line.world.now
-        line.farm.stations[0].cm.abort_all(5, now)
-        line.farm.settle(line.farm.stations[0], now)
-        line.run(2.0)
-        line.plc.release(line.world.now)
-        line.run(1.0)
-    return talk
 
 
 def captured_frames() -> Iterator[bytes]:
@@ -122,7 +150,37 @@ def layers(frames: Iterable[bytes]) -> dict[str, list[bytes]]:
         elif ether.ethertype == 0x0800:
             _dig_ip(ether.payload, found)
     found["base-request"].update(dict.fromkeys(BASE_MODE))
+    for name, octets in unheard():
+        found[name][octets] = None
     return {name: list(octets) for name, octets in found.items()}
+
+
+def unheard() -> Iterator[tuple[str, bytes]]:
+    """What neither a farm nor a capture says, but the standard knows: the endpoint mapper, and blocks of other devices."""
+    handle = EntryHandle(0, UUID(int=7))
+    tower = Tower(UUID_EPM, 3, RPC_PORT, IPv4Address("10.77.0.11"))
+    entries = (EptEntry(UUID(int=9), tower, "AKD AKD-P00306-NBPN-0000     1 V  1 17  0"),)
+    yield "tower", emit_tower(tower)
+    for little in (True, False):
+        for request in (LookupRequest(), LookupRequest(object_uuid=None, interface=UUID_EPM), LookupRequest(interface=None, handle=handle)):
+            yield "epm", emit_lookup_request(request, little_endian=little)
+        yield "epm", emit_lookup_response(LookupResponse(handle, entries, 1), little_endian=little)
+        yield "epm", emit_handle(handle, little_endian=little)
+        yield "epm", emit_handle_freed(handle, 0, little_endian=little)
+        yield "fack", emit_fack(FackBody(4, 1464, 1464, 1), little_endian=little)
+    for block in (
+        connect.PrmServerBlockReq(UUID(int=3), 1, 600, b"prm-server"),
+        connect.PrmServerBlockRes(),
+        connect.McrBlockReq(1, 1, 3, b"provider-1"),
+        connect.ArRpcBlockReq(49152),
+        connect.ArRpcBlockRes(49152),
+        connect.ArVendorBlockReq(1, 0, b"vendor"),
+        connect.ArVendorBlockRes(1, 0, b"vendor"),
+    ):
+        raw = split_blocks(emit_block(block))[0]
+        yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
+    for block_type, size in records.IM_TEXT_SIZES.items():
+        yield f"block-{block_type:04x}", b"\1\0" + b"A" * size
 
 
 def _dig_ip(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:
@@ -143,15 +201,15 @@ def _dig_ip(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:
     if pdu.kind == PacketType.REQUEST:
         found["request-args"][pdu.body] = None
         payload = parse_request_args(pdu.body, little_endian=pdu.little_endian).payload
-        if pdu.opnum == 3:
-            found["write"][payload] = None
+        found[f"request-{pdu.opnum}"][payload] = None
+        if pdu.opnum == Opnum.WRITE:
             for write in parse_write_request(payload).writes:
                 found["record"][write.data] = None
     elif pdu.kind == PacketType.RESPONSE:
         found["response-args"][pdu.body] = None
         payload = parse_response_args(pdu.body, little_endian=pdu.little_endian).payload
-        if pdu.opnum in {2, 5} and payload:
-            found["read"][payload] = None
+        found[f"response-{pdu.opnum}"][payload] = None
+        if pdu.opnum in {Opnum.READ, Opnum.READ_IMPLICIT} and payload:
             _dig_record(parse_read_response(payload).data, found)
     else:
         return
@@ -171,16 +229,18 @@ def _dig_record(data: bytes, found: dict[str, dict[bytes, None]]) -> None:
         found["base-response"][data] = None
 
 
+def _keep_block(block: RawBlock, found: dict[str, dict[bytes, None]]) -> None:
+    """Its version and its body; a parser of blocks is fed with both."""
+    octets = block.version.to_bytes(2, "big") + block.body
+    found["block"][octets] = None
+    found[f"block-{block.block_type:04x}"][octets] = None
+
+
 def _dig_blocks(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:
     try:
         blocks = split_blocks(payload)
     except DecodeError:
         return  # records and what follows a header need not be blocks
     for block in blocks:
-        found["block"][block.body] = None
-        found[f"block-{block.block_type:04x}"][block.body] = None
+        _keep_block(block, found)
 
-
-def fresh_uuid(octets: bytes) -> UUID:
-    """A UUID of 16 octets."""
-    return UUID(bytes=octets)

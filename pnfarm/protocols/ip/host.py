@@ -18,7 +18,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.ip.neighbours import NeighbourTable
+from pnfarm.protocols.ip.neighbours import CAPACITY, NeighbourTable
 from pnfarm.protocols.ip.reassembly import Reassembler
 from pnfarm.wire.arp import OPERATION_REPLY, OPERATION_REQUEST, ArpPacket, emit_arp, parse_arp
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, EthernetFrame, emit_ethernet
@@ -122,9 +122,12 @@ class _Probe:
 
 
 class IpHost:
-    """The IPv4 host of one interface. It has no address until :meth:`set_address`."""
+    """The IPv4 host of one interface. It has no address until :meth:`set_address`.
 
-    def __init__(self, mac: bytes) -> None:
+    ``neighbours`` bounds how many MAC addresses it remembers.
+    """
+
+    def __init__(self, mac: bytes, *, neighbours: int = CAPACITY) -> None:
         self.mac = mac
         #: UDP ports whose datagrams become events.
         self.open_ports: set[int] = set()
@@ -132,7 +135,7 @@ class IpHost:
         self.dropped: Counter[str] = Counter()
         self._address: IPv4Interface | None = None
         self._gateway: IPv4Address | None = None
-        self._neighbours = NeighbourTable()
+        self._neighbours = NeighbourTable(neighbours)
         self._reassembler = Reassembler(self.dropped)
         self._resolutions: dict[IPv4Address, _Resolution] = {}
         self._probes: dict[IPv4Address, _Probe] = {}
@@ -164,6 +167,10 @@ class IpHost:
         self._gateway = gateway
         if address is not None:
             self._announce(address.ip)
+
+    def learn(self, ip: IPv4Address, mac: bytes, now: int) -> None:
+        """Take a neighbour's MAC address from elsewhere (DCP told it), which saves asking everybody by ARP."""
+        self._neighbours.learn(ip, mac, now)
 
     def probe(self, ip: IPv4Address, now: int) -> None:
         """Ask whether somebody has ``ip``: three questions one second apart, then :class:`AddressProbed`."""

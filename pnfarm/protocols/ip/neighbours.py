@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CAPACITY", "LIFETIME_NS", "NeighbourTable"]
 
-#: Neighbours remembered; the one not heard of for longest makes room.
+#: Neighbours remembered where nothing else is said; the one not heard of for longest makes room.
 CAPACITY = 256
 #: How long an entry is good without a sign of the neighbour.
 LIFETIME_NS = 60 * 10**9
@@ -18,9 +18,10 @@ LIFETIME_NS = 60 * 10**9
 class NeighbourTable:
     """IPv4 address to MAC address. Time is in nanoseconds and only moves forward."""
 
-    __slots__ = ("_entries",)
+    __slots__ = ("_capacity", "_entries")
 
-    def __init__(self) -> None:
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._capacity = capacity
         self._entries: dict[IPv4Address, tuple[bytes, int]] = {}  # in the order in which they were heard of
 
     def __len__(self) -> int:
@@ -29,7 +30,7 @@ class NeighbourTable:
     def learn(self, ip: IPv4Address, mac: bytes, now: int) -> None:
         """Remember a neighbour, or that it was heard of again."""
         self._entries.pop(ip, None)
-        if len(self._entries) >= CAPACITY:
+        if len(self._entries) >= self._capacity:
             del self._entries[next(iter(self._entries))]
         self._entries[ip] = (mac, now)
 

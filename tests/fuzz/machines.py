@@ -1,0 +1,354 @@
+"""The protocol machines and whole stations under fire: a drive with a live connection, and the controller at its other end.
+
+A machine's inputs are frames, datagrams and calls that were good, changed at one depth and wrapped again with the right
+lengths and checksums, so that what is wrong reaches the layer that it is meant for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from ipaddress import IPv4Address
+from random import Random
+from uuid import UUID
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.rpc_events import CallKey
+from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.wire.blocks import emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId
+from pnfarm.protocols.profinet.wire.rpc import (
+    RPC_PORT,
+    UUID_EPM,
+    PacketType,
+    PnioStatus,
+    emit_request_args,
+    emit_response_args,
+    emit_rpc,
+    parse_request_args,
+    parse_response_args,
+    parse_rpc,
+)
+from pnfarm.wire.ethernet import emit_ethernet, parse_ethernet
+from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
+from pnfarm.wire.udp import emit_udp, parse_udp
+from tests.fuzz.corpus import Conversation
+from tests.fuzz.mutate import mutated, random_octets, variation
+
+__all__ = ["MACHINES", "Machine", "deep"]
+
+#: Inputs between two moments in which time passes.
+BETWEEN = 40
+PEER = IPv4Address("10.77.1.250")
+
+
+def deep(rng: Random, frame: bytes, pool: Sequence[bytes]) -> bytes:
+    """``frame`` with something wrong at a random depth, well-formed around it."""
+    depth = rng.randrange(7)
+    try:
+        return _deep(rng, frame, pool, depth)
+    except (DecodeError, ValueError):
+        return mutated(rng, frame, pool)  # not so deep, or no longer emittable
+
+
+def _deep(rng, frame, pool, depth):
+    if depth == 0:
+        return mutated(rng, frame, pool)
+    ether = parse_ethernet(frame)
+    if ether.ethertype != 0x0800 or depth == 1:
+        return emit_ethernet(replace(ether, payload=mutated(rng, ether.payload, pool)))
+    packet = parse_ipv4(ether.payload)
+    if packet.protocol != 17 or depth == 2:
+        packet = replace(packet, payload=mutated(rng, packet.payload, pool)[:1480])
+    else:
+        datagram = parse_udp(packet.payload)
+        data = mutated(rng, datagram.data, pool) if depth == 3 else deep_rpc(rng, datagram.data, pool, depth)
+        datagram = replace(datagram, data=data[:1472])
+        packet = replace(packet, payload=emit_udp(datagram, packet.source, packet.destination))
+    return emit_ethernet(replace(ether, payload=emit_ipv4(packet)))
+
+
+def deep_rpc(rng: Random, data: bytes, pool: Sequence[bytes], depth: int) -> bytes:
+    """An RPC PDU with its body, its arguments or one of its blocks changed; mostly a call that the server does not know yet."""
+    pdu = parse_rpc(data)
+    if rng.random() < 0.7:
+        pdu = replace(pdu, activity=UUID(bytes=rng.randbytes(16)), sequence=rng.choice((0, 0, 1, rng.getrandbits(32))))
+    if rng.random() < 0.1:
+        pdu = replace(pdu, opnum=rng.choice((0, 1, 2, 3, 4, 5, 6, 0xFFFF)), packet_type=rng.randrange(12), flags1=rng.randrange(256))
+    little = pdu.little_endian
+    if depth == 4 or pdu.interface == UUID_EPM or pdu.kind not in {PacketType.REQUEST, PacketType.RESPONSE}:
+        return emit_rpc(replace(pdu, body=mutated(rng, pdu.body, pool)))
+    if pdu.kind == PacketType.REQUEST:
+        args = parse_request_args(pdu.body, little_endian=little)
+        args = replace(args, payload=deep_blocks(rng, args.payload, pool, depth))
+        return emit_rpc(replace(pdu, body=emit_request_args(args, little_endian=little)))
+    answer = parse_response_args(pdu.body, little_endian=little)
+    answer = replace(answer, payload=deep_blocks(rng, answer.payload, pool, depth))
+    return emit_rpc(replace(pdu, body=emit_response_args(answer, little_endian=little)))
+
+
+def deep_blocks(rng: Random, payload: bytes, pool: Sequence[bytes], depth: int = 6) -> bytes:
+    """Blocks of which one is changed, doubled, left out or moved."""
+    if depth == 5:
+        return mutated(rng, payload, pool)
+    try:
+        blocks = list(split_blocks(payload))
+    except DecodeError:
+        return mutated(rng, payload, pool)
+    if not blocks:
+        return random_octets(rng)
+    place = rng.randrange(len(blocks))
+    match rng.randrange(6):
+        case 0:
+            blocks.insert(place, blocks[place])
+        case 1:
+            del blocks[place]
+        case 2:
+            rng.shuffle(blocks)
+        case _:
+            block = blocks[place]
+            blocks[place] = replace(block, body=mutated(rng, block.body, [b.body for b in blocks])[:0xFFF0])
+    return b"".join(emit_raw_block(block) for block in blocks)
+
+
+class Machine:
+    """One end of a fresh conversation; ``feed`` what ``next_input`` made."""
+
+    name = ""
+
+    def __init__(self, rng: Random, layers: dict[str, list[bytes]]) -> None:
+        self.layers = layers
+        self.talk = Conversation(rng.choice(("legacy", "advanced")))
+        self.talk.untap()
+        self.line = self.talk.line
+        self.station = self.line.farm.stations[0]
+        self.session = self.line.plc.sessions[0]
+        self._fed = 0
+        self.calls = self.answers = 0
+
+    @property
+    def now(self) -> int:
+        return self.line.world.now
+
+    def next_input(self, rng: Random) -> bytes:
+        raise AssertionError("each machine makes its own")
+
+    def take(self, rng: Random, data: bytes) -> None:
+        raise AssertionError("each machine takes its own")
+
+    def feed(self, rng: Random, data: bytes) -> str:
+        """``answered`` when it made the drive or the controller say something, else ``silent``."""
+        before = self.said()
+        self.take(rng, data)
+        after = self.said()
+        self._fed += 1
+        if self._fed % BETWEEN == 0:
+            self.line.run(rng.choice((0.001, 0.005, 0.05, 0.3)))
+        return "answered" if after > before else "silent"
+
+    def said(self) -> int:
+        """Frames and answers so far."""
+        return self.line.farm.link.counters.sent + self.line.plc.link.counters.sent + self.answers
+
+    def settle(self) -> None:
+        self.line.farm.settle(self.station, self.now)
+
+
+class Station(Machine):
+    """A whole drive: frames at its port."""
+
+    name = "station"
+    to_drive = True
+
+    def __init__(self, rng, layers):
+        super().__init__(rng, layers)
+        self.frames = [frame for to_drive, frame in self.talk.frames if to_drive == self.to_drive]
+        self.frames += self.rng_sample(rng, layers["frame"])
+
+    @staticmethod
+    def rng_sample(rng, frames):
+        """Some of the captured and the other way's frames, too."""
+        return rng.sample(frames, min(20, len(frames)))
+
+    def next_input(self, rng):
+        frame = rng.choice(self.frames)
+        if rng.random() < 0.5:
+            frame = self.address + frame[6:]
+        return deep(rng, frame, self.frames)
+
+    @property
+    def address(self):
+        return self.station.port.mac
+
+    def take(self, rng, data):
+        self.line.farm.receive(self.station.port.index, data, self.now)
+
+
+class Controller(Station):
+    """The whole controller: frames at its port."""
+
+    name = "controller"
+    to_drive = False
+
+    @property
+    def address(self):
+        return self.line.plc.port.mac
+
+    def take(self, rng, data):
+        self.line.plc.receive(self.line.plc.port.index, data, self.now)
+
+
+class DcpDeviceMachine(Machine):
+    name = "dcp-device"
+
+    def next_input(self, rng):
+        return variation(rng, self.layers["dcp"])
+
+    def frame(self, rng, data):
+        destination = rng.choice((self.station.port.mac, bytes.fromhex("010ecf000000")))
+        return replace(parse_ethernet(self.talk.frames[0][1]), destination=destination, ethertype=0x8892, payload=data, vlan=None)
+
+    def take(self, rng, data):
+        self.station.dcp.receive(self.frame(rng, data), self.now)
+        self.settle()
+
+
+class DcpClientMachine(DcpDeviceMachine):
+    name = "dcp-client"
+    xid = 0
+
+    def take(self, rng, data):
+        client = self.line.plc.dcp
+        # answers count only under the number of an open request
+        xid = client.get(self.station.port.mac, [OptionId(2, 2)], now=self.now) if rng.random() < 0.3 else self.xid
+        self.xid = xid
+        if len(data) > 8:
+            data = data[:4] + xid.to_bytes(4, "big") + data[8:]
+        client.receive(self.frame(rng, data), self.now)
+        self.answers += len(client.events())
+        client.to_send(self.now)
+
+
+class IpHostMachine(Machine):
+    name = "ip-host"
+
+    def next_input(self, rng):
+        kind = rng.choice(("ipv4", "ipv4", "arp"))
+        if kind == "arp" or rng.random() < 0.5:
+            return (b"\x08\x06" if kind == "arp" else b"\x08\x00") + variation(rng, self.layers[kind])
+        packet = parse_ipv4(rng.choice(self.layers["ipv4"]))
+        own = self.station.ip.address.ip if self.station.ip.address else IPv4Address("10.77.0.11")
+        packet = replace(
+            packet, destination=own, payload=mutated(rng, packet.payload, self.layers["udp"])[:1480],
+            identification=rng.randrange(4), more_fragments=rng.random() < 0.4, fragment_offset=8 * rng.choice((0, 0, 1, 2, 185, 8191)),
+        )  # fmt: skip
+        try:
+            return b"\x08\x00" + emit_ipv4(packet)
+        except ValueError:
+            return b"\x08\x00" + random_octets(rng)
+
+    def take(self, rng, data):
+        mac, peer = self.station.port.mac, self.line.plc.port.mac
+        self.station.ip.receive(parse_ethernet(mac + peer + data), self.now)
+        self.settle()
+
+
+class RpcServerMachine(Machine):
+    name = "rpc-server"
+
+    def next_input(self, rng):
+        data = rng.choice(self.layers["rpc"])
+        try:
+            return deep_rpc(rng, data, self.layers["rpc"], rng.choice((4, 5, 6)))
+        except (DecodeError, ValueError):
+            return variation(rng, self.layers["rpc"])
+
+    def take(self, rng, data):
+        self.station.rpc.receive(Peer(PEER, rng.choice((RPC_PORT, 49153))), RPC_PORT, data, self.now)
+        self.settle()
+
+
+class RpcClientMachine(RpcServerMachine):
+    """Answers to calls that are open: their activity and sequence put in."""
+
+    name = "rpc-client"
+
+    def take(self, rng, data):
+        client = self.station.client
+        peer = Peer(PEER, RPC_PORT)
+        if client.open_calls == 0:
+            interface = parse_rpc(self.layers["rpc"][0]).interface
+            client.call(peer, 49152, interface, interface, 4, 4096, bytes(rng.choice((40, 4000))), self.now)
+        sent = [parse_rpc(datagram.data) for datagram in client.to_send(self.now)]
+        self.open = sent[-1] if sent else getattr(self, "open", None)
+        if self.open is not None and rng.random() < 0.8:
+            try:
+                pdu = parse_rpc(data)
+                data = emit_rpc(replace(pdu, activity=self.open.activity, sequence=self.open.sequence, interface=self.open.interface))
+            except (DecodeError, ValueError):
+                pass  # rubbish goes in as it is
+        client.receive(peer, 49152, data, self.now)
+        self.answers += len(client.events())
+
+
+class CmDeviceMachine(Machine):
+    """Calls whose RPC was in order, and alarm frames."""
+
+    name = "cm-device"
+
+    def next_input(self, rng):
+        if rng.random() < 0.1:
+            return b"\xff" + variation(rng, self.layers["rta"])
+        opnum = rng.choice((0, 0, 1, 2, 3, 4, 4, 5))
+        pool = self.layers[f"request-{opnum}"]
+        changed = deep_blocks(rng, rng.choice(pool), pool, rng.choice((5, 6, 6)))
+        return bytes([opnum if rng.random() < 0.9 else rng.choice((0, 1, 2, 3, 4, 5, 9))]) + changed
+
+    def take(self, rng, data):
+        self.calls += 1
+        cm, opnum, payload = self.station.cm, data[0], data[1:]
+        if opnum == 0xFF:
+            cm.receive_rta(payload, self.line.plc.port.mac, self.now)
+        else:
+            key = CallKey(PEER, UUID(int=self.calls), 0)
+            cm.receive_call(key, opnum, payload, rng.choice((0, 64, 200, 4096, 0xFFFFFFFF)), Peer(PEER, 49153), self.now)
+            answers = [answer for answer in cm.responses() if answer[0] == key]
+            assert len(answers) == 1, "a call must be answered once"
+            self.answers += answers[0][1].ok
+        self.settle()
+
+
+class CmControllerMachine(Machine):
+    """Answers and calls of a device whose RPC was in order."""
+
+    name = "cm-controller"
+
+    def next_input(self, rng):
+        kind = rng.randrange(10)
+        if kind == 0:
+            return b"\xff" + variation(rng, self.layers["rta"])
+        pool = self.layers[rng.choice(("response-0", "response-2", "response-3", "response-4", "request-4", "response-1"))]
+        return bytes([kind]) + deep_blocks(rng, rng.choice(pool), pool, rng.choice((5, 6, 6)))
+
+    def take(self, rng, data):
+        self.calls += 1
+        machine, kind, payload = self.session.machine, data[0], data[1:]
+        if machine is None:
+            self.line.run(0.5)
+            return
+        if kind == 0xFF:
+            machine.receive_rta(payload, self.station.port.mac, self.now)
+        elif kind < 4:
+            machine.receive_call(CallKey(PEER, UUID(int=self.calls), 0), rng.choice((4, 4, 0, 9)), payload, Peer(PEER, 49152), self.now)
+        else:
+            keys = list(self.session.calls.values()) or [0, 1, 2]
+            status = PnioStatus.from_int(rng.choice((0, 0, 0, 0xDB814105, 0xDE80B000, rng.getrandbits(32))))
+            machine.call_returned(rng.choice(keys), status, payload, self.now)
+        self.line.plc._touched[self.session.index] = self.session
+        self.line.plc._settle(self.now)
+
+
+MACHINES: tuple[type[Machine], ...] = (
+    Station, Controller, DcpDeviceMachine, DcpClientMachine, IpHostMachine, RpcServerMachine, RpcClientMachine,
+    CmDeviceMachine, CmControllerMachine,
+)  # fmt: skip

@@ -1,0 +1,231 @@
+"""The rig under a real Docker engine: farm, controller and Prometheus from compose.yaml, Grafana's container aside.
+
+Takes some minutes and a gigabyte, so it runs where ``PNFARM_DOCKER=1`` asks for it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+import urllib.parse
+from pathlib import Path
+
+import pytest
+from rig_dashboards import BOARDS, queries
+from rig_engine import ROOT, TOOLS, Engine
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.environ.get("PNFARM_DOCKER") != "1", reason="asked for with PNFARM_DOCKER=1: takes minutes"),
+]
+SERVICES = ("farm", "plc", "prometheus")
+TOKEN = "pnfarm-local-rig"
+FARM = "http://127.0.0.1:8702"
+PROMETHEUS = "http://127.0.0.1:9090"
+DRIVES = [f"axis-{number:02}" for number in range(1, 9)]
+#: CAP_NET_ADMIN (12) and CAP_NET_RAW (13).
+NET_ADMIN, NET_RAW = 1 << 12, 1 << 13
+
+
+@pytest.fixture(scope="module")
+def engine():
+    if os.geteuid() != 0:
+        pytest.skip("a Docker engine of its own needs root")
+    missing = {tool: how for tool, how in TOOLS.items() if shutil.which(tool) is None}
+    if missing:
+        pytest.skip(f"not installed: {', '.join(missing)} ({'; '.join(sorted(set(missing.values())))})")
+    # paths of unix sockets are short: not under pytest's own folder
+    made = Engine(Path(tempfile.mkdtemp(prefix="pnfarm-rig-")))
+    try:
+        made.fetch_compose()
+        made.start(private=False)
+        made.build()
+        made.stop()
+        made.start(private=True)
+        yield made
+    finally:
+        made.close()
+
+
+class Rig:
+    """The rig of compose.yaml and ``files`` over it."""
+
+    def __init__(self, engine, *files, environment=None):
+        self.engine = engine
+        self._files = [word for name in ("compose.yaml", *files) for word in ("-f", name)]
+        self._environment = environment or {}
+
+    def compose(self, *arguments, timeout=240):
+        for name, value in self._environment.items():
+            self.engine.environment[name] = value
+        # a profile only matters where a file has made one
+        return self.engine.docker("compose", "--profile", "plc", *self._files, *arguments, timeout=timeout)
+
+    def up(self):
+        self.compose("up", "-d", "--no-build", "--wait", "--wait-timeout", "120", *SERVICES)
+
+    def down(self):
+        self.compose("down", "-v", "--timeout", "20")
+
+    def farm(self, path, *, method="GET", body=None):
+        status, text = self.engine.ask(f"{FARM}/api/v1/{path}", method=method, token=TOKEN, body=body)
+        assert status < 400, text
+        return json.loads(text) if text else None
+
+    def drives(self):
+        return {drive["name"]: drive for drive in self.farm("drives")["drives"]}
+
+    def query(self, expression):
+        form = urllib.parse.urlencode({"query": expression})
+        status, text = self.engine.ask(f"{PROMETHEUS}/api/v1/query?{form}")
+        assert status == 200, f"{expression}: {text}"
+        return json.loads(text)["data"]["result"]
+
+    def working(self):
+        """Names of the drives that exchange data and are in operation."""
+        return [name for name, drive in self.drives().items() if (drive["ar_state"], drive["state"]) == ("DATA", "S4")]
+
+
+def eventually(what, seconds=30.0):
+    """``what()`` once it is true."""
+    deadline = time.monotonic() + seconds
+    while not (found := what()):
+        assert time.monotonic() < deadline, f"not within {seconds} s"
+        time.sleep(0.5)
+    return found
+
+
+@pytest.fixture(scope="module")
+def rig(engine):
+    made = Rig(engine)
+    try:
+        made.up()
+        yield made
+    finally:
+        made.down()
+
+
+def test_once_the_rig_is_up_every_drive_is_run_by_the_controller(rig):
+    eventually(lambda: rig.working() == DRIVES)
+    for drive in rig.drives().values():
+        assert drive["controller"]["name"] == "plc"
+        assert drive["cycle_seconds"] == 0.016
+    first = rig.drives()["axis-01"]["frames_received"]
+    time.sleep(2)
+    received = rig.drives()["axis-01"]["frames_received"] - first
+    assert 100 <= received <= 160
+
+
+def test_containers_have_the_rights_that_are_written_and_no_others(rig):
+    for service, rights in (("farm", NET_ADMIN | NET_RAW), ("plc", NET_RAW)):
+        status = rig.compose("exec", "-T", service, "cat", "/proc/1/status")
+        lines = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
+        assert int(lines["CapEff"], 16) == int(lines["CapBnd"], 16) == rights
+        assert lines["NoNewPrivs"] == "1"
+
+
+def test_the_engine_was_compiled_when_the_image_was_built(rig):
+    for user in ("0", "12345"):
+        said = rig.engine.docker(
+            "run", "--rm", "--network=none", "--cap-drop=ALL", "--no-healthcheck", "--user", user,
+            "--entrypoint", "python", "pnfarm:local", "-m", "pnfarm.engine.warm",
+        )  # fmt: skip
+        assert float(said.split()[-2]) < 3.0, said
+
+
+def test_the_api_asks_for_its_token(rig):
+    status, text = rig.engine.ask(f"{FARM}/api/v1/drives")
+    assert status == 401
+    assert "token" in json.loads(text)["detail"]
+
+
+def test_prometheus_scrapes_the_farm(rig):
+    def sampled():
+        return {s["metric"]["drive"]: s["value"][1] for s in rig.query("pnfarm_axis_state")}
+
+    assert [series["value"][1] for series in rig.query('up{job="pnfarm"}')] == ["1"]
+    eventually(lambda: sampled() == dict.fromkeys(DRIVES, "4"))
+    eventually(lambda: float(rig.query("rate(pnfarm_engine_cycles_total[10s])")[0]["value"][1]) > 100)
+    status, text = rig.engine.ask(f"{PROMETHEUS}/api/v1/rules")
+    assert status == 200
+    assert {rule["health"] for group in json.loads(text)["data"]["groups"] for rule in group["rules"]} <= {
+        "ok",
+        "unknown",
+    }
+
+
+def test_a_drive_that_falls_silent_is_lost_and_brought_back(rig):
+    eventually(lambda: rig.working() == DRIVES)
+    before = rig.drives()
+    made = rig.farm("faults", method="POST", body={"kind": "timeout", "on": "axis-03"})
+
+    def back():
+        drive = rig.drives()["axis-03"]
+        return drive["connects"] > before["axis-03"]["connects"] and "axis-03" in rig.working()
+
+    eventually(back)
+    now = rig.drives()
+    assert sum(now["axis-03"]["aborts"].values()) == sum(before["axis-03"]["aborts"].values()) + 1
+    assert now["axis-03"]["last_fault"]["number"] == 702
+    for name in set(DRIVES) - {"axis-03"}:
+        assert now[name]["connects"] == before[name]["connects"]
+    assert rig.farm(f"faults/{made['id']}")["id"] == made["id"]
+    query = 'pnfarm_axis_faults_total{code="702"}'
+    eventually(lambda: {s["metric"]["drive"] for s in rig.query(query) if s["value"][1] != "0"} == {"axis-03"})
+
+
+@pytest.mark.parametrize("path", BOARDS, ids=lambda path: path.stem)
+def test_this_prometheus_answers_every_query_of_a_dashboard(rig, path):
+    """Filters may find nothing, and what counts events needs some; everything else has a value."""
+    silent = [
+        title
+        for title, expression in queries(path, drive="axis-03", seconds=300).items()
+        if not rig.query(expression) and not any(filter_ in expression for filter_ in (") > 0", "!= 4"))
+    ]
+    assert silent == []
+
+
+def test_a_killed_farm_comes_back_and_its_drives_with_it(rig):
+    eventually(lambda: rig.working() == DRIVES)
+    (container,) = rig.compose("ps", "-q", "farm").split()
+    os.kill(int(rig.engine.docker("inspect", "-f", "{{.State.Pid}}", container)), signal.SIGKILL)
+
+    def restarted():
+        return int(rig.engine.docker("inspect", "-f", "{{.RestartCount}}", container)) == 1
+
+    eventually(restarted)
+    rig.compose("up", "-d", "--no-build", "--no-recreate", "--wait", "--wait-timeout", "60", *SERVICES)
+    eventually(lambda: rig.working() == DRIVES)
+
+
+def test_nothing_went_wrong_inside(rig):
+    said = rig.compose("logs", "farm", "plc")
+    for word in ("internal error", "Traceback"):
+        assert word not in said
+
+
+def test_on_a_network_card_the_drives_are_on_its_wire(engine, rig):
+    rig.down()
+    engine.inside("ip", "link", "add", "card", "type", "veth", "peer", "name", "wire")
+    engine.inside("ip", "link", "set", "card", "up")
+    engine.inside("ip", "link", "set", "wire", "up")
+    on_card = Rig(engine, "compose.macvlan.yaml", environment={"PNFARM_PARENT": "card"})
+    try:
+        on_card.up()
+        eventually(lambda: on_card.working() == DRIVES)
+        found = engine.inside(
+            sys.executable, "-m", "pnfarm.cli.main", "scan", "--interface", "wire", "--format", "json"
+        )
+        assert {"plc", *DRIVES} <= {device["name"] for device in json.loads(found)}
+    finally:
+        on_card.down()
+        engine.inside("ip", "link", "del", "card")
+    assert engine.docker("ps", "-aq") == ""
+    left = engine.inside("ip", "-br", "link").split()
+    assert not [name for name in left if name.startswith(("pnfarm", "pf"))]
+    assert ROOT.joinpath("state").exists() is False

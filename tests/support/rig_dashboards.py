@@ -1,0 +1,37 @@
+"""The checked-in dashboards and the queries in them, as Grafana would send them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+BOARDS = sorted((ROOT / "dashboards" / "json").glob("*.json"))
+
+
+def board(path):
+    return json.loads(path.read_text("utf-8"))
+
+
+def panels(path):
+    """All that show something: no headings."""
+    return [panel for panel in board(path)["panels"] if panel["type"] != "row"]
+
+
+def queries(path, *, drive="axis-01", seconds=120):
+    """What each is called -> query, for one drive and a time range."""
+    words = {"$__rate_interval": "10s", "$__range": f"{seconds}s", "$farm": ".*", "$drive": drive}
+
+    def filled(expression):
+        for word, value in words.items():
+            expression = expression.replace(word, value)
+        assert "$" not in expression, expression
+        return expression
+
+    found = {
+        f"{panel['title']} {target['refId']}": filled(target["expr"])
+        for panel in panels(path)
+        for target in panel["targets"]
+    }
+    found |= {f"annotation {note['name']}": filled(note["expr"]) for note in board(path)["annotations"]["list"]}
+    return found

@@ -1,0 +1,190 @@
+"""The rig's files say what they promise: few rights, no surprise on the network, and names that fit each other."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+from ipaddress import IPv4Network
+from pathlib import Path
+
+import pytest
+import yaml
+
+from pnfarm.cli.files import read
+from pnfarm.farm.config import expand
+
+ROOT = Path(__file__).resolve().parents[1]
+COMPOSE = yaml.safe_load((ROOT / "compose.yaml").read_text("utf-8"))
+SERVICES = COMPOSE["services"]
+SUBNET = IPv4Network("10.77.0.0/24")
+needs_promtool = pytest.mark.skipif(
+    shutil.which("promtool") is None, reason="promtool is not installed (apt-get install prometheus)"
+)
+
+
+def loaded(name):
+    spec = importlib.util.spec_from_file_location(name, ROOT / "configs" / "rig" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_a_service_has_no_right_that_it_does_not_need(name):
+    service = SERVICES[name]
+    assert service["cap_drop"] == ["ALL"]
+    assert "privileged" not in service
+    assert "devices" not in service
+    assert service["security_opt"] == ["no-new-privileges:true"]
+    wanted = {"farm": {"NET_ADMIN", "NET_RAW"}, "plc": {"NET_RAW"}}
+    assert set(service.get("cap_add", ())) == wanted.get(name, set())
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_ports_are_published_on_this_host_only(name):
+    assert all(port.startswith("127.0.0.1:") for port in SERVICES[name].get("ports", ()))
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_every_service_has_a_health_check(name):
+    if name == "farm":
+        assert "HEALTHCHECK" in (ROOT / "Dockerfile").read_text("utf-8")
+    else:
+        assert SERVICES[name]["healthcheck"]["test"]
+
+
+def test_what_a_service_mounts_from_the_project_is_there():
+    for service in SERVICES.values():
+        for volume in service.get("volumes", ()):
+            source, _, mode = volume.split(":") if volume.count(":") == 2 else (*volume.split(":"), "")
+            if source.startswith("./"):
+                assert (ROOT / source).exists()
+                assert mode == "ro"
+            else:
+                assert source in COMPOSE["volumes"]
+
+
+def test_the_rigs_farm_file_is_valid_and_its_addresses_are_free_of_the_containers():
+    config = read(ROOT / "configs" / "compose.pnfarm.yml")
+    (pool,) = COMPOSE["networks"]["fieldbus"]["ipam"]["config"]
+    assert IPv4Network(pool["subnet"]) == SUBNET
+    own = [drive.ip.ip for drive in expand(config)] + [config.controller.ip.ip]
+    assert all(address in SUBNET for address in own)
+    assert not any(address in IPv4Network(pool["ip_range"]) for address in own)
+    assert SERVICES["farm"]["command"] == ["up", "configs/compose.pnfarm.yml"]
+    assert IPv4Network(COMPOSE["x-pnfarm"]["entrypoint"][2]) == SUBNET
+
+
+def test_one_token_opens_the_api_for_everybody_in_the_rig():
+    default = read(ROOT / "configs" / "compose.pnfarm.yml").api.token
+    asked = f"${{PNFARM_TOKEN:-{default}}}"
+    assert SERVICES["farm"]["environment"]["PNFARM_UP_API_TOKEN"] == asked
+    assert SERVICES["plc"]["environment"]["PNFARM_TOKEN"] == asked
+    assert COMPOSE["configs"]["token"]["content"] == asked
+    prometheus = yaml.safe_load((ROOT / "configs" / "prometheus" / "prometheus.yml").read_text("utf-8"))
+    (job,) = prometheus["scrape_configs"]
+    (mounted,) = SERVICES["prometheus"]["configs"]
+    assert job["authorization"]["credentials_file"] == mounted["target"]
+    assert job["static_configs"][0]["targets"] == ["farm:8702"]
+
+
+def test_the_image_takes_only_what_the_build_copies():
+    """Nothing of a work tree (state, captures, environments) can slip into a layer."""
+    ignored = (ROOT / ".dockerignore").read_text("utf-8").splitlines()
+    assert "*" in ignored
+    taken = {line[1:] for line in ignored if line.startswith("!")}
+    copies = re.findall(r"^COPY (?!--from)(.+)$", (ROOT / "Dockerfile").read_text("utf-8"), re.MULTILINE)
+    assert taken == {source for line in copies for source in line.split()[:-1]}
+
+
+ROUTES = """\
+Iface\tDestination\tGateway \tFlags\tRefCnt\tUse\tMetric\tMask\t\tMTU\tWindow\tIRTT
+eth0\t00000000\t010012AC\t0003\t0\t0\t0\t00000000\t0\t0\t0
+eth1\t00004D0A\t00000000\t0001\t0\t0\t0\t00FFFFFF\t0\t0\t0
+eth0\t000012AC\t00000000\t0001\t0\t0\t0\t0000FFFF\t0\t0\t0
+"""
+
+
+@pytest.mark.skipif(sys.byteorder != "little", reason="the kernel prints these routes in host order")
+def test_the_fieldbus_interface_is_found_whatever_its_number():
+    interface_of = loaded("on_fieldbus").interface_of
+    assert interface_of(SUBNET, ROUTES) == "eth1"
+    assert interface_of(IPv4Network("172.18.0.0/16"), ROUTES) == "eth0"
+    assert interface_of(IPv4Network("10.78.0.0/24"), ROUTES) is None
+
+
+def test_a_container_outside_of_the_fieldbus_is_told_so():
+    run = subprocess.run(
+        [sys.executable, ROOT / "configs" / "rig" / "on_fieldbus.py", "203.0.113.0/24", "true"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 4
+    assert run.stderr == "this container has no interface in 203.0.113.0/24: put it into the network `fieldbus`\n"
+
+
+def test_the_controllers_health_check_says_in_a_sentence_that_nobody_answers():
+    run = subprocess.run(
+        [sys.executable, ROOT / "configs" / "rig" / "all_connected.py"],
+        capture_output=True, text=True, check=False, env={"PNFARM_API": "http://127.0.0.1:9"},
+    )  # fmt: skip
+    assert run.returncode == 1
+    assert run.stderr.startswith("the farm at http://127.0.0.1:9 does not tell: ")
+
+
+@needs_promtool
+def test_prometheus_takes_the_configuration(tmp_path):
+    for name in ("prometheus.yml", "pnfarm.rules.yml"):
+        text = (ROOT / "configs" / "prometheus" / name).read_text("utf-8")
+        text = text.replace("/etc/prometheus/", "").replace("/run/pnfarm/token", "token")
+        (tmp_path / name).write_text(text, "utf-8")
+    (tmp_path / "token").write_text("x", "utf-8")
+    run = subprocess.run(
+        ["promtool", "check", "config", "prometheus.yml"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+#: For each alert a farm that must raise it, and one that must not.
+RULE_TESTS = """
+rule_files: [RULES]
+evaluation_interval: 5s
+tests:
+  - interval: 5s
+    input_series:
+      - {series: 'up{job="pnfarm", instance="a"}', values: "1 0x10"}
+      - {series: 'up{job="pnfarm", instance="b"}', values: "1 0 1x10"}
+      - {series: 'pnfarm_ar_state{drive="lost"}', values: "9 0x20"}
+      - {series: 'pnfarm_ar_connects_total{drive="lost"}', values: "1x20"}
+      - {series: 'pnfarm_ar_state{drive="never"}', values: "0x20"}
+      - {series: 'pnfarm_ar_connects_total{drive="never"}', values: "0x20"}
+      - {series: 'pnfarm_axis_fault_active{drive="stands"}', values: "0 702x20"}
+      - {series: 'pnfarm_axis_fault_active{drive="acknowledged"}', values: "0 702 0x20"}
+      - {series: 'pnfarm_watchdog_expirations_total{instance="a", drive="nervous"}', values: "0+1x20"}
+      - {series: 'pnfarm_watchdog_expirations_total{instance="a", drive="calm"}', values: "0 1x20"}
+      - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="late", le="0.001"}', values: "0x20"}
+      - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="late", le="0.008"}', values: "0+9x20"}
+      - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="late", le="+Inf"}', values: "0+9x20"}
+      - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="punctual", le="0.001"}', values: "0+9x20"}
+      - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="punctual", le="0.008"}', values: "0+9x20"}
+      - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="punctual", le="+Inf"}', values: "0+9x20"}
+    promql_expr_test:
+      - expr: sum by (alertname, instance, drive) (ALERTS{alertstate="firing"})
+        eval_time: 50s
+        exp_samples:
+          - {labels: '{alertname="FarmDown", instance="a"}', value: 1}
+          - {labels: '{alertname="DriveLostItsController", drive="lost"}', value: 1}
+          - {labels: '{alertname="DriveFaultStands", drive="stands"}', value: 1}
+          - {labels: '{alertname="ControllerWatchdogExpires", instance="a", drive="nervous"}', value: 1}
+          - {labels: '{alertname="FarmTooLate", instance="late"}', value: 1}
+"""
+
+
+@needs_promtool
+def test_alerts_are_raised_for_what_they_are_made_for_and_for_nothing_else(tmp_path):
+    path = tmp_path / "tests.yml"
+    path.write_text(RULE_TESTS.replace("RULES", str(ROOT / "configs" / "prometheus" / "pnfarm.rules.yml")), "utf-8")
+    run = subprocess.run(["promtool", "test", "rules", path], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stdout + run.stderr
