@@ -58,7 +58,7 @@ class RemoteError(PnfarmError):
     exit_code = 1
 
 
-class EnvironmentError_(PnfarmError):
+class EnvironmentError_(PnfarmError):  # noqa: N801, N818 - the name is part of the design; the builtin keeps its own
     """This machine cannot: privilege, interface, kernel module or tool missing."""
 
     exit_code = 4

@@ -191,7 +191,7 @@ def _percentile(histogram: list[int], share: float) -> float:
 
 def _per_frame(answer: dict[str, Any]) -> float:
     """Microseconds of CPU."""
-    return float(answer["cpu"]) / max(1, answer["frames"]) * 1e6
+    return float(answer["cpu"]) / max(1, int(answer["frames"])) * 1e6
 
 
 def _settled_floor(drives: int, groups: int, period_ns: int, seconds: float) -> dict[str, Any]:

@@ -278,7 +278,8 @@ class Demo:
         engine = summary["engine"]
         self._console.print(
             f"engine: {engine['cycles']} ticks, {engine['overruns']} overruns, "
-            f"late by {engine['lateness_p50_seconds'] * 1e6:.0f} us (p50), {engine['lateness_p99_seconds'] * 1e6:.0f} us (p99)",
+            f"late by {engine['lateness_p50_seconds'] * 1e6:.0f} us (p50), "
+            f"{engine['lateness_p99_seconds'] * 1e6:.0f} us (p99)",
             highlight=False,
         )
         verdict = "every drive exchanged data and recovered" if summary["ok"] else "the demo FAILED"

@@ -12,7 +12,6 @@ from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, 
 from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 from pnfarm.errors import DecodeError
 from pnfarm.farm.core import Deadlines, uuid_source
-from pnfarm.farm.event_log import EventLog
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import channel_layout
 from pnfarm.protocols.profinet.cmctl import CmController
@@ -62,6 +61,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.controller.plan import DevicePlan
+    from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profinet.ar import IocrLayout
 

@@ -1,4 +1,4 @@
-"""A farm and its controller in one virtual world, from one farm file: for tests, benchmarks and machines without rights."""
+"""A farm and its controller in one virtual world, from one farm file."""
 
 from __future__ import annotations
 

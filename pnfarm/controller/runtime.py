@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import time
 from ipaddress import IPv4Interface
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import anyio
@@ -30,6 +29,7 @@ from pnfarm.links.veth import VethLink
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
     from types import TracebackType
 
     from pnfarm.engine.realtime import RealTimeSettings
@@ -146,7 +146,7 @@ class Plc:
         core.release(time.monotonic_ns())
         self.driver.poke()
         with anyio.move_on_after(seconds):
-            while not core.all_stopped:
+            while not core.all_stopped:  # noqa: ASYNC110 - the state lives in machines that know no tasks
                 await anyio.sleep(0.01)
         return core.all_stopped
 
@@ -175,7 +175,7 @@ class Plc:
 
     async def _wait(self, condition: Any, seconds: float) -> bool:
         with anyio.move_on_after(seconds):
-            while not condition(self.core):
+            while not condition(self.core):  # noqa: ASYNC110 - the engine's thread sets no events
                 await anyio.sleep(0.005)
         return bool(condition(self.core))
 

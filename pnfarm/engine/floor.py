@@ -85,7 +85,7 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]]) -> FloorVectors:
 def run_floor(
     descriptor: int, rx: Any, tx: Any, groups: int, counts: Any, lateness: Any, period: int, until: int
 ) -> None:
-    """Every ``period`` ns: take what has come, send the next of ``groups`` parts of the frames; until time ``until``."""
+    """Every ``period`` ns take what has come and send the next of ``groups`` parts of the frames, to time ``until``."""
     clock = np.zeros(2, np.int64)
     target = np.zeros(2, np.int64)
     now = time_ns(CLOCK_MONOTONIC, clock)

@@ -90,16 +90,16 @@ class ChannelTable:
     """
 
     def __init__(self, columns: Columns) -> None:
-        self._columns = columns
+        self.columns = columns
         self._used: dict[str, set[int]] = {"ppm": set(), "cpm": set()}
 
     def _row(self, name: str) -> int:
-        table: Any = getattr(self._columns, name)
+        table: Any = getattr(self.columns, name)
         used = self._used[name]
         for row in range(table.shape[0]):
             if row not in used and table[row].state == IDLE:
                 used.add(row)
-                engine = self._columns.engine[0]
+                engine = self.columns.engine[0]
                 if name == "ppm":
                     engine.ppm_rows = max(int(engine.ppm_rows), row + 1)
                 else:
@@ -115,7 +115,7 @@ class ChannelTable:
         if length > FRAME_SLOT:
             raise InternalError(f"a frame of {length} octets does not fit into {FRAME_SLOT}")
         number = self._row("ppm")
-        columns = self._columns
+        columns = self.columns
         frame = columns.frames[number]
         frame[:] = 0
         header = plan.destination + plan.source + RT_TAG + ETHERTYPE + plan.frame_id.to_bytes(2, "big")
@@ -153,7 +153,7 @@ class ChannelTable:
         """A row that listens from the next tick on."""
         _check(plan.words, plan.iops, plan.data_length)
         number = self._row("cpm")
-        row = self._columns.cpm[number]
+        row = self.columns.cpm[number]
         row.image = plan.image
         row.port = plan.port
         row.frame_id = plan.frame_id
@@ -176,19 +176,19 @@ class ChannelTable:
         row.intervals[:] = 0
         row.interval_sum_ns = 0
         row.active = 1
-        lookup_rebuild(self._columns)
+        lookup_rebuild(self.columns)
         return number
 
     def provided(self, number: int) -> bytes:
         """The IO data of a provider as the engine filled it last."""
-        row = self._columns.ppm[number]
+        row = self.columns.ppm[number]
         start = int(row.data_offset)
-        return bytes(self._columns.frames[number][start : int(row.length) - 4])
+        return bytes(self.columns.frames[number][start : int(row.length) - 4])
 
     def consumed(self, number: int) -> bytes:
         """The IO data of a consumer, rebuilt from its words and provider status; what no word carries is zero."""
-        row = self._columns.cpm[number]
-        image = self._columns.image[row.image]
+        row = self.columns.cpm[number]
+        image = self.columns.image[row.image]
         data = bytearray(int(row.data_length))
         for i in range(int(row.words)):
             code, offset = int(row.word_code[i]), int(row.word_offset[i])
@@ -203,7 +203,7 @@ class ChannelTable:
 
     def rewrite_words(self, name: str, number: int, words: Sequence[tuple[int, int]]) -> None:
         """Lay other telegram words into an open channel; offsets as in the plans."""
-        row = getattr(self._columns, name)[number]
+        row = getattr(self.columns, name)[number]
         start = TAGGED_HEADER + 2 if name == "ppm" else 0
         _check(words, (), int(row.length) - start - 4 if name == "ppm" else int(row.data_length))
         # no words while the codes change, so that no tick mixes two mappings
@@ -214,10 +214,10 @@ class ChannelTable:
         row.words = len(words)
 
     def close_provider(self, number: int) -> None:
-        self._columns.ppm[number].active = 0
+        self.columns.ppm[number].active = 0
         self._used["ppm"].discard(number)
 
     def close_consumer(self, number: int) -> None:
-        self._columns.cpm[number].active = 0
+        self.columns.cpm[number].active = 0
         self._used["cpm"].discard(number)
-        lookup_rebuild(self._columns)
+        lookup_rebuild(self.columns)

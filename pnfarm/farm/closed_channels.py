@@ -33,13 +33,13 @@ class ClosedChannels:
 
     def add_provider(self, channels: ChannelTable, row: int) -> None:
         """Take over what a provider counted; it is closed already."""
-        provider = channels._columns.ppm[row]  # noqa: SLF001 - the table of channels shows its rows to nobody else
+        provider = channels.columns.ppm[row]
         self.sent += int(provider.sent)
         self.suppressed += int(provider.suppressed)
 
     def add_consumer(self, channels: ChannelTable, row: int) -> None:
         """Take over what a consumer counted; it is closed already."""
-        consumer = channels._columns.cpm[row]  # noqa: SLF001 - as above
+        consumer = channels.columns.cpm[row]
         self.received += int(consumer.received)
         self.discarded += consumer.discarded
         self.intervals += consumer.intervals

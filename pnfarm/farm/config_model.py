@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from ipaddress import ip_address
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -122,7 +122,7 @@ class MemoryLink(_Section):
     kind: Literal["memory"]
 
 
-Link = Annotated[Union[MacvlanLink, VethLink, TapLink, MemoryLink], Discriminator("kind")]  # noqa: UP007 - pydantic reads the members
+Link = Annotated[MacvlanLink | VethLink | TapLink | MemoryLink, Discriminator("kind")]
 
 
 # --- the farm's own sections ------------------------------------------------------------------------------------

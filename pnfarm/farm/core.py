@@ -6,9 +6,8 @@
 
 from __future__ import annotations
 
-import heapq
 import hashlib
-from collections.abc import Callable, Sequence
+import heapq
 from typing import TYPE_CHECKING, Any, Protocol
 from uuid import UUID
 
@@ -16,7 +15,6 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.fault_targets import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.protocols.profinet.dcp_device import identify_matches
@@ -28,9 +26,12 @@ from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.farm.event_log import EventLog
     from pnfarm.faults.manager import FaultManager
     from pnfarm.links.base import Link, Port
 
@@ -157,9 +158,7 @@ class FarmCore:
             model.apply_motor(axis)
             _apply_load(axis, config)
             axis.step_ns = 4_000_000
-            services = StationServices(
-                self.channels, self.impairments, memory, log, uuid_source(seed + port.mac)
-            )
+            services = StationServices(self.channels, self.impairments, memory, log, uuid_source(seed + port.mac))
             station = DriveStation(config, model, index, port, AxisHandle(axis, image), services)
             axis.powered = 1
             axis.firmware = FIRMWARE_PROFIDRIVE

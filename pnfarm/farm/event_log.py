@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import structlog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["EventLog", "LogEntry"]
 
@@ -25,7 +27,7 @@ logger = structlog.get_logger("pnfarm")
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """``now_ns`` is the farm's clock (monotonic or virtual), ``wall`` seconds since the epoch; ``drive`` "" = the farm."""
+    """``now_ns`` is the farm's clock, monotonic or virtual; ``wall`` seconds since the epoch; ``drive`` "" the farm."""
 
     sequence: int
     now_ns: int

@@ -11,17 +11,16 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import FarmConfig, expand, load_farm
+from pnfarm.farm.config_known import catalogue
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
 from pnfarm.farm.config_model import TapLink as TapSection
 from pnfarm.farm.config_model import VethLink as VethSection
-from pnfarm.farm.config_known import catalogue
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.fault_targets import add_impairments, attach_faults
@@ -38,6 +37,7 @@ from pnfarm.links.veth import VethLink
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
     from types import TracebackType
 
     from pnfarm.drives.model import Model
@@ -91,7 +91,7 @@ class DriveHandle:
 
     def snapshot(self) -> dict[str, Any]:
         """State, telegram, controller, motor; as ``GET drives/{name}`` gives it."""
-        from pnfarm.farm.snapshot import drive_snapshot  # noqa: PLC0415 - snapshot looks at farms, farms do not need it
+        from pnfarm.farm.snapshot import drive_snapshot  # noqa: PLC0415 - snapshots look at farms, farms need none
 
         return drive_snapshot(self.farm.core, self.farm.core.station(self.name), time.monotonic_ns())
 

@@ -10,11 +10,9 @@ the frames.  What it decides itself is what lies between the machines:
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
-from uuid import UUID
 
 from pnfarm.drives.store import (
     DisplayBlinkRequested,
@@ -24,7 +22,7 @@ from pnfarm.drives.store import (
     TelegramChanged,
 )
 from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
-from pnfarm.errors import DecodeError
+from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.closed_channels import ClosedChannels
 from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
@@ -38,6 +36,7 @@ from pnfarm.protocols.profinet.dcp_device import (
     NameSet,
     SignalRequested,
 )
+from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.events import (
     ApplicationReadyConfirmed,
     ArAborted,
@@ -48,21 +47,23 @@ from pnfarm.protocols.profinet.events import (
     PrmEndReceived,
     RecordWritten,
 )
-from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.record_store import DeviceRecords, IoData
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
-from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, RpcServerConfig
+from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceived, CallReturned, RpcServerConfig
+from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
-from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
 from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.channel import IOXS_GOOD
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from uuid import UUID
+
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
@@ -160,9 +161,7 @@ class DriveStation:
         self.store.restore(kept.get("drive"))
         self.store.commission({key: _raw(value) for key, value in self.config.params.items()})
         self.store.power_on()
-        self.description = describe_device(
-            self.model, mac, strict=self.config.strict, telegram=self.config.telegram
-        )
+        self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
         self.parameter_records = ParameterRecords(self.store, slot, api)
         self.dcp = DcpDevice(
@@ -388,6 +387,8 @@ class DriveStation:
     def _pump_cm(self, now: int) -> bool:
         responses = self.cm.responses()
         for call, status, payload in responses:
+            if not isinstance(call, CallKey):
+                raise InternalError(f"{call!r} is no call of the RPC server's")
             self.rpc.respond(call, status, payload, now)
         calls = self.cm.calls()
         for call in calls:
@@ -438,9 +439,8 @@ class DriveStation:
                 self._close(key)
                 self._note(now, "ar released")
             case RecordWritten(_, api, slot, subslot, index, data):
-                self._note(
-                    now, "record written", level="debug", api=api, slot=slot, subslot=subslot, index=index, octets=len(data)
-                )
+                place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
+                self._note(now, "record written", level="debug", octets=len(data), **place)
 
     def _pump_drive(self, now: int) -> bool:
         events = self.store.events()
@@ -572,7 +572,7 @@ class DriveStation:
             self.handle.push_command(CMD_RAISE_FAULT, code)
         del now
 
-    def _io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:  # noqa: FBT001 - the record handler's signature
+    def _io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:
         """One submodule's cyclic data as it is on the wire, for the records that show it."""
         for ar in self.ars.values():
             consumer_iocs = {(c.slot, c.subslot): c.iocs_offset for _, cr in ar.providers for c in cr.iocs}

@@ -6,7 +6,6 @@ Cyclic frames are exchanged inside compiled code; acyclic ones travel through th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,8 @@ from pnfarm.links.memory import MemoryLink, MemorySwitch
 from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from pnfarm.farm.core import Node
     from pnfarm.links.base import Port
 

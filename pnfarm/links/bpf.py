@@ -146,7 +146,8 @@ def join_fanout(acyclic: socket.socket, cyclic: socket.socket) -> None:
 
 def assemble_choice(instructions: Sequence[Instruction]) -> bytes:
     """Like :func:`assemble`, but *accept* answers 1 and *drop* answers 0: the number of a socket."""
-    return assemble(instructions)[:-16] + struct.pack("=HBBI", _RETURN, 0, 0, 1) + struct.pack("=HBBI", _RETURN, 0, 0, 0)
+    ends = struct.pack("=HBBI", _RETURN, 0, 0, 1) + struct.pack("=HBBI", _RETURN, 0, 0, 0)
+    return assemble(instructions)[: -len(ends)] + ends
 
 
 def assemble(instructions: Sequence[Instruction]) -> bytes:

@@ -218,7 +218,7 @@ class Interfaces:
         return [VethPair(port, peer) for port, peer in zip(ports, peers, strict=True)]
 
     def create_cable(self, near: str, far: str) -> None:
-        """A plain veth pair of these names, both ends up: a wire inside a namespace of one's own.  Belongs to no farm."""
+        """A plain veth pair of these names, both ends up: a wire inside an own namespace.  Belongs to no farm."""
         self._add(f"veth {near}", ifname=near, kind="veth", peer=far)
         bring_up([self.find(name, "veth").index for name in (near, far)])
 

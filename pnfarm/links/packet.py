@@ -96,7 +96,7 @@ def open_packet_socket(
 ) -> socket.socket:
     """A non-blocking raw socket that receives ``ethertype`` through ``filter_code``.
 
-    ``index`` is the only interface that it hears, 0 for all: one that hears all costs every frame of the namespace a look.
+    ``index`` is the only interface that it hears, 0 for all, which costs every frame of the namespace a look.
 
     It is bound only after the filter is in place, so no foreign frame ever enters its queue.
     Raises :class:`~pnfarm.errors.EnvironmentError_` without CAP_NET_RAW.

@@ -22,7 +22,7 @@ COMMANDS = 16
 REACTION_COAST = 0  # power stage off
 REACTION_QUICK_STOP = 1  # controlled stop along the quick stop ramp, then off
 
-# Commands that the event loop sends to the firmware through ``command`` / ``command_head``.  Each is ``code | argument << 8``.
+# Commands of the event loop to the firmware in the ring ``command``; each is ``code | argument << 8``.
 CMD_RAISE_FAULT = 1  # argument: fault number | reaction << 24; its cause is gone at once
 CMD_HOLD_FAULT = 2  # argument alike; its cause stays until CMD_RELEASE_FAULT
 CMD_RELEASE_FAULT = 3  # argument: fault number
@@ -90,7 +90,7 @@ AXIS = Layout(
         Field("setpoint", "f8", "rpm", "firmware", "velocity that the controller asks for"),
         Field("ramp", "f8", "rpm", "firmware", "velocity command behind the ramp generator (VL.CMD)"),
         Field("fault_code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
-        Field("fault_held", "u4", "", "firmware", "faults whose cause is still there, with their reaction", (FAULT_SLOTS,)),
+        Field("fault_held", "u4", "", "firmware", "faults whose cause is there, with reaction", (FAULT_SLOTS,)),
         Field(
             "fault_buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)
         ),

@@ -3,8 +3,8 @@
 ``@compiled`` is ``numba.njit(nogil=True, cache=True)``.  Numba's own cache looks only at the file of
 the decorated function and would keep stale machine code when a *callee* in another file changes.
 So the cache lives in a folder whose name is a digest of every compiled source file together with the
-versions of Python, Numba and NumPy: a change anywhere gives a fresh folder, and an installation in a read-only place caches
-as well.  ``NUMBA_DISABLE_JIT=1`` leaves the plain functions in place, for a debugger and for coverage.
+versions of Python, Numba and NumPy: a change anywhere gives a fresh folder, and an installation in a read-only
+place caches as well.  ``NUMBA_DISABLE_JIT=1`` leaves the plain functions in place, for a debugger and for coverage.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import numba
 import numpy as np
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -27,8 +29,6 @@ __all__ = ["IS_COMPILED", "cache_directory", "compiled", "is_cached"]
 
 
 def _digest() -> str:
-    import numba  # noqa: PLC0415 - the version only; the decorator below imports it anyway
-
     root = Path(__file__).resolve().parent.parent
     state = hashlib.sha256(f"{sys.version} {numba.__version__} {np.__version__}".encode())
     for room in _COMPILED_ROOMS:
@@ -49,8 +49,6 @@ def cache_directory() -> Path:
 
 
 def _prepare() -> bool:
-    import numba  # noqa: PLC0415
-
     if numba.config.DISABLE_JIT:
         return False
     directory = cache_directory()
@@ -58,8 +56,6 @@ def _prepare() -> bool:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError:
         # no writable home (a container's arbitrary user): this run compiles again, correctly
-        import tempfile  # noqa: PLC0415
-
         directory = Path(tempfile.mkdtemp(prefix="pnfarm-cache-"))
     numba.config.CACHE_DIR = str(directory)
     return True
@@ -77,6 +73,4 @@ def is_cached() -> bool:
 
 def compiled(function: _F) -> _F:
     """Compile on first call, without the interpreter's lock, and keep the machine code."""
-    import numba  # noqa: PLC0415
-
     return cast("_F", numba.njit(function, nogil=True, cache=True, error_model="numpy"))

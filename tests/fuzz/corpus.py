@@ -18,7 +18,7 @@ from pnfarm.drives.profiles.profidrive import base_mode
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import records
-from pnfarm.protocols.profinet.wire.blocks import RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
 from pnfarm.protocols.profinet.wire.epm import (
     EntryHandle,
@@ -45,8 +45,10 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
+from pnfarm.wire.arp import ArpPacket, emit_arp
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
-from pnfarm.wire.ipv4 import parse_ipv4
+from pnfarm.wire.icmp import IcmpMessage, emit_icmp
+from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import parse_udp
 
 __all__ = ["BASE_MODE", "CAPTURES", "Conversation", "captured_frames", "layers"]
@@ -157,6 +159,14 @@ def layers(frames: Iterable[bytes]) -> dict[str, list[bytes]]:
 
 def unheard() -> Iterator[tuple[str, bytes]]:
     """What neither a farm nor a capture says, but the standard knows: the endpoint mapper, and blocks of other devices."""
+    drive, other = IPv4Address("10.77.0.11"), IPv4Address("10.77.1.250")
+    mac = bytes.fromhex("020000000099")
+    for operation in (1, 2):
+        yield "arp", emit_arp(ArpPacket(operation, mac, other, bytes(6), drive))
+    for data in (b"abcdefgh" * 4, b"x" * 1400):
+        echo = emit_icmp(IcmpMessage(8, 0, 1, 1, data))
+        yield "icmp", echo
+        yield "ipv4", emit_ipv4(Ipv4Packet(other, drive, 1, echo))
     handle = EntryHandle(0, UUID(int=7))
     tower = Tower(UUID_EPM, 3, RPC_PORT, IPv4Address("10.77.0.11"))
     entries = (EptEntry(UUID(int=9), tower, "AKD AKD-P00306-NBPN-0000     1 V  1 17  0"),)
@@ -243,4 +253,6 @@ def _dig_blocks(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:
         return  # records and what follows a header need not be blocks
     for block in blocks:
         _keep_block(block, found)
+        if block.block_type == BlockType.AR_REQ:
+            found["ar-uuid"][block.body[2:18]] = None
 

@@ -16,6 +16,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.wire.blocks import emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.dcp import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
@@ -29,7 +30,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
-from pnfarm.wire.ethernet import emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import emit_udp, parse_udp
 from tests.fuzz.corpus import Conversation
@@ -40,6 +41,7 @@ __all__ = ["MACHINES", "Machine", "deep"]
 #: Inputs between two moments in which time passes.
 BETWEEN = 40
 PEER = IPv4Address("10.77.1.250")
+UDP = 17
 
 
 def deep(rng: Random, frame: bytes, pool: Sequence[bytes]) -> bytes:
@@ -55,10 +57,10 @@ def _deep(rng, frame, pool, depth):
     if depth == 0:
         return mutated(rng, frame, pool)
     ether = parse_ethernet(frame)
-    if ether.ethertype != 0x0800 or depth == 1:
+    if ether.ethertype != ETHERTYPE_IPV4 or depth == 1:
         return emit_ethernet(replace(ether, payload=mutated(rng, ether.payload, pool)))
     packet = parse_ipv4(ether.payload)
-    if packet.protocol != 17 or depth == 2:
+    if packet.protocol != UDP or depth == 2:
         packet = replace(packet, payload=mutated(rng, packet.payload, pool)[:1480])
     else:
         datagram = parse_udp(packet.payload)
@@ -118,13 +120,47 @@ class Machine:
 
     def __init__(self, rng: Random, layers: dict[str, list[bytes]]) -> None:
         self.layers = layers
+        self._fed = 0
+        self.calls = self.answers = self._said = 0
+        self.starts = 0
+        self.start(rng)
+
+    def start(self, rng: Random) -> None:
+        """A new conversation, with its connection up."""
+        self.starts += 1
         self.talk = Conversation(rng.choice(("legacy", "advanced")))
         self.talk.untap()
         self.line = self.talk.line
         self.station = self.line.farm.stations[0]
         self.session = self.line.plc.sessions[0]
-        self._fed = 0
-        self.calls = self.answers = 0
+
+    def revive(self, rng: Random) -> None:
+        """Time passes; a connection that was lost comes back, in a new conversation if it must."""
+        self.line.run(rng.choice((0.001, 0.005, 0.05, 0.3)))
+        if not self.line.world.run(2.0, until=lambda: self.line.plc.all_connected):
+            self._said += self.said()
+            self.start(rng)
+
+    def renewed(self, octets: bytes) -> bytes:
+        """With the live connection's UUID in place of those that the corpus knows."""
+        live = self.session.ar_uuid
+        for known in self.layers["ar-uuid"]:
+            octets = octets.replace(known, live.bytes) if live is not None else octets
+        return octets
+
+    def renewed_frame(self, frame: bytes) -> bytes:
+        """The same within a frame, and its checksums right again."""
+        try:
+            ether = parse_ethernet(frame)
+            if ether.ethertype != ETHERTYPE_IPV4:
+                return frame
+            packet = parse_ipv4(ether.payload)
+            datagram = parse_udp(packet.payload)
+        except DecodeError:
+            return frame
+        datagram = replace(datagram, data=self.renewed(datagram.data))
+        packet = replace(packet, payload=emit_udp(datagram, packet.source, packet.destination))
+        return emit_ethernet(replace(ether, payload=emit_ipv4(packet)))
 
     @property
     def now(self) -> int:
@@ -138,17 +174,17 @@ class Machine:
 
     def feed(self, rng: Random, data: bytes) -> str:
         """``answered`` when it made the drive or the controller say something, else ``silent``."""
+        if self._fed % BETWEEN == BETWEEN - 1:
+            self.revive(rng)
+        self._fed += 1
         before = self.said()
         self.take(rng, data)
         after = self.said()
-        self._fed += 1
-        if self._fed % BETWEEN == 0:
-            self.line.run(rng.choice((0.001, 0.005, 0.05, 0.3)))
         return "answered" if after > before else "silent"
 
     def said(self) -> int:
         """Frames and answers so far."""
-        return self.line.farm.link.counters.sent + self.line.plc.link.counters.sent + self.answers
+        return self.line.farm.link.counters.sent + self.line.plc.link.counters.sent + self.answers + self._said
 
     def settle(self) -> None:
         self.line.farm.settle(self.station, self.now)
@@ -163,18 +199,14 @@ class Station(Machine):
     def __init__(self, rng, layers):
         super().__init__(rng, layers)
         self.frames = [frame for to_drive, frame in self.talk.frames if to_drive == self.to_drive]
-        self.frames += self.rng_sample(rng, layers["frame"])
-
-    @staticmethod
-    def rng_sample(rng, frames):
-        """Some of the captured and the other way's frames, too."""
-        return rng.sample(frames, min(20, len(frames)))
+        # some of the other way's and of the captured frames, too
+        self.frames += rng.sample(layers["frame"], 20)
 
     def next_input(self, rng):
         frame = rng.choice(self.frames)
         if rng.random() < 0.5:
             frame = self.address + frame[6:]
-        return deep(rng, frame, self.frames)
+        return deep(rng, self.renewed_frame(frame) if rng.random() < 0.8 else frame, self.frames)
 
     @property
     def address(self):
@@ -204,12 +236,9 @@ class DcpDeviceMachine(Machine):
     def next_input(self, rng):
         return variation(rng, self.layers["dcp"])
 
-    def frame(self, rng, data):
-        destination = rng.choice((self.station.port.mac, bytes.fromhex("010ecf000000")))
-        return replace(parse_ethernet(self.talk.frames[0][1]), destination=destination, ethertype=0x8892, payload=data, vlan=None)
-
     def take(self, rng, data):
-        self.station.dcp.receive(self.frame(rng, data), self.now)
+        destination = rng.choice((self.station.port.mac, self.station.port.mac, IDENTIFY_MULTICAST))
+        self.station.dcp.receive(EthernetFrame(destination, self.line.plc.port.mac, ETHERTYPE_PROFINET, data), self.now)
         self.settle()
 
 
@@ -224,7 +253,7 @@ class DcpClientMachine(DcpDeviceMachine):
         self.xid = xid
         if len(data) > 8:
             data = data[:4] + xid.to_bytes(4, "big") + data[8:]
-        client.receive(self.frame(rng, data), self.now)
+        client.receive(EthernetFrame(self.line.plc.port.mac, self.station.port.mac, ETHERTYPE_PROFINET, data), self.now)
         self.answers += len(client.events())
         client.to_send(self.now)
 
@@ -238,8 +267,13 @@ class IpHostMachine(Machine):
             return (b"\x08\x06" if kind == "arp" else b"\x08\x00") + variation(rng, self.layers[kind])
         packet = parse_ipv4(rng.choice(self.layers["ipv4"]))
         own = self.station.ip.address.ip if self.station.ip.address else IPv4Address("10.77.0.11")
+        payload = mutated(rng, packet.payload, self.layers["udp"])[:1480]
+        if packet.protocol == UDP and rng.random() < 0.5:
+            datagram = parse_udp(packet.payload)
+            datagram = replace(datagram, data=mutated(rng, datagram.data, self.layers["rpc"])[:1472])
+            payload = emit_udp(datagram, packet.source, own)
         packet = replace(
-            packet, destination=own, payload=mutated(rng, packet.payload, self.layers["udp"])[:1480],
+            packet, destination=own, payload=payload,
             identification=rng.randrange(4), more_fragments=rng.random() < 0.4, fragment_offset=8 * rng.choice((0, 0, 1, 2, 185, 8191)),
         )  # fmt: skip
         try:
@@ -257,7 +291,7 @@ class RpcServerMachine(Machine):
     name = "rpc-server"
 
     def next_input(self, rng):
-        data = rng.choice(self.layers["rpc"])
+        data = self.renewed(rng.choice(self.layers["rpc"]))
         try:
             return deep_rpc(rng, data, self.layers["rpc"], rng.choice((4, 5, 6)))
         except (DecodeError, ValueError):
@@ -301,7 +335,8 @@ class CmDeviceMachine(Machine):
             return b"\xff" + variation(rng, self.layers["rta"])
         opnum = rng.choice((0, 0, 1, 2, 3, 4, 4, 5))
         pool = self.layers[f"request-{opnum}"]
-        changed = deep_blocks(rng, rng.choice(pool), pool, rng.choice((5, 6, 6)))
+        chosen = self.renewed(rng.choice(pool))
+        changed = deep_blocks(rng, chosen, pool, rng.choice((5, 6, 6))) if rng.random() < 0.9 else chosen
         return bytes([opnum if rng.random() < 0.9 else rng.choice((0, 1, 2, 3, 4, 5, 9))]) + changed
 
     def take(self, rng, data):
@@ -328,22 +363,25 @@ class CmControllerMachine(Machine):
         if kind == 0:
             return b"\xff" + variation(rng, self.layers["rta"])
         pool = self.layers[rng.choice(("response-0", "response-2", "response-3", "response-4", "request-4", "response-1"))]
-        return bytes([kind]) + deep_blocks(rng, rng.choice(pool), pool, rng.choice((5, 6, 6)))
+        return bytes([kind]) + deep_blocks(rng, self.renewed(rng.choice(pool)), pool, rng.choice((5, 6, 6)))
 
     def take(self, rng, data):
         self.calls += 1
-        machine, kind, payload = self.session.machine, data[0], data[1:]
+        kind, payload = data[0], data[1:]
+        machine = self.session.machine
         if machine is None:
-            self.line.run(0.5)
-            return
+            self.revive(rng)
+            machine = self.session.machine
         if kind == 0xFF:
             machine.receive_rta(payload, self.station.port.mac, self.now)
         elif kind < 4:
             machine.receive_call(CallKey(PEER, UUID(int=self.calls), 0), rng.choice((4, 4, 0, 9)), payload, Peer(PEER, 49152), self.now)
         else:
-            keys = list(self.session.calls.values()) or [0, 1, 2]
+            machine.read_record(object(), 0x3A00, 1, 1, 47, 4096)
+            keys = [call.key for call in machine.calls(self.now)] or [0, 1, 2]
             status = PnioStatus.from_int(rng.choice((0, 0, 0, 0xDB814105, 0xDE80B000, rng.getrandbits(32))))
             machine.call_returned(rng.choice(keys), status, payload, self.now)
+        self.answers += len(machine.responses())
         self.line.plc._touched[self.session.index] = self.session
         self.line.plc._settle(self.now)
 

@@ -1,4 +1,4 @@
-"""A Docker engine of the tests' own, without a registry: base images from the distribution, containers in a private network.
+"""A Docker engine of the tests' own, without a registry: its base images are made from the distribution.
 
 Images are built with the machine's network (apt and pip need it).  Containers run under a second start of the engine,
 in a network namespace of its own with a firewall as on any host, so that nothing of the machine's network is touched.
@@ -32,7 +32,8 @@ BASE = "debian:bookworm-slim"
 AUTHORITIES = "/usr/local/share/ca-certificates/host.crt"
 PROMETHEUS = f"""\
 FROM {BASE}
-RUN apt-get update && apt-get install -y --no-install-recommends prometheus && mkdir /prometheus && chown nobody /prometheus
+RUN apt-get update && apt-get install -y --no-install-recommends prometheus
+RUN mkdir /prometheus && chown nobody /prometheus
 USER nobody
 ENTRYPOINT ["/bin/prometheus"]
 """
@@ -163,6 +164,7 @@ class Engine:
         tree = self.folder / "base"
         run("debootstrap", "--variant=minbase", "bookworm", tree)
         authorities = os.environ.get("SSL_CERT_FILE", "/etc/ssl/certs/ca-certificates.crt")
+        Path(f"{tree}{AUTHORITIES}").parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(authorities, f"{tree}{AUTHORITIES}")
         archive = self.folder / "base.tar"
         run("tar", "-C", tree, "--exclude=./var/cache/apt/archives/*.deb", "-cf", archive, ".")

@@ -48,7 +48,8 @@ class Pair:
             self.farm_channels.open_provider(
                 ProviderPlan(
                     port=i + 1, destination=controller, source=drive, frame_id=0x8000 + i, phase=i, iops=[9],
-                    words=[(word_code(ZSW1), 3), (word_code(NIST_A), 5), (word_code(ITIST_GLATT), 7)], constants=[(0, 0x80)], **common,
+                    words=[(word_code(ZSW1), 3), (word_code(NIST_A), 5), (word_code(ITIST_GLATT), 7)],
+                    constants=[(0, 0x80)], **common,
                 )
             )  # fmt: skip
             self.farm_channels.open_consumer(

@@ -89,8 +89,8 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
 class ChannelLayout:
     """One frame in the engine's words; offsets count from the first octet of IO data.
 
-    ``words``: (code, offset); ``iops``: provider status of submodules with telegram words; ``constants``: (offset, octet)
-    of all other status octets.
+    ``words``: (code, offset); ``iops``: provider status of submodules with telegram words; ``constants``: (offset,
+    octet) of all other status octets.
     """
 
     words: tuple[tuple[int, int], ...]
