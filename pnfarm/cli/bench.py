@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import subprocess
 import sys
 import time
@@ -340,9 +341,30 @@ def _table(results: list[Result]) -> None:
     Console().print(table)
 
 
+def _markdown(results: list[Result]) -> str:
+    lines = [
+        "# Figures",
+        "",
+        f"What `pnfarm bench --markdown docs/bench.md` printed on a machine with {os.cpu_count()} CPUs "
+        f"({platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}). The farm and the floor",
+        "run in the same call, in turn; `to floor` is the ratio of the two. Other machines give other figures: run it.",
+        "",
+        "| benchmark | value | unit | to floor | goal | |",
+        "|---|---|---|---|---|---|",
+    ]
+    for r in results:
+        ratio = "" if r.ratio_to_floor is None else f"{r.ratio_to_floor:.2f}"
+        goal, verdict = ("", "") if r.goal == "none" else (r.goal, "ok" if r.ok else "missed")
+        lines.append(f"| {r.name} | {r.value:.4g} | {r.unit} | {ratio} | {goal} | {verdict} |")
+    return "\n".join(lines) + "\n"
+
+
 def command(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Which; all when left out.")] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures as JSON.")] = None,
+    markdown_file: Annotated[
+        Path | None, typer.Option("--markdown", help="Write the figures as a page of documentation.")
+    ] = None,
     seconds: Annotated[float | None, typer.Option(help="Length of each measurement; left out, each one's own.")] = None,
 ) -> None:
     """Run the benchmarks: the farm's figures beside the floor of this machine."""
@@ -360,5 +382,7 @@ def command(
     _table(results)
     if json_file is not None:
         json_file.write_text(json.dumps([asdict(r) for r in results], indent=1) + "\n", encoding="utf-8")
+    if markdown_file is not None:
+        markdown_file.write_text(_markdown(results), encoding="utf-8")
     if not all(r.ok for r in results):
         raise typer.Exit(1)

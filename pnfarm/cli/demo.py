@@ -46,6 +46,9 @@ def command(
     drives: Annotated[int, typer.Option(min=1, max=256, help="How many virtual drives.")] = 8,
     seconds: Annotated[float, typer.Option(min=1.0, help="How long it runs at least.")] = 12.0,
     json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the summary as JSON.")] = None,
+    svg_file: Annotated[
+        Path | None, typer.Option("--svg", metavar="FILE", help="Write a picture of the table.")
+    ] = None,
 ) -> None:
     """Show a farm at work: drives, a controller, faults and recovery.  No root, no PLC."""
     begin = time.monotonic()
@@ -62,7 +65,7 @@ def command(
     else:
         _cable()
         text = FILE.format(link=f"{{kind: macvlan, parent: {PARENT}}}", drives=drives, where=f"interface: {PEER}")
-    demo = Demo(text, in_memory=where == "memory", seconds=seconds, begin=begin)
+    demo = Demo(text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file)
     summary: dict[str, Any] = anyio.run(demo.run)
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
@@ -121,7 +124,7 @@ def _compile() -> None:
     from pnfarm.engine.warm import warm
 
     console = Console(stderr=True)
-    message = "Compiling the engine for this processor: once, about half a minute"
+    message = "Compiling the engine for this processor: once, some ten seconds"
     if console.is_terminal:
         with console.status(message):
             done = warm()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 import sys
 import time
 from collections.abc import Awaitable, Callable
@@ -25,6 +27,8 @@ from pnfarm.faults.plan import FaultSpec
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pnfarm.controller.core import ControllerCore
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import FaultManager
@@ -41,7 +45,10 @@ STORY_LINES = 8
 class Demo:
     """``text`` is the farm file; ``begin`` is when the command started, for the time to the first connection."""
 
-    def __init__(self, text: str, *, in_memory: bool, seconds: float, begin: float) -> None:
+    def __init__(
+        self, text: str, *, in_memory: bool, seconds: float, begin: float, picture: Path | None = None
+    ) -> None:
+        self._picture_file = picture
         self._config = parse_farm(text)
         self._in_memory = in_memory
         self._seconds = seconds
@@ -69,6 +76,8 @@ class Demo:
                 self._live = stack.enter_context(Live(console=self._console, refresh_per_second=8, transient=True))
             ok = await self._course()
             summary = self._summary(ok)
+            if self._picture_file is not None:
+                self._draw(self._picture_file)
             self._live = None
             await release()
         self._report(summary)
@@ -223,6 +232,13 @@ class Demo:
         if len(self._farm.stations) > 24:
             table.add_row(f"... {len(self._farm.stations) - 24} more")
         return Group(table, Text("\n".join(self._story[-STORY_LINES:])))
+
+    def _draw(self, file: Path) -> None:
+        """The live table as an SVG without outside fonts."""
+        console = Console(record=True, width=104, file=io.StringIO())
+        console.print(self._picture())
+        svg = console.export_svg(title="pnfarm demo")
+        file.write_text(re.sub(r"@font-face \{.*?\}\n?", "", svg, flags=re.DOTALL), encoding="utf-8")
 
     def _summary(self, ok: bool) -> dict[str, Any]:
         now = self._now()

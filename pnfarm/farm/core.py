@@ -188,7 +188,7 @@ class FarmCore:
         station = self._by_port.get(port)
         if station is None:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
-        if frame[0] & 1 and not self._concerns(station, frame):
+        if frame and frame[0] & 1 and not self._concerns(station, frame):
             return
         if self.faults is not None:
             self.faults.refresh(station.configured_name, now)

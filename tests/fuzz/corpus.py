@@ -20,6 +20,25 @@ from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import records
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+from pnfarm.protocols.profinet.wire.dcp import (
+    SERVICE_GET,
+    SERVICE_IDENTIFY,
+    SERVICE_SET,
+    TYPE_REQUEST,
+    TYPE_SUCCESS,
+    DcpPdu,
+    emit_dcp,
+    frame_id_of,
+)
+from pnfarm.protocols.profinet.wire.dcp_blocks import (
+    DeviceIdBlock,
+    IpParameterBlock,
+    NameBlock,
+    OptionId,
+    ResponseBlock,
+    StationTypeBlock,
+    UnknownBlock,
+)
 from pnfarm.protocols.profinet.wire.epm import (
     EntryHandle,
     EptEntry,
@@ -167,6 +186,23 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         echo = emit_icmp(IcmpMessage(8, 0, 1, 1, data))
         yield "icmp", echo
         yield "ipv4", emit_ipv4(Ipv4Packet(other, drive, 1, echo))
+    options = (NameBlock.ID, IpParameterBlock.ID, StationTypeBlock.ID, DeviceIdBlock.ID, OptionId(2, 5), OptionId(2, 7), OptionId(9, 9))
+    everybody = (UnknownBlock(0xFF, 0xFF, b"", None),)
+    set_blocks = (NameBlock("axis-01", 1), IpParameterBlock(drive, IPv4Address("255.255.254.0"), IPv4Address(0), 1), UnknownBlock(5, 3, b"\1\0", 0))
+    get_blocks = (NameBlock("axis-01", 0), StationTypeBlock("AKD", 0), DeviceIdBlock(0x105, 1, 0), ResponseBlock(OptionId(9, 9), 1))
+    repair = DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 4, set_blocks[:2])
+    yield "dcp-repair", emit_dcp(repair)
+    for pdu in (
+        DcpPdu(frame_id_of(SERVICE_IDENTIFY, TYPE_REQUEST), SERVICE_IDENTIFY, TYPE_REQUEST, 1, everybody, response_delay_factor=1),
+        DcpPdu(frame_id_of(SERVICE_GET, TYPE_REQUEST), SERVICE_GET, TYPE_REQUEST, 2, requested=options),
+        *(DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 3, (block,)) for block in set_blocks),
+        DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 8, set_blocks),
+        repair,
+        DcpPdu(frame_id_of(SERVICE_GET, TYPE_SUCCESS), SERVICE_GET, TYPE_SUCCESS, 5, get_blocks),
+        DcpPdu(frame_id_of(SERVICE_SET, TYPE_SUCCESS), SERVICE_SET, TYPE_SUCCESS, 6, (ResponseBlock(NameBlock.ID, 0),)),
+        DcpPdu(frame_id_of(SERVICE_IDENTIFY, TYPE_SUCCESS), SERVICE_IDENTIFY, TYPE_SUCCESS, 7, get_blocks[:3]),
+    ):
+        yield "dcp", emit_dcp(pdu)
     handle = EntryHandle(0, UUID(int=7))
     tower = Tower(UUID_EPM, 3, RPC_PORT, IPv4Address("10.77.0.11"))
     entries = (EptEntry(UUID(int=9), tower, "AKD AKD-P00306-NBPN-0000     1 V  1 17  0"),)

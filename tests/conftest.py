@@ -1,0 +1,45 @@
+"""What could not be run, and why: said at the end; with ``PNFARM_REQUIRE_ALL=1`` it is a failure."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+
+import pytest
+
+REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
+_skipped: Counter[tuple[str, str]] = Counter()
+
+
+def _note(report):
+    if not report.skipped or hasattr(report, "wasxfail"):
+        return
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    _skipped[report.nodeid.split("::")[0], reason.removeprefix("Skipped: ")] += 1
+
+
+def pytest_runtest_logreport(report):
+    _note(report)
+
+
+def pytest_collectreport(report):
+    _note(report)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session, exitstatus):
+    required = os.environ.get(REQUIRE_ALL, "") not in {"", "0"}
+    if _skipped and required and exitstatus in {pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED}:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter):
+    if not _skipped:
+        return
+    required = os.environ.get(REQUIRE_ALL, "") not in {"", "0"}
+    terminalreporter.section("could not run", red=required, bold=True)
+    for (place, reason), count in sorted(_skipped.items()):
+        tests = "1 test" if count == 1 else f"{count} tests"
+        terminalreporter.line(f"could not run {tests} of {place} because: {reason}")
+    if required:
+        terminalreporter.line(f"{REQUIRE_ALL} is set: that is a failure", red=True)
