@@ -338,16 +338,16 @@ def _table(results: list[Result]) -> None:
         ratio = "" if r.ratio_to_floor is None else f"{r.ratio_to_floor:.2f}"
         verdict = "" if r.goal == "none" else ("[green]ok" if r.ok else "[red]missed")
         table.add_row(r.name, f"{r.value:.4g}", r.unit, ratio, "" if r.goal == "none" else r.goal, verdict)
-    Console().print(table)
+    Console(emoji=False).print(table)
 
 
 def _markdown(results: list[Result]) -> str:
     lines = [
         "# Figures",
         "",
-        f"What `pnfarm bench --markdown docs/bench.md` printed on a machine with {os.cpu_count()} CPUs "
-        f"({platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}). The farm and the floor",
-        "run in the same call, in turn; `to floor` is the ratio of the two. Other machines give other figures: run it.",
+        f"What `pnfarm bench --markdown docs/bench.md` printed on a machine with {os.cpu_count()} CPUs",
+        f"({platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}). The farm and the",
+        "floor run in the same call, in turn; `to floor` is the ratio of the two. Other machines give other figures.",
         "",
         "| benchmark | value | unit | to floor | goal | |",
         "|---|---|---|---|---|---|",

@@ -74,18 +74,18 @@ def command(
 
 
 def _enter() -> tuple[str, str]:
-    """("namespace" or "memory", why it is memory)."""
+    """Where the demo runs, "user", "root" or "memory", and why it is memory."""
     from pnfarm.links.sandbox import enter_sandbox
 
     if os.environ.get("PNFARM_DEMO_MEMORY") == "1":
         return "memory", "PNFARM_DEMO_MEMORY is set"
     try:
-        enter_sandbox()
+        sandbox = enter_sandbox()
         _cable()
         _uncable()
     except EnvironmentError_ as exc:
         return "memory", str(exc)
-    return "namespace", ""
+    return sandbox.kind, ""
 
 
 def _announce(where: str, why: str) -> None:
@@ -94,7 +94,7 @@ def _announce(where: str, why: str) -> None:
             f"This machine forbids a network of our own ({why}): the demo runs in memory, in real time.", err=True
         )
     else:
-        kind = "private network namespace" if os.geteuid() == 0 else "user and network namespace of its own"
+        kind = "private network namespace" if where == "root" else "user and network namespace of its own"
         typer.echo(f"Running in a {kind}: nothing of this machine's network is touched.", err=True)
 
 

@@ -57,7 +57,7 @@ class Demo:
         self._injected: dict[str, list[str]] = {}
         self._recovered: dict[str, bool] = {}
         # a pipe has no width of its own; a table cut to 80 columns helps nobody
-        self._console = Console() if sys.stdout.isatty() else Console(width=132)
+        self._console = Console(emoji=False, width=None if sys.stdout.isatty() else 132)
         self._live: Live | None = None
         self._line: VirtualLine | None = None
         self._farm: FarmCore
@@ -235,7 +235,7 @@ class Demo:
 
     def _draw(self, file: Path) -> None:
         """The live table as an SVG without outside fonts."""
-        console = Console(record=True, width=104, file=io.StringIO())
+        console = Console(emoji=False, record=True, width=104, file=io.StringIO())
         console.print(self._picture())
         svg = console.export_svg(title="pnfarm demo")
         file.write_text(re.sub(r"@font-face \{.*?\}\n?", "", svg, flags=re.DOTALL), encoding="utf-8")

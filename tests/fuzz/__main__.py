@@ -5,6 +5,8 @@ processor time, and the process a bound of memory. A failure is printed with its
 the exit code is 1 then, 2 for a wrong argument.
 """
 
+# ruff: noqa: T201 - what it prints is its answer
+
 from __future__ import annotations
 
 import argparse
@@ -17,11 +19,11 @@ from fnmatch import fnmatchcase
 from math import ceil
 from pathlib import Path
 from random import Random
+from typing import NoReturn
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from pnfarm.errors import DecodeError  # noqa: E402 - the path comes first
 from tests.fuzz.corpus import Conversation, captured_frames, layers  # noqa: E402
 from tests.fuzz.machines import MACHINES  # noqa: E402
 from tests.fuzz.targets import parsers  # noqa: E402
@@ -93,20 +95,26 @@ class Run:
         rng = self.rng(kind.name, chunk)
         machine = kind(rng, self.layers)
         self.turn(
-            kind.name, chunk, inputs, MACHINE_SECONDS, lambda: machine.next_input(rng), lambda data: machine.feed(rng, data)
+            kind.name,
+            chunk,
+            inputs,
+            MACHINE_SECONDS,
+            lambda: machine.prepared_input(rng),
+            lambda data: machine.feed(rng, data),
         )
 
     def turn(self, name, chunk, inputs, limit, make, feed):
         tally = self.tallies.setdefault(name, Tally())
         clock = time.thread_time_ns
         for number in range(inputs):
-            data = make()
-            start = clock()
+            data = b""
             try:
+                data = make()
+                start = clock()
                 outcome = feed(data)
-            except Exception as exc:
+                took = clock() - start
+            except Exception as exc:  # noqa: BLE001 - whatever it is, it is the finding
                 self.failed(name, chunk, number, data, exc)
-            took = clock() - start
             if took > limit * 1e9:
                 self.failed(name, chunk, number, data, FailureFoundError(f"took {took / 1e9:.3f} s of processor time"))
             tally.outcomes[outcome] += 1
@@ -115,7 +123,8 @@ class Run:
         tally.inputs += inputs
         self.done += inputs
 
-    def failed(self, name, chunk, number, data, exc):
+    def failed(self, name, chunk, number, data, exc) -> NoReturn:
+        """A machine may also fail without input, while time passes."""
         seed = self.options.seed
         print(f"\n{name} failed on input {number} of turn {chunk} (seed {seed}):", file=sys.stderr)
         traceback.print_exception(exc, file=sys.stderr)
@@ -128,9 +137,11 @@ class Run:
 
     def go(self) -> None:
         options = self.options
+        strings = sum(map(len, self.layers.values()))
         print(
-            f"{len(self.parsers)} parsers, {len(self.machines)} machines; {self.own} own frames, {len(self.frames) - self.own} captured,"
-            f" {sum(map(len, self.layers.values()))} octet strings of {len(self.layers)} layers; seed {options.seed}"
+            f"{len(self.parsers)} parsers, {len(self.machines)} machines; {self.own} own frames,"
+            f" {len(self.frames) - self.own} captured, {strings} octet strings of {len(self.layers)} layers;"
+            f" seed {options.seed}"
         )
         if options.turn is not None:
             self.one_round(options.turn, options.count, options.count)
@@ -182,7 +193,9 @@ class Run:
             mean = tally.total_ns / max(1, tally.inputs) / 1e3
             print(f"{name:{width}} {tally.inputs:>8} {good:>8} {mean:>8.1f} {tally.longest_ns / 1e3:>9.0f}  {reasons}")
         seconds = time.monotonic() - self.began
-        grown = "" if self.memory is None else f", {(resident() - self.memory) >> 10} KiB more than after the first turns"
+        grown = (
+            "" if self.memory is None else f", {(resident() - self.memory) >> 10} KiB more than after the first turns"
+        )
         print(f"\n{self.done} inputs in {seconds:.0f} s; {resident() >> 20} MiB{grown}; nothing but DecodeError")
 
 

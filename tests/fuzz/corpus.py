@@ -77,14 +77,31 @@ CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
 CYCLIC_KEPT = 20
 PARAMETERS = (
     "01010001 1005 03c4 0000", "01020002 1001 03a8 0000 1001 03b3 0000", "02030001 1001 03c4 0000 4201 0001",
-    "02040001 1001 0393 0000 4202 0001 0005", "01050001 2000 03c4 0000", "01060001 3001 03c4 0000", "01070001 1001 ffff 0000",
+    "02040001 1001 0393 0000 4202 0001 0005", "01050001 2000 03c4 0000", "01060001 3001 03c4 0000",
+    "01070001 1001 ffff 0000",
 )  # fmt: skip
 BASE_MODE = tuple(bytes.fromhex(text) for text in PARAMETERS)
-RECORDS = (0xAFF0, 0xF000, 0xF820, 0xF821, 0xF830, 0xF840, 0xE000, 0xE001, 0xE002, 0xE010, 0xE050, 0xC000, 0x8000, 0x8028, 0x8029)
+RECORDS = (
+    0xAFF0,
+    0xF000,
+    0xF820,
+    0xF821,
+    0xF830,
+    0xF840,
+    0xE000,
+    0xE001,
+    0xE002,
+    0xE010,
+    0xE050,
+    0xC000,
+    0x8000,
+    0x8028,
+    0x8029,
+)
 
 
 class Conversation:
-    """A farm of one drive and its controller in virtual time, and every acyclic frame between them, ``(to the drive, frame)``."""
+    """A drive and its controller in virtual time; ``frames`` are all acyclic ones, ``(to the drive, octets)``."""
 
     def __init__(self, startup: str) -> None:
         self.line = VirtualLine(1, cycle="4ms", limits="lax", watchdog=100, startup=startup)
@@ -177,7 +194,7 @@ def layers(frames: Iterable[bytes]) -> dict[str, list[bytes]]:
 
 
 def unheard() -> Iterator[tuple[str, bytes]]:
-    """What neither a farm nor a capture says, but the standard knows: the endpoint mapper, and blocks of other devices."""
+    """What neither a farm nor a capture says, but the standard knows: endpoint mapper, blocks of other devices, DCP."""
     drive, other = IPv4Address("10.77.0.11"), IPv4Address("10.77.1.250")
     mac = bytes.fromhex("020000000099")
     for operation in (1, 2):
@@ -186,16 +203,43 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         echo = emit_icmp(IcmpMessage(8, 0, 1, 1, data))
         yield "icmp", echo
         yield "ipv4", emit_ipv4(Ipv4Packet(other, drive, 1, echo))
-    options = (NameBlock.ID, IpParameterBlock.ID, StationTypeBlock.ID, DeviceIdBlock.ID, OptionId(2, 5), OptionId(2, 7), OptionId(9, 9))
+    options = (
+        NameBlock.ID,
+        IpParameterBlock.ID,
+        StationTypeBlock.ID,
+        DeviceIdBlock.ID,
+        OptionId(2, 5),
+        OptionId(2, 7),
+        OptionId(9, 9),
+    )
     everybody = (UnknownBlock(0xFF, 0xFF, b"", None),)
-    set_blocks = (NameBlock("axis-01", 1), IpParameterBlock(drive, IPv4Address("255.255.254.0"), IPv4Address(0), 1), UnknownBlock(5, 3, b"\1\0", 0))
-    get_blocks = (NameBlock("axis-01", 0), StationTypeBlock("AKD", 0), DeviceIdBlock(0x105, 1, 0), ResponseBlock(OptionId(9, 9), 1))
+    set_blocks = (
+        NameBlock("axis-01", 1),
+        IpParameterBlock(drive, IPv4Address("255.255.254.0"), IPv4Address(0), 1),
+        UnknownBlock(5, 3, b"\1\0", 0),
+    )
+    get_blocks = (
+        NameBlock("axis-01", 0),
+        StationTypeBlock("AKD", 0),
+        DeviceIdBlock(0x105, 1, 0),
+        ResponseBlock(OptionId(9, 9), 1),
+    )
     repair = DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 4, set_blocks[:2])
     yield "dcp-repair", emit_dcp(repair)
     for pdu in (
-        DcpPdu(frame_id_of(SERVICE_IDENTIFY, TYPE_REQUEST), SERVICE_IDENTIFY, TYPE_REQUEST, 1, everybody, response_delay_factor=1),
+        DcpPdu(
+            frame_id_of(SERVICE_IDENTIFY, TYPE_REQUEST),
+            SERVICE_IDENTIFY,
+            TYPE_REQUEST,
+            1,
+            everybody,
+            response_delay_factor=1,
+        ),
         DcpPdu(frame_id_of(SERVICE_GET, TYPE_REQUEST), SERVICE_GET, TYPE_REQUEST, 2, requested=options),
-        *(DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 3, (block,)) for block in set_blocks),
+        *(
+            DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 3, (block,))
+            for block in set_blocks
+        ),
         DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 8, set_blocks),
         repair,
         DcpPdu(frame_id_of(SERVICE_GET, TYPE_SUCCESS), SERVICE_GET, TYPE_SUCCESS, 5, get_blocks),
@@ -208,7 +252,11 @@ def unheard() -> Iterator[tuple[str, bytes]]:
     entries = (EptEntry(UUID(int=9), tower, "AKD AKD-P00306-NBPN-0000     1 V  1 17  0"),)
     yield "tower", emit_tower(tower)
     for little in (True, False):
-        for request in (LookupRequest(), LookupRequest(object_uuid=None, interface=UUID_EPM), LookupRequest(interface=None, handle=handle)):
+        for request in (
+            LookupRequest(),
+            LookupRequest(object_uuid=None, interface=UUID_EPM),
+            LookupRequest(interface=None, handle=handle),
+        ):
             yield "epm", emit_lookup_request(request, little_endian=little)
         yield "epm", emit_lookup_response(LookupResponse(handle, entries, 1), little_endian=little)
         yield "epm", emit_handle(handle, little_endian=little)
@@ -291,4 +339,3 @@ def _dig_blocks(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:
         _keep_block(block, found)
         if block.block_type == BlockType.AR_REQ:
             found["ar-uuid"][block.body[2:18]] = None
-

@@ -1,4 +1,4 @@
-"""The protocol machines and whole stations under fire: a drive with a live connection, and the controller at its other end.
+"""The protocol machines and whole stations under fire: a drive with a live connection, and the controller behind it.
 
 A machine's inputs are frames, datagrams and calls that were good, changed at one depth and wrapped again with the right
 lengths and checksums, so that what is wrong reaches the layer that it is meant for.
@@ -72,12 +72,17 @@ def _deep(rng, frame, pool, depth):
 
 
 def deep_rpc(rng: Random, data: bytes, pool: Sequence[bytes], depth: int) -> bytes:
-    """An RPC PDU with its body, its arguments or one of its blocks changed; mostly a call that the server does not know yet."""
+    """An RPC PDU with its body, its arguments or one of its blocks changed; mostly a call that is new to the server."""
     pdu = parse_rpc(data)
     if rng.random() < 0.7:
         pdu = replace(pdu, activity=UUID(bytes=rng.randbytes(16)), sequence=rng.choice((0, 0, 1, rng.getrandbits(32))))
     if rng.random() < 0.1:
-        pdu = replace(pdu, opnum=rng.choice((0, 1, 2, 3, 4, 5, 6, 0xFFFF)), packet_type=rng.randrange(12), flags1=rng.randrange(256))
+        pdu = replace(
+            pdu,
+            opnum=rng.choice((0, 1, 2, 3, 4, 5, 6, 0xFFFF)),
+            packet_type=rng.randrange(12),
+            flags1=rng.randrange(256),
+        )
     little = pdu.little_endian
     if depth == 4 or pdu.interface == UUID_EPM or pdu.kind not in {PacketType.REQUEST, PacketType.RESPONSE}:
         return emit_rpc(replace(pdu, body=mutated(rng, pdu.body, pool)))
@@ -121,7 +126,7 @@ class Machine:
 
     def __init__(self, rng: Random, layers: dict[str, list[bytes]]) -> None:
         self.layers = layers
-        self._fed = 0
+        self._made = 0
         self.calls = self.answers = 0
         self.start(rng)
 
@@ -165,6 +170,13 @@ class Machine:
     def now(self) -> int:
         return self.line.world.now
 
+    def prepared_input(self, rng: Random) -> bytes:
+        """The next input, for a machine that is as it must be."""
+        self._made += 1
+        if self._made % BETWEEN == 0:
+            self.revive(rng)
+        return self.next_input(rng)
+
     def next_input(self, rng: Random) -> bytes:
         raise AssertionError("each machine makes its own")
 
@@ -173,9 +185,6 @@ class Machine:
 
     def feed(self, rng: Random, data: bytes) -> str:
         """``answered`` when it made the drive or the controller say something, else ``silent``."""
-        if self._fed % BETWEEN == BETWEEN - 1:
-            self.revive(rng)
-        self._fed += 1
         before = self.said()
         self.take(rng, data)
         after = self.said()
@@ -292,7 +301,8 @@ class IpHostMachine(Machine):
             payload = emit_udp(datagram, packet.source, own)
         packet = replace(
             packet, destination=own, payload=payload,
-            identification=rng.randrange(4), more_fragments=rng.random() < 0.4, fragment_offset=8 * rng.choice((0, 0, 1, 2, 185, 8191)),
+            identification=rng.randrange(4), more_fragments=rng.random() < 0.4,
+            fragment_offset=8 * rng.choice((0, 0, 1, 2, 185, 8191)),
         )  # fmt: skip
         try:
             return b"\x08\x00" + emit_ipv4(packet)
@@ -336,7 +346,11 @@ class RpcClientMachine(RpcServerMachine):
         if self.open is not None and rng.random() < 0.8:
             try:
                 pdu = parse_rpc(data)
-                data = emit_rpc(replace(pdu, activity=self.open.activity, sequence=self.open.sequence, interface=self.open.interface))
+                data = emit_rpc(
+                    replace(
+                        pdu, activity=self.open.activity, sequence=self.open.sequence, interface=self.open.interface
+                    )
+                )
             except (DecodeError, ValueError):
                 pass  # rubbish goes in as it is
         client.receive(peer, 49152, data, self.now)
@@ -364,7 +378,9 @@ class CmDeviceMachine(Machine):
             cm.receive_rta(payload, self.line.plc.port.mac, self.now)
         else:
             key = CallKey(PEER, UUID(int=self.calls), 0)
-            cm.receive_call(key, opnum, payload, rng.choice((0, 64, 200, 4096, 0xFFFFFFFF)), Peer(PEER, 49153), self.now)
+            cm.receive_call(
+                key, opnum, payload, rng.choice((0, 64, 200, 4096, 0xFFFFFFFF)), Peer(PEER, 49153), self.now
+            )
             answers = [answer for answer in cm.responses() if answer[0] == key]
             assert len(answers) == 1, "a call must be answered once"
             self.answers += answers[0][1].ok
@@ -380,20 +396,22 @@ class CmControllerMachine(Machine):
         kind = rng.randrange(10)
         if kind == 0:
             return b"\xff" + variation(rng, self.layers["rta"])
-        pool = self.layers[rng.choice(("response-0", "response-2", "response-3", "response-4", "request-4", "response-1"))]
+        pool = self.layers[
+            rng.choice(("response-0", "response-2", "response-3", "response-4", "request-4", "response-1"))
+        ]
         return bytes([kind]) + deep_blocks(rng, self.renewed(rng.choice(pool)), pool, rng.choice((5, 6, 6)))
 
     def take(self, rng, data):
         self.calls += 1
-        kind, payload = data[0], data[1:]
-        machine = self.session.machine
+        machine, kind, payload = self.session.machine, data[0], data[1:]
         if machine is None:
-            self.revive(rng)
-            machine = self.session.machine
+            return  # released; the next time that passes brings another
         if kind == 0xFF:
             machine.receive_rta(payload, self.station.port.mac, self.now)
         elif kind < 4:
-            machine.receive_call(CallKey(PEER, UUID(int=self.calls), 0), rng.choice((4, 4, 0, 9)), payload, Peer(PEER, 49152), self.now)
+            machine.receive_call(
+                CallKey(PEER, UUID(int=self.calls), 0), rng.choice((4, 4, 0, 9)), payload, Peer(PEER, 49152), self.now
+            )
         else:
             machine.read_record(object(), 0x3A00, 1, 1, 47, 4096)
             keys = [call.key for call in machine.calls(self.now)] or [0, 1, 2]

@@ -12,7 +12,29 @@ __all__ = ["LIMIT", "mutated", "random_octets", "variation"]
 
 #: No input is longer: two full datagrams.
 LIMIT = 4096
-INTERESTING = (0, 1, 2, 3, 4, 6, 7, 8, 0x10, 0x1A, 0x7F, 0x80, 0xFF, 0x100, 0x7FFF, 0x8000, 0xFFFE, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF)
+INTERESTING = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    6,
+    7,
+    8,
+    0x10,
+    0x1A,
+    0x7F,
+    0x80,
+    0xFF,
+    0x100,
+    0x7FFF,
+    0x8000,
+    0xFFFE,
+    0xFFFF,
+    0x7FFFFFFF,
+    0x80000000,
+    0xFFFFFFFF,
+)
 
 
 def random_octets(rng: Random) -> bytes:

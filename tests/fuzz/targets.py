@@ -29,15 +29,35 @@ ROOTS = (pnfarm.wire, pnfarm.protocols.profinet, pnfarm.drives.profiles.profidri
 NOT_PEERS = {"parse_mac"}
 #: Which layers of the corpus suit a parser; others take what their name says, or any octets.
 LAYERS = {
-    "parse_ethernet": ("frame",), "parse_arp": ("arp",), "parse_ipv4": ("ipv4",), "parse_udp": ("udp",), "parse_icmp": ("icmp",),
-    "parse_dcp": ("dcp",), "parse_rtc": ("rtc",), "parse_rta_error": ("rta",), "parse_rpc": ("rpc",),
-    "parse_request_args": ("request-args",), "parse_response_args": ("response-args",), "parse_status": ("rpc-body",),
-    "parse_fack": ("fack",), "parse_blocks": ("blocks", "record"), "split_blocks": ("blocks", "record"),
-    "parse_raw_block": ("blocks", "record"), "parse_connect": ("request-0",), "parse_read_request": ("request-2", "request-5"),
-    "parse_write_request": ("request-3",), "parse_read_response": ("response-2", "response-5"), "parse_write_response": ("response-3",),
-    "parse_request": ("base-request",), "parse_response": ("base-response",), "parse_lookup_request": ("epm",),
-    "parse_lookup_response": ("epm",), "parse_handle": ("epm",), "parse_handle_freed": ("epm",), "parse_tower": ("tower",),
-}  # fmt: skip
+    "parse_ethernet": ("frame",),
+    "parse_arp": ("arp",),
+    "parse_ipv4": ("ipv4",),
+    "parse_udp": ("udp",),
+    "parse_icmp": ("icmp",),
+    "parse_dcp": ("dcp",),
+    "parse_rtc": ("rtc",),
+    "parse_rta_error": ("rta",),
+    "parse_rpc": ("rpc",),
+    "parse_request_args": ("request-args",),
+    "parse_response_args": ("response-args",),
+    "parse_status": ("rpc-body",),
+    "parse_fack": ("fack",),
+    "parse_blocks": ("blocks", "record"),
+    "split_blocks": ("blocks", "record"),
+    "parse_raw_block": ("blocks", "record"),
+    "parse_connect": ("request-0",),
+    "parse_read_request": ("request-2", "request-5"),
+    "parse_write_request": ("request-3",),
+    "parse_read_response": ("response-2", "response-5"),
+    "parse_write_response": ("response-3",),
+    "parse_request": ("base-request",),
+    "parse_response": ("base-response",),
+    "parse_lookup_request": ("epm",),
+    "parse_lookup_response": ("epm",),
+    "parse_handle": ("epm",),
+    "parse_handle_freed": ("epm",),
+    "parse_tower": ("tower",),
+}
 
 
 @dataclass(frozen=True)
@@ -102,7 +122,10 @@ def _calls(function, types):
                 raise TypeError(f"{function.__module__}.{function.__name__} wants {other.name}: say what to give it")
             continue
         options = [
-            (f"{text}-{other.name.split('_')[0] if value else 'not-' + other.name.split('_')[0]}", {**given, other.name: value})
+            (
+                f"{text}-{other.name.split('_')[0] if value else 'not-' + other.name.split('_')[0]}",
+                {**given, other.name: value},
+            )
             for text, given in options
             for value in (True, False)
         ]

@@ -4,6 +4,8 @@ Run as a program. It prints one line of JSON with the process ids that hold the 
 its standard input: when whoever started it ends, in whatever way, the namespaces and all in them vanish.
 """
 
+# ruff: noqa: T201 - what it prints is its answer
+
 from __future__ import annotations
 
 import json

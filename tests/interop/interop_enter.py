@@ -1,4 +1,4 @@
-"""``python interop_enter.py PID COMMAND ...``: run a command in another process's namespaces, for as long as its parent lives."""
+"""``python interop_enter.py PID COMMAND ...``: run a command in a process's namespaces, as long as its parent lives."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import ctypes
 import os
 import signal
 import sys
+from pathlib import Path
 
 CLONE_NEWNS = 0x00020000
 CLONE_NEWUSER = 0x10000000
@@ -17,17 +18,17 @@ libc = ctypes.CDLL(None, use_errno=True)
 
 def enter(pid: int) -> None:
     for name, kind in (("user", CLONE_NEWUSER), ("net", CLONE_NEWNET), ("mnt", CLONE_NEWNS)):
-        path = f"/proc/{pid}/ns/{name}"
-        if os.stat(path).st_ino == os.stat(f"/proc/self/ns/{name}").st_ino:
+        path = Path(f"/proc/{pid}/ns/{name}")
+        if path.samefile(f"/proc/self/ns/{name}"):
             continue  # entering one's own user namespace is refused
-        with open(path, "rb") as file:
+        with path.open("rb") as file:
             if libc.setns(file.fileno(), kind) != 0:
-                raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), path)
+                raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(path))
 
 
 def main() -> None:
     parent = os.getppid()
-    where = os.getcwd()
+    where = Path.cwd()
     enter(int(sys.argv[1]))
     os.chdir(where)
     libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM)

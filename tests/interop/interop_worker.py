@@ -1,9 +1,11 @@
 """A farm or a controller in a process of its own, told what to do by lines of JSON on its standard input.
 
-``python interop_worker.py farm FILE`` or ``... plc FILE``.  Every line ``{"do": VERB, ...}`` is answered by one line
-``{"ok": VALUE}`` or ``{"error": TEXT}``; the first line, before any was asked, says that it is up.  The end of the input
-ends it in good order.
+``python interop_worker.py farm FILE`` or ``... plc FILE``.  Every line ``{"do": VERB, ...}`` is answered by one
+``{"ok": VALUE}`` or ``{"error": TEXT}``; the first line, before any was asked, says that it is up.  The end of the
+input ends it in good order.
 """
+
+# ruff: noqa: T201 - what it prints is its answer
 
 from __future__ import annotations
 
@@ -220,7 +222,7 @@ async def answer(worker):
             if asyncio.iscoroutine(result):
                 result = await result
             say(ok=result)
-        except Exception as exc:
+        except Exception as exc:  # noqa: BLE001 - the one who asked gets it
             traceback.print_exc()
             say(error=f"{type(exc).__name__}: {exc}")
 

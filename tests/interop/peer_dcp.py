@@ -1,4 +1,6 @@
-"""pnio-dcp or profi-dcp against drives: ``peer_dcp.py LIBRARY VERB ARGUMENTS`` (JSON); the result as one line of JSON."""
+"""pnio-dcp or profi-dcp against drives: ``peer_dcp.py LIBRARY VERBS``, a JSON list; the results as one line of JSON."""
+
+# ruff: noqa: T201 - what it prints is its answer
 
 from __future__ import annotations
 
@@ -11,7 +13,13 @@ PATIENCE_SECONDS = 3
 
 
 def shown(device):
-    return {"name": device.name_of_station, "mac": device.MAC, "ip": device.IP, "mask": device.netmask, "family": device.family}
+    return {
+        "name": device.name_of_station,
+        "mac": device.MAC,
+        "ip": device.IP,
+        "mask": device.netmask,
+        "family": device.family,
+    }
 
 
 def main():
@@ -23,7 +31,7 @@ def main():
     for verb, *arguments in verbs:
         try:
             result = getattr(client, verb)(*arguments)
-        except Exception as exc:  # carried to the test
+        except Exception as exc:  # noqa: BLE001 - carried to the test
             results.append({"error": type(exc).__name__})
             continue
         if isinstance(result, list):

@@ -1,5 +1,7 @@
 """profinet-py against a drive: ``peer_profinet_py.py VERB STATION [OPTION ...]``; what it found as one line of JSON."""
 
+# ruff: noqa: T201 - what it prints is its answer
+
 from __future__ import annotations
 
 import json
@@ -78,8 +80,8 @@ def acyclic(station):
 
 def slots():
     """The drive as its description has it, telegram 1 in slot 1."""
-    dap = dict(slot=0, module_ident=1)
-    drive = dict(slot=1, module_ident=0x00010001, api=PROFIDRIVE)
+    dap = {"slot": 0, "module_ident": 1}
+    drive = {"slot": 1, "module_ident": 0x00010001, "api": PROFIDRIVE}
     return [
         IOSlot(subslot=1, submodule_ident=1, **dap),
         IOSlot(subslot=0x8000, submodule_ident=2, **dap),

@@ -3,6 +3,8 @@
 Answers are printed as one line of JSON, octets in hexadecimal.
 """
 
+# ruff: noqa: T201 - what it prints is its answer
+
 from __future__ import annotations
 
 import itertools
@@ -10,7 +12,8 @@ import json
 import socket
 import sys
 import time
-from uuid import UUID, uuid4
+from pathlib import Path
+from uuid import uuid4
 
 from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
@@ -18,8 +21,14 @@ from pnfarm.protocols.profinet.wire.blocks_control import control_response, emit
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, emit_dcp, frame_id_of
 from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.epm import NIL_HANDLE, LookupRequest, emit_lookup_request, parse_lookup_response
-from pnfarm.protocols.profinet.wire.iod import IodReadReqHeader, IodWriteReqHeader, emit_read_request, emit_write_request
+from pnfarm.protocols.profinet.wire.iod import (
+    IodReadReqHeader,
+    IodWriteReqHeader,
+    emit_read_request,
+    emit_write_request,
+)
 from pnfarm.protocols.profinet.wire.rpc import (
+    NIL_UUID,
     OK,
     RPC_PORT,
     UUID_EPM,
@@ -44,6 +53,12 @@ INTERFACE = "plc0"
 PROFINET = 0x8892
 IDENTIFY = bytes.fromhex("010ecf000000")
 PATIENCE_SECONDS = 0.4
+#: Records of every range: I&M, per API, per AR, per slot, per subslot, and the user's own.
+INDEXES = (
+    0xAFF0, 0xAFF1, 0xAFF2, 0xAFF3, 0xAFF4, 0xAFF5, 0xF000, 0xF80C, 0xF820, 0xF821, 0xF830, 0xF840,
+    0xF841, 0xF842, 0xF880, 0xFBFF, 0xE000, 0xE001, 0xE002, 0xE010, 0xE030, 0xE040, 0xE050, 0xC000,
+    0xC001, 0x8000, 0x8001, 0x8010, 0x8028, 0x8029, 0x802A, 0x802B, 0x8080, 0x7FFF,
+)  # fmt: skip
 
 
 # -- frames ----------------------------------------------------------------------------------------------------------
@@ -102,10 +117,15 @@ def dcp(macs):
         # Set: values of the right shape that change nothing lasting, of a wrong shape, and of no shape at all
         for option, value in (
             ((2, 2), b"a-name-for-a-while"), ((2, 2), b"Not_A_Name"), ((1, 2), b"\x0a\x4d\x00\xff"), ((5, 3), b"\1\0"),
-            ((5, 1), b""), ((5, 2), b""), ((5, 4), b"\2\2"), ((6, 1), b"\0\0"), ((3, 61), b"\0"), ((2, 1), b"x"), ((9, 9), b""),
+            ((5, 1), b""), ((5, 2), b""), ((5, 4), b"\2\2"), ((6, 1), b"\0\0"), ((3, 61), b"\0"),
+            ((2, 1), b"x"), ((9, 9), b""),
         ):  # fmt: skip
             ask(mac, 4, [UnknownBlock(*option, value, 0)])
-        ask(mac, 4, [UnknownBlock(5, 3, b"\1\0", 0), UnknownBlock(2, 2, b"again-another", 0), UnknownBlock(7, 7, b"", 0)])
+        ask(
+            mac,
+            4,
+            [UnknownBlock(5, 3, b"\1\0", 0), UnknownBlock(2, 2, b"again-another", 0), UnknownBlock(7, 7, b"", 0)],
+        )
         ask(mac, 4, [UnknownBlock(5, 3, b"\1\0", 0)], tag=bytes.fromhex("8100c000"))
         # Hello, which no drive answers; of a service that does not exist Wireshark knows less than a drive does
         ask(mac, 6)
@@ -113,7 +133,13 @@ def dcp(macs):
             ask(mac, 4, [UnknownBlock(5, 6, b"", mode)])
         ask(mac, 4, [UnknownBlock(5, 5, b"", 0)])
     # Identify by what a drive without name still has
-    for option, value in (((2, 3), b"\1\5\0\1"), ((2, 4), b"\1\0"), ((2, 5), b"\2\1\2\2"), ((2, 1), b"AKD"), ((2, 6), b"port-001.other")):
+    for option, value in (
+        ((2, 3), b"\1\5\0\1"),
+        ((2, 4), b"\1\0"),
+        ((2, 5), b"\2\1\2\2"),
+        ((2, 1), b"AKD"),
+        ((2, 6), b"port-001.other"),
+    ):
         ask(IDENTIFY, 5, [UnknownBlock(*option, value, None)], delay=1, most=len(macs))
     return answers
 
@@ -176,7 +202,14 @@ def lookup(ip):
     for sequence in range(8):
         body = emit_lookup_request(LookupRequest(handle=handle), little_endian=True)
         pdu = RpcPdu(
-            PacketType.REQUEST, UUID_EPM, activity, sequence=sequence, opnum=2, body=body, flags1=0x20, interface_version=3
+            PacketType.REQUEST,
+            UUID_EPM,
+            activity,
+            sequence=sequence,
+            opnum=2,
+            body=body,
+            flags1=0x20,
+            interface_version=3,
         )
         answer = parse_rpc(wire.ask(ip, emit_rpc(pdu)))
         found = parse_lookup_response(answer.body, little_endian=answer.little_endian)
@@ -193,18 +226,26 @@ def rpc(ip, vendor, device):
     object_id = object_uuid(1, device, vendor)
 
     def pdu(**changes):
-        fields = dict(
-            packet_type=PacketType.REQUEST, interface=UUID_PNIO_DEVICE, activity=uuid4(), object_uuid=object_id,
-            opnum=Opnum.READ_IMPLICIT, flags1=Flags1.IDEMPOTENT | Flags1.NO_FACK,
-        )  # fmt: skip
+        fields = {
+            "packet_type": PacketType.REQUEST,
+            "interface": UUID_PNIO_DEVICE,
+            "activity": uuid4(),
+            "object_uuid": object_id,
+            "opnum": Opnum.READ_IMPLICIT,
+            "flags1": Flags1.IDEMPOTENT | Flags1.NO_FACK,
+        }
         return RpcPdu(**{**fields, **changes})
 
-    def read(index, api=0, slot=0, subslot=1, little=True, room=4096, uuid=UUID(int=0)):
+    def read(index, api=0, slot=0, subslot=1, little=True, room=4096, uuid=NIL_UUID):
         args = RequestArgs(room, emit_read_request(IodReadReqHeader(1, uuid, api, slot, subslot, index, room)))
         drep = b"\x10\0\0" if little else b"\0\0\0"
         return {"body": emit_request_args(args, little_endian=little), "drep": drep}
 
-    rubbish = emit_request_args(RequestArgs(4096, b"\x01\x01\x00\x10" + bytes(12)), little_endian=True)
+    def arguments(payload):
+        return emit_request_args(RequestArgs(4096, payload), little_endian=True)
+
+    rubbish = arguments(b"\x01\x01\x00\x10" + bytes(12))
+    header = IodWriteReqHeader(1, uuid4(), 0, 0, 1, 0xAFF1)
     im0 = read(0xAFF0)
     asked = {
         "im0": pdu(**im0),
@@ -214,7 +255,7 @@ def rpc(ip, vendor, device):
         "unknown-object": pdu(object_uuid=object_uuid(1, device + 1, vendor), **im0),
         "unknown-operation": pdu(opnum=99, **im0),
         "no-body": pdu(),
-        "nothing-behind-arguments": pdu(opnum=Opnum.CONNECT, body=emit_request_args(RequestArgs(4096, b""), little_endian=True)),
+        "nothing-behind-arguments": pdu(opnum=Opnum.CONNECT, body=arguments(b"")),
         "rubbish-connect": pdu(opnum=Opnum.CONNECT, body=rubbish),
         "rubbish-control": pdu(opnum=Opnum.CONTROL, body=rubbish),
         "rubbish-release": pdu(opnum=Opnum.RELEASE, body=rubbish),
@@ -222,9 +263,7 @@ def rpc(ip, vendor, device):
         "read-of-unknown-connection": pdu(opnum=Opnum.READ, **read(0xAFF0, uuid=uuid4())),
         "write-of-unknown-connection": pdu(
             opnum=Opnum.WRITE,
-            body=emit_request_args(
-                RequestArgs(4096, emit_write_request(IodWriteReqHeader(1, uuid4(), 0, 0, 1, 0xAFF1), b"12")), little_endian=True
-            ),
+            body=arguments(emit_write_request(header, b"12")),
         ),
         "read-no-slot": pdu(**read(0xAFF0, slot=77)),
         "read-no-index": pdu(**read(0x1234)),
@@ -238,14 +277,14 @@ def rpc(ip, vendor, device):
         "fault-out-of-nothing": pdu(packet_type=PacketType.FAULT, body=bytes(4)),
         "packet-type-31": pdu(packet_type=31),
     }  # fmt: skip
-    for index in (0xAFF0, 0xAFF1, 0xAFF2, 0xAFF3, 0xAFF4, 0xAFF5, 0xF000, 0xF820, 0xF821, 0xF830, 0xF840, 0xF841, 0xF842, 0xF880,
-                  0xE000, 0xE001, 0xE002, 0xE010, 0xE030, 0xE040, 0xE050, 0xC000, 0xC001, 0x8000, 0x8001, 0x8010, 0x8028, 0x8029,
-                  0x802A, 0x802B, 0x8080, 0xF80C, 0xFBFF, 0x7FFF):  # fmt: skip
+    for index in INDEXES:
         for api, slot, subslot in ((0, 0, 1), (0x3A00, 1, 2)):
             asked[f"read-{index:04x}-{slot}"] = pdu(**read(index, api, slot, subslot))
     answered = {}
     for name, request in asked.items():
-        data = wire.ask(ip, emit_rpc(request), 0.15 if name.endswith("nothing") or name in {"ack", "packet-type-31"} else 0.4)
+        data = wire.ask(
+            ip, emit_rpc(request), 0.15 if name.endswith("nothing") or name in {"ack", "packet-type-31"} else 0.4
+        )
         answered[name] = None if data is None else PacketType(parse_rpc(data).packet_type & 0x1F).name
     # 1,300 octets that are no RPC at all, and none
     wire.socket.sendto(b"\x55" * 1300, (ip, RPC_PORT))
@@ -263,8 +302,7 @@ def replay(path):
 
     The file has ``local``, ``ip`` and ``requests``.  A call of the device's is answered as a controller answers it.
     """
-    with open(path, encoding="utf-8") as file:
-        plan = json.load(file)
+    plan = json.loads(Path(path).read_text(encoding="utf-8"))
     wire, own = Datagrams(plan["local"]), Datagrams(plan["local"], RPC_PORT)
     found = []
     for text in plan["requests"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from typing import NamedTuple
 
@@ -13,17 +14,21 @@ from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockRes, ArBlo
 from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock
 from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
 from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq, IocrBlockRes
-from pnfarm.protocols.profinet.wire.iod import parse_read_response, parse_write_request, parse_write_response
+from pnfarm.protocols.profinet.wire.iod import parse_write_request, parse_write_response
 from pnfarm.protocols.profinet.wire.rpc import PacketType, parse_request_args, parse_rpc
 
 #: The drives stand at the addresses of the captured devices and have their vendor, device and ident numbers.
 DRIVES = [
-    "{name: captured-drive, model: akd-profinet, ip: 192.168.1.13/24, limits: lax, identity: {vendor: 0x80, device: 1, dap: 2,"
-    " dap_submodules: {1: 1, 0x8000: 2, 0x8001: 3}, access_point: 0xFFFF, telegrams: {1: {module: 0x100, submodule: 0x68}}}}",
-    "{name: rt-labs-dev, model: akd-profinet, ip: 172.16.2.10/24, limits: lax, identity: {vendor: 0x493, device: 2, dap: 1,"
-    " dap_submodules: {1: 1, 0x8000: 0x8000, 0x8001: 0x8001}}}",
-    "{name: io-device, model: akd-profinet, ip: 192.168.0.10/24, limits: lax, identity: {vendor: 0x2A, device: 0x313}}",
+    "{name: captured-drive, model: akd-profinet, ip: 192.168.1.13/24, limits: lax, identity: *drive}",
+    "{name: rt-labs-dev, model: akd-profinet, ip: 172.16.2.10/24, limits: lax, identity: *sample}",
+    "{name: io-device, model: akd-profinet, ip: 192.168.0.10/24, limits: lax, identity: *et200}",
 ]
+IDENTITIES = {
+    "*drive": "{vendor: 0x80, device: 1, dap: 2, dap_submodules: {1: 1, 0x8000: 2, 0x8001: 3},"
+    " access_point: 0xFFFF, telegrams: {1: {module: 0x100, submodule: 0x68}}}",
+    "*sample": "{vendor: 0x493, device: 2, dap: 1, dap_submodules: {1: 1, 0x8000: 0x8000, 0x8001: 0x8001}}",
+    "*et200": "{vendor: 0x2A, device: 0x313}",
+}
 DRIVE, S7_1515, S7_1500 = "drive_connect_api3a00", "pnio-rs_s7-1515_golden", "dacookie_connectrequest"
 NAMES = {DRIVE: "captured-drive", S7_1515: "rt-labs-dev", S7_1500: "io-device"}
 CONNECT, CONTROL, WRITE, READ = 0, 4, 3, 2
@@ -44,7 +49,10 @@ def line(lab, tmp_path_factory):
     for address in ("192.168.1.12/24", "172.16.2.100/24", "192.168.0.1/24"):
         lab.run("peer", "ip", "address", "add", address, "dev", "plc0")
     folder = tmp_path_factory.mktemp("line")
-    with running(lab, folder, DRIVES, name="captures") as farm:
+    drives = DRIVES
+    for mark, identity in IDENTITIES.items():
+        drives = [drive.replace(mark, identity) for drive in drives]
+    with running(lab, folder, drives, name="captures") as farm:
         yield lab, farm, folder
 
 
@@ -65,7 +73,10 @@ def replayed(line):
         end = next(i for i, (_, pdu) in enumerate(requests) if pdu.kind == PacketType.REQUEST and pdu.opnum == CONTROL)
         requests = requests[: end + 1]
         plan = folder / f"{name}.json"
-        plan.write_text(json.dumps({"local": controller, "ip": device, "requests": [t.hex() for t, _ in requests]}), encoding="utf-8")
+        plan.write_text(
+            json.dumps({"local": controller, "ip": device, "requests": [t.hex() for t, _ in requests]}),
+            encoding="utf-8",
+        )
         with Capture(lab, folder / f"{name}.pcapng") as capture:
             found = lab.peer_json("peer_raw.py", "replay", plan)
         asked, answered = {}, {}
@@ -159,7 +170,7 @@ def test_the_drive_that_fits_sends_its_frames_as_the_controller_laid_them_out(re
     assert rows, "no cyclic frame came"
     # 14 + 4 of Ethernet and tag, 2 of frame id, the data, 4 of status
     assert {int(row[2]) for row in rows} == {18 + 2 + inputs.data_length + 4}
-    steps = {(int(b[1]) - int(a[1])) & 0xFFFF for a, b in zip(rows, rows[1:], strict=False)}
+    steps = {(int(b[1]) - int(a[1])) & 0xFFFF for a, b in itertools.pairwise(rows)}
     assert steps <= {inputs.send_clock_factor * inputs.reduction_ratio}
 
 
@@ -199,4 +210,3 @@ def test_every_record_of_a_multiple_write_gets_an_answer_of_its_own(replayed, na
     for header in inner:
         if header.slot:
             assert not header.status.ok, f"slot {header.slot} is empty and took a record"
-

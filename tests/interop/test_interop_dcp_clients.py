@@ -33,7 +33,8 @@ def test_identify_finds_all_drives_and_each_one(client, drives):
     known = drives.ask("drives")
     everyone, *each = client(["identify_all", 2], *(["identify", drive["mac"]] for drive in known))
     expected = [
-        {"name": d["name"], "mac": d["mac"], "ip": d["ip"].split("/")[0], "mask": "255.255.252.0", "family": "AKD"} for d in known
+        {"name": d["name"], "mac": d["mac"], "ip": d["ip"].split("/")[0], "mask": "255.255.252.0", "family": "AKD"}
+        for d in known
     ]
     assert everyone == sorted(expected, key=lambda d: d["mac"])
     assert each == expected
@@ -90,7 +91,11 @@ def test_resets_clear_what_their_mode_says(client, drives):
         ["reset_to_factory", third, [0, 0]],
     )
     assert [result["ok"] for result in results] == [True, True, True, False], results
-    assert [(drive["name"], drive["ip"]) for drive in drives.ask("drives")] == [("", ""), ("", ""), ("axis-03", "10.77.0.13/22")]
+    assert [(drive["name"], drive["ip"]) for drive in drives.ask("drives")] == [
+        ("", ""),
+        ("", ""),
+        ("axis-03", "10.77.0.13/22"),
+    ]
 
 
 def test_a_drive_hears_no_second_client_for_three_seconds(lab, drives):

@@ -1,4 +1,4 @@
-"""profinet-py (PyPI) as controller and engineering tool: it finds drives, names them, reads them, runs them at 2 ms and 8 ms."""
+"""profinet-py (PyPI) as controller and engineering tool: finds, names and reads drives, runs them at 2 and 8 ms."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Everything that a farm and the built-in controller say, in the eyes of Wireshark: no malformed frame, no warning, no error."""
+"""All that a farm and the built-in controller say, in the eyes of Wireshark: nothing malformed, no warning."""
 
 from __future__ import annotations
 
+import itertools
 import sys
 import time
 from collections import Counter
@@ -51,7 +52,7 @@ def records(plc):
             plc.ask("read", name="axis-01", index=index, api=api, slot=slot, subslot=subslot)
     plc.ask("write", name="axis-01", index=0xAFF1, api=0, slot=0, data="002100380100" + "41" * 54)
     plc.ask("write", name="axis-01", index=0x1234, data="00")
-    # a parameter that is not there, a description, a text, a change that is refused, two parameters with one of them wrong
+    # no such parameter; a change that is refused; a description; a text; two parameters, one of them wrong
     for data in (
         "010100011001ffff0000", "0201000120000 3c40000", "0301000110000 3c40000", "0402000110010 3c40000 42010001",
         "05010002 100103c40000 1001ffff0000",
@@ -116,7 +117,9 @@ def test_no_frame_is_malformed_or_worth_a_warning(seen):
 
 def test_nothing_of_a_pdu_is_left_undissected(seen):
     capture, ours, _ = seen
-    rows = capture.fields("frame.number", "_ws.col.Info", where=f"{of(ours)} && (data || (vlan.trailer && !pn_rt) || _ws.short)")
+    rows = capture.fields(
+        "frame.number", "_ws.col.Info", where=f"{of(ours)} && (data || (vlan.trailer && !pn_rt) || _ws.short)"
+    )
     # echo requests carry what the peer put in; a datagram's fragments show as data until they are whole
     rows = [row for row in rows if "Echo" not in row[1] and "Fragmented" not in row[1]]
     assert not rows, rows[:10]
@@ -124,7 +127,7 @@ def test_nothing_of_a_pdu_is_left_undissected(seen):
 
 def test_the_capture_holds_frames_of_every_kind(seen):
     """The two tests above say something only if all was there to be seen."""
-    capture, ours, macs = seen
+    capture, _ours, macs = seen
     kinds = {
         "identify answers": "pn_dcp.service_id==5 && pn_dcp.service_type==1",
         "get answers": "pn_dcp.service_id==3 && pn_dcp.service_type==1",
@@ -148,15 +151,25 @@ def test_the_capture_holds_frames_of_every_kind(seen):
         "arp requests": "arp.opcode==1",
         "echo replies": "icmp.type==0",
     }
-    missing = [name for name, what in kinds.items() if not capture.fields("frame.number", where=f"{of(macs)} && ({what})")]
+    missing = [
+        name for name, what in kinds.items() if not capture.fields("frame.number", where=f"{of(macs)} && ({what})")
+    ]
     assert not missing
-    for what in ("pn_dcp.service_id==5 && pn_dcp.service_type==0", "pn_io.opnum==0", "pn_io.opnum==1", "pn_rt.ds", "pn_rt.frame_id==0xfe01"):
+    for what in (
+        "pn_dcp.service_id==5 && pn_dcp.service_type==0",
+        "pn_io.opnum==0",
+        "pn_io.opnum==1",
+        "pn_rt.ds",
+        "pn_rt.frame_id==0xfe01",
+    ):
         assert capture.fields("frame.number", where=f"eth.src=={PLC_MAC} && ({what})"), what
 
 
 def test_a_drive_uses_no_address_but_its_own(seen):
     capture, _, macs = seen
-    rows = capture.fields("eth.src", "ip.src", "arp.src.hw_mac", "arp.src.proto_ipv4", where=f"{of(macs)} && (ip || arp)")
+    rows = capture.fields(
+        "eth.src", "ip.src", "arp.src.hw_mac", "arp.src.proto_ipv4", where=f"{of(macs)} && (ip || arp)"
+    )
     spoken = {(row[0], row[1] or row[3]) for row in rows if (row[1] or row[3]) != "0.0.0.0"}
     assert all(row[2] in {"", row[0]} for row in rows)
     assert len(spoken) == len(macs), spoken
@@ -166,8 +179,11 @@ def test_the_cyclic_frames_of_a_drive_keep_their_counter_and_cycle(seen):
     capture, _, macs = seen
     for mac in macs:
         rows = tshark_fields(
-            capture.path, "frame.time_relative", "pn_rt.cycle_counter", where=f"eth.src=={mac} && pn_rt.ds && pn_rt.frame_id<0xfc00"
+            capture.path,
+            "frame.time_relative",
+            "pn_rt.cycle_counter",
+            where=f"eth.src=={mac} && pn_rt.ds && pn_rt.frame_id<0xfc00",
         )
-        steps = Counter((int(b[1]) - int(a[1])) & 0xFFFF for a, b in zip(rows, rows[1:], strict=False))
+        steps = Counter((int(b[1]) - int(a[1])) & 0xFFFF for a, b in itertools.pairwise(rows))
         # 4 ms are 128 units of 31.25 us; other steps only where a connection ended and another began
         assert steps[128] > 0.98 * len(rows), steps.most_common(4)

@@ -1,0 +1,103 @@
+"""``pnfarm demo`` as a newcomer runs it: a process of its own, its output, its JSON, its exit code."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from pathlib import Path
+
+import pytest
+
+KEYS = {
+    "name", "model", "mac", "ip", "connected", "frames_sent", "frames_received", "cycle_seconds", "faults", "recovered",
+}  # fmt: skip
+
+
+def demo(tmp_path: Path, *options: str, **environment: str) -> tuple[str, dict, int]:
+    file = tmp_path / "demo.json"
+    command = [
+        sys.executable,
+        "-m",
+        "pnfarm.cli.main",
+        "demo",
+        "--seconds",
+        "4",
+        "--json",
+        str(file),
+        *options,
+    ]
+    run = subprocess.run(
+        command, capture_output=True, text=True, timeout=180, check=False, env={**os.environ, **environment}
+    )
+    summary = json.loads(file.read_text()) if file.exists() else {}
+    return run.stdout + run.stderr, summary, run.returncode
+
+
+def check(output: str, summary: dict, code: int, drives: int) -> None:
+    assert code == 0, output
+    assert summary["ok"] is True
+    assert len(summary["drives"]) == drives
+    for drive in summary["drives"]:
+        assert set(drive) == KEYS
+        assert drive["connected"]
+        assert drive["recovered"]
+        assert drive["frames_sent"] > 100
+        assert drive["frames_received"] > 100
+        assert drive["cycle_seconds"] == 0.016
+    assert sorted(fault for drive in summary["drives"] for fault in drive["faults"]) == ["f702", "timeout"]
+    assert set(summary["engine"]) == {"cycles", "overruns", "lateness_p50_seconds", "lateness_p99_seconds"}
+    assert "F702" in output
+    assert "back in operation" in output
+
+
+def test_demo_runs_eight_drives_through_two_faults_and_two_recoveries(tmp_path):
+    check(*demo(tmp_path), drives=8)
+
+
+def test_demo_without_any_namespace_runs_in_memory_and_says_so(tmp_path):
+    output, summary, code = demo(tmp_path, "--drives", "3", PNFARM_DEMO_MEMORY="1")
+    check(output, summary, code, drives=3)
+    assert "runs in memory" in output
+
+
+def test_demo_of_one_drive_gives_it_both_faults(tmp_path):
+    output, summary, code = demo(tmp_path, "--drives", "1", PNFARM_DEMO_MEMORY="1")
+    check(output, summary, code, drives=1)
+
+
+def _open_to_all(path: Path) -> bool:
+    return all(folder.stat().st_mode & 0o001 for folder in path.resolve().parents)
+
+
+def _interpreter() -> tuple[str, dict[str, str]] | None:
+    """An interpreter that an ordinary user can run, with this environment's packages."""
+    if _open_to_all(Path(sys.executable)) and _open_to_all(Path(os.__file__)):
+        return sys.executable, {}
+    system = Path(f"/usr/bin/python{sys.version_info.major}.{sys.version_info.minor}")
+    packages = [sysconfig.get_path("purelib"), str(Path(__file__).resolve().parents[2])]
+    if system.exists() and all(_open_to_all(Path(package)) for package in packages):
+        return str(system), {"PYTHONPATH": os.pathsep.join(packages)}
+    return None
+
+
+@pytest.mark.interop
+def test_demo_needs_no_root():
+    interpreter = _interpreter()
+    if os.geteuid() != 0 or shutil.which("setpriv") is None or interpreter is None:
+        pytest.skip("needs root and setpriv to become an ordinary user, and an interpreter that everybody may run")
+    python, extra = interpreter
+    with tempfile.TemporaryDirectory(prefix="pnfarm-demo-") as home:
+        Path(home).chmod(0o777)
+        file = Path(home) / "demo.json"
+        run = subprocess.run(
+            ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--no-new-privs", "--bounding-set=-all",
+             python, "-m", "pnfarm.cli.main", "demo", "--seconds", "4", "--json", str(file)],
+            capture_output=True, text=True, timeout=240, check=False, cwd=home,
+            env={**os.environ, **extra, "HOME": home, "XDG_CACHE_HOME": f"{home}/cache"},
+        )  # fmt: skip
+        output = run.stdout + run.stderr
+        assert "user and network namespace of its own" in output or "runs in memory" in output, output
+        check(output, json.loads(file.read_text()), run.returncode, drives=8)
