@@ -147,7 +147,7 @@ HAPPENS = {
 def eventful_history(begin):
     """OpenMetrics text of a farm that connects, runs, trips, loses a drive and recovers, from ``begin`` on."""
     line = VirtualLine(3)
-    faults = attach_faults(line.farm, line.farm.link)
+    faults = attach_faults(line.farm, line.world.clock)
     collector = FarmCollector(line.farm, faults)
     heads, samples = {}, {}
     for tick in range(SHOWN_SECONDS // STEP_SECONDS + 1):

@@ -111,10 +111,12 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
     async def events(
         last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry seen.")] = None,
         drive: Annotated[str | None, Query(description="Only this drive's.")] = None,
+        after: Annotated[int | None, Query(ge=0, description="Begin after this number; 0: all that is kept.")] = None,
     ) -> Response:
         if drive is not None:
             drive = context.station(drive).configured_name
-        stream = event_stream(context, start_of(context, last_event_id), drive)
+        begin = last_event_id if last_event_id is not None or after is None else str(after)
+        stream = event_stream(context, start_of(context, begin), drive)
         return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
 

@@ -180,7 +180,7 @@ def _build(
         for found in errors:
             report(*explain(FarmConfig, found))
         wrong = [found["loc"] for found in errors]
-        rest, moved = _set_aside(values, wrong)
+        rest, moved = _set_aside(values, wrong, next(iter(known.models)))
         partial = _Partial.model_validate(rest, context=context)
         check(
             partial,
@@ -212,7 +212,15 @@ _TOGETHER = {
 _ESSENTIAL = frozenset(("name", "model", "start"))
 
 
-def _set_aside(values: dict[str, Any], wrong: list[Location]) -> tuple[dict[str, Any], list[int]]:
+def _without_model(group: dict[str, Any], model: str) -> None:
+    """A group whose model nobody knows still has names and addresses: keep those, and ask nothing of the model."""
+    group["model"] = model
+    group["limits"] = "lax"
+    for key in ("params", "identity", "telegram", "cycle"):
+        group.pop(key, None)
+
+
+def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tuple[dict[str, Any], list[int]]:
     """``values`` without what is wrong, and for each remaining drive group its place in the file.
 
     A wrong key of a group or of the controller goes alone, so that the others are still checked against each
@@ -220,6 +228,8 @@ def _set_aside(values: dict[str, Any], wrong: list[Location]) -> tuple[dict[str,
     """
     rest = copy.deepcopy(values)
     lost_groups: set[int] = set()
+    for number in {location[1] for location in wrong if location[:1] == ("drives",) and location[2:3] == ("model",)}:
+        _without_model(rest["drives"][number], model)
     for location in wrong:
         match location:
             case ("drives", int(number), "params" | "load" | "motor" as section, str(key), *_):
@@ -229,6 +239,8 @@ def _set_aside(values: dict[str, Any], wrong: list[Location]) -> tuple[dict[str,
                 if key == "limits":
                     # a wrong word here must not bring a second complaint about the cycle
                     rest["drives"][number]["limits"] = "lax"
+            case ("drives", int(), "model"):
+                pass
             case ("drives", int(number), *_):
                 lost_groups.add(number)
             case ("controller", str(key), *_):

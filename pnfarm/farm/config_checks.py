@@ -18,6 +18,8 @@ from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.wire.mac import format_mac, is_group, mac_from_int, mac_to_int
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pnfarm.farm.config_known import Known, ModelFacts
 
 __all__ = ["Report", "check"]
@@ -26,13 +28,22 @@ __all__ = ["Report", "check"]
 Report = Callable[[Location, str, str], None]
 
 
-def check(sections: FarmSections, known: Known, report: Report, *, hangs_together: bool = True) -> None:
+def check(
+    sections: FarmSections,
+    known: Known,
+    report: Report,
+    *,
+    hangs_together: bool = True,
+    places: Sequence[int] | None = None,
+) -> None:
     """Report all that does not fit together; one report per group and cause, not one per drive.
 
-    ``hangs_together=False`` leaves out what the sections owe each other, for a file that lost some.
+    ``hangs_together=False`` leaves out what the sections owe each other, for a file that lost some; ``places`` are
+    then the numbers that the drive groups have in the file.
     """
     if hangs_together:
         _check_sections(sections, report)
+    numbers = range(len(sections.drives)) if places is None else places
     total = sum(group.count for group in sections.drives)
     for number, group in enumerate(sections.drives):
         _check_group(("drives", number), group, known, report)
@@ -40,9 +51,9 @@ def check(sections: FarmSections, known: Known, report: Report, *, hangs_togethe
         report(("drives",), f"makes {total} drives", f"at most {MAX_DRIVES} in one farm")
     else:
         _check_names(sections, report)
-        _check_between(sections, known, report)
+        _check_between(sections, known, report, numbers)
     if sections.controller is not None:
-        _check_controller(sections, sections.controller, known, report)
+        _check_controller(sections, sections.controller, known, report, numbers)
 
 
 def _check_sections(sections: FarmSections, report: Report) -> None:
@@ -153,7 +164,7 @@ def _hosts(first: int, last: int) -> str:
     return f"{IPv4Address(first)} to {IPv4Address(last)}"
 
 
-def _check_between(sections: FarmSections, known: Known, report: Report) -> None:
+def _check_between(sections: FarmSections, known: Known, report: Report, numbers: Sequence[int]) -> None:
     """Duplicates: one report for a group and the group (or the controller) that it collides with."""
     seen: dict[tuple[str, object], tuple[str, str]] = {}
     controller = sections.controller
@@ -174,7 +185,7 @@ def _check_between(sections: FarmSections, known: Known, report: Report) -> None
         if drive.ip is not None:
             values.append(("ip", drive.ip.ip, str(drive.ip.ip)))
         for field, value, words in values:
-            own = (f"drives[{drive.group}]", drive.name)
+            own = (f"drives[{numbers[drive.group]}]", drive.name)
             where, who = owner = seen.setdefault((field, value), own)
             if owner != own and (drive.group, field, where) not in reported:
                 reported.add((drive.group, field, where))
@@ -185,7 +196,9 @@ def _check_between(sections: FarmSections, known: Known, report: Report) -> None
                 report(("drives", drive.group, field), what, "each once in the farm")
 
 
-def _check_controller(sections: FarmSections, controller: ControllerSection, known: Known, report: Report) -> None:
+def _check_controller(
+    sections: FarmSections, controller: ControllerSection, known: Known, report: Report, numbers: Sequence[int]
+) -> None:
     at: Location = ("controller",)
     if (wrong := check_station_name(controller.name)) is not None:
         report(
@@ -201,7 +214,7 @@ def _check_controller(sections: FarmSections, controller: ControllerSection, kno
             report((*at, "ip"), what, _hosts(first, last))
         for number, group in enumerate(sections.drives):
             if group.ip is not None and group.gateway is None and group.ip.ip not in network:
-                what = f"{controller.ip} cannot reach drives[{number}], {group.ip}, which has no gateway"
+                what = f"{controller.ip} cannot reach drives[{numbers[number]}], {group.ip}, which has no gateway"
                 report((*at, "ip"), what, f"an address in {group.ip.network}")
     try:
         general = clock_of(controller)

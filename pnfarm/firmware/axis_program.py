@@ -30,6 +30,8 @@ ON = 0x0477
 RUN = 0x047F
 ACKNOWLEDGE = 0x0080
 
+#: Bits of ZSW1 that answer a control word: state (0, 1, 2, 6), fault (3), stops (4, 5).
+STATE_BITS = 0x007F
 #: How long STW1.7 stands before the next try of an acknowledgement that did not clear the fault.
 RETRY_NS = 1_000_000_000
 
@@ -78,6 +80,8 @@ def step_program(program: Any, image: Any, now: int) -> None:
                     _enter(program, FAULTED, now)
             elif program.phase != FAULTED:
                 program.faults += 1
+                if program.fault_ns == 0:
+                    program.fault_ns = now
                 _enter(program, FAULTED, now)
             elif 0 <= program.acknowledge_after_ns <= now - program.phase_ns:
                 stw1 |= ACKNOWLEDGE
@@ -88,6 +92,9 @@ def step_program(program: Any, image: Any, now: int) -> None:
             stw1 = RUN
             if program.phase != RUNNING:
                 program.run_ns = now
+                if program.fault_ns != 0:
+                    program.recovery_ns = now - program.fault_ns
+                    program.fault_ns = 0
                 _enter(program, RUNNING, now)
             speed = _speed(program, now)
         else:
@@ -98,6 +105,12 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 stw1 = ON
     increments = int(round(speed / program.velocity_step)) if program.velocity_step > 0.0 else 0  # noqa: RUF046 - round() of a compiled float stays a float
     increments = max(-32768, min(32767, increments))
+    if program.asked_ns != 0 and (zsw1 ^ int(program.zsw1)) & STATE_BITS:
+        program.reaction_ns = now - program.asked_ns
+        program.reaction_max_ns = max(program.reaction_max_ns, program.reaction_ns)
+        program.asked_ns = 0
+    if stw1 != program.stw1 and image.valid:
+        program.asked_ns = now
     program.zsw1 = zsw1
     program.stw1 = stw1
     image.sent[STW1] = stw1

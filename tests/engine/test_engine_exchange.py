@@ -96,8 +96,12 @@ def test_a_fault_is_seen_acknowledged_and_its_reaction_time_told():
     pair.run(1.0)
     ((_, reaction),) = pair.seen("fault_reacted")
     assert 0 < reaction <= 4 * MS
-    assert pair.controller.program[0].phase == RUNNING
-    assert pair.controller.program[0].faults == 1
+    program = pair.controller.program[0]
+    assert program.phase == RUNNING
+    assert program.faults == 1
+    # the drive answers a control word within two cycles; the program waits 100 ms before it acknowledges
+    assert 0 < program.reaction_ns <= 3 * MS
+    assert 100 * MS < program.recovery_ns < 150 * MS
 
 
 def test_loss_drops_received_frames_with_its_probability_and_counts_evidence():

@@ -597,3 +597,19 @@ def test_the_installed_model_judges_parameters_telegrams_and_identity():
 def test_the_installed_model_takes_a_foreign_projects_identity():
     farm = parse_farm(GOOD.replace("identity: {}", "identity: {vendor: 0x0105, device: 7}"), "f")
     assert expand(farm)[0].identity == {"vendor": 0x0105, "device": 7}
+
+
+def test_a_group_without_a_model_is_still_checked_for_its_names_and_owners_are_named_by_their_place_in_the_file():
+    text = """
+farm: line
+link: {kind: memory}
+drives:
+  - {name: Axis, modle: akd-profinet}
+  - {name: axis-1, model: akd-profinet}
+  - {name: axis-1, model: akd-profinet}
+"""
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(text)
+    said = {(issue.line, issue.field): issue.what for issue in caught.value.issues}
+    assert "no station name" in said[5, "drives[0].name"]
+    assert said[7, "drives[2].name"].endswith("of drives[1] already")

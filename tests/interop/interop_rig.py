@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import queue
-import re
 import signal
 import subprocess
 import sys
@@ -20,8 +19,8 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 CAPTURES = ROOT.parent / "shared" / "captures"
 START_SECONDS = 60.0
-#: The peer's own addresses: one beside the farm's drives, and those that the captured controllers had.
-PEER_IP = "10.77.3.200"
+#: The programs of this folder import the project from where it stands.
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 NOT_HERE = "Running as user"
 
 
@@ -39,6 +38,7 @@ class Lab:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            env=ENVIRONMENT,
         )
         line = self._holder.stdout.readline()
         told = json.loads(line) if line else {"cannot": self._holder.stderr.read().strip().splitlines()[-1]}
@@ -60,13 +60,19 @@ class Lab:
     def run(self, where, *arguments, timeout=30, check=True, **options):
         """Runs to the end; the finished process with its text."""
         done = subprocess.run(
-            self.command(where, *arguments), capture_output=True, text=True, timeout=timeout, check=False, **options
+            self.command(where, *arguments),
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+            env=ENVIRONMENT,
+            **options,
         )
         assert not check or done.returncode == 0, f"{arguments}: {done.stdout}\n{done.stderr}"
         return done
 
     def start(self, where, *arguments, **options):
-        return subprocess.Popen(self.command(where, *arguments), **options)
+        return subprocess.Popen(self.command(where, *arguments), env=ENVIRONMENT, **options)
 
     def peer_json(self, script, *arguments, timeout=60):
         """A peer's program of this folder; the JSON of its last line."""
@@ -78,7 +84,6 @@ class Worker:
     """A farm or a controller in its namespace; ``ask`` a verb of :mod:`interop_worker`."""
 
     def __init__(self, lab, where, kind, path):
-        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         self._process = lab.start(
             where,
             sys.executable,
@@ -89,7 +94,6 @@ class Worker:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env=environment,
         )
         self._lines = queue.Queue()
         self._complaints = []
@@ -254,9 +258,3 @@ def needed(tool):
 
     if which(tool) is None:
         pytest.skip(f"needs the tool `{tool}`")
-
-
-def version_of_tshark():
-    text = subprocess.run(["tshark", "--version"], capture_output=True, text=True, check=False).stdout
-    found = re.search(r"(\d+)\.(\d+)", text)
-    return tuple(map(int, found.groups())) if found else (0, 0)
