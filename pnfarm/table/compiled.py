@@ -30,7 +30,8 @@ __all__ = ["IS_COMPILED", "cache_directory", "compiled", "is_cached"]
 
 def _digest() -> str:
     root = Path(__file__).resolve().parent.parent
-    state = hashlib.sha256(f"{sys.version} {numba.__version__} {np.__version__}".encode())
+    # the place counts too: Numba keeps the code of each copy of a file apart
+    state = hashlib.sha256(f"{root} {sys.version} {numba.__version__} {np.__version__}".encode())
     for room in _COMPILED_ROOMS:
         for path in sorted((root / room).glob("*.py")):
             state.update(path.name.encode())
