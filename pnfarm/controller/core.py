@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.controller.search import Outcome, Search
 from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
 from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 from pnfarm.errors import DecodeError
@@ -32,9 +33,6 @@ from pnfarm.protocols.profinet.dcp_client import (
     DcpClient,
     GetFinished,
     HelloReceived,
-    IdentifyAnswered,
-    IdentifyFinished,
-    SetFinished,
 )
 from pnfarm.protocols.profinet.dcp_device import DcpDevice, DcpIdentity
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, describe_status, pnio_error
@@ -42,7 +40,6 @@ from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
-from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
@@ -69,13 +66,6 @@ __all__ = ["ControllerCore"]
 
 #: UDP port of our own calls.
 CALL_PORT = 49_153
-#: How long an Identify by name waits for its one answer.
-SEARCH_NS = 500_000_000
-#: From so many drives that are sought at once on, everybody is asked to answer instead of each one by its name: a
-#: question by name reaches every station, so that a thousand of them are a million copies.
-ROLL_CALL = 16
-#: Answers to a roll call that come within 10 ms (the unit of DCP's response delay).
-ROLL_CALL_BURST = 16
 #: First frame id of the input CRs (RT_CLASS_2 unicast); each drive has its own.
 FIRST_FRAME_ID = 0x8000
 #: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
@@ -132,9 +122,7 @@ class ControllerCore:
         self.ip.set_address(ip)
         self.rpc = RpcServer(RpcServerConfig(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),)))
         self.client = RpcClient(self._uuids)
-        self._by_xid: dict[int, DeviceSession] = {}
-        self._roll_calls: dict[int, dict[str, DeviceSession]] = {}
-        self._sought: list[DeviceSession] = []
+        self._search = Search(self.dcp, count)
         self._by_call: dict[int, DeviceSession] = {}
         self._by_ar: dict[Any, DeviceSession] = {}
         self._by_mac: dict[bytes, DeviceSession] = {}
@@ -301,23 +289,10 @@ class ControllerCore:
 
     def _do_search(self, session: DeviceSession, now: int) -> None:
         session.measures.search_ns = now
-        self._sought.append(session)
-
-    def _ask(self, now: int) -> None:
-        """Send the Identify requests for all sessions that began to search in this instant."""
-        sought, self._sought = self._sought, []
-        if len(sought) > ROLL_CALL:
-            factor = max(1, len(self.sessions) // ROLL_CALL_BURST)
-            xid = self.dcp.identify(now=now, delay_factor=factor)
-            self._roll_calls[xid] = {session.plan.name: session for session in sought}
-            return
-        for session in sought:
-            session.xid = self.dcp.identify([NameBlock(session.plan.name)], now=now, window_ns=SEARCH_NS, expected=1)
-            self._by_xid[session.xid] = session
+        self._search.seek(session)
 
     def _do_address(self, session: DeviceSession, now: int) -> None:
-        session.xid = self.dcp.set_ip(session.mac, session.plan.ip, session.plan.gateway, permanent=False, now=now)
-        self._by_xid[session.xid] = session
+        self._search.address(session, now)
 
     def _do_connect(self, session: DeviceSession, now: int) -> None:
         self._session_key = self._session_key % 0xFFFF + 1
@@ -447,10 +422,9 @@ class ControllerCore:
 
     def _settle(self, now: int) -> None:
         """Carry events between the machines until nothing moves, then send."""
-        if self._sought:
-            self._ask(now)
         moved = True
         while moved:
+            self._search.ask(now)
             moved = self._pump_dcp(now)
             moved = self._pump_ip(now) or moved
             moved = self._pump_rpc(now) or moved
@@ -463,63 +437,24 @@ class ControllerCore:
     def _pump_dcp(self, now: int) -> bool:
         events = self.dcp.events()
         for event in events:
-            if isinstance(event, (IdentifyAnswered, IdentifyFinished, SetFinished)):
-                self._take_dcp(event, now)
-            elif isinstance(event, HelloReceived):
+            if isinstance(event, HelloReceived):
                 self._hello(event, now)
             elif isinstance(event, GetFinished):
                 self._drop("unasked-get")
+            for outcome in self._search.outcomes(event):
+                self._take_search(outcome, now)
         own = self.dcp_self.events()
         return bool(events or own)
 
-    def _take_dcp(self, event: IdentifyAnswered | IdentifyFinished | SetFinished, now: int) -> None:
-        called = self._roll_calls.get(event.xid)
-        if called is not None:
-            self._take_roll_call(event, called, now)
-            return
-        session = self._by_xid.get(event.xid)
-        if session is None:
-            return
-        match event:
-            case IdentifyAnswered():
-                self._found(session, event, now)
-            case IdentifyFinished():
-                self._by_xid.pop(event.xid, None)
-                self._missed(session, now)
-            case SetFinished(error=error):
-                self._by_xid.pop(event.xid, None)
-                if error is not None:
-                    session.measures.last_reason = f"Set IP: {error}"
-                self._sign(session, Sign.MISSED if error else Sign.ADDRESSED, now)
-
-    def _take_roll_call(
-        self,
-        event: IdentifyAnswered | IdentifyFinished | SetFinished,
-        called: dict[str, DeviceSession],
-        now: int,
-    ) -> None:
-        if isinstance(event, IdentifyAnswered):
-            session = called.get(event.info.name or "")
-            if session is not None:
-                self._found(session, event, now)
-        elif isinstance(event, IdentifyFinished):
-            del self._roll_calls[event.xid]
-            for session in called.values():
-                self._missed(session, now)
-
-    def _found(self, session: DeviceSession, event: IdentifyAnswered, now: int) -> None:
-        if session.state is not SessionState.SEARCH:
-            return
-        session.mac = event.mac
-        session.station_type = event.info.station_type or ""
-        self.ip.learn(session.plan.ip.ip, event.mac, now)
-        ready = not session.plan.assign_ip or event.info.ip == session.plan.ip.ip
-        self._sign(session, Sign.FOUND_READY if ready else Sign.FOUND, now)
-
-    def _missed(self, session: DeviceSession, now: int) -> None:
-        if session.state is SessionState.SEARCH:
-            session.measures.last_reason = "no station of this name answers"
-            self._sign(session, Sign.MISSED, now)
+    def _take_search(self, outcome: Outcome, now: int) -> None:
+        session = outcome.session
+        if outcome.answer is not None:
+            session.mac = outcome.answer.mac
+            session.station_type = outcome.answer.info.station_type or ""
+            self.ip.learn(session.plan.ip.ip, session.mac, now)
+        elif outcome.reason:
+            session.measures.last_reason = outcome.reason
+        self._sign(session, outcome.sign, now)
 
     def _hello(self, event: HelloReceived, now: int) -> None:
         """A drive came up: no need to wait for the next search."""

@@ -102,7 +102,6 @@ class DeviceSession:
     state: SessionState = SessionState.WAIT
     due_ns: int | None = 0
     mac: bytes = b""
-    xid: int | None = None
     machine: CmController | None = None
     ar_uuid: UUID | None = None
     provider: int | None = None

@@ -3,6 +3,8 @@
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.controller.session import SessionState
+
 
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
 def test_controller_finds_addresses_connects_and_runs_a_drive(startup):
@@ -14,3 +16,93 @@ def test_controller_finds_addresses_connects_and_runs_a_drive(startup):
     assert axis.state == 4
     assert axis.velocity == pytest.approx(60.0, abs=0.3)
     assert "ar established" in line.events("axis-01")
+
+
+def test_a_drive_that_is_not_there_is_sought_again_until_it_comes():
+    line = VirtualLine()
+    station = line.farm.stations[0]
+    station.power_off(line.world.now)
+    line.run(3.0)
+    assert line.plc.sessions[0].measures.connects == 0
+    assert line.plc.sessions[0].measures.last_reason == "no station of this name answers"
+    station.power_on(line.world.now)
+    line.farm.settle(station, line.world.now)
+    line.connect()
+
+
+def test_a_drive_without_its_address_gets_it_from_the_controller_for_this_power_cycle_only():
+    line = VirtualLine()
+    station = line.farm.stations[0]
+    station.dcp.address = None
+    station._set_address(None, None)
+    line.connect()
+    assert str(station.ip.address) == "10.77.0.11/23"
+    assert line.memory.load("axis-01")["ip"] == ""
+
+
+def test_twenty_drives_are_found_by_one_roll_call():
+    line = VirtualLine(drives=20)
+    line.connect()
+    for station in line.farm.stations:
+        assert station.dropped.get("identify-for-another", 0) == 0
+
+
+def test_a_few_drives_are_asked_for_by_their_names():
+    line = VirtualLine(drives=3)
+    line.connect()
+    for station in line.farm.stations:
+        assert station.dropped["identify-for-another"] == 2
+
+
+def test_connect_reconnect_reaction_and_recovery_are_measured():
+    line = VirtualLine()
+    line.connect()
+    line.enable()
+    line.farm.columns.ppm[0].active = 0
+    line.run(0.2)
+    line.enable()
+    line.run(0.5)
+    (row,) = line.plc.snapshot()
+    assert row["connects"] == 2
+    assert row["losses"] == 1
+    # nothing takes time on an ideal wire but the pause before the next search
+    assert row["connect_seconds"] == 0.0
+    assert 0.3 <= row["reconnect_seconds"] < 1.0
+    assert 0.0 < row["reaction_seconds"] <= 0.064
+    assert row["faults"] == 1
+    # the program waits 200 ms before it acknowledges F702
+    assert 0.2 < row["recovery_seconds"] < 1.0
+
+
+def test_a_fault_whose_cause_stays_is_acknowledged_again_and_again_until_it_goes():
+    line = VirtualLine()
+    line.connect()
+    line.enable()
+    station = line.farm.stations[0]
+    number = station.raise_fault(702, hold=True)
+    line.run(4.0)
+    assert line.farm.columns.axis[0].fault_code[0] != 0
+    station.release_fault(number)
+    line.enable(within=4.0)
+    assert line.farm.columns.axis[0].fault_counter == 1
+
+
+def test_another_module_than_expected_is_told_and_its_axis_stays_offline():
+    line = VirtualLine(telegram=350)
+    station = line.farm.stations[0]
+    other = next(
+        m for m in station.description.modules if m.module_ident != station.description.modules[0].module_ident
+    )
+    station.cm.plugged.force(other)
+    line.run(2.0)
+    assert any(entry.event == "module differs" for entry in line.plc_log.entries("axis-01"))
+    assert line.farm.columns.axis[0].state == 1
+
+
+def test_after_a_release_nothing_connects_again():
+    line = VirtualLine()
+    line.connect()
+    line.plc.release(line.world.now)
+    line.run(3.0)
+    assert line.plc.sessions[0].state is SessionState.STOPPED
+    assert not line.farm.stations[0].ars
