@@ -15,7 +15,7 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
-from pnfarm.farm.fault_targets import log_fault
+from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp

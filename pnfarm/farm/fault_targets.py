@@ -17,7 +17,7 @@ from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.faults.carrier import Carriers
 from pnfarm.faults.gate import GatedLink, GateRule
-from pnfarm.faults.manager import FaultEnded, FaultManager, FaultStarted
+from pnfarm.faults.manager import FaultManager
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.faults.target import Connection, Evidence, ReadyRule, Way
 from pnfarm.faults.words import FaultError
@@ -43,14 +43,12 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.config_model import Impairment
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.event_log import EventLog
     from pnfarm.farm.station import DriveStation
-    from pnfarm.faults.manager import FaultEvent
     from pnfarm.links.base import Clock
     from pnfarm.protocols.profinet.binding import DriveRecords
     from pnfarm.protocols.profinet.errors import PnioStatus, RecordError
 
-__all__ = ["StationTarget", "add_impairments", "attach_faults", "log_fault"]
+__all__ = ["StationTarget", "add_impairments", "attach_faults"]
 
 
 class _HeldChannel(ParameterChannel):
@@ -131,7 +129,7 @@ class StationTarget:
         )
 
     def cycles(self) -> int:
-        closed = self._station.closed_channels
+        closed = self._station.channels.closed
         rows = [self._core.columns.ppm[row] for ar in self._station.ars.values() for row, _ in ar.providers]
         return closed.sent + closed.suppressed + sum(int(row.sent) + int(row.suppressed) for row in rows)
 
@@ -412,25 +410,6 @@ def attach_faults(core: FarmCore, clock: Clock) -> FaultManager:
     core.faults = manager
     core.listeners.append(lambda station, _kind, _when, _value: manager.touch(station.configured_name))
     return manager
-
-
-def log_fault(log: EventLog, event: FaultEvent) -> None:
-    """One line for a fault that started or ended on a drive."""
-    match event:
-        case FaultStarted(fault_id, kind, drive, now):
-            log.record(now, drive, "fault injected", level="warning", id=fault_id, kind=kind)
-        case FaultEnded(fault_id, kind, drive, now, reason, seen):
-            log.record(
-                now,
-                drive,
-                "injected fault ended",
-                id=fault_id,
-                kind=kind,
-                reason=reason,
-                checks=seen.checks,
-                activations=seen.activations,
-                confirmed=seen.confirmed,
-            )
 
 
 def add_impairments(manager: FaultManager, drives: Sequence[DriveConfig], now: int) -> None:

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.station import ArChannels, DriveStation
+    from pnfarm.farm.station import DriveStation
+    from pnfarm.farm.station_channels import ArChannels
     from pnfarm.faults.manager import FaultManager
     from pnfarm.protocols.profinet.ar import CmdevState
 
@@ -91,7 +92,7 @@ def ar_state(station: DriveStation) -> CmdevState | None:
 
 def discards(core: FarmCore, station: DriveStation) -> dict[str, int]:
     """Frames that the drive dropped, by reason: cyclic ones since the start, and those of the protocol machines."""
-    cyclic = station.closed_channels.discarded.copy()
+    cyclic = station.channels.closed.discarded.copy()
     for ar in station.ars.values():
         for row, _ in ar.consumers:
             cyclic += core.columns.cpm[row].discarded
@@ -203,7 +204,7 @@ def _state_word(powered: bool, state: int) -> str:
 
 def _frames(core: FarmCore, station: DriveStation) -> tuple[int, int, int]:
     """Cyclic frames sent, kept back by a fault, received, over all connections since the start."""
-    closed = station.closed_channels
+    closed = station.channels.closed
     sent, suppressed, received = closed.sent, closed.suppressed, closed.received
     for ar in station.ars.values():
         for row, _ in ar.providers:

@@ -10,7 +10,7 @@ the frames.  What it decides itself is what lies between the machines:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
@@ -21,12 +21,11 @@ from pnfarm.drives.store import (
     RebootRequested,
     TelegramChanged,
 )
-from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.errors import DecodeError, InternalError
-from pnfarm.farm.closed_channels import ClosedChannels
+from pnfarm.farm.station_channels import ArChannels, StationChannels
 from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
-from pnfarm.protocols.profinet.binding import channel_layout, describe_device
+from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.cmdev import CmDevice
 from pnfarm.protocols.profinet.dcp_device import (
     DcpDevice,
@@ -47,7 +46,7 @@ from pnfarm.protocols.profinet.events import (
     PrmEndReceived,
     RecordWritten,
 )
-from pnfarm.protocols.profinet.record_store import DeviceRecords, IoData
+from pnfarm.protocols.profinet.record_store import DeviceRecords
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceived, CallReturned, RpcServerConfig
@@ -57,7 +56,6 @@ from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
 from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
-from pnfarm.table.channel import IOXS_GOOD
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
@@ -72,9 +70,8 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Port
-    from pnfarm.protocols.profinet.ar import IocrLayout
 
-__all__ = ["ArChannels", "DriveStation", "StationServices"]
+__all__ = ["DriveStation", "StationServices"]
 
 #: UDP port from which a device calls its controller (any free one will do; the answer comes back to it).
 CALL_PORT = 49_152
@@ -98,22 +95,6 @@ class StationServices:
     uuids: Callable[[], UUID]
 
 
-@dataclass(slots=True)
-class ArChannels:
-    """The rows of one AR, and who is behind it."""
-
-    initiator: str
-    ip: IPv4Address
-    mac: bytes
-    cycle_ns: int
-    watchdog_ns: int
-    providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
-    consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
-    unusable: frozenset[Any] = frozenset()
-    established: bool = False
-    connected_ns: int = 0
-
-
 class DriveStation:
     """See the module's head.  ``index`` is the row of axis and image."""
 
@@ -133,8 +114,7 @@ class DriveStation:
         self.aborts: dict[str, int] = {}
         self.watchdog_expirations = 0
         self.fault_counts: dict[int, int] = {}
-        self.ars: dict[int, ArChannels] = {}
-        self.closed_channels = ClosedChannels()
+        self.channels = StationChannels(index, port, services.channels, services.impairments)
         self.signalled_ns: int | None = None
         #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
@@ -199,7 +179,11 @@ class DriveStation:
         self.client = RpcClient(self._services.uuids)
         plugged = Plugged(self.description)
         self.records = DeviceRecords(
-            self.description, plugged, lambda: self.cm.ars, application=self.parameter_records, io_data=self._io_data
+            self.description,
+            plugged,
+            lambda: self.cm.ars,
+            application=self.parameter_records,
+            io_data=self.channels.io_data,
         )
         self.cm = CmDevice(self.description, plugged, self.records, mac=mac, station_name=name)
 
@@ -207,6 +191,11 @@ class DriveStation:
         self.ip.set_address(address, gateway)
         #: The address as in an ARP packet, empty for none: looked at for every broadcast.
         self.own_ip = address.ip.packed if address is not None else b""
+
+    @property
+    def ars(self) -> dict[int, ArChannels]:
+        """The connections that stand, by the key of their AR."""
+        return self.channels.ars
 
     @property
     def name(self) -> str:
@@ -259,7 +248,7 @@ class DriveStation:
         if len(frame.payload) < 2:
             self._drop("short")
         elif DCP_HELLO <= int.from_bytes(frame.payload[:2], "big") <= DCP_IDENTIFY_RESPONSE:
-            self.dcp.in_operation = any(ar.providers for ar in self.ars.values())
+            self.dcp.in_operation = self.channels.any_cyclic
             self.dcp.receive(frame, now)
         elif frame.destination != self.port.mac:
             self._drop("other-destination")
@@ -430,7 +419,7 @@ class DriveStation:
                     self.connects += 1
                     self._note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
             case ArAborted(key, code1, code2, reason, by_peer):
-                self._lost(key, now)
+                self._lost(key)
                 self.aborts[reason] = self.aborts.get(reason, 0) + 1
                 self._note(
                     now, "ar aborted", level="warning", reason=reason, code1=code1, code2=code2, by_controller=by_peer
@@ -450,7 +439,7 @@ class DriveStation:
                     self._keep(now, "drive", self.store.snapshot())
                     self._note(now, "parameters saved")
                 case TelegramChanged(number):
-                    self._relay_words()
+                    self.channels.rewrite(self.store.input_words(), self.store.output_words())
                     self._note(now, "telegram changed", telegram=number)
                 case RebootRequested():
                     self.power_cycle(now)
@@ -469,140 +458,45 @@ class DriveStation:
         telegram = self.model.telegram_by_module(module.module_ident) if module else None
         if telegram is not None:
             self.store.plug_telegram(telegram.number)
-        outputs = [cr for cr in event.iocrs if not cr.is_input]
-        cycle = min(cr.cycle_ns for cr in event.iocrs)
-        watchdog = min((cr.data_hold_ns for cr in outputs), default=0)
-        ar = ArChannels(
-            initiator=event.initiator_name,
-            ip=event.initiator_ip,
-            mac=event.initiator_mac,
-            cycle_ns=cycle,
-            watchdog_ns=watchdog,
-            unusable=event.unusable,
-            connected_ns=now,
-        )
-        self.ars[event.ar_key] = ar
-        self.store.watchdog_ns = watchdog
-        self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, cycle // 4))
-        services = self._services
-        for cr in event.iocrs:
-            words = self.store.input_words() if cr.is_input else self.store.output_words()
-            layout = channel_layout(cr, words, event.unusable)
-            if cr.is_input:
-                row = services.channels.open_provider(
-                    ProviderPlan(
-                        image=self.index,
-                        port=self.port.index,
-                        destination=event.initiator_mac,
-                        source=self.port.mac,
-                        frame_id=cr.frame_id,
-                        data_length=cr.data_length,
-                        send_clock_factor=cr.send_clock_factor,
-                        reduction_ratio=cr.reduction_ratio,
-                        words=layout.words,
-                        iops=layout.iops,
-                        constants=layout.constants,
-                        phase=max(0, cr.phase - 1) if cr.phase > 1 else self.index,
-                    )
-                )
-                ar.providers.append((row, cr))
-                services.impairments.channel_opened(self.index, "out", row)
-            else:
-                row = services.channels.open_consumer(
-                    ConsumerPlan(
-                        image=self.index,
-                        port=self.port.index,
-                        source=event.initiator_mac,
-                        frame_id=cr.frame_id,
-                        data_length=cr.data_length,
-                        send_clock_factor=cr.send_clock_factor,
-                        reduction_ratio=cr.reduction_ratio,
-                        data_hold_factor=cr.data_hold_factor,
-                        words=layout.words,
-                        iops=layout.iops,
-                    )
-                )
-                ar.consumers.append((row, cr))
-                services.impairments.channel_opened(self.index, "in", row)
+        ar = self.channels.open(event, self.store.input_words(), self.store.output_words(), now)
+        self.store.watchdog_ns = ar.watchdog_ns
+        self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, ar.cycle_ns // 4))
         self._note(
             now,
             "ar connected",
             controller=event.initiator_name,
             ip=str(event.initiator_ip),
             telegram=self.store.telegram_number,
-            cycle_seconds=cycle / 1e9,
-            watchdog_seconds=watchdog / 1e9,
+            cycle_seconds=ar.cycle_ns / 1e9,
+            watchdog_seconds=ar.watchdog_ns / 1e9,
         )
 
-    def _relay_words(self) -> None:
-        """A new mapping: rewrite the words of the open channels in place, longest-lived field last."""
-        for ar in self.ars.values():
-            for row, cr in ar.providers:
-                layout = channel_layout(cr, self.store.input_words(), ar.unusable)
-                self._services.channels.rewrite_words("ppm", row, layout.words)
-            for row, cr in ar.consumers:
-                layout = channel_layout(cr, self.store.output_words(), ar.unusable)
-                self._services.channels.rewrite_words("cpm", row, layout.words)
-
     def _close(self, key: int) -> None:
-        ar = self.ars.pop(key, None)
-        if ar is None:
-            return
-        for row, _ in ar.providers:
-            self._services.impairments.channel_closed(self.index, "out", row)
-            self._services.channels.close_provider(row)
-            self.closed_channels.add_provider(self._services.channels, row)
-        for row, _ in ar.consumers:
-            self._services.impairments.channel_closed(self.index, "in", row)
-            self._services.channels.close_consumer(row)
-            self.closed_channels.add_consumer(self._services.channels, row)
-        if not any(a.providers for a in self.ars.values()):
+        if self.channels.close(key) is not None and not self.channels.any_cyclic:
             self.handle.axis.step_ns = SLOWEST_STEP_NS
             self.parameter_records.reset()
 
-    def _lost(self, key: int, now: int) -> None:
+    def _lost(self, key: int) -> None:
         """An established connection ended without a release: the drive's own fault, unless it has it already."""
         ar = self.ars.get(key)
         if ar is None:
             return
-        established = ar.established
         self._close(key)
         code = int(self.handle.axis.loss_fault)
-        if established and code and ar.consumers:
+        if ar.established and code and ar.consumers:
             self.handle.push_command(CMD_RAISE_FAULT, code)
-        del now
-
-    def _io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:
-        """One submodule's cyclic data as it is on the wire, for the records that show it."""
-        for ar in self.ars.values():
-            consumer_iocs = {(c.slot, c.subslot): c.iocs_offset for _, cr in ar.providers for c in cr.iocs}
-            for row, cr in ar.consumers if output else ar.providers:
-                place = cr.data_of(slot, subslot)
-                if place is None:
-                    continue
-                channels = self._services.channels
-                octets = channels.consumed(row) if output else channels.provided(row)
-                data = octets[place.data_offset : place.data_offset + place.data_length]
-                iocs = IOXS_GOOD
-                if output and (slot, subslot) in consumer_iocs and ar.providers:
-                    iocs = channels.provided(ar.providers[0][0])[consumer_iocs[slot, subslot]]
-                return IoData(data, octets[place.iops_offset], iocs)
-        return None
 
     # -- the engine's events -----------------------------------------------------------------------------------------
 
-    def _ar_of_consumer(self, row: int) -> int | None:
-        return next((key for key, ar in self.ars.items() if any(r == row for r, _ in ar.consumers)), None)
-
     def first_frame(self, row: int, now: int) -> None:
         """Valid cyclic data arrived on this consumer for the first time."""
-        key = self._ar_of_consumer(row)
+        key = self.channels.of_consumer(row)
         if key is not None:
             self.cm.data_received(key, now)
 
     def expired(self, row: int, silent_ns: int, now: int) -> None:
         """The data hold timer of this consumer ran out."""
-        key = self._ar_of_consumer(row)
+        key = self.channels.of_consumer(row)
         if key is not None:
             self.watchdog_expirations += 1
             self._note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)

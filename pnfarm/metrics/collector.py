@@ -270,7 +270,7 @@ class FarmCollector(Collector):
         sent: Any = np.zeros(count, np.int64)
         received: Any = np.zeros(count, np.int64)
         for station in stations:
-            closed, index = station.closed_channels, station.index
+            closed, index = station.channels.closed, station.index
             sent[index] = closed.sent
             received[index] = closed.received
             intervals[index] = closed.intervals

@@ -1,0 +1,160 @@
+"""The cyclic channels of one station: rows of the channel tables, AR by AR."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
+from pnfarm.farm.closed_channels import ClosedChannels
+from pnfarm.protocols.profinet.binding import channel_layout
+from pnfarm.protocols.profinet.record_store import IoData
+from pnfarm.table.channel import IOXS_GOOD
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from ipaddress import IPv4Address
+
+    from pnfarm.engine.impairments import ImpairmentTable
+    from pnfarm.engine.schedule import ChannelTable
+    from pnfarm.links.base import Port
+    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.events import ArConnected
+
+__all__ = ["ArChannels", "StationChannels"]
+
+
+@dataclass(slots=True)
+class ArChannels:
+    """The rows of one AR, and who is behind it."""
+
+    initiator: str
+    ip: IPv4Address
+    mac: bytes
+    cycle_ns: int
+    watchdog_ns: int
+    providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
+    consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
+    unusable: frozenset[Any] = frozenset()
+    established: bool = False
+    connected_ns: int = 0
+
+
+class StationChannels:
+    """Opens and closes the rows of a station's ARs; ``index`` is its process image, ``closed`` what went before."""
+
+    def __init__(self, index: int, port: Port, channels: ChannelTable, impairments: ImpairmentTable) -> None:
+        self.ars: dict[int, ArChannels] = {}
+        self.closed = ClosedChannels()
+        self._index = index
+        self._port = port
+        self._channels = channels
+        self._impairments = impairments
+
+    @property
+    def any_cyclic(self) -> bool:
+        """Whether some AR carries IO data."""
+        return any(ar.providers for ar in self.ars.values())
+
+    def of_consumer(self, row: int) -> int | None:
+        """The key of the AR that consumes in this row."""
+        return next((key for key, ar in self.ars.items() if any(r == row for r, _ in ar.consumers)), None)
+
+    def open(self, event: ArConnected, input_words: Sequence[int], output_words: Sequence[int], now: int) -> ArChannels:
+        """Rows for every CR of an AR that was connected; the words are the telegram's, in its order."""
+        ar = ArChannels(
+            initiator=event.initiator_name,
+            ip=event.initiator_ip,
+            mac=event.initiator_mac,
+            cycle_ns=min(cr.cycle_ns for cr in event.iocrs),
+            watchdog_ns=min((cr.data_hold_ns for cr in event.iocrs if not cr.is_input), default=0),
+            unusable=event.unusable,
+            connected_ns=now,
+        )
+        self.ars[event.ar_key] = ar
+        for cr in event.iocrs:
+            if cr.is_input:
+                self._provide(ar, cr, input_words)
+            else:
+                self._consume(ar, cr, output_words)
+        return ar
+
+    def _provide(self, ar: ArChannels, cr: IocrLayout, words: Sequence[int]) -> None:
+        layout = channel_layout(cr, words, ar.unusable)
+        row = self._channels.open_provider(
+            ProviderPlan(
+                image=self._index,
+                port=self._port.index,
+                destination=ar.mac,
+                source=self._port.mac,
+                frame_id=cr.frame_id,
+                data_length=cr.data_length,
+                send_clock_factor=cr.send_clock_factor,
+                reduction_ratio=cr.reduction_ratio,
+                words=layout.words,
+                iops=layout.iops,
+                constants=layout.constants,
+                # a controller that leaves every phase at 1 has its drives' frames spread all the same
+                phase=cr.phase - 1 if cr.phase > 1 else self._index,
+            )
+        )
+        ar.providers.append((row, cr))
+        self._impairments.channel_opened(self._index, "out", row)
+
+    def _consume(self, ar: ArChannels, cr: IocrLayout, words: Sequence[int]) -> None:
+        layout = channel_layout(cr, words, ar.unusable)
+        row = self._channels.open_consumer(
+            ConsumerPlan(
+                image=self._index,
+                port=self._port.index,
+                source=ar.mac,
+                frame_id=cr.frame_id,
+                data_length=cr.data_length,
+                send_clock_factor=cr.send_clock_factor,
+                reduction_ratio=cr.reduction_ratio,
+                data_hold_factor=cr.data_hold_factor,
+                words=layout.words,
+                iops=layout.iops,
+            )
+        )
+        ar.consumers.append((row, cr))
+        self._impairments.channel_opened(self._index, "in", row)
+
+    def rewrite(self, input_words: Sequence[int], output_words: Sequence[int]) -> None:
+        """A new mapping: other words in the open channels, in place."""
+        for ar in self.ars.values():
+            for row, cr in ar.providers:
+                self._channels.rewrite_words("ppm", row, channel_layout(cr, input_words, ar.unusable).words)
+            for row, cr in ar.consumers:
+                self._channels.rewrite_words("cpm", row, channel_layout(cr, output_words, ar.unusable).words)
+
+    def close(self, key: int) -> ArChannels | None:
+        """Close the rows of one AR; what they counted is kept in :attr:`closed`."""
+        ar = self.ars.pop(key, None)
+        if ar is None:
+            return None
+        for row, _ in ar.providers:
+            self._impairments.channel_closed(self._index, "out", row)
+            self._channels.close_provider(row)
+            self.closed.add_provider(self._channels, row)
+        for row, _ in ar.consumers:
+            self._impairments.channel_closed(self._index, "in", row)
+            self._channels.close_consumer(row)
+            self.closed.add_consumer(self._channels, row)
+        return ar
+
+    def io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:
+        """One submodule's cyclic data as it is on the wire, for the records that show it."""
+        for ar in self.ars.values():
+            consumer_iocs = {(c.slot, c.subslot): c.iocs_offset for _, cr in ar.providers for c in cr.iocs}
+            for row, cr in ar.consumers if output else ar.providers:
+                place = cr.data_of(slot, subslot)
+                if place is None:
+                    continue
+                octets = self._channels.consumed(row) if output else self._channels.provided(row)
+                data = octets[place.data_offset : place.data_offset + place.data_length]
+                iocs = IOXS_GOOD
+                if output and (slot, subslot) in consumer_iocs and ar.providers:
+                    iocs = self._channels.provided(ar.providers[0][0])[consumer_iocs[slot, subslot]]
+                return IoData(data, octets[place.iops_offset], iocs)
+        return None
