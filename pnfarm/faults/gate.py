@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.faults.splitmix import SplitMix64
 from pnfarm.faults.target import Evidence, Way
 from pnfarm.links.base import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
-from pnfarm.links.impair import SplitMix64
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
 
 if TYPE_CHECKING:

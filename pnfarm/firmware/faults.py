@@ -70,6 +70,17 @@ def _release(axis: Any, number: int) -> None:
 
 
 @compiled
+def _into_history(axis: Any) -> None:
+    """The active situation becomes the newest acknowledged one: everything moves down by eight places."""
+    for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, FAULT_SLOTS - 1, -1):
+        axis.fault_buffer[i] = axis.fault_buffer[i - FAULT_SLOTS]
+    for i in range(FAULT_SLOTS):
+        axis.fault_buffer[i] = 0
+        axis.fault_code[i] = 0
+    axis.fault_ns = 0
+
+
+@compiled
 def acknowledge(axis: Any) -> bool:
     """Clear the situation unless a cause is still there; true when it was cleared."""
     if axis.fault_code[0] == 0:
@@ -77,13 +88,7 @@ def acknowledge(axis: Any) -> bool:
     for i in range(FAULT_SLOTS):
         if axis.fault_held[i] != 0:
             return False
-    last = FAULT_SLOTS * FAULT_SITUATIONS - 1
-    for i in range(last, FAULT_SLOTS - 1, -1):
-        axis.fault_buffer[i] = axis.fault_buffer[i - FAULT_SLOTS]
-    for i in range(FAULT_SLOTS):
-        axis.fault_buffer[i] = 0
-        axis.fault_code[i] = 0
-    axis.fault_ns = 0
+    _into_history(axis)
     return True
 
 
@@ -104,12 +109,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.image_valid = 0
     # an active situation becomes history, as if it had been acknowledged; held causes come back at once
     if axis.fault_code[0] != 0:
-        for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, FAULT_SLOTS - 1, -1):
-            axis.fault_buffer[i] = axis.fault_buffer[i - FAULT_SLOTS]
-        for i in range(FAULT_SLOTS):
-            axis.fault_buffer[i] = 0
-            axis.fault_code[i] = 0
-    axis.fault_ns = 0
+        _into_history(axis)
     axis.fault_counter = 0
     for i in range(FAULT_SLOTS):
         if axis.fault_held[i] != 0:
