@@ -84,7 +84,7 @@ class Plc:
         self._owner = f"{config.farm or 'farm'} {section.name}"
         self.link = link or _link(config, interface, self._owner)
         self._own_link = link is None
-        self._settings = settings or realtime_settings(config)
+        self._settings = settings or realtime_settings(config, len(self.drives))
         self._lock = FarmLock(self._owner)
         self._driver: RealTimeDriver | None = None
         self._core: ControllerCore | None = None

@@ -174,6 +174,11 @@ class Realtime(_Section):
         default=None, ge=1, le=99, description="SCHED_FIFO priority; left out, the ordinary scheduler."
     )
     mlockall: bool = Field(default=False, description="Keep all memory in RAM.")
+    timestamps: bool | None = Field(
+        default=None,
+        description="Let the kernel stamp each frame, so that intervals are the controller's own; without, they are as "
+        "exact as the engine's ticks. Left out: with up to 128 drives, where the cost does not matter.",
+    )
     timer_slack_ns: int = Field(
         default=1, ge=1, le=1_000_000_000, description="How late the kernel may wake the engine, nanoseconds."
     )

@@ -45,14 +45,15 @@ _RETURN = 0x06
 _ANCILLARY = 0x1_0000_0000 - 0x1000
 _ANCILLARY_PACKET_TYPE = _ANCILLARY + 4
 _ANCILLARY_IFINDEX = _ANCILLARY + 8
-#: Offsets from here count from the destination address, wherever the socket's own data begins.
-_LINK_LAYER = 0x1_0000_0000 - 0x200000
 
 # linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.
 _LAST_PACKET_TYPE_FOR_US = 2
 
 #: After destination, source and ethertype; priority tags (VLAN id 0) are gone when a socket sees the frame.
 _FRAME_ID_OFFSET = 14
+
+#: A fanout program sees a received frame from behind its EtherType on.
+_FANOUT_FRAME_ID_OFFSET = 0
 
 # linux/if_packet.h
 _SOL_PACKET = 263
@@ -134,7 +135,7 @@ def join_fanout(acyclic: socket.socket, cyclic: socket.socket) -> None:
         group = acyclic.getsockopt(_SOL_PACKET, _PACKET_FANOUT)
         program = assemble_choice(
             [
-                _load_half(_LINK_LAYER + _FRAME_ID_OFFSET),
+                _load_half(_FANOUT_FRAME_ID_OFFSET),
                 Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _DROP, _ACCEPT),
             ]
         )
