@@ -119,6 +119,8 @@ def farm_file() -> str:
             known = f"`{field['default']}`" if field.get("default") is not None else ""
             default = "required" if key in required else known
             words = _type(field, defs).replace("|", "\\|")
+            if words == "text" and isinstance(field.get("default"), int):
+                default = f"`{field['default'] / 1e9:g}s`"  # a duration: nanoseconds inside, words in the file
             meaning = " ".join(str(field.get("description", "")).split())
             lines.append(f"| `{key}` | {words} | {default} | {meaning} |")
         lines.append("")

@@ -52,6 +52,8 @@ def command(
 ) -> None:
     """Show a farm at work: drives, a controller, faults and recovery.  No root, no PLC."""
     begin = time.monotonic()
+    for file in (json_file, svg_file):
+        _check_writable(file)
     where, why = _enter()
     _announce(where, why)
     # numpy and the engine start threads, so they come only after the namespace was entered
@@ -71,6 +73,17 @@ def command(
         json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     if not summary["ok"]:
         raise typer.Exit(1)
+
+
+def _check_writable(file: Path | None) -> None:
+    """Before the demo runs, not after it.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
+    if file is None:
+        return
+    if file.is_dir():
+        raise EnvironmentError_(f"{file} cannot be written: it is a folder; give a file")
+    if not os.access(file if file.exists() else file.parent, os.W_OK):
+        why = "no permission" if file.parent.is_dir() else "its folder does not exist"
+        raise EnvironmentError_(f"{file} cannot be written: {why}")
 
 
 def _enter() -> tuple[str, str]:

@@ -87,13 +87,20 @@ def add(
 
 
 @app.command("list")
-def show(output: FormatOption = Format.TABLE, api: ApiOption = DEFAULT_URL, token: TokenOption = None) -> None:
-    """Print the faults that wait or are in force, with their evidence."""
+def show(
+    fault_id: Annotated[
+        str | None, typer.Argument(metavar="ID", help="One fault, also one that ended lately.", show_default=False)
+    ] = None,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """Print the faults that wait or are in force, or the one named, with their evidence."""
     from pnfarm.cli.client import FarmClient
     from pnfarm.cli.output import print_json, print_table
 
     with FarmClient(api, token) as farm:
-        found = farm.get("faults")
+        found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
     if output is Format.JSON:
         print_json(found)
         return

@@ -155,10 +155,14 @@ async def _run(config: FarmConfig) -> None:
     import anyio
 
     from pnfarm.api import serve_farm
+    from pnfarm.api.server import listen
     from pnfarm.cli.running import compile_ahead, stop_on_signals
     from pnfarm.farm.farm import Farm
 
     farm = Farm(config)
+    if (section := config.api) is not None:
+        # a taken port is told while the drives are still silent: another farm may have theirs on the wire
+        farm.on_start.append(lambda _: listen(section.host, section.port).close())
     async with stop_on_signals() as running:
         try:
             with running:

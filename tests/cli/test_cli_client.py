@@ -185,6 +185,13 @@ def test_fault_list_shows_the_evidence(ask, farm):
     assert line.split()[:6] == ["trip", "f702", "active", "3", "1", "yes"]
 
 
+def test_fault_list_of_one_shows_the_evidence_of_a_fault_that_ended(ask, farm):
+    farm.answer("GET", "faults/trip", {**FAULT, "state": "ended"})
+    _, line = ask("fault", "list", "trip").out.splitlines()
+    assert line.split()[:6] == ["trip", "f702", "ended", "3", "1", "yes"]
+    assert json.loads(ask("fault", "list", "trip", "--format", "json").out)["faults"][0]["state"] == "ended"
+
+
 def test_fault_clear_ends_one_or_all(ask, farm):
     farm.answer("DELETE", "faults/trip", FAULT)
     farm.answer("POST", "reset", {"cleared": ["a", "b"]})

@@ -169,6 +169,7 @@ def test_a_taken_port_is_told_and_leaves_nothing(farm, file, tmp_path, process, 
     found = process("up", other)
     assert found.code == 4
     assert "127.0.0.1:8702" in found.err.splitlines()[-1]
+    assert "farm started" not in found.err  # its drives never were on the wire
     assert own_interfaces(network, "other") == []
 
 
