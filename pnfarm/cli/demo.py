@@ -94,11 +94,27 @@ def _enter() -> tuple[str, str]:
         return "memory", "PNFARM_DEMO_MEMORY is set"
     try:
         sandbox = enter_sandbox()
-        _cable()
-        _uncable()
+        _try()
     except EnvironmentError_ as exc:
         return "memory", str(exc)
     return sandbox.kind, ""
+
+
+def _try() -> None:
+    """Whether this kernel lets us have what the demo needs: a cable, a macvlan on it, a raw socket."""
+    from pnfarm.links import bpf
+    from pnfarm.links.base import ETHERTYPE_PROFINET, PortSpec
+    from pnfarm.links.interfaces import Interfaces
+    from pnfarm.links.packet import open_packet_socket
+
+    _cable()
+    try:
+        with Interfaces() as interfaces:
+            (port,) = interfaces.create_macvlans("demo trial", PARENT, [PortSpec("trial", b"\x02\0\0\0\0\x01")])
+        open_packet_socket(ETHERTYPE_PROFINET, bpf.ethertype_filter(port.index, port.index)).close()
+    finally:
+        # what stands on the cable goes with it
+        _uncable()
 
 
 def _announce(where: str, why: str) -> None:

@@ -268,8 +268,9 @@ class ControllerCore:
                     "reaction_max_seconds": _seconds(int(row.reaction_max_ns) or None),
                     "recovery_seconds": _seconds(int(row.recovery_ns) or None),
                     "cycle_seconds": session.plan.send_clock_factor * session.plan.reduction_ratio * 31.25e-6,
-                    "frames_sent": int(provider.sent) if provider is not None else 0,
-                    "frames_received": int(consumer.received) if consumer is not None else 0,
+                    "frames_sent": measures.frames_sent + (int(provider.sent) if provider is not None else 0),
+                    "frames_received": measures.frames_received
+                    + (int(consumer.received) if consumer is not None else 0),
                     "last_reason": measures.last_reason,
                 }
             )
@@ -403,11 +404,14 @@ class ControllerCore:
         )
 
     def _close_channels(self, session: DeviceSession) -> None:
+        # a row starts at zero for its next connection; what is counted of a drive does not
         if session.provider is not None:
             self.channels.close_provider(session.provider)
+            session.measures.frames_sent += int(self.columns.ppm[session.provider].sent)
             session.provider = None
         if session.consumer is not None:
             self.channels.close_consumer(session.consumer)
+            session.measures.frames_received += int(self.columns.cpm[session.consumer].received)
             session.consumer = None
 
     def _forget_machine(self, session: DeviceSession) -> None:

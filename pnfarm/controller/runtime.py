@@ -55,6 +55,8 @@ def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
             bridge = wanted.bridge or bridge_name(config.farm or "farm")
             return VethLink(owner, bridge=bridge)
         case TapSection():
+            if wanted.bridge is None:
+                raise ConfigError("TAPs without a bridge hear nobody; give `link: {kind: tap, bridge: br0}`")
             return TapLink(owner, bridge=wanted.bridge)
         case _:
             raise ConfigError(

@@ -23,12 +23,16 @@ def _random32(row: Any) -> int:
 
 
 @compiled
-def _activates(row: Any, now: int) -> bool:
+def _activates(impairments: Any, row: Any, now: int) -> bool:
     """Does this impairment act on the frame at hand?  Counts the evidence."""
     if now < row.start_ns or (row.stop_ns != 0 and now >= row.stop_ns):
         return False
-    if row.limit != 0 and row.activations >= row.limit:
-        return False
+    if row.limit != 0:
+        used = row.activations
+        if row.shares > 0:
+            used += impairments[row.shares - 1].activations
+        if used >= row.limit:
+            return False
     row.checks += 1
     if row.checks <= row.after:
         return False
@@ -48,7 +52,7 @@ def impair_received(impairments: Any, first: int, now: int) -> bool:
     link = first
     while link > 0:
         row = impairments[link - 1]
-        if row.kind == LOSS and _activates(row, now):
+        if row.kind == LOSS and _activates(impairments, row, now):
             lost = True
         link = row.next
     return lost
@@ -61,7 +65,7 @@ def impair_sent(impairments: Any, provider: Any, frame: Any, now: int) -> bool:
     link = provider.impairment
     while link > 0:
         row = impairments[link - 1]
-        if _activates(row, now):
+        if _activates(impairments, row, now):
             status = provider.length - 2
             if row.kind == LOSS:
                 lost = True

@@ -62,6 +62,7 @@ class ImpairmentTable:
         row.kind = kind
         row.threshold = ALWAYS if probability >= 1.0 else int(probability * 2**32)
         row.limit = count
+        row.shares = 0
         row.after = after
         row.start_ns = start_ns
         row.stop_ns = stop_ns
@@ -80,9 +81,22 @@ class ImpairmentTable:
         station, way = self._owner.pop(number)
         self._chains[station, way].remove(number)
         self._link(station, way)
-        self._columns.impairment[number].kind = 0
+        row = self._columns.impairment[number]
+        if row.shares > 0:
+            self._columns.impairment[row.shares - 1].shares = 0
+        row.kind = 0
         self._free.insert(0, number)
         return evidence
+
+    def share_limit(self, one: int, other: int) -> None:
+        """Let two rows count against one limit: a fault on both ways happens so many times altogether."""
+        self._columns.impairment[one].shares = other + 1
+        self._columns.impairment[other].shares = one + 1
+
+    def set_limit(self, number: int, count: int) -> None:
+        """Change how often it may happen; something else used up a part of it."""
+        # zero would mean no limit
+        self._columns.impairment[number].limit = count if count > 0 else -1
 
     def evidence(self, number: int) -> CyclicEvidence:
         row = self._columns.impairment[number]

@@ -114,7 +114,8 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
     """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and forgotten."""
     engine = columns.engine[0]
     for i in range(count):
-        row = columns.tx_row[i]
+        # a plain integer: interpreted, address arithmetic with the array's int32 would overflow
+        row = int(columns.tx_row[i])
         provider = columns.ppm[row]
         port = int(provider.port)
         ring.tx_iov[row, 1] = provider.length

@@ -18,6 +18,7 @@ from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.protocols.profinet.dcp_device import identify_matches
+from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 from pnfarm.table import engine_row
@@ -175,6 +176,12 @@ class FarmCore:
         for station in self.stations:
             self.settle(station, now)
 
+    def stop(self, now: int) -> None:
+        """Tell every controller that its drive goes: an ERR-RTA for each connection."""
+        for station in self.stations:
+            station.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
+            self.settle(station, now)
+
     def station(self, name: str) -> DriveStation:
         """By the name in the farm file, or the one that DCP gave; raises :class:`ConfigError`."""
         found = self._by_name.get(name) or next((s for s in self.stations if s.name == name), None)
@@ -271,6 +278,9 @@ class FarmCore:
             engine_row.IOPS_CHANGED,
         }:
             station = self.stations[int(self.columns.cpm[row].image)]
+            if station.channels.of_consumer(row) is None:
+                # the connection went while the event waited
+                return None
             if kind == engine_row.FIRST_FRAME:
                 station.first_frame(row, when)
             elif kind == engine_row.EXPIRED:

@@ -208,8 +208,12 @@ class Farm:
             self.log.record(now, "", "real-time option refused", level="warning", option=what, reason=why)
 
     async def close(self) -> None:
-        """Stop, and remove every interface that the farm made."""
+        """Stop, tell the controllers, and remove every interface that the farm made."""
         try:
+            if self._core is not None and self._driver is not None:
+                now = time.monotonic_ns()
+                self._core.stop(now)
+                self.log.record(now, "", "farm stopped")
             if self._driver is not None:
                 await self._driver.close()
         finally:

@@ -162,6 +162,12 @@ class StationTarget:
         except InternalError as exc:
             raise ConfigError(f"{self.name} cannot take one more fault on cyclic frames: {exc}; clear some") from exc
 
+    def share_limit(self, one: int, other: int) -> None:
+        self._core.impairments.share_limit(one, other)
+
+    def set_limit(self, number: int, count: int) -> None:
+        self._core.impairments.set_limit(number, count)
+
     def impairment(self, number: int) -> Evidence:
         return _evidence(self._core.impairments.evidence(number))
 

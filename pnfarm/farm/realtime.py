@@ -16,6 +16,7 @@ from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.errors import InternalError
 from pnfarm.links.base import EngineLink, unwrap
+from pnfarm.links.linux import PacketLink
 from pnfarm.links.tap import TapLink
 from pnfarm.table.columns import RX_BATCH
 
@@ -135,6 +136,9 @@ class RealTimeDriver:
         engine = self.engine
         if engine is not None:
             self._guard(engine.check)
+            link = unwrap(self.node.link)
+            if isinstance(link, PacketLink):
+                self._guard(link.check)
             loop.call_later(CHECK_SECONDS, self._check, loop)
 
 

@@ -36,6 +36,7 @@ from pnfarm.protocols.profinet.dcp_device import (
     SignalRequested,
 )
 from pnfarm.protocols.profinet.description import Plugged
+from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.events import (
     ApplicationReadyConfirmed,
     ArAborted,
@@ -332,6 +333,7 @@ class DriveStation:
                     self._note(now, "signal")
                 case FactoryReset(mode):
                     self._note(now, "factory reset", mode=mode.name.lower())
+                    self.cm.abort_all(RtaError.RESET_TO_FACTORY, now)
                     self._factory_reset(now)
         return bool(events)
 

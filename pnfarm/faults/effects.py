@@ -167,6 +167,8 @@ class Frames:
                     stop_ns=window.stop_ns,
                 )
                 self._rows[number] = way
+            if self._spec.count and len(self._rows) == 2:
+                self._target.share_limit(*self._rows)
         except BaseException:
             self.end()
             raise
@@ -179,8 +181,20 @@ class Frames:
                 count=self._spec.count or 0,
                 stop_ns=window.stop_ns,
                 armed=self._armed,
+                spent=self._spent,
+                lost=self._gate_lost,
             )
             self._target.gate(self._rule)
+
+    def _spent(self) -> int:
+        """Cyclic frames that the engine acted on."""
+        return sum(self._target.impairment(row).activations for row in self._rows)
+
+    def _gate_lost(self) -> None:
+        """An acyclic frame was lost: so much less is left for the cyclic ones."""
+        if self._spec.count and self._rule is not None:
+            for number in self._rows:
+                self._target.set_limit(number, self._spec.count - self._rule.evidence().activations)
 
     def _armed(self) -> bool:
         """The engine has let the healthy frames pass."""
@@ -203,12 +217,10 @@ class Frames:
 
     @property
     def remaining(self) -> int:
-        """Occurrences until every way has had its ``count``; of the cyclic frames, where it acts on them."""
+        """Occurrences that are left of ``count``; 1 while there is no such limit."""
         if self._spec.count is None:
             return 1
-        if self._rows:
-            return max(self._spec.count - self._target.impairment(row).activations for row in self._rows)
-        return 0 if self._rule is not None and self._rule.exhausted else 1
+        return self._spec.count - self.evidence().activations
 
 
 class FramesEffect(Effect):

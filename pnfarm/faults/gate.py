@@ -64,8 +64,9 @@ def is_rpc(frame: bytes) -> bool:
 class GateRule:
     """Loses the frames that ``selects`` says, on the ways in ``ways``.
 
-    ``probability`` of each, ``count`` (0: no limit) on each way, not before ``armed()`` says so, and none at or after
-    ``stop_ns`` (0: no end).  Each way has a random sequence of its own, so that one does not depend on the other.
+    ``probability`` of each, ``count`` (0: no limit) altogether, of which ``spent()`` happened elsewhere; not before
+    ``armed()`` says so, and none at or after ``stop_ns`` (0: no end).  ``lost()`` is told each loss.  Each way has a
+    random sequence of its own, so that one does not depend on the other.
     """
 
     def __init__(
@@ -78,12 +79,16 @@ class GateRule:
         count: int = 0,
         stop_ns: int = 0,
         armed: Callable[[], bool] = lambda: True,
+        spent: Callable[[], int] = lambda: 0,
+        lost: Callable[[], None] = lambda: None,
     ) -> None:
         self._selects = selects
         self._probability = probability
         self._count = count
         self._stop_ns = stop_ns
         self._armed = armed
+        self._spent = spent
+        self._told = lost
         self._random = {way: SplitMix64(seed + index) for index, way in enumerate(ways)}
         self._evidence = dict.fromkeys(ways, Evidence())
 
@@ -92,10 +97,12 @@ class GateRule:
         seen = self._evidence.get(way)
         if seen is None or (self._stop_ns and now >= self._stop_ns):
             return False
-        if (self._count and seen.activations >= self._count) or not self._selects(frame) or not self._armed():
+        if self.exhausted or not self._selects(frame) or not self._armed():
             return False
         lost = self._random[way].uniform() < self._probability
         self._evidence[way] = seen + (Evidence(1, 1, now, now, confirmed=True) if lost else Evidence(1))
+        if lost:
+            self._told()
         return lost
 
     def evidence(self, way: Way | None = None) -> Evidence:
@@ -106,8 +113,8 @@ class GateRule:
 
     @property
     def exhausted(self) -> bool:
-        """Whether every way has lost its ``count``."""
-        return bool(self._count) and all(seen.activations >= self._count for seen in self._evidence.values())
+        """Whether ``count`` frames were lost, here and elsewhere."""
+        return bool(self._count) and self.evidence().activations + self._spent() >= self._count
 
 
 class GatedLink:

@@ -348,10 +348,8 @@ class FaultManager:
     def _active(self, fault_id: str) -> ActiveFault:
         fault = self._faults.get(fault_id)
         if fault is None:
-            known = ", ".join(self._faults) or "none is in force"
-            raise ConfigError(
-                f"there is no fault {fault_id!r}{did_you_mean(fault_id, self._faults)}; there are: {known}"
-            )
+            known = f"there are {', '.join(self._faults)}" if self._faults else "none is in force"
+            raise ConfigError(f"there is no fault {fault_id!r}{did_you_mean(fault_id, self._faults)}; {known}")
         return fault
 
     def _look(self, fault: ActiveFault, run: DriveRun, now: int) -> None:

@@ -116,6 +116,14 @@ class FaultTarget(Protocol):
         """
         ...
 
+    def share_limit(self, one: int, other: int) -> None:
+        """Let two impairments count against one ``count``."""
+        ...
+
+    def set_limit(self, number: int, count: int) -> None:
+        """What is left of an impairment's ``count``; 0 or less: nothing."""
+        ...
+
     def impairment(self, number: int) -> Evidence:
         """What it did until now."""
         ...

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import InternalError
+from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
 from pnfarm.links.interfaces import Interfaces, to_its_end
 from pnfarm.links.packet import PacketSockets
 
 if TYPE_CHECKING:
-    import socket
     from collections.abc import Sequence
 
 __all__ = ["PacketLink"]
@@ -28,6 +28,7 @@ class PacketLink(ABC):
         self._sockets = PacketSockets(self._counters, clock)
         self._ports: dict[int, Port] = {}
         self._touched = False
+        self._looked_at = 0
 
     @property
     def counters(self) -> LinkCounters:
@@ -55,6 +56,22 @@ class PacketLink(ABC):
         if self._touched:
             await to_its_end(self._remove)
             self._touched = False
+
+    def check(self, count: int = 16) -> None:
+        """Look whether ``count`` of the interfaces, the next ones each time, are still there.
+
+        Raises :class:`~pnfarm.errors.EnvironmentError_` for one that somebody removed, or whose parent went.
+        """
+        indexes = list(self._ports)
+        for step in range(min(count, len(indexes))):
+            port = self._ports[indexes[(self._looked_at + step) % len(indexes)]]
+            try:
+                socket.if_indextoname(port.index)
+            except OSError as exc:
+                raise EnvironmentError_(
+                    f"interface {port.name} was removed under the running farm, or its parent was: start the farm again"
+                ) from exc
+        self._looked_at += count
 
     def send(self, port_index: int, frame: bytes) -> None:
         self._sockets.send(port_index, frame)

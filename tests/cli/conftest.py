@@ -120,6 +120,10 @@ class Background:
                 pytest.fail(f"never said {text!r}: {self.out}\n{self.err}")
             time.sleep(0.02)
 
+    def end(self) -> int:
+        """Wait for it to end by itself; the exit code."""
+        return self._process.wait(START_SECONDS)
+
     def stop(self, number: int = signal.SIGTERM) -> int:
         """Send a signal and wait for the end; the exit code."""
         if self._process.poll() is None:

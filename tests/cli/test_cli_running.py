@@ -335,3 +335,11 @@ def test_a_signal_ends_the_first_compilation(solo_file, background, network, tmp
     assert farm.stop() == 0
     assert time.monotonic() - began < 10
     assert own_interfaces(network) == []
+
+
+def test_a_farm_whose_interfaces_are_taken_away_says_so_and_ends(solo, network):
+    assert until(lambda: bool(own_interfaces(network)))
+    network("link", "del", next(name for name in own_interfaces(network) if name[-1].isdigit()))
+    assert solo.end() == 4
+    assert "was removed under the running farm" in solo.err
+    assert own_interfaces(network) == []

@@ -106,3 +106,25 @@ def test_after_a_release_nothing_connects_again():
     line.run(3.0)
     assert line.plc.sessions[0].state is SessionState.STOPPED
     assert not line.farm.stations[0].ars
+
+
+def test_frames_are_counted_over_a_reconnection():
+    line = VirtualLine()
+    line.connect()
+    line.enable()
+    line.run(1.0)
+    (before,) = line.plc.snapshot()
+    line.farm.columns.ppm[0].active = 0
+    line.run(0.2)
+    line.enable()
+    (after,) = line.plc.snapshot()
+    assert after["connects"] == 2
+    assert after["frames_sent"] > before["frames_sent"] > 60
+    assert after["frames_received"] > before["frames_received"] > 60
+
+
+@pytest.mark.parametrize("cycle", ["31.25us", "62.5us", "125us", "250us", "1ms", "512ms"])
+def test_a_drive_without_limits_runs_at_every_cycle_from_one_send_clock_unit_on(cycle):
+    line = VirtualLine(cycle=cycle, limits="lax")
+    line.connect()
+    line.enable(20.0)

@@ -170,6 +170,29 @@ def test_silent_controller_gives_f702_an_err_rta_and_after_its_return_recovery()
     assert station.connects == 2
 
 
+def test_a_farm_that_stops_tells_its_controllers_at_once():
+    line = VirtualLine(drives=2)
+    line.connect()
+    line.farm.stop(line.world.now)
+    line.run(0.001)
+    for session in line.plc.sessions:
+        assert session.measures.losses == 1
+        assert "aborts" in session.measures.last_reason
+        assert session.measures.expirations == 0
+
+
+def test_factory_reset_ends_the_connection_and_clears_name_and_address():
+    line = VirtualLine()
+    line.connect()
+    client = _client(line)
+    client.client.reset_to_factory(client.target, now=line.world.now)
+    client._finish()
+    station = line.farm.stations[0]
+    assert not station.ars
+    assert (station.name, station.ip.address) == ("", None)
+    assert line.plc.sessions[0].measures.losses == 1
+
+
 def test_silent_drive_is_noticed_by_the_controller_within_its_watchdog():
     line = VirtualLine()
     line.connect()

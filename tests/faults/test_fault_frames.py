@@ -128,6 +128,14 @@ def test_count_is_exact_and_leaves_nothing_behind(line):
     assert line.rows_free()
 
 
+def test_count_holds_for_both_ways_and_all_kinds_of_frames_together(line):
+    fault = line.add("loss", probability=0.5, seed=3, direction="both", count=5)
+    line.run(60 * CYCLE)
+    assert fault.state == "ended"
+    assert fault.evidence("axis-01").activations == 5
+    assert line.rows_free()
+
+
 def test_healthy_cycles_pass_first_and_the_next_ones_are_hit(line):
     before = int(line.input_row().received)
     fault = line.add("loss", direction="out", after_cycles=10, cycles=2, params={"frames": "cyclic"})

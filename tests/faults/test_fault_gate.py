@@ -47,14 +47,27 @@ def test_any_bytes_are_of_some_sort(frame):
     assert not is_dcp(MACS + b"\x81\x00" + frame) or len(frame) >= 6
 
 
-def test_a_rule_counts_each_way_by_itself_and_rests_at_its_count_and_end():
-    rule = GateRule(("out", "in"), every_frame, count=2, stop_ns=100)
-    assert [rule.loses("out", b"", now) for now in (1, 2, 3)] == [True, True, False]
-    assert not rule.exhausted
-    assert rule.loses("in", b"", 99)
-    assert not rule.loses("in", b"", 100)
+def test_a_rule_counts_both_ways_together_and_rests_at_its_count():
+    told = []
+    rule = GateRule(("out", "in"), every_frame, count=3, lost=lambda: told.append(1))
+    assert [rule.loses(way, b"", now) for now, way in enumerate(("out", "in", "out", "in"), 1)] == [
+        True,
+        True,
+        True,
+        False,
+    ]
+    assert rule.exhausted
     assert rule.evidence("out").activations == 2
-    assert (rule.evidence().first_ns, rule.evidence().last_ns) == (1, 99)
+    assert (rule.evidence().first_ns, rule.evidence().last_ns) == (1, 3)
+    assert len(told) == 3
+
+
+def test_a_rule_rests_at_its_end_and_when_its_count_was_used_up_elsewhere():
+    assert not GateRule(("out",), every_frame, stop_ns=100).loses("out", b"", 100)
+    spent = [1]
+    rule = GateRule(("out",), every_frame, count=2, spent=lambda: spent[0])
+    assert rule.loses("out", b"", 1)
+    assert not rule.loses("out", b"", 2)
 
 
 def test_a_gated_link_is_a_link_and_loses_what_its_rules_say():

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ChannelLayout", "DriveRecords", "channel_layout", "describe_device", "serial_number"]
 
+#: Every SendClockFactor there is: what a drive with lax limits takes.  A strict one takes those that each device must.
+_EVERY_SEND_CLOCK = (1, 2, 4, 8, 16, 32, 64, 128)
+
 
 def serial_number(mac: bytes) -> str:
     """16 characters at most, unique like the MAC address that it is made of."""
@@ -68,7 +71,8 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
         station_type=identity.station_type,
         dap=_module(model.dap),
         modules=tuple(_module(model.telegrams[number].module) for number in order),
-        min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 8,
+        min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
+        send_clocks=(8, 16, 32, 64, 128) if strict else _EVERY_SEND_CLOCK,
         im0=Im0Description(
             order_id=identity.order_id,
             serial_number=serial_number(mac),
