@@ -456,7 +456,8 @@ class ControllerCore:
             session.mac = outcome.answer.mac
             session.station_type = outcome.answer.info.station_type or ""
             self.ip.learn(session.plan.ip.ip, session.mac, now)
-        elif outcome.reason:
+        elif outcome.reason and session.measures.lost_ns is None:
+            # why a connection was lost says more than that its drive does not answer yet
             session.measures.last_reason = outcome.reason
         self._sign(session, outcome.sign, now)
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import socket
 import time
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.controller.core import ControllerCore
+from pnfarm.controller.core import CALL_PORT, ControllerCore
 from pnfarm.controller.plan import plan_devices
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.config import FarmConfig, controller_mac, expand, load_farm
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
 from pnfarm.farm.config_model import TapLink as TapSection
@@ -26,6 +28,7 @@ from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock, bridge_name
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
+from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -89,6 +92,7 @@ class Plc:
         self._settings = settings or realtime_settings(config, len(self.drives))
         self._lock = FarmLock(self._owner)
         self._driver: RealTimeDriver | None = None
+        self._held: list[socket.socket] = []
         self._core: ControllerCore | None = None
 
     @classmethod
@@ -131,6 +135,7 @@ class Plc:
                 await remove_leftovers(self._owner)
             mac = controller_mac(self.config) or bytes(6)
             (port,) = await self.link.open([PortSpec(self.section.name, mac)])
+            self._hold_ports(address)
             self._core = ControllerCore(
                 self.section.name, plans, self.link, port, ip=address, log=self.log, seed=os.urandom(16)
             )
@@ -141,6 +146,25 @@ class Plc:
         except BaseException:
             await self.close()
             raise
+
+    def _hold_ports(self, address: IPv4Interface) -> None:
+        """Where the kernel has our address too, take our UDP ports from it.
+
+        It would answer every datagram of a drive with "port unreachable" otherwise.  Nothing is ever read here.
+        """
+        for port in (RPC_PORT, CALL_PORT):
+            sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+            try:
+                sock.bind((str(address.ip), port))
+            except OSError as exc:
+                sock.close()
+                if exc.errno == errno.EADDRNOTAVAIL:
+                    return  # the kernel does not have the address: it stays silent by itself
+                raise EnvironmentError_(
+                    f"UDP port {port} of {address.ip} is another program's: stop it, or give the controller another ip"
+                ) from exc
+            self._held.append(sock)
 
     async def release(self, seconds: float = RELEASE_SECONDS) -> bool:
         """Take every connection down in order; false when some drive did not confirm in time."""
@@ -160,6 +184,9 @@ class Plc:
             try:
                 await self.link.close()
             finally:
+                for sock in self._held:
+                    sock.close()
+                self._held.clear()
                 self._lock.release()
                 self._driver = None
 

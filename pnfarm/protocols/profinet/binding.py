@@ -72,7 +72,8 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
         dap=_module(model.dap),
         modules=tuple(_module(model.telegrams[number].module) for number in order),
         min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
-        send_clocks=(8, 16, 32, 64, 128) if strict else _EVERY_SEND_CLOCK,
+        # no manual at hand denies a send clock; what strict limits is the cycle
+        send_clocks=_EVERY_SEND_CLOCK,
         im0=Im0Description(
             order_id=identity.order_id,
             serial_number=serial_number(mac),
