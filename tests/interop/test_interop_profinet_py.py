@@ -38,7 +38,7 @@ def test_it_takes_a_drive_to_operation_and_exchanges_data(peer, farm, station, f
     assert [zsw1 & 0x47 for zsw1 in found["states"]] == [0x40, 0x01, 0x03, 0x07], "S1, S2, S3, S4"
     assert found["followed"], "NIST_A did not reach NSOLL_A"
     assert found["actual"] == pytest.approx(found["wanted"], rel=0.02)
-    assert found["received_per_second"] == pytest.approx(hertz, rel=0.03)
+    assert found["received_per_second"] == pytest.approx(hertz, rel=0.1)
     assert (found["duplicates"], found["out_of_order"], found["invalid"]) == (0, 0, 0)
     assert found["stopped"], "no way back to S2"
     # records beside the cyclic data

