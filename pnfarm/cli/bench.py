@@ -136,6 +136,7 @@ def _line(drives: int, cycle: str, watchdog: int) -> Iterator[tuple[Child, Child
         plc.ask("connected 120")
         if not plc.answer()["connected"]:
             raise InternalError(f"{drives} drives did not connect within 120 s")
+        # the start-up's own work (DCP, ARP, records) shall be over before anything is measured
         time.sleep(1.0)
         yield farm, plc
 
@@ -357,7 +358,26 @@ def _markdown(results: list[Result]) -> str:
         ratio = "" if r.ratio_to_floor is None else f"{r.ratio_to_floor:.2f}"
         goal, verdict = ("", "") if r.goal == "none" else (r.goal, "ok" if r.ok else "missed")
         lines.append(f"| {r.name} | {r.value:.4g} | {r.unit} | {ratio} | {goal} | {verdict} |")
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_reading(results)]) + "\n"
+
+
+def _reading(results: list[Result]) -> list[str]:
+    """What the figures do and do not say, with the ones that follow from others."""
+    values = {r.name: r.value for r in results}
+    lines = ["", "## How to read them", ""]
+    few, many = values.get("cpu-16-drives"), values.get("cpu-512-drives")
+    if few is not None and many is not None:
+        lines += [
+            f"- All CPU time divided by all drives is not flat: {few / 16 * 1e6:.0f} us per drive and second with 16",
+            f"  drives, {many / 512 * 1e6:.0f} us with 512, because the ticks cost the same with one drive.",
+            "  `added-drive-ratio` is what one more drive costs among many over what it costs among few; 0.8 to 1.2",
+            "  means that the farm scales.",
+        ]
+    lines += [
+        "- Above 128 drives the kernel's time stamps are off unless the farm file says `engine: {timestamps: true}`:",
+        "  they cost about a tenth of a frame. `frame-cost-192` and `full-port-*` are therefore without them.",
+    ]
+    return lines
 
 
 def command(
