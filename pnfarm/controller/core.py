@@ -375,7 +375,7 @@ class ControllerCore:
         output, inputs = event.output_layout, event.input_layout
         sent = channel_layout(output, plan.output_words, ())
         taken = channel_layout(inputs, plan.input_words, ())
-        common = {"image": session.index, "port": self.port.index}
+        common: dict[str, Any] = {"image": session.index, "port": self.port.index}
         session.provider = self.channels.open_provider(
             ProviderPlan(
                 **common,
@@ -590,5 +590,5 @@ def _seconds(value: int | None) -> float | None:
     return None if value is None else value / 1e9
 
 
-def _clock(layout: IocrLayout) -> dict[str, int]:
+def _clock(layout: IocrLayout) -> dict[str, Any]:
     return {"send_clock_factor": layout.send_clock_factor, "reduction_ratio": layout.reduction_ratio}

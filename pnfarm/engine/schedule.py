@@ -50,7 +50,10 @@ class ProviderPlan:
 
 @dataclass(frozen=True, slots=True)
 class ConsumerPlan:
-    """What a consumer takes.  Offsets count from the first octet of IO data."""
+    """What a consumer takes.  Offsets count from the first octet of IO data.
+
+    ``feeds``: the station's set points come from here; with two controllers on one drive only one of them brings them.
+    """
 
     image: int
     port: int
@@ -62,6 +65,7 @@ class ConsumerPlan:
     data_hold_factor: int
     words: Sequence[tuple[int, int]]
     iops: Sequence[int]
+    feeds: bool = True
 
     @property
     def cycle_ns(self) -> int:
@@ -166,6 +170,7 @@ class ChannelTable:
         row.iops_count = len(plan.iops)
         for i, offset in enumerate(plan.iops):
             row.iops_offset[i] = offset
+        row.feeds = int(plan.feeds)
         row.generation = (int(row.generation) + 1) & 0xFFFFFFFF
         row.cycle_ns = plan.cycle_ns
         row.hold_ns = plan.cycle_ns * plan.data_hold_factor
@@ -200,6 +205,54 @@ class ChannelTable:
         for i in range(int(row.iops_count)):
             data[int(row.iops_offset[i])] = int(row.iops)
         return bytes(data)
+
+    def relay_provider(
+        self,
+        number: int,
+        words: Sequence[tuple[int, int]],
+        iops: Sequence[int],
+        constants: Sequence[tuple[int, int]],
+    ) -> None:
+        """Lay an open provider's frame anew: a submodule came or went.  Data that no word carries any more is zero."""
+        row = self.columns.ppm[number]
+        start = int(row.data_offset)
+        end = int(row.length) - 4
+        _check(words, iops, end - start)
+        # no words and no status while the frame changes: a tick between may send half of it, its statuses changed first
+        row.words = 0
+        row.iops_count = 0
+        frame = self.columns.frames[number]
+        for offset, octet in constants:
+            frame[start + offset] = octet
+        kept = {start + offset for offset, _ in constants} | {start + offset for offset in iops}
+        kept |= {start + offset + i for _, offset in words for i in (0, 1)}
+        for place in range(start, end):
+            if place not in kept:
+                frame[place] = 0
+        for i, (code, offset) in enumerate(words):
+            row.word_code[i] = code
+            row.word_offset[i] = start + offset
+        for i, offset in enumerate(iops):
+            row.iops_offset[i] = start + offset
+        row.words = len(words)
+        row.iops_count = len(iops)
+
+    def relay_consumer(
+        self, number: int, words: Sequence[tuple[int, int]], iops: Sequence[int], *, feeds: bool
+    ) -> None:
+        """Take other words out of an open consumer's frames; what it no longer brings is invalid at once."""
+        row = self.columns.cpm[number]
+        _check(words, iops, int(row.data_length))
+        row.words = 0
+        row.iops_count = 0
+        for i, (code, offset) in enumerate(words):
+            row.word_code[i] = code
+            row.word_offset[i] = offset
+        for i, offset in enumerate(iops):
+            row.iops_offset[i] = offset
+        row.words = len(words)
+        row.iops_count = len(iops)
+        row.feeds = int(feeds)
 
     def rewrite_words(self, name: str, number: int, words: Sequence[tuple[int, int]]) -> None:
         """Lay other telegram words into an open channel; offsets as in the plans."""

@@ -145,8 +145,11 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     consumer.iops = iops
     consumer.last_ns = arrival
     consumer.received += 1
+    if consumer.feeds == 0:
+        return
     if status & STATUS_RUN and iops == IOXS_GOOD:
         _unpack(consumer, image, frame, data)
+        consumer.fed = 1
         image.valid = 1
         image.lost = LOST_NOT
     elif image.valid:
@@ -187,6 +190,16 @@ def receive(columns: Columns, count: int) -> None:
 
 
 @compiled
+def _take_back(consumer: Any, image: Any) -> None:
+    """A consumer brings no set points any more: nothing of them stays, as the next one may carry another telegram."""
+    if image.valid:
+        image.valid = 0
+        image.lost = LOST_CLOSED
+    image.received[:] = 0
+    consumer.fed = 0
+
+
+@compiled
 def _watch(columns: Columns, now: int) -> None:
     """Data hold timers, and rows that the station opened or closed since the last tick."""
     engine = columns.engine[0]
@@ -195,22 +208,21 @@ def _watch(columns: Columns, now: int) -> None:
         if consumer.active == 0:
             if consumer.state != IDLE:
                 consumer.state = IDLE
-                image = columns.image[consumer.image]
-                if image.valid:
-                    image.valid = 0
-                    image.lost = LOST_CLOSED
-                # the next connection may bring another telegram: nothing of this one's stays
-                image.received[:] = 0
+                if consumer.fed or consumer.feeds:
+                    _take_back(consumer, columns.image[consumer.image])
+        elif consumer.fed and not consumer.feeds:
+            _take_back(consumer, columns.image[consumer.image])
         elif consumer.state == IDLE:
             consumer.state = FRUN
             consumer.last_ns = now
         elif consumer.state == RUN and now - consumer.last_ns > consumer.hold_ns:
             consumer.state = W_START
             consumer.expirations += 1
-            image = columns.image[consumer.image]
-            if image.valid:
-                image.valid = 0
-                image.lost = LOST_EXPIRED
+            if consumer.feeds:
+                image = columns.image[consumer.image]
+                if image.valid:
+                    image.valid = 0
+                    image.lost = LOST_EXPIRED
             emit(engine, columns.events, EXPIRED, number, now, now - consumer.last_ns)
 
 

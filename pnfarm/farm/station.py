@@ -36,8 +36,9 @@ from pnfarm.protocols.profinet.dcp_device import (
     SignalRequested,
 )
 from pnfarm.protocols.profinet.description import Plugged
-from pnfarm.protocols.profinet.errors import RtaError
+from pnfarm.protocols.profinet.errors import RtaError, describe_status
 from pnfarm.protocols.profinet.events import (
+    AlarmConfirmed,
     ApplicationReadyConfirmed,
     ArAborted,
     ArConnected,
@@ -46,6 +47,7 @@ from pnfarm.protocols.profinet.events import (
     ConnectRefused,
     PrmEndReceived,
     RecordWritten,
+    SubmodulesChanged,
 )
 from pnfarm.protocols.profinet.record_store import DeviceRecords
 from pnfarm.protocols.profinet.rpc_client import RpcClient
@@ -53,11 +55,12 @@ from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceived, CallReturned, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
+from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
 from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
-from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,13 +74,12 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Port
+    from pnfarm.protocols.profinet.ar import ExpectedKey
 
 __all__ = ["DriveStation", "StationServices"]
 
 #: UDP port from which a device calls its controller (any free one will do; the answer comes back to it).
 CALL_PORT = 49_152
-#: Priority tag of alarm frames of low priority (IEC 61158-6-10: 5).
-RTA_TAG = VlanTag(priority=5)
 #: Octets that an answer of the controller may have.
 ARGS_MAXIMUM = 16_384
 #: Fastest firmware step; slower channels step four times a cycle.
@@ -119,7 +121,7 @@ class DriveStation:
         self.signalled_ns: int | None = None
         #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
-        self._ready_due: list[tuple[int, int]] = []
+        self._ready_due: list[tuple[int, int, int | None]] = []
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
         self._kept: dict[str, Any] = {}
@@ -276,7 +278,7 @@ class DriveStation:
         if not self.powered:
             return None
         deadlines = [m.next_deadline() for m in (self.dcp, self.ip, self.rpc, self.client, self.cm)]
-        deadlines += [due for due, _ in self._ready_due]
+        deadlines += [entry[0] for entry in self._ready_due]
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
@@ -288,7 +290,7 @@ class DriveStation:
                 machine.handle_timeout(now)
         for entry in [e for e in self._ready_due if e[0] <= now]:
             self._ready_due.remove(entry)
-            self.cm.application_ready(entry[1], now)
+            self.cm.application_ready(entry[1], now, entry[2])
 
     def pump(self, now: int) -> list[bytes]:
         """Carry events between the machines until nothing moves; the frames to send."""
@@ -306,8 +308,8 @@ class DriveStation:
         frames += self.dcp.to_send(now)
         frames += self.ip.to_send(now)
         frames += [
-            emit_ethernet(EthernetFrame(destination, self.port.mac, ETHERTYPE_PROFINET, payload, RTA_TAG))
-            for destination, payload in self.cm.rta_to_send()
+            emit_ethernet(EthernetFrame(f.destination, self.port.mac, ETHERTYPE_PROFINET, f.payload, f.tag))
+            for f in self.cm.rta_to_send(now)
         ]
         return frames
 
@@ -366,13 +368,13 @@ class DriveStation:
                 )
         answers = self.client.events()
         for answer in answers:
-            key = self._calls.pop(answer.call_id, None)
-            if key is None:
+            token = self._calls.pop(answer.call_id, None)
+            if token is None:
                 continue
             if isinstance(answer, CallReturned):
-                self.cm.call_returned(key, answer.status, answer.payload, now)
+                self.cm.call_returned(token, answer.status, answer.payload, now)
             elif isinstance(answer, CallFailed):
-                self.cm.call_failed(key, answer.reason, now)
+                self.cm.call_failed(token, answer.reason, now)
         return bool(requests or answers)
 
     def _pump_cm(self, now: int) -> bool:
@@ -393,7 +395,7 @@ class DriveStation:
                 payload=call.payload,
                 now=now,
             )
-            self._calls[call_id] = call.ar_key
+            self._calls[call_id] = call.token
         events = self.cm.events()
         for event in events:
             self._handle_cm(event, now)
@@ -405,13 +407,25 @@ class DriveStation:
                 self._connected(event, now)
             case ConnectRefused(ip, status, detail):
                 self._note(now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail)
-            case PrmEndReceived(key):
+            case PrmEndReceived(key, sequence):
                 if self.ready_delay_ns is None:
                     self._note(now, "application ready withheld")
                 elif self.ready_delay_ns == 0:
-                    self.cm.application_ready(key, now)
+                    self.cm.application_ready(key, now, sequence)
                 else:
-                    self._ready_due.append((now + self.ready_delay_ns, key))
+                    self._ready_due.append((now + self.ready_delay_ns, key, sequence))
+            case SubmodulesChanged(key, unusable):
+                self._submodules_changed(key, unusable, now)
+            case AlarmConfirmed():
+                self._note(
+                    now,
+                    "alarm acknowledged",
+                    level="info" if event.status.ok else "warning",
+                    alarm=alarm_type_words(event.alarm_type),
+                    slot=event.slot,
+                    subslot=event.subslot,
+                    status=describe_status(event.status),
+                )
             case ApplicationReadyConfirmed():
                 pass
             case ArEstablished(key):
@@ -460,7 +474,8 @@ class DriveStation:
         telegram = self.model.telegram_by_module(module.module_ident) if module else None
         if telegram is not None:
             self.store.plug_telegram(telegram.number)
-        ar = self.channels.open(event, self.store.input_words(), self.store.output_words(), now)
+        words = self.store.input_words(), self.store.output_words()
+        ar = self.channels.open(event, *words, self._set_points(), now)
         self.store.watchdog_ns = ar.watchdog_ns
         self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, ar.cycle_ns // 4))
         self._note(
@@ -472,6 +487,19 @@ class DriveStation:
             cycle_seconds=ar.cycle_ns / 1e9,
             watchdog_seconds=ar.watchdog_ns / 1e9,
         )
+
+    def _set_points(self) -> set[tuple[int, int]]:
+        """(slot, subslot) of the submodules whose owner feeds the drive: those with outputs, else all of its slot."""
+        slot = self.description.modules[0].slot
+        module = self.cm.plugged.module(slot)
+        submodules = module.submodules if module is not None else ()
+        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
+
+    def _submodules_changed(self, key: int, unusable: frozenset[ExpectedKey], now: int) -> None:
+        """Something was pulled, plugged, taken over or released: its data are bad, or good again."""
+        words = self.store.input_words(), self.store.output_words()
+        self.channels.relay(key, unusable, *words, self._set_points())
+        self._note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def _close(self, key: int) -> None:
         if self.channels.close(key) is not None and not self.channels.any_cyclic:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.farm.closed_channels import ClosedChannels
@@ -12,13 +12,13 @@ from pnfarm.protocols.profinet.record_store import IoData
 from pnfarm.table.channel import IOXS_GOOD
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Container, Sequence
     from ipaddress import IPv4Address
 
     from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.engine.schedule import ChannelTable
     from pnfarm.links.base import Port
-    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.events import ArConnected
 
 __all__ = ["ArChannels", "StationChannels"]
@@ -35,9 +35,16 @@ class ArChannels:
     watchdog_ns: int
     providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
     consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
-    unusable: frozenset[Any] = frozenset()
+    expected: frozenset[ExpectedKey] = frozenset()
+    unusable: frozenset[ExpectedKey] = frozenset()
+    #: The drive's set points come from here.
+    feeds: bool = False
     established: bool = False
     connected_ns: int = 0
+
+
+def _feeds(ar: ArChannels, set_points: Container[tuple[int, int]]) -> bool:
+    return any(key[1:] in set_points for key in ar.expected if key not in ar.unusable)
 
 
 class StationChannels:
@@ -60,8 +67,18 @@ class StationChannels:
         """The key of the AR that consumes in this row."""
         return next((key for key, ar in self.ars.items() if any(r == row for r, _ in ar.consumers)), None)
 
-    def open(self, event: ArConnected, input_words: Sequence[int], output_words: Sequence[int], now: int) -> ArChannels:
-        """Rows for every CR of an AR that was connected; the words are the telegram's, in its order."""
+    def open(
+        self,
+        event: ArConnected,
+        input_words: Sequence[int],
+        output_words: Sequence[int],
+        set_points: Container[tuple[int, int]],
+        now: int,
+    ) -> ArChannels:
+        """Rows for every CR of an AR that was connected; the words are the telegram's, in its order.
+
+        ``set_points``: (slot, subslot) of the submodules whose owner feeds the drive.
+        """
         ar = ArChannels(
             initiator=event.initiator_name,
             ip=event.initiator_ip,
@@ -71,6 +88,11 @@ class StationChannels:
             unusable=event.unusable,
             connected_ns=now,
         )
+        ar.expected = frozenset(
+            [(p.api, p.slot, p.subslot) for cr in event.iocrs for p in cr.data]
+            + [(p.api, p.slot, p.subslot) for cr in event.iocrs for p in cr.iocs]
+        )
+        ar.feeds = _feeds(ar, set_points)
         self.ars[event.ar_key] = ar
         for cr in event.iocrs:
             if cr.is_input:
@@ -115,6 +137,7 @@ class StationChannels:
                 data_hold_factor=cr.data_hold_factor,
                 words=layout.words,
                 iops=layout.iops,
+                feeds=ar.feeds,
             )
         )
         ar.consumers.append((row, cr))
@@ -127,6 +150,27 @@ class StationChannels:
                 self._channels.rewrite_words("ppm", row, channel_layout(cr, input_words, ar.unusable).words)
             for row, cr in ar.consumers:
                 self._channels.rewrite_words("cpm", row, channel_layout(cr, output_words, ar.unusable).words)
+
+    def relay(
+        self,
+        key: int,
+        unusable: frozenset[ExpectedKey],
+        input_words: Sequence[int],
+        output_words: Sequence[int],
+        set_points: Container[tuple[int, int]],
+    ) -> None:
+        """Submodules came or went: lay an AR's open channels anew, in place."""
+        ar = self.ars.get(key)
+        if ar is None:
+            return
+        ar.unusable = unusable
+        ar.feeds = _feeds(ar, set_points)
+        for row, cr in ar.providers:
+            layout = channel_layout(cr, input_words, unusable)
+            self._channels.relay_provider(row, layout.words, layout.iops, layout.constants)
+        for row, cr in ar.consumers:
+            layout = channel_layout(cr, output_words, unusable)
+            self._channels.relay_consumer(row, layout.words, layout.iops, feeds=ar.feeds)
 
     def close(self, key: int) -> ArChannels | None:
         """Close the rows of one AR; what they counted is kept in :attr:`closed`."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.errors import IocrField
-from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties
+from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
 from pnfarm.protocols.profinet.wire.blocks_expected import DataDirection, SubmoduleType
 from pnfarm.protocols.profinet.wire.iocr import IocrType
 
@@ -24,7 +24,12 @@ if TYPE_CHECKING:
     from uuid import UUID
 
     from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockReq, ArBlockReq
-    from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedApi, ExpectedSubmodule, ModuleDiffBlock
+    from pnfarm.protocols.profinet.wire.blocks_expected import (
+        ArInfo,
+        ExpectedApi,
+        ExpectedSubmodule,
+        ModuleDiffBlock,
+    )
     from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq
 
 __all__ = [
@@ -149,6 +154,11 @@ class Ar:
     alarm_cr: AlarmCrBlockReq | None = None
     local_alarm_reference: int = 0
     module_diff: ModuleDiffBlock | None = None
+    #: Expected submodules that are this AR's, and who has the others.
+    owned: set[ExpectedKey] = field(default_factory=set)
+    locked: dict[ExpectedKey, ArInfo] = field(default_factory=dict)
+    #: Owned ones that were plugged or released since, and wait for their parameters.
+    pending: set[ExpectedKey] = field(default_factory=set)
     #: UDP port of the initiator's RPC server, when an ARRPCBlock named one.
     initiator_rpc_port: int | None = None
     connected_at: int = 0
@@ -179,6 +189,16 @@ class Ar:
     def device_access(self) -> bool:
         """Acyclic only: no CRs, no parametrisation phase."""
         return bool(self.request.properties & ArProperties.DEVICE_ACCESS)
+
+    @property
+    def supervisor(self) -> bool:
+        """A supervisor's AR with CRs: it controls submodules as a controller does."""
+        return self.request.ar_type == ArType.IOSAR and not self.device_access
+
+    @property
+    def takeover_allowed(self) -> bool:
+        """The controller lets a supervisor take its submodules over."""
+        return bool(self.request.properties & ArProperties.SUPERVISOR_TAKEOVER_ALLOWED)
 
     @property
     def initiator_mac(self) -> bytes:

@@ -1,15 +1,17 @@
 """CMDEV: the device's side of context management (IEC 61158-6-10, CMDEV, CMSM and CMSU protocol machines).
 
 Theory.  One :class:`CmDevice` serves one device and holds one :class:`~pnfarm.protocols.profinet.ar.Ar` for each
-controller connected to it; the state machine is :data:`~.cmdev_states.TRANSITIONS`, and
-:meth:`CmDevice._step` alone writes ``ar.state``.
+controller or supervisor connected to it; the state machine is :data:`~.cmdev_states.TRANSITIONS`, and
+:meth:`CmDevice._step` alone writes ``ar.state``.  Whose a submodule is, :mod:`.cmdev_ownership` decides; parameters
+that come while data flow are :mod:`.cmdev_plug`'s; alarms go through :mod:`.cmdev_alarms`.
 
 * A server of RPC hands it calls (:meth:`CmDevice.receive_call`) and sends what :meth:`CmDevice.responses` drains.
 * A client of RPC sends what :meth:`CmDevice.calls` drains (ApplicationReady) and reports back by
   :meth:`CmDevice.call_returned` or :meth:`CmDevice.call_failed`.
 * The cyclic engine starts both channels at :class:`ArConnected`, in legacy and in advanced start-up alike: a real
   controller's captures show the device's frames even before its Connect response.  It reports the first frame
-  by :meth:`CmDevice.data_received` and a silent controller by :meth:`CmDevice.watchdog_expired`.
+  by :meth:`CmDevice.data_received` and a silent controller by :meth:`CmDevice.watchdog_expired`, and follows
+  :class:`SubmodulesChanged` when a submodule comes or goes.
 * The application says when it is ready (:meth:`CmDevice.application_ready`) after :class:`PrmEndReceived`; that it
   may never do so, or late, is its own affair.
 * The activity timeout of the controller (CMSM) runs from Connect to DATA and starts anew with each record call.
@@ -21,19 +23,18 @@ succeeds).  A Connect of the same controller with a new UUID replaces its old AR
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NoReturn
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.ar import Ar, CmdevState
-from pnfarm.protocols.profinet.cmdev_check import (
-    FRAME_ID_RANGES,
-    RefusedError,
-    check_connect,
-    check_plugged,
-    parse_connect,
-)
-from pnfarm.protocols.profinet.cmdev_diff import module_diff, unusable_submodules
+from pnfarm.protocols.profinet.cmdev_alarms import AlarmEnded, DeviceAlarms
+from pnfarm.protocols.profinet.cmdev_check import RefusedError, check_connect, check_plugged, parse_connect
+from pnfarm.protocols.profinet.cmdev_connect import connect_response, fill
+from pnfarm.protocols.profinet.cmdev_control import check_list, confirms, read_control, refuse_call
+from pnfarm.protocols.profinet.cmdev_diff import unusable_submodules
+from pnfarm.protocols.profinet.cmdev_modules import Modules
+from pnfarm.protocols.profinet.cmdev_ownership import claim, pass_on, settle_claim
+from pnfarm.protocols.profinet.cmdev_plug import CmpbeEvent, CmpbeState, Plug, PlugsmEvent
 from pnfarm.protocols.profinet.cmdev_records import serve_read, serve_write
 from pnfarm.protocols.profinet.cmdev_states import TRANSITIONS, CmdevEvent
 from pnfarm.protocols.profinet.errors import (
@@ -54,26 +55,18 @@ from pnfarm.protocols.profinet.events import (
     ArConnected,
     ArReleased,
     ConnectRefused,
+    PrmEndReceived,
+    SubmodulesChanged,
 )
-from pnfarm.protocols.profinet.rta import emit_rta_error, parse_rta_error, rta_error
-from pnfarm.protocols.profinet.wire.blocks import VERSION_1_0, BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import (
-    AlarmCrBlockRes,
-    ArBlockRes,
-    ArProperties,
-    ArRpcBlockRes,
-    ArServerBlock,
-    ArVendorBlockRes,
-)
+from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
 from pnfarm.protocols.profinet.wire.blocks_control import (
     ControlBlock,
     ControlCommand,
     control_response,
     emit_control_block,
-    parse_control_block,
 )
-from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockRes
 from pnfarm.protocols.profinet.wire.rpc import Opnum
 
 if TYPE_CHECKING:
@@ -81,72 +74,56 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
     from uuid import UUID
 
-    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.cmdev_alarms import AlarmFrame
     from pnfarm.protocols.profinet.cmdev_check import ConnectRequest
-    from pnfarm.protocols.profinet.description import DeviceDescription, Plugged
+    from pnfarm.protocols.profinet.cmdev_control import ControlCall
+    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, Plugged
     from pnfarm.protocols.profinet.events import CmEvent
     from pnfarm.protocols.profinet.record_store import RecordHandler
     from pnfarm.protocols.profinet.rpc_fragments import Peer
+    from pnfarm.protocols.profinet.wire.alarms import AlarmItem
     from pnfarm.protocols.profinet.wire.blocks_any import Block
     from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
 __all__ = ["CmDevice", "OutgoingCall"]
 
-#: The device's RPC server port, for an ARRPCBlockRes.
-_RPC_PORT = 34964
-
 
 @dataclass(frozen=True, slots=True)
 class OutgoingCall:
-    """A call to the controller's interface; ``port`` is where an ARRPCBlock asked for it, None for the usual one."""
+    """A call to the controller's interface; ``port`` is where an ARRPCBlock asked for it, None for the usual one.
 
+    ``token`` names the call in :meth:`CmDevice.call_returned`; ``sequence`` is the alarm that it follows, if any.
+    """
+
+    token: int
     ar_key: int
     peer_ip: IPv4Address
     opnum: int
     payload: bytes
     port: int | None = None
-
-
-#: The blocks that the two calls may carry, with their ErrorCode1.
-_CONTROL_BLOCKS: dict[int, ConnectFault] = {
-    BlockType.PRM_END_REQ: ConnectFault.CONTROL_BLOCK,
-    BlockType.PRM_END_PLUG_REQ: ConnectFault.CONTROL_BLOCK_PLUG,
-    BlockType.PRM_BEGIN_REQ: ConnectFault.PRM_BEGIN_BLOCK,
-}
-_RELEASE_BLOCKS: dict[int, ConnectFault] = {BlockType.RELEASE_REQ: ConnectFault.RELEASE_BLOCK}
-
-
-def _refuse_call(service: ErrorCode, code1: int, code2: int) -> NoReturn:
-    raise RefusedError(pnio_error(service, code1, code2), "")
+    block_type: BlockType = BlockType.APPLICATION_READY_REQ
+    sequence: int = 0
 
 
 def _same_initiator(one: ArBlockReq, other: ArBlockReq) -> bool:
     """Both requests come from one controller and want the same kind of AR."""
-    return (one.initiator_object_uuid, one.station_name, one.ar_type) == (
+    access = ArProperties.DEVICE_ACCESS
+    return (one.initiator_object_uuid, one.station_name, one.ar_type, one.properties & access) == (
         other.initiator_object_uuid,
         other.station_name,
         other.ar_type,
+        other.properties & access,
     )
-
-
-def _confirms(ar: Ar, payload: bytes) -> bool:
-    """Is ``payload`` the controller's "done" to this AR's ApplicationReady?"""
-    try:
-        (raw,) = split_blocks(payload)
-        block = parse_control_block(raw)
-    except (DecodeError, ValueError):
-        return False
-    wanted = (BlockType.APPLICATION_READY_RES, ar.uuid, ar.session_key, ControlCommand.DONE)
-    return (block.block_type, block.ar_uuid, block.session_key, block.command) == wanted
 
 
 class CmDevice:
     """Context management of one device.  See the head of this file for who calls what.
 
     ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is asked about every
-    readable Connect and answers a PNIOStatus to refuse it with, or None.  ``dropped`` counts what was thrown away,
-    by reason.
+    readable Connect and answers a PNIOStatus to refuse it with, or None.  ``diagnosis_state`` gives the diagnosis bits
+    of a submodule's SubmoduleState.
     """
 
     def __init__(
@@ -157,21 +134,25 @@ class CmDevice:
         *,
         mac: bytes,
         station_name: str = "",
+        diagnosis_state: Callable[[ExpectedKey], int] = lambda _key: 0,
     ) -> None:
         self.description = description
         self.plugged = plugged
         self.station_name = station_name
         self.refuse_connect: Callable[[ArBlockReq], PnioStatus | None] | None = None
-        self.dropped: Counter[str] = Counter()
+        self._dropped: Counter[str] = Counter()
         self._mac = mac
         self._records = records
         self._ars: dict[int, Ar] = {}
         self._deadlines: dict[int, int] = {}
         self._next_key = 1
+        self._next_token = 1
         self._events: list[CmEvent] = []
         self._responses: list[tuple[Hashable, PnioStatus, bytes]] = []
         self._calls: list[OutgoingCall] = []
-        self._rta: list[tuple[bytes, bytes]] = []
+        self._under_way: dict[int, OutgoingCall] = {}
+        self.alarms = DeviceAlarms(plugged)
+        self._modules = Modules(plugged, self.alarms, diagnosis_state)
 
     # what the surroundings read
 
@@ -182,6 +163,11 @@ class CmDevice:
 
     def ar(self, ar_key: int) -> Ar | None:
         return self._ars.get(ar_key)
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """PDUs that were thrown away, by reason."""
+        return self._dropped + self.alarms.dropped
 
     def events(self) -> list[CmEvent]:
         drained, self._events = self._events, []
@@ -196,18 +182,20 @@ class CmDevice:
         drained, self._calls = self._calls, []
         return drained
 
-    def rta_to_send(self) -> list[tuple[bytes, bytes]]:
-        """Alarm frames: (destination MAC, octets behind EtherType 0x8892)."""
-        drained, self._rta = self._rta, []
-        return drained
+    def rta_to_send(self, now: int) -> list[AlarmFrame]:
+        """Alarm frames: destination MAC, VLAN priority, octets behind EtherType 0x8892."""
+        return self.alarms.to_send(now)
 
     def next_deadline(self) -> int | None:
-        return min(self._deadlines.values(), default=None)
+        deadlines = (min(self._deadlines.values(), default=None), self.alarms.next_deadline())
+        return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
-        """Abort every AR whose controller was inactive too long during start-up."""
+        """Abort every AR whose controller was inactive too long during start-up; repeat alarms."""
         for key in [k for k, deadline in self._deadlines.items() if deadline <= now]:
             self.abort(key, RtaError.CMI_TIMEOUT, now)
+        self.alarms.handle_timeout(now)
+        self._take_alarms(now)
 
     # what arrives
 
@@ -217,9 +205,9 @@ class CmDevice:
             case Opnum.CONNECT:
                 status, answer = self._connect(payload, args_maximum, peer.ip, now)
             case Opnum.RELEASE:
-                status, answer = self._release(payload)
+                status, answer = self._release(payload, now)
             case Opnum.CONTROL:
-                status, answer = self._control(payload)
+                status, answer = self._control(payload, now)
             case Opnum.WRITE:
                 served = serve_write(payload, self._by_uuid, self._records, now)
                 status, answer = served.status, served.payload
@@ -234,40 +222,41 @@ class CmDevice:
                 status, answer = pnio_error(ErrorCode.PNIO, ConnectFault.CMRPC, CmrpcError.STATE_CONFLICT), b""
         self._responses.append((call, status, answer))
 
-    def call_returned(self, ar_key: int, status: PnioStatus, payload: bytes, now: int) -> None:
-        """The controller answered ApplicationReady."""
-        ar = self._ars.get(ar_key)
-        if ar is None or ar.state is not CmdevState.W_ARDYCNF:
-            self.dropped["late-call-result"] += 1
+    def call_returned(self, token: int, status: PnioStatus, payload: bytes, now: int) -> None:
+        """The controller answered an ApplicationReady."""
+        call, ar = self._called(token)
+        if call is None or ar is None:
+            self._dropped["late-call-result"] += 1
             return
         if not status.ok:
-            self.abort(ar_key, RtaError.RPC_CLIENT_CALL_FAILED, now)
+            self.abort(ar.key, RtaError.RPC_CLIENT_CALL_FAILED, now)
             return
-        if not _confirms(ar, payload):
-            self.abort(ar_key, RtaError.PROTOCOL_VIOLATION, now)
+        if not confirms(ar, payload, call.block_type, call.sequence):
+            self.abort(ar.key, RtaError.PROTOCOL_VIOLATION, now)
             return
-        self._events.append(ApplicationReadyConfirmed(ar_key))
-        ready = len(ar.data_seen) == len(ar.output_crs)
-        self._step(ar, CmdevEvent.APPLICATION_READY_CNF_DATA if ready else CmdevEvent.APPLICATION_READY_CNF)
+        self._ready_confirmed(ar, call, now)
 
-    def call_failed(self, ar_key: int, reason: str, now: int) -> None:
+    def call_failed(self, token: int, reason: str, now: int) -> None:
         """ApplicationReady was not answered; ``reason`` is the RPC client's."""
-        ar = self._ars.get(ar_key)
-        if ar is None or ar.state is not CmdevState.W_ARDYCNF:
-            self.dropped["late-call-result"] += 1
+        call, ar = self._called(token)
+        if call is None or ar is None:
+            self._dropped["late-call-result"] += 1
             return
         self._abort(ar, rta_status(RtaError.RPC_CLIENT_CALL_FAILED), now, f"ApplicationReady: {reason}")
 
+    def _called(self, token: int) -> tuple[OutgoingCall | None, Ar | None]:
+        call = self._under_way.pop(token, None)
+        return call, None if call is None else self._ars.get(call.ar_key)
+
     def data_received(self, ar_key: int, now: int, iocr_reference: int | None = None) -> None:
         """The first valid frame came, on one output CR or (None) on every one of them."""
-        del now
         ar = self._ars.get(ar_key)
         if ar is None:
             return
         references = {c.iocr_reference for c in ar.output_crs}
         ar.data_seen |= references if iocr_reference is None else references & {iocr_reference}
         if ar.data_seen == references and ar.state is CmdevState.WDATA:
-            self._step(ar, CmdevEvent.DATA_POSSIBLE)
+            self._step(ar, CmdevEvent.DATA_POSSIBLE, now)
 
     def watchdog_expired(self, ar_key: int, now: int) -> None:
         """An output CR's data hold timer ran out."""
@@ -275,38 +264,28 @@ class CmDevice:
 
     def receive_rta(self, payload: bytes, source_mac: bytes, now: int) -> None:
         """An alarm frame's octets, from the frame id on; an ERR-RTA of an AR's controller ends that AR."""
-        try:
-            pdu = parse_rta_error(payload)
-        except DecodeError as exc:
-            self.dropped[f"rta-{exc.reason}"] += 1
-            return
-        for ar in self.ars:
-            if (
-                ar.alarm_cr is not None
-                and ar.initiator_mac == source_mac
-                and ar.local_alarm_reference == pdu.destination
-                and ar.remote_alarm_reference == pdu.source
-            ):
-                self._abort(ar, pdu.status, now, by_peer=True)
-                return
-        self.dropped["rta-unknown-reference"] += 1
+        self.alarms.receive(payload, source_mac, self._ars, now)
+        self._take_alarms(now)
 
     # what the application does
 
-    def application_ready(self, ar_key: int, now: int) -> bool:
-        """Tell the controller that the application is ready.  False when the AR does not wait for that."""
-        del now
+    def application_ready(self, ar_key: int, now: int, sequence: int | None = None) -> bool:
+        """Tell the controller that the application is ready.  False when the AR does not wait for that.
+
+        ``sequence`` is that of :class:`PrmEndReceived`: None for the whole AR, an alarm's for one plugged submodule.
+        """
         ar = self._ars.get(ar_key)
-        if ar is None or ar.state is not CmdevState.W_ARDY:
+        if ar is None:
             return False
-        ar.module_diff = module_diff(ar.expected, self.plugged, self._locked(ar))
-        blocks: list[Block] = [
-            ControlBlock(BlockType.APPLICATION_READY_REQ, ar.uuid, ar.session_key, ControlCommand.APPLICATION_READY)
-        ]
-        if ar.module_diff is not None:
-            blocks.append(ar.module_diff)
-        self._calls.append(OutgoingCall(ar.key, ar.peer_ip, Opnum.CONTROL, emit_blocks(blocks), ar.initiator_rpc_port))
-        self._step(ar, CmdevEvent.APPLICATION_READY_REQ)
+        if sequence is not None:
+            return self._plug_ready(ar, sequence)
+        if ar.state is CmdevState.DATA and self._modules.begin(ar_key).step(CmpbeEvent.APPLICATION_READY_REQ):
+            self._call_ready(ar)
+            return True
+        if ar.state is not CmdevState.W_ARDY:
+            return False
+        self._call_ready(ar)
+        self._step(ar, CmdevEvent.APPLICATION_READY_REQ, now)
         return True
 
     def abort(self, ar_key: int, reason: int, now: int) -> None:
@@ -318,6 +297,37 @@ class CmDevice:
     def abort_all(self, reason: int, now: int) -> None:
         for ar in self.ars:
             self.abort(ar.key, reason, now)
+
+    def pull(self, slot: int, subslot: int | None, now: int) -> None:
+        """Take a module, or one submodule of it, out of a slot."""
+        before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        self.plugged.pull(slot, subslot)
+        self._moved(slot, before, now, whole=subslot is None)
+
+    def plug(self, slot: int, module: ModuleDescription | None, now: int, *, substitute: bool = False) -> None:
+        """Put a module into a slot; None for the one that was pulled.  See :meth:`Plugged.plug`."""
+        before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        self.plugged.plug(slot, module, substitute=substitute)
+        self._moved(slot, before, now, whole=True)
+
+    def alarm(
+        self,
+        alarm_type: int,
+        key: ExpectedKey,
+        now: int,
+        *,
+        items: tuple[AlarmItem, ...] = (),
+        specifier: int = 0,
+        high: bool = False,
+    ) -> int:
+        """An alarm about one submodule to every AR that owns it; how many ARs are told."""
+        told = 0
+        for ar in self.ars:
+            if key in ar.owned and ar.alarm_cr is not None:
+                self.alarms.tell(ar.key, alarm_type, key, now, items=items, specifier=specifier, high=high)
+                told += 1
+        self._take_alarms(now)
+        return told
 
     # Connect
 
@@ -333,16 +343,23 @@ class CmDevice:
             self._events.append(ConnectRefused(peer_ip, exc.status, exc.detail))
             return exc.status, b""
         ar = Ar(self._next_key, request.ar, peer_ip, CmdevState.W_CIND, connected_at=now)
-        self._fill(ar, request, layouts)
-        answer = self._connect_response(ar, request)
+        fill(ar, request, layouts, self.ars)
+        claimed = claim(request.ar, request.expected, self.ars)
+        ar.owned, ar.locked = set(claimed.owned), dict(claimed.locked)
+        ar.module_diff = self._modules.diff(ar)
+        length = self.description.limits.max_alarm_data_length
+        answer = connect_response(ar, request, self._mac, self.station_name, length)
         if len(answer) > args_maximum:
             status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
             detail = f"the response has {len(answer)} octets, the caller takes {args_maximum}"
             self._events.append(ConnectRefused(peer_ip, status, detail))
             return status, b""
+        settle_claim(claimed, ar, self.ars)
         self._next_key += 1
         self._ars[ar.key] = ar
-        self._step(ar, CmdevEvent.CONNECT_IND)
+        self._modules.open(ar.key)
+        self.alarms.open(ar, self.description.limits.max_alarm_data_length)
+        self._step(ar, CmdevEvent.CONNECT_IND, now)
         self._events.append(
             ArConnected(
                 ar_key=ar.key,
@@ -357,11 +374,15 @@ class CmDevice:
             )
         )
         if ar.device_access:
-            self._step(ar, CmdevEvent.CONNECT_RSP_DEVICE_ACCESS)
+            self._step(ar, CmdevEvent.CONNECT_RSP_DEVICE_ACCESS, now)
         else:
-            self._step(ar, CmdevEvent.CONNECT_RSP)
-            self._step(ar, CmdevEvent.STARTUP_CNF)
+            self._step(ar, CmdevEvent.CONNECT_RSP, now)
+            self._step(ar, CmdevEvent.STARTUP_CNF, now)
             self._touch(ar, now)
+        for loser, keys in claimed.taken.items():
+            self._modules.taken_over(self._ars[loser], keys, now)
+            self._changed(self._ars[loser])
+        self._take_alarms(now)
         return OK, answer
 
     def _check_free(self, request: ConnectRequest, now: int) -> None:
@@ -382,126 +403,161 @@ class CmDevice:
                 self.abort(ar.key, RtaError.RE_RUN_ABORTS_EXISTING, now)
         limits = self.description.limits
         access = bool(request.ar.properties & ArProperties.DEVICE_ACCESS)
-        standing = sum(ar.device_access == access for ar in self.ars)
-        if standing >= (limits.max_device_access_ars if access else limits.max_ars):
+        supervisor = request.ar.ar_type == ArType.IOSAR and not access
+        standing = sum((ar.device_access, ar.supervisor) == (access, supervisor) for ar in self.ars)
+        most = limits.max_device_access_ars if access else limits.max_supervisor_ars if supervisor else limits.max_ars
+        if standing >= most:
             status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.OUT_OF_AR_RESOURCES)
             raise RefusedError(status, f"ARs that stand already: {standing}")
 
     def _follow(self, request: ConnectRequest) -> None:
         """Slots that no other AR uses take the expected module, where they can."""
-        owned = {e.slot for ar in self.ars for e in ar.expected}
+        used = {e.slot for ar in self.ars for e in ar.expected}
         for entry in request.expected:
-            if entry.slot not in owned:
+            if entry.slot not in used:
                 self.plugged.follow(entry.slot, entry.module_ident)
-
-    def _fill(self, ar: Ar, request: ConnectRequest, layouts: tuple[IocrLayout, ...]) -> None:
-        used = {c.frame_id for other in self.ars for c in other.iocrs} | {c.frame_id for c in layouts}
-        given = []
-        for layout in layouts:
-            if layout.frame_id == FRAME_ID_ASSIGN:
-                layout = replace(layout, frame_id=next(i for i in FRAME_ID_RANGES[layout.rt_class] if i not in used))
-                used.add(layout.frame_id)
-            given.append(layout)
-        ar.iocrs = tuple(given)
-        ar.expected = tuple(request.expected)
-        ar.alarm_cr = request.alarm_crs[0] if request.alarm_crs else None
-        taken = {other.local_alarm_reference for other in self.ars if other.alarm_cr}
-        ar.local_alarm_reference = next(n for n in range(len(taken) + 1) if n not in taken)
-        ar.initiator_rpc_port = request.rpc.server_port if request.rpc else None
-        ar.module_diff = module_diff(ar.expected, self.plugged, self._locked(ar))
-
-    def _connect_response(self, ar: Ar, request: ConnectRequest) -> bytes:
-        blocks: list[Block] = [ArBlockRes(ar.ar_type, ar.uuid, ar.session_key, self._mac)]
-        blocks += [IocrBlockRes(c.iocr_type, c.iocr_reference, c.frame_id) for c in ar.iocrs]
-        if ar.alarm_cr is not None:
-            length = self.description.limits.max_alarm_data_length
-            blocks.append(AlarmCrBlockRes(ar.alarm_cr.alarm_cr_type, ar.local_alarm_reference, length))
-        if ar.module_diff is not None:
-            blocks.append(ar.module_diff)
-        if request.rpc is not None:
-            blocks.append(ArRpcBlockRes(_RPC_PORT))
-        if self.station_name and not ar.device_access:
-            blocks.append(ArServerBlock(self.station_name.encode("ascii", "replace")))
-        blocks += [ArVendorBlockRes(v.ap_structure_identifier, v.api) for v in request.vendor]
-        return emit_blocks(blocks)
-
-    def _locked(self, ar: Ar) -> set[tuple[int, int, int]]:
-        """Submodules that another controller's AR has."""
-        return {
-            (e.api, e.slot, s.subslot)
-            for other in self.ars
-            if other is not ar
-            for e in other.expected
-            for s in e.submodules
-        }
 
     # Control, Release
 
-    def _control(self, payload: bytes) -> tuple[PnioStatus, bytes]:
+    def _control(self, payload: bytes, now: int) -> tuple[PnioStatus, bytes]:
         try:
-            block, ar = self._read_control(payload, ErrorCode.CONTROL)
-            if block.block_type != BlockType.PRM_END_REQ:
-                _refuse_call(ErrorCode.CONTROL, ConnectFault.CMRPC, CmrpcError.STATE_CONFLICT)
-            if block.command != ControlCommand.PRM_END:
-                _refuse_call(ErrorCode.CONTROL, ConnectFault.CONTROL_BLOCK, ControlField.CONTROL_COMMAND)
-            if ar.state is not CmdevState.W_PEIND:
-                _refuse_call(ErrorCode.CONTROL, ConnectFault.CMRPC, CmrpcError.STATE_CONFLICT)
+            call = read_control(payload, ErrorCode.CONTROL, self._by_uuid)
+            self._command(call, now)
         except RefusedError as exc:
             return exc.status, b""
-        self._step(ar, CmdevEvent.PRM_END_IND)
-        self._step(ar, CmdevEvent.PRM_END_RSP)
-        return OK, emit_control_block(control_response(block))
+        return OK, emit_control_block(control_response(call.block))
 
-    def _release(self, payload: bytes) -> tuple[PnioStatus, bytes]:
+    def _command(self, call: ControlCall, now: int) -> None:
+        """Carry out one control command; raises :class:`RefusedError`."""
+        ar = call.ar
+        begin = self._modules.begin(ar.key)
+        match call.block.block_type:
+            case BlockType.PRM_END_REQ if ar.state is CmdevState.W_PEIND:
+                self._step(ar, CmdevEvent.PRM_END_IND, now)
+                self._step(ar, CmdevEvent.PRM_END_RSP, now)
+                return
+            case BlockType.PRM_END_REQ if begin.step(CmpbeEvent.PRM_END_IND):
+                begin.step(CmpbeEvent.PRM_END_RSP)
+                self._events.append(PrmEndReceived(ar.key))
+                return
+            case BlockType.PRM_BEGIN_REQ if call.submodules is not None and ar.state is CmdevState.DATA:
+                check_list(call.submodules, ar)
+                if begin.step(CmpbeEvent.PRM_BEGIN_IND):
+                    begin.submodules = call.submodules.entries
+                    begin.step(CmpbeEvent.PRM_BEGIN_RSP)
+                    self.alarms.hold(ar.key)
+                    return
+                if begin.state is CmpbeState.WFREQ:
+                    # the controller began anew before the application was ready: the AR ends (CMPBE)
+                    self.abort(ar.key, RtaError.PROTOCOL_VIOLATION, now)
+            case BlockType.PRM_END_PLUG_REQ if ar.state is CmdevState.DATA:
+                sequence = call.block.alarm_sequence_number
+                plug = self._modules.plug(ar.key, sequence)
+                if plug is None:
+                    refuse_call(ErrorCode.CONTROL, ConnectFault.CONTROL_BLOCK_PLUG, ControlField.ALARM_SEQUENCE_NUMBER)
+                if plug.step(PlugsmEvent.PRM_END_IND):
+                    self._events.append(PrmEndReceived(ar.key, sequence))
+                    return
+        refuse_call(ErrorCode.CONTROL, ConnectFault.CMRPC, CmrpcError.STATE_CONFLICT)
+
+    def _release(self, payload: bytes, now: int) -> tuple[PnioStatus, bytes]:
         try:
-            block, ar = self._read_control(payload, ErrorCode.RELEASE)
-            if block.command != ControlCommand.RELEASE:
-                _refuse_call(ErrorCode.RELEASE, ConnectFault.RELEASE_BLOCK, ControlField.CONTROL_COMMAND)
+            call = read_control(payload, ErrorCode.RELEASE, self._by_uuid)
         except RefusedError as exc:
             return exc.status, b""
-        self._step(ar, CmdevEvent.RELEASE_IND)
-        self._forget(ar)
-        self._events.append(ArReleased(ar.key))
-        return OK, emit_control_block(control_response(block))
+        self._step(call.ar, CmdevEvent.RELEASE_IND, now)
+        self._events.append(ArReleased(call.ar.key))
+        self._forget(call.ar, now)
+        return OK, emit_control_block(control_response(call.block))
 
-    def _read_control(self, payload: bytes, service: ErrorCode) -> tuple[ControlBlock, Ar]:
-        """The one control block of a call and the AR that it names."""
-        wanted = _RELEASE_BLOCKS if service == ErrorCode.RELEASE else _CONTROL_BLOCKS
-        try:
-            raws = split_blocks(payload)
-        except DecodeError:
-            _refuse_call(service, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
-        if not raws:
-            _refuse_call(service, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
-        raw = raws[0]
-        # a PrmBegin carries a submodule list besides; every other call is one block
-        if raw.block_type not in wanted or (len(raws) > 1 and raw.block_type != BlockType.PRM_BEGIN_REQ):
-            _refuse_call(service, ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS)
-        fault = wanted[raw.block_type]
-        if raw.version_high != VERSION_1_0 >> 8:
-            _refuse_call(service, fault, ControlField.BLOCK_VERSION_HIGH)
-        if raw.version != VERSION_1_0:
-            _refuse_call(service, fault, ControlField.BLOCK_VERSION_LOW)
-        try:
-            block = parse_control_block(raw)
-        except DecodeError:
-            _refuse_call(service, fault, ControlField.BLOCK_LENGTH)
-        ar = self._by_uuid(block.ar_uuid)
-        if ar is None:
-            _refuse_call(service, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
-        if block.session_key != ar.session_key:
-            _refuse_call(service, fault, ControlField.SESSION_KEY)
-        return block, ar
+    # ApplicationReady
+
+    def _call_ready(self, ar: Ar, plug: Plug | None = None) -> None:
+        ar.module_diff = self._modules.diff(ar)
+        block_type = BlockType.APPLICATION_READY_REQ if plug is None else BlockType.APPLICATION_READY_PLUG_REQ
+        sequence = 0 if plug is None or plug.sequence is None else plug.sequence
+        blocks: list[Block] = [
+            ControlBlock(block_type, ar.uuid, ar.session_key, ControlCommand.APPLICATION_READY, sequence)
+        ]
+        if ar.module_diff is not None:
+            blocks.append(ar.module_diff)
+        call = OutgoingCall(
+            token=self._next_token,
+            ar_key=ar.key,
+            peer_ip=ar.peer_ip,
+            opnum=Opnum.CONTROL,
+            payload=emit_blocks(blocks),
+            port=ar.initiator_rpc_port,
+            block_type=block_type,
+            sequence=sequence,
+        )
+        self._next_token += 1
+        self._under_way[call.token] = call
+        self._calls.append(call)
+
+    def _plug_ready(self, ar: Ar, sequence: int) -> bool:
+        plug = self._modules.plug(ar.key, sequence)
+        if plug is None or not plug.step(PlugsmEvent.APPLICATION_READY_REQ):
+            return False
+        self._modules.plug_ready(ar, plug)
+        self._call_ready(ar, plug)
+        self._changed(ar)
+        return True
+
+    def _ready_confirmed(self, ar: Ar, call: OutgoingCall, now: int) -> None:
+        if call.block_type == BlockType.APPLICATION_READY_PLUG_REQ:
+            self._modules.plug_confirmed(ar.key, call.sequence)
+            self._events.append(ApplicationReadyConfirmed(ar.key, call.sequence))
+            return
+        self._events.append(ApplicationReadyConfirmed(ar.key))
+        if self._modules.begin(ar.key).step(CmpbeEvent.APPLICATION_READY_CNF):
+            self._let_alarms_go(ar, now)
+            return
+        ready = len(ar.data_seen) == len(ar.output_crs)
+        self._step(ar, CmdevEvent.APPLICATION_READY_CNF_DATA if ready else CmdevEvent.APPLICATION_READY_CNF, now)
+
+    # modules
+
+    def _changed(self, ar: Ar) -> None:
+        ar.module_diff = self._modules.diff(ar)
+        self._events.append(SubmodulesChanged(ar.key, self._modules.unusable(ar)))
+
+    def _moved(self, slot: int, before: dict[int, set[ExpectedKey]], now: int, *, whole: bool) -> None:
+        """Something was pulled from or plugged into ``slot``: tell every AR that expects something there."""
+        for ar in self.ars:
+            if self._modules.moved(ar, slot, before[ar.key], now, whole=whole):
+                self._changed(ar)
+        self._take_alarms(now)
+
+    # alarms
+
+    def _take_alarms(self, now: int) -> None:
+        """What the alarm channels report."""
+        for ar_key, event in self.alarms.events():
+            ar = self._ars.get(ar_key)
+            if ar is None:
+                continue
+            if isinstance(event, AlarmEnded):
+                self._abort(ar, event.status, now, event.words, by_peer=event.by_peer)
+                continue
+            self._modules.alarm_confirmed(event)
+            self._events.append(event)
+
+    def _let_alarms_go(self, ar: Ar, now: int) -> None:
+        self.alarms.let_go(ar.key, now)
+        self._take_alarms(now)
 
     # the machine
 
-    def _step(self, ar: Ar, event: CmdevEvent) -> None:
+    def _step(self, ar: Ar, event: CmdevEvent, now: int) -> None:
         """The one place that writes an AR's state."""
         ar.state, reported = TRANSITIONS[ar.state, event]
-        if ar.state is CmdevState.DATA:
-            self._deadlines.pop(ar.key, None)
         if reported is not None:
             self._events.append(reported(ar.key))
+        if ar.state is CmdevState.DATA:
+            self._deadlines.pop(ar.key, None)
+            self._modules.begin(ar.key).step(CmpbeEvent.DATA)
+            self._let_alarms_go(ar, now)
 
     def _touch(self, ar: Ar | None, now: int) -> None:
         """The controller was active: its timeout starts anew, while the AR is not in DATA yet."""
@@ -509,19 +565,25 @@ class CmDevice:
             self._deadlines[ar.key] = now + ar.activity_timeout_ns
 
     def _abort(self, ar: Ar, status: PnioStatus, now: int, words: str = "", *, by_peer: bool = False) -> None:
-        del now
-        self._step(ar, CmdevEvent.ABORT)
-        self._forget(ar)
-        if ar.alarm_cr is not None and not by_peer:
-            pdu = rta_error(ar.remote_alarm_reference, ar.local_alarm_reference, status.error_code2)
-            self._rta.append((ar.initiator_mac, emit_rta_error(pdu)))
+        self._step(ar, CmdevEvent.ABORT, now)
+        if not by_peer:
+            self.alarms.end(ar.key, status, now)
         reason = words or describe_status(status)
         self._events.append(ArAborted(ar.key, status.error_code1, status.error_code2, reason, by_peer))
+        self._forget(ar, now)
 
-    def _forget(self, ar: Ar) -> None:
+    def _forget(self, ar: Ar, now: int) -> None:
         self._ars.pop(ar.key, None)
+        self._modules.close(ar.key)
         self._deadlines.pop(ar.key, None)
+        self.alarms.close(ar.key)
         self._calls = [call for call in self._calls if call.ar_key != ar.key]
+        for token in [t for t, call in self._under_way.items() if call.ar_key == ar.key]:
+            del self._under_way[token]
+        for heir_key, keys in pass_on(ar, self.ars).items():
+            self._modules.inherited(self._ars[heir_key], keys, now)
+            self._changed(self._ars[heir_key])
+        self._take_alarms(now)
 
     def _by_uuid(self, uuid: UUID) -> Ar | None:
         return next((ar for ar in self._ars.values() if ar.uuid == uuid), None)

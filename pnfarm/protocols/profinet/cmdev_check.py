@@ -166,7 +166,7 @@ def parse_connect(payload: bytes) -> ConnectRequest:
     return request
 
 
-def _check_ar(ar: ArBlockReq) -> None:
+def _check_ar(ar: ArBlockReq, description: DeviceDescription) -> None:
     def refuse(field: ArField, detail: str) -> NoReturn:
         _refuse(ConnectFault.AR_BLOCK, field, detail)
 
@@ -174,7 +174,7 @@ def _check_ar(ar: ArBlockReq) -> None:
     access = bool(p & ArProperties.DEVICE_ACCESS)
     if ar.ar_type not in {ArType.IOCAR_SINGLE, ArType.IOSAR}:
         refuse(ArField.AR_TYPE, f"ARType 0x{ar.ar_type:04X} is not supported")
-    if ar.ar_type == ArType.IOSAR and not access:
+    if ar.ar_type == ArType.IOSAR and not access and not description.limits.max_supervisor_ars:
         refuse(ArField.AR_TYPE, "a supervisor's AR is supported for device access only")
     if ar.ar_uuid == NIL_UUID:
         refuse(ArField.AR_UUID, "ARUUID is nil")
@@ -397,7 +397,7 @@ def check_connect(request: ConnectRequest, description: DeviceDescription) -> tu
     Raises :class:`RefusedError` with the standard's code for the first faulty field, in the standard's order: AR,
     IOCRs and their number, expected submodules, offsets, alarm CR, AR RPC.
     """
-    _check_ar(request.ar)
+    _check_ar(request.ar, description)
     if request.ar.properties & ArProperties.DEVICE_ACCESS:
         if request.iocrs or request.expected or request.alarm_crs:
             _refuse(ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS, "device access takes no CR")

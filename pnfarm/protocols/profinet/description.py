@@ -7,7 +7,7 @@ takes the one that the controller expects, unless it was pulled or replaced on p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -73,12 +73,14 @@ class Limits:
     """What the device refuses at Connect.
 
     ``min_cycle_ns``: shortest send cycle of a CR; 0 leaves it to ``min_device_interval``.  With ``strict`` False
-    neither is enforced.  ``max_ars`` counts IO controllers, ``max_device_access_ars`` the acyclic ones beside them.
+    neither is enforced.  ``max_ars`` counts IO controllers (more than one: a shared device), ``max_supervisor_ars``
+    supervisors with IO data, ``max_device_access_ars`` the acyclic ones beside them.
     """
 
     strict: bool = True
     min_cycle_ns: int = 0
     max_ars: int = 1
+    max_supervisor_ars: int = 1
     max_device_access_ars: int = 1
     max_iocrs: int = 2
     max_alarm_data_length: int = 200
@@ -131,16 +133,19 @@ class DeviceDescription:
 class Plugged:
     """The modules in the slots: a mapping ``(slot, subslot) -> SubmoduleDescription`` with hands.
 
-    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`force` and :meth:`restore` are for the one who
-    disturbs the device.
+    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`plug` and :meth:`restore` are for the one who disturbs
+    the device.
     """
 
-    __slots__ = ("_description", "_fixed", "_modules")
+    __slots__ = ("_description", "_fixed", "_modules", "_pulled", "_substitutes")
 
     def __init__(self, description: DeviceDescription) -> None:
         self._description = description
         self._modules: dict[int, ModuleDescription] = {}
         self._fixed: set[int] = set()
+        #: What stood in a slot before something of it was pulled.
+        self._pulled: dict[int, ModuleDescription] = {}
+        self._substitutes: set[int] = set()
         for slot in description.slots:
             self.restore(slot)
 
@@ -152,24 +157,56 @@ class Plugged:
         if module is not None:
             self._modules[slot] = module
 
-    def pull(self, slot: int) -> None:
-        """Leave ``slot`` empty, whatever a controller expects, until :meth:`restore`."""
+    def pull(self, slot: int, subslot: int | None = None) -> None:
+        """Take a module, or one submodule of it, out, whatever a controller expects, until :meth:`plug`."""
+        module = self._modules.get(slot)
         self._fixed.add(slot)
-        self._modules.pop(slot, None)
+        if module is None:
+            return
+        self._pulled.setdefault(slot, module)
+        if subslot is None:
+            del self._modules[slot]
+        else:
+            rest = tuple(s for s in module.submodules if s.subslot != subslot)
+            self._modules[slot] = replace(module, submodules=rest)
 
-    def force(self, module: ModuleDescription) -> None:
-        """Put ``module`` into its slot, whatever a controller expects, until :meth:`restore`."""
-        self._fixed.add(module.slot)
-        self._modules[module.slot] = module
+    def plug(self, slot: int, module: ModuleDescription | None = None, *, substitute: bool = False) -> None:
+        """Put ``module`` into ``slot``, whatever a controller expects; without one, what was pulled.
+
+        A ``substitute`` works in the place of another module: its submodules with the expected lengths are usable.
+        """
+        if module is None:
+            before = self._pulled.pop(slot, None)
+            self.restore(slot)
+            if before is not None:
+                self._modules[slot] = before
+            return
+        self._pulled.pop(slot, None)
+        self._fixed.add(slot)
+        self._modules[slot] = module
+        if substitute:
+            self._substitutes.add(slot)
+        else:
+            self._substitutes.discard(slot)
 
     def restore(self, slot: int) -> None:
         """Back to the module of power-on, free to follow again."""
         self._fixed.discard(slot)
+        self._pulled.pop(slot, None)
+        self._substitutes.discard(slot)
         module = self._description.default_module(slot)
         if module is None:
             self._modules.pop(slot, None)
         else:
             self._modules[slot] = module
+
+    def held(self, slot: int) -> bool:
+        """Somebody pulled or plugged here: the slot does not follow the controller."""
+        return slot in self._fixed
+
+    def substitutes(self, slot: int) -> bool:
+        """The module in ``slot`` was plugged as a substitute for another."""
+        return slot in self._substitutes
 
     def module(self, slot: int) -> ModuleDescription | None:
         return self._modules.get(slot)

@@ -16,6 +16,7 @@ from pnfarm.protocols.profinet.wire.rpc import OK, PnioStatus
 __all__ = [
     "OK",
     "AccessError",
+    "AlarmAckError",
     "AlarmCrField",
     "ArField",
     "ArRpcField",
@@ -31,6 +32,7 @@ __all__ = [
     "RecordError",
     "RecordField",
     "RtaError",
+    "SubmoduleListField",
     "describe_status",
     "pnio_error",
     "rta_status",
@@ -256,6 +258,27 @@ class ControlField(IntEnum):
     CONTROL_BLOCK_PROPERTIES = 9
 
 
+class SubmoduleListField(IntEnum):
+    """ErrorCode2 of SubmoduleListBlock, in the order of the wire."""
+
+    BLOCK_TYPE = 0
+    BLOCK_LENGTH = 1
+    BLOCK_VERSION_HIGH = 2
+    BLOCK_VERSION_LOW = 3
+    NUMBER_OF_ENTRIES = 4
+    API = 5
+    SLOT = 6
+    SUBSLOT = 7
+
+
+class AlarmAckError(IntEnum):
+    """ErrorCode2 of AlarmAck: why an alarm was not taken."""
+
+    ALARM_TYPE_NOT_SUPPORTED = 0
+    WRONG_SUBMODULE_STATE = 1
+    BACKUP_ALARM_NOT_EXECUTED = 2
+
+
 class CmdevError(IntEnum):
     """ErrorCode2 of CMDEV."""
 
@@ -432,8 +455,10 @@ _CODE2: dict[int, type[IntEnum]] = {
     ConnectFault.ALARM_CR_BLOCK: AlarmCrField,
     ConnectFault.AR_RPC_BLOCK: ArRpcField,
     ConnectFault.RECORD: RecordField,
-    **dict.fromkeys(range(ConnectFault.CONTROL_BLOCK, ConnectFault.SUBMODULE_LIST_BLOCK + 1), ControlField),
+    **dict.fromkeys(range(ConnectFault.CONTROL_BLOCK, ConnectFault.SUBMODULE_LIST_BLOCK), ControlField),
+    ConnectFault.SUBMODULE_LIST_BLOCK: SubmoduleListField,
     ConnectFault.RELEASE_BLOCK: ControlField,
+    ConnectFault.ALARM_ACK: AlarmAckError,
     ConnectFault.CMDEV: CmdevError,
     ConnectFault.CMRPC: CmrpcError,
     ConnectFault.RTA_ERR_CLS_PROTOCOL: RtaError,

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
 __all__ = [
+    "AlarmConfirmed",
     "ApplicationReadyConfirmed",
     "ArAborted",
     "ArConnected",
@@ -22,6 +23,7 @@ __all__ = [
     "ConnectRefused",
     "PrmEndReceived",
     "RecordWritten",
+    "SubmodulesChanged",
 ]
 
 
@@ -55,14 +57,47 @@ class ConnectRefused:
 
 @dataclass(frozen=True, slots=True)
 class PrmEndReceived:
-    """The parameters are complete; the application may now say that it is ready."""
+    """The parameters are complete; the application may now say that it is ready.
+
+    ``sequence``: None for the whole AR, the plug alarm's for the parameters of one plugged submodule.
+    """
 
     ar_key: int
+    sequence: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ApplicationReadyConfirmed:
+    """``sequence`` as in :class:`PrmEndReceived`."""
+
     ar_key: int
+    sequence: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SubmodulesChanged:
+    """A submodule came or went while the AR stands; ``unusable`` as in :class:`ArConnected`, as it is now."""
+
+    ar_key: int
+    unusable: frozenset[ExpectedKey]
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmConfirmed:
+    """The controller's AlarmAck came; ``status`` says whether it took the alarm.
+
+    ``number`` is the device's own for this alarm, ``sequence`` the one that its AlarmSpecifier carried.
+    """
+
+    ar_key: int
+    alarm_type: int
+    api: int
+    slot: int
+    subslot: int
+    number: int
+    sequence: int
+    high: bool
+    status: PnioStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,4 +149,6 @@ CmEvent = (
     | ArAborted
     | ArReleased
     | RecordWritten
+    | SubmodulesChanged
+    | AlarmConfirmed
 )

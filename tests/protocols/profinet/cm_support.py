@@ -240,7 +240,7 @@ class Bench:
         """Answer ApplicationReady as a controller does."""
         request = parse_blocks(call.payload)[0]
         answer = emit_control_block(control_response(request)) if status.ok else b""
-        self.cm.call_returned(call.ar_key, status, answer, self.now)
+        self.cm.call_returned(call.token, status, answer, self.now)
 
     def establish(self, **changes):
         """Connect up to DATA."""

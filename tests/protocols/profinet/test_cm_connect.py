@@ -103,7 +103,6 @@ REFUSALS = [
     ("ar-version-high", versioned(0, 0x0200), 1, 2),
     ("ar-version-low", versioned(0, 0x0101), 1, 3),
     ("ar-type", ar(ar_type=0x10), 1, 4),
-    ("ar-supervisor-with-crs", ar(ar_type=6), 1, 4),
     ("ar-uuid-nil", ar(ar_uuid=type(P.ar.ar_uuid)(int=0)), 1, 5),
     ("ar-mac-multicast", ar(initiator_mac=b"\x01" + bytes(5)), 1, 7),
     ("ar-mac-zero", ar(initiator_mac=bytes(6)), 1, 7),
@@ -236,6 +235,13 @@ def test_a_faulty_field_is_refused_with_its_codes(request, plan, code1, code2):
     assert len(event.detail) > 8
 
 
+def test_a_device_without_supervisors_refuses_one_that_wants_io_data():
+    alone = replace(DRIVE, limits=replace(DRIVE.limits, max_supervisor_ars=0))
+    status, _ = Bench(alone).connect(ar(ar_type=6))
+    assert (status.error_code1, status.error_code2) == (1, 4)
+    assert Bench(DRIVE).connect(ar(ar_type=6))[0].ok
+
+
 def test_truncated_arguments_are_refused_as_such():
     bench = Bench()
     status, _ = bench.call(0, P.payload()[:-3])
@@ -333,7 +339,7 @@ def test_a_missing_module_is_reported_as_no_module():
 
 def test_a_forced_module_of_the_same_ident_differs_in_its_submodule():
     bench = Bench()
-    bench.plugged.force(telegram(0x100, 0x70, 12, 12))
+    bench.plugged.plug(1, telegram(0x100, 0x70, 12, 12))
     diff, unusable = diff_of(bench)
     (module,) = diff.apis[0].modules
     assert (module.state, module.submodules[0].submodule_ident, module.submodules[0].state) == (2, 0x70, 0x9000)
@@ -342,7 +348,7 @@ def test_a_forced_module_of_the_same_ident_differs_in_its_submodule():
 
 def test_a_missing_submodule_is_reported_as_no_submodule():
     bench = Bench()
-    bench.plugged.force(ModuleDescription(1, 0x100, telegram(0x100, 0x68, 12, 12).submodules[1:]))
+    bench.plugged.plug(1, ModuleDescription(1, 0x100, telegram(0x100, 0x68, 12, 12).submodules[1:]))
     diff, unusable = diff_of(bench)
     (sub,) = diff.apis[0].modules[0].submodules
     assert (sub.subslot, sub.ident_info, unusable) == (1, 3, {(DRIVE_API, 1, 1)})

@@ -92,7 +92,7 @@ def test_a_whole_start_up_in_both_modes(startup):
     assert bench.events() == [ArEstablished(key)]
     assert bench.cm.ar(key).state is CmdevState.DATA
     assert bench.cm.next_deadline() is None
-    assert bench.cm.rta_to_send() == []
+    assert bench.cm.rta_to_send(0) == []
 
 
 def test_data_before_the_confirmation_leads_straight_to_data():
@@ -166,7 +166,8 @@ def test_an_abort_tells_the_controller_by_err_rta():
     key = bench.establish()
     bench.events()
     bench.cm.watchdog_expired(key, 0)
-    ((mac, frame),) = bench.cm.rta_to_send()
+    (sent,) = bench.cm.rta_to_send(0)
+    mac, frame = sent.destination, sent.payload
     assert mac == CONTROLLER_MAC
     pdu = parse_rta_error(frame)
     assert (pdu.destination, pdu.source) == (5, 0)
@@ -200,7 +201,7 @@ def test_the_controllers_err_rta_ends_the_ar_without_an_answer():
     bench.cm.receive_rta(frame, CONTROLLER_MAC, 0)
     (event,) = bench.events()
     assert (event.by_peer, event.error_code2) == (True, 13)
-    assert bench.cm.rta_to_send() == []
+    assert bench.cm.rta_to_send(0) == []
 
 
 def test_other_alarm_frames_are_counted_and_change_nothing():
@@ -209,7 +210,7 @@ def test_other_alarm_frames_are_counted_and_change_nothing():
     bench.cm.receive_rta(bytes.fromhex("fe010000000511110006000500000000"), CONTROLLER_MAC, 0)
     bench.cm.receive_rta(b"\xfe", CONTROLLER_MAC, 0)
     assert len(bench.cm.ars) == 1
-    assert bench.cm.dropped == {"rta-bad-type": 1, "rta-short": 1}
+    assert bench.cm.dropped == {"alarm-sequence": 1, "rta-short": 1}
 
 
 def test_release_ends_the_ar_and_answers_done():
@@ -221,7 +222,7 @@ def test_release_ends_the_ar_and_answers_done():
     assert parse_blocks(answer)[0].block_type == 0x8114
     assert bench.events() == [ArReleased(key)]
     assert bench.cm.ars == ()
-    assert bench.cm.rta_to_send() == []
+    assert bench.cm.rta_to_send(0) == []
     status, _ = bench.release()
     assert (status.error_code, status.error_code1, status.error_code2) == (0xDC, 0x40, 5)
 
@@ -261,7 +262,7 @@ def test_a_release_with_another_command_or_other_blocks_is_refused():
         (0x0110, ControlCommand.PRM_END, {"version": 0x0102}, (0x14, 3)),
         (0x0110, ControlCommand.PRM_END, {"version": 0}, (0x14, 2)),
         (0x0111, ControlCommand.PRM_END, {}, (0x40, 6)),
-        (0x0118, ControlCommand.PRM_BEGIN, {}, (0x40, 6)),
+        (0x0118, ControlCommand.PRM_BEGIN, {}, (0x40, 1)),
         (0x0112, ControlCommand.APPLICATION_READY, {}, (0x40, 1)),
     ],
 )
@@ -307,7 +308,7 @@ def test_a_refused_application_ready_aborts_the_ar():
 
 def test_an_unanswered_application_ready_aborts_the_ar_and_says_why():
     bench, call = waiting_for_confirmation()
-    bench.cm.call_failed(call.ar_key, "no answer after 3 tries", 0)
+    bench.cm.call_failed(call.token, "no answer after 3 tries", 0)
     (event,) = bench.events()
     assert (event.error_code2, event.reason) == (0x0C, "ApplicationReady: no answer after 3 tries")
 
@@ -323,7 +324,7 @@ def test_a_confirmation_that_is_none_aborts_the_ar(change):
         "empty": b"",
         "two": emit_control_block(answer) * 2,
     }[change]
-    bench.cm.call_returned(call.ar_key, PnioStatus(0, 0, 0, 0), payload, 0)
+    bench.cm.call_returned(call.token, PnioStatus(0, 0, 0, 0), payload, 0)
     assert bench.events()[0].error_code2 == RtaError.PROTOCOL_VIOLATION
 
 
@@ -331,7 +332,7 @@ def test_a_result_that_nobody_waits_for_is_dropped():
     bench, call = waiting_for_confirmation()
     bench.confirm(call)
     bench.confirm(call)
-    bench.cm.call_failed(call.ar_key, "late", 0)
+    bench.cm.call_failed(call.token, "late", 0)
     bench.cm.call_failed(99, "late", 0)
     assert bench.cm.dropped["late-call-result"] == 3
     assert len(bench.cm.ars) == 1
@@ -347,7 +348,7 @@ def test_application_ready_goes_to_the_port_that_the_controller_named():
 
 def test_application_ready_says_again_what_differs():
     bench = Bench()
-    bench.plugged.force(telegram(0x100, 0x70, 12, 12))
+    bench.plugged.plug(1, telegram(0x100, 0x70, 12, 12))
     bench.connect()
     bench.prm_end()
     bench.cm.application_ready(bench.key(), 0)
@@ -432,7 +433,7 @@ def test_an_acyclic_ar_stands_beside_the_controllers():
     assert (status.error_code1, status.error_code2) == (0x3D, 0)
     assert bench.cm.ar(key) is None
     bench.cm.abort(tool.key, RtaError.ABORT_REQUEST, 0)
-    assert bench.cm.rta_to_send()[-1][0] == CONTROLLER_MAC
+    assert bench.cm.rta_to_send(0)[-1].destination == CONTROLLER_MAC
 
 
 def test_connect_is_refused_on_purpose_with_any_status():
@@ -525,7 +526,7 @@ def test_any_order_of_happenings_keeps_the_machine_whole(actions):
             case "confirm" if pending:
                 bench.confirm(pending.pop())
             case "fail" if pending:
-                bench.cm.call_failed(pending.pop().ar_key, "lost", bench.now)
+                bench.cm.call_failed(pending.pop().token, "lost", bench.now)
             case "data":
                 bench.cm.data_received(key, bench.now)
             case "watchdog":

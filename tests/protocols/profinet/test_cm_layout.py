@@ -130,7 +130,7 @@ def test_a_pulled_or_forced_slot_does_not_follow_until_it_is_restored():
     plugged.pull(1)
     plugged.follow(1, 0x100)
     assert (1, 2) not in plugged
-    plugged.force(telegram(0x777, 1, 2, 2))
+    plugged.plug(1, telegram(0x777, 1, 2, 2))
     plugged.follow(1, 0x100)
     assert plugged.module(1).module_ident == 0x777
     plugged.restore(1)

@@ -252,7 +252,7 @@ def test_expected_identification_needs_an_ar(bench):
 
 def test_the_module_difference_can_be_read_again():
     bench = Bench()
-    bench.plugged.force(telegram(0x100, 0x70, 12, 12))
+    bench.plugged.plug(1, telegram(0x100, 0x70, 12, 12))
     bench.establish()
     (diff,) = parse_blocks(record(bench, 0xE002))
     assert diff.apis[0].modules[0].submodules[0].submodule_ident == 0x70

@@ -93,19 +93,19 @@ class Pair:
     def _carry_ready(self) -> bool:
         calls = self.device.calls()
         for call in calls:
-            self.controller.receive_call(call.ar_key, call.opnum, call.payload, None, self.now)
+            self.controller.receive_call(call.token, call.opnum, call.payload, None, self.now)
             for key, status, payload in self.controller.responses():
                 self.device.call_returned(key, status, payload, self.now)
         return bool(calls)
 
     def _carry_rta(self) -> bool:
-        to_device, to_controller = self.controller.rta_to_send(), self.device.rta_to_send()
+        to_device, to_controller = self.controller.rta_to_send(), self.device.rta_to_send(self.now)
         for mac, pdu in to_device:
             assert mac == DEVICE_MAC
             self.device.receive_rta(pdu, CONTROLLER_MAC, self.now)
-        for mac, pdu in to_controller:
-            assert mac == CONTROLLER_MAC
-            self.controller.receive_rta(pdu, DEVICE_MAC, self.now)
+        for frame in to_controller:
+            assert frame.destination == CONTROLLER_MAC
+            self.controller.receive_rta(frame.payload, DEVICE_MAC, self.now)
         return bool(to_device or to_controller)
 
     def _drain(self) -> bool:

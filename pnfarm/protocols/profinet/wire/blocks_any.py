@@ -33,6 +33,7 @@ Block = (
     | expected.ExpectedSubmoduleBlockReq
     | expected.ModuleDiffBlock
     | control.ControlBlock
+    | control.SubmoduleList
     | records.Im0
     | records.ImText
     | records.IdentificationData
@@ -61,6 +62,7 @@ _PARSERS: dict[int, Callable[[RawBlock], Block]] = {
     BlockType.EXPECTED_SUBMODULE_REQ: expected.parse_expected_submodule_block_req,
     BlockType.MODULE_DIFF: expected.parse_module_diff_block,
     **dict.fromkeys(control.CONTROL_BLOCK_TYPES, control.parse_control_block),
+    BlockType.SUBMODULE_LIST: control.parse_submodule_list,
     BlockType.IM0: records.parse_im0,
     **dict.fromkeys(records.IM_TEXT_SIZES, records.parse_im_text),
     BlockType.EXPECTED_IDENTIFICATION_DATA: records.parse_identification_data,
@@ -92,6 +94,7 @@ _EMITTERS: dict[type, Callable[[Any], bytes]] = {
     expected.ExpectedSubmoduleBlockReq: expected.emit_expected_submodule_block_req,
     expected.ModuleDiffBlock: expected.emit_module_diff_block,
     control.ControlBlock: control.emit_control_block,
+    control.SubmoduleList: control.emit_submodule_list,
     records.Im0: records.emit_im0,
     records.ImText: records.emit_im_text,
     records.IdentificationData: records.emit_identification_data,

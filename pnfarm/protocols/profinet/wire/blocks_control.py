@@ -25,9 +25,12 @@ __all__ = [
     "CONTROL_BLOCK_TYPES",
     "ControlBlock",
     "ControlCommand",
+    "SubmoduleList",
     "control_response",
     "emit_control_block",
+    "emit_submodule_list",
     "parse_control_block",
+    "parse_submodule_list",
 ]
 
 CONTROL_BLOCK_TYPES = tuple(
@@ -104,3 +107,25 @@ def control_response(request: ControlBlock) -> ControlBlock:
         ControlCommand.DONE,
         request.alarm_sequence_number,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SubmoduleList:
+    """0x0119: the submodules, each (api, slot, subslot), that a PrmBegin is about."""
+
+    entries: tuple[tuple[int, int, int], ...]
+    version: int = VERSION_1_0
+
+
+def parse_submodule_list(block: RawBlock) -> SubmoduleList:
+    r = check_type(block, BlockType.SUBMODULE_LIST)
+    value = SubmoduleList(tuple((r.u32(), r.u16(), r.u16()) for _ in range(r.u16())), block.version)
+    r.expect_end()
+    return value
+
+
+def emit_submodule_list(value: SubmoduleList) -> bytes:
+    w = Writer().u16(len(value.entries))
+    for api, slot, subslot in value.entries:
+        w.u32(api).u16(slot).u16(subslot)
+    return emit_raw_block(RawBlock(BlockType.SUBMODULE_LIST, w.getvalue(), value.version))

@@ -167,8 +167,10 @@ def submodule_state(
     fault: bool = False,
     maintenance_demanded: bool = False,
     maintenance_required: bool = False,
+    qualified: bool = False,
+    takeover_denied: bool = False,
 ) -> int:
-    """SubmoduleState (u16) with FormatIndicator 1."""
+    """SubmoduleState (u16) with FormatIndicator 1.  ``takeover_denied`` is AddInfo 1, said to a supervisor."""
     return (
         0x8000
         | (ident_info & 0xF) << 11
@@ -176,6 +178,8 @@ def submodule_state(
         | fault << 6
         | maintenance_demanded << 5
         | maintenance_required << 4
+        | qualified << 3
+        | takeover_denied
     )
 
 

@@ -1,0 +1,171 @@
+"""The submodules of the ARs that stand: what each AR has of them, and who is told when one comes or goes.
+
+:class:`Modules` changes what is plugged, sends the alarms, and keeps for each AR the machines of
+:mod:`.cmdev_plug`; its owner, :class:`~.cmdev.CmDevice`, reports :class:`~.events.SubmodulesChanged` afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.cmdev_diff import Holdings, module_diff, unusable_submodules
+from pnfarm.protocols.profinet.cmdev_ownership import expected_keys
+from pnfarm.protocols.profinet.cmdev_plug import ParameterBegin, Plug, PlugsmEvent
+from pnfarm.protocols.profinet.wire.alarms import AlarmType
+from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from pnfarm.protocols.profinet.ar import Ar, ExpectedKey
+    from pnfarm.protocols.profinet.cmdev_alarms import DeviceAlarms
+    from pnfarm.protocols.profinet.description import Plugged
+    from pnfarm.protocols.profinet.events import AlarmConfirmed
+    from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
+
+__all__ = ["Modules"]
+
+#: The controller has ApplicationReady's ModuleDiffBlock, or will: what happens from here on takes an alarm.
+_TOLD = frozenset({CmdevState.W_ARDYCNF, CmdevState.WDATA, CmdevState.DATA})
+
+
+@dataclass(slots=True)
+class _Running:
+    """Parameters that come while data flow."""
+
+    begin: ParameterBegin = field(default_factory=ParameterBegin)
+    plugs: list[Plug] = field(default_factory=list)
+
+
+class Modules:
+    """See the module's head.  ``diagnosis_state`` gives the diagnosis bits of a submodule's SubmoduleState."""
+
+    def __init__(self, plugged: Plugged, alarms: DeviceAlarms, diagnosis_state: Callable[[ExpectedKey], int]) -> None:
+        self._plugged = plugged
+        self._alarms = alarms
+        self._diagnosis_state = diagnosis_state
+        self._running: dict[int, _Running] = {}
+
+    def open(self, ar_key: int) -> None:
+        self._running[ar_key] = _Running()
+
+    def close(self, ar_key: int) -> None:
+        self._running.pop(ar_key, None)
+
+    # what an AR has
+
+    def diff(self, ar: Ar) -> ModuleDiffBlock | None:
+        """How what is there differs from what the AR expects."""
+        holdings = Holdings(ar.locked, ar.pending, ar.supervisor, self._diagnosis_state)
+        return module_diff(ar.expected, self._plugged, holdings)
+
+    def unusable(self, ar: Ar) -> frozenset[ExpectedKey]:
+        """Expected submodules whose data are bad."""
+        return unusable_submodules(ar.expected, self.diff(ar))
+
+    def usable(self, ar: Ar) -> set[ExpectedKey]:
+        """Expected submodules that are there, as expected or as a substitute, whoever owns them."""
+        missing = unusable_submodules(ar.expected, module_diff(ar.expected, self._plugged))
+        return {key for key in expected_keys(ar.expected) if key not in missing}
+
+    # what happens to it
+
+    def moved(self, ar: Ar, slot: int, had: set[ExpectedKey], now: int, *, whole: bool) -> bool:
+        """Something was pulled from or plugged into ``slot``; ``had`` was usable before, ``whole`` means a module.
+
+        False when the AR expects nothing there.
+        """
+        expected = [key for key in expected_keys(ar.expected) if key[1] == slot]
+        if not expected:
+            return False
+        has = self.usable(ar)
+        gone = [key for key in expected if key in had - has and key in ar.owned]
+        if ar.state in _TOLD and gone:
+            self._tell_gone(ar, slot, gone, now, whole=whole)
+        self._forget(ar, gone)
+        for key in expected:
+            if key in has - had and key in ar.owned:
+                self.await_parameters(ar, AlarmType.PLUG, key, now)
+        return True
+
+    def _tell_gone(self, ar: Ar, slot: int, gone: list[ExpectedKey], now: int, *, whole: bool) -> None:
+        if whole and self._plugged.module(slot) is None:
+            # one alarm for the module: subslot 0, of its own type where the controller knows it
+            known = ar.properties & ArProperties.PULL_MODULE_ALARM_ALLOWED
+            alarm_type = AlarmType.PULL_MODULE if known else AlarmType.PULL
+            self._alarms.tell(ar.key, alarm_type, (gone[0][0], slot, 0), now)
+            return
+        for key in gone:
+            wrong = self._plugged.submodule(*key) is not None
+            self._alarms.tell(ar.key, AlarmType.PLUG_WRONG_SUBMODULE if wrong else AlarmType.PULL, key, now)
+
+    def taken_over(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
+        """A supervisor has taken some of a controller's submodules."""
+        lost = sorted(keys)
+        if ar.state in _TOLD:
+            for key in lost:
+                self._alarms.tell(ar.key, AlarmType.CONTROLLED_BY_SUPERVISOR, key, now)
+        self._forget(ar, lost)
+
+    def inherited(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
+        """Another AR ended and left submodules to this one."""
+        for key in sorted(self.usable(ar) & set(keys)):
+            self.await_parameters(ar, AlarmType.RELEASED, key, now)
+
+    def await_parameters(self, ar: Ar, alarm_type: AlarmType, key: ExpectedKey, now: int) -> None:
+        """Tell an AR of a submodule that it has from now on, and wait for the submodule's parameters.
+
+        During start-up there is nothing to tell: ApplicationReady does.
+        """
+        if ar.state not in _TOLD:
+            return
+        number = self._alarms.tell(ar.key, alarm_type, key, now)
+        if number is None:
+            # nobody will parametrise what nobody was told of
+            return
+        ar.pending.add(key)
+        self._running[ar.key].plugs.append(Plug(key, number))
+
+    def _forget(self, ar: Ar, keys: Iterable[ExpectedKey]) -> None:
+        """Whatever was awaited of these submodules is not any more."""
+        gone = set(keys)
+        ar.pending -= gone
+        running = self._running[ar.key]
+        running.plugs = [p for p in running.plugs if p.key not in gone]
+
+    # parameters while data flow
+
+    def begin(self, ar_key: int) -> ParameterBegin:
+        return self._running[ar_key].begin
+
+    def plug(self, ar_key: int, sequence: int) -> Plug | None:
+        """The plug whose alarm had this sequence number; the alarm's AlarmAck need not have come."""
+        plugs = self._running[ar_key].plugs
+        number = self._alarms.number_of(ar_key, sequence)
+        for plug in plugs:
+            if plug.number == number:
+                plug.sequence = sequence
+        return next((p for p in plugs if p.sequence == sequence), None)
+
+    def plug_ready(self, ar: Ar, plug: Plug) -> None:
+        """Its parameters are there: from now on the submodule is as ApplicationReady says."""
+        ar.pending.discard(plug.key)
+
+    def plug_confirmed(self, ar_key: int, sequence: int) -> None:
+        """The controller confirmed ApplicationReady.plug."""
+        running = self._running[ar_key]
+        for plug in running.plugs:
+            if plug.sequence == sequence:
+                plug.step(PlugsmEvent.APPLICATION_READY_CNF)
+        running.plugs = [p for p in running.plugs if not p.done]
+
+    def alarm_confirmed(self, event: AlarmConfirmed) -> None:
+        """An alarm's AlarmAck came: one of these may have waited for it."""
+        running = self._running[event.ar_key]
+        for plug in running.plugs:
+            if plug.number == event.number:
+                plug.sequence = event.sequence
+                plug.step(PlugsmEvent.ALARM_ACK if event.status.ok else PlugsmEvent.ALARM_REFUSED)
+        running.plugs = [p for p in running.plugs if not p.done]
