@@ -55,7 +55,6 @@ from pnfarm.protocols.profinet.events import (
     ArReleased,
     ConnectRefused,
 )
-from pnfarm.protocols.profinet.rta import emit_rta_error, parse_rta_error, rta_error
 from pnfarm.protocols.profinet.wire.blocks import VERSION_1_0, BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
 from pnfarm.protocols.profinet.wire.blocks_connect import (
@@ -75,6 +74,7 @@ from pnfarm.protocols.profinet.wire.blocks_control import (
 )
 from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockRes
 from pnfarm.protocols.profinet.wire.rpc import Opnum
+from pnfarm.protocols.profinet.wire.rta import emit_rta_error, parse_rta_error, rta_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable

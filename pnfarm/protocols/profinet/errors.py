@@ -16,6 +16,7 @@ from pnfarm.protocols.profinet.wire.rpc import OK, PnioStatus
 __all__ = [
     "OK",
     "AccessError",
+    "AlarmAckError",
     "AlarmCrField",
     "ArField",
     "ArRpcField",
@@ -256,6 +257,14 @@ class ControlField(IntEnum):
     CONTROL_BLOCK_PROPERTIES = 9
 
 
+class AlarmAckError(IntEnum):
+    """ErrorCode2 of AlarmAck: why an alarm was not taken."""
+
+    ALARM_TYPE_NOT_SUPPORTED = 0
+    WRONG_SUBMODULE_STATE = 1
+    BACKUP_ALARM_NOT_EXECUTED = 2
+
+
 class CmdevError(IntEnum):
     """ErrorCode2 of CMDEV."""
 
@@ -434,6 +443,7 @@ _CODE2: dict[int, type[IntEnum]] = {
     ConnectFault.RECORD: RecordField,
     **dict.fromkeys(range(ConnectFault.CONTROL_BLOCK, ConnectFault.SUBMODULE_LIST_BLOCK + 1), ControlField),
     ConnectFault.RELEASE_BLOCK: ControlField,
+    ConnectFault.ALARM_ACK: AlarmAckError,
     ConnectFault.CMDEV: CmdevError,
     ConnectFault.CMRPC: CmrpcError,
     ConnectFault.RTA_ERR_CLS_PROTOCOL: RtaError,

@@ -1,0 +1,84 @@
+"""What an alarm channel tells its owner.
+
+:class:`AlarmFailed` and :class:`PeerAborted` are the channel's end, and the end of its AR.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from pnfarm.errors import PnfarmError
+
+if TYPE_CHECKING:
+    from pnfarm.protocols.profinet.errors import RtaError
+    from pnfarm.protocols.profinet.wire.alarms import AlarmNotification
+    from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+
+__all__ = [
+    "AlarmAcknowledged",
+    "AlarmCounts",
+    "AlarmEvent",
+    "AlarmFailed",
+    "AlarmReceived",
+    "AlarmRefusedError",
+    "PeerAborted",
+]
+
+
+class AlarmRefusedError(PnfarmError):
+    """An alarm that the channel does not take; ``reason`` says why, and nothing has changed."""
+
+    def __init__(self, reason: Literal["closed", "queue-full", "too-long"], detail: str) -> None:
+        super().__init__(detail)
+        self.reason = reason
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmReceived:
+    """The peer's alarm: the owner owes it one ``acknowledge``, and gets no other of its priority before."""
+
+    alarm: AlarmNotification
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmAcknowledged:
+    """The peer took alarm ``handle``, or refused it by ``status``; ``alarm`` is as it was sent."""
+
+    handle: int
+    alarm: AlarmNotification
+    status: PnioStatus
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmFailed:
+    """The channel cannot go on and is closed: the owner ends the AR with ``code``."""
+
+    code: RtaError
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class PeerAborted:
+    """The peer ended the AR by an ERR-RTA-PDU; the channel is closed."""
+
+    status: PnioStatus
+
+
+AlarmEvent = AlarmReceived | AlarmAcknowledged | AlarmFailed | PeerAborted
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmCounts:
+    """How it went so far, both priorities together.
+
+    ``sent``, ``acknowledged`` and ``received`` count alarms, ``repeated`` DATA-RTA-PDUs sent again; ``outstanding`` are
+    alarms without their AlarmAck, ``queued`` those that wait for them.
+    """
+
+    sent: int
+    acknowledged: int
+    received: int
+    repeated: int
+    outstanding: int
+    queued: int
