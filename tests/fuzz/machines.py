@@ -8,17 +8,21 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from ipaddress import IPv4Address
 from random import Random
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.alarm import AlarmChannel, AlarmReceived, AlarmRefusedError
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.wire.alarms import AlarmNotification, acknowledge, emit_alarm
 from pnfarm.protocols.profinet.wire.blocks import emit_raw_block, split_blocks
 from pnfarm.protocols.profinet.wire.dcp import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId, UnknownBlock
+from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
@@ -31,6 +35,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
+from pnfarm.protocols.profinet.wire.rta import emit_rta, parse_rta
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import emit_udp, parse_udp
@@ -422,7 +427,57 @@ class CmControllerMachine(Machine):
         self.line.plc._settle(self.now)
 
 
+class AlarmChannelMachine(Machine):
+    """One end of an alarm channel: PDUs with its references, mostly with numbers that are next or were last."""
+
+    name = "alarm-channel"
+    LOCAL, REMOTE = 0x14, 1
+
+    def start(self, rng):
+        self.clock = self.frames = 0
+        self.channel = AlarmChannel(self.LOCAL, self.REMOTE, queue_length=4)
+        self.taken = []
+        self.pdus = [octets for octets in self.layers["rta"] if octets[:2] in {b"\xfc\x01", b"\xfe\x01"}]
+
+    def revive(self, rng):
+        self.clock += rng.choice((1, 10**8, 10**9))
+        self.channel.handle_timeout(self.clock)
+        if not self.channel.is_open:
+            self.start(rng)
+        with suppress(AlarmRefusedError):
+            self.channel.notify(AlarmNotification(1, 0, 1, 1, high=rng.random() < 0.5), self.clock)
+
+    def next_input(self, rng):
+        pdu = parse_rta(rng.choice(self.pdus))
+        alarm = AlarmNotification(
+            rng.randrange(4), 0, 1, 1, specifier=rng.randrange(4), high=pdu.frame_id == ALARM_HIGH
+        )
+        body = rng.choice((pdu.body, emit_alarm(alarm), emit_alarm(acknowledge(alarm))))
+        lines = (self.channel._high, self.channel._low)
+        numbers = [n for line in lines for n in (line.send_sequence, line.last_received, line.expected_sequence)]
+        pdu = replace(
+            pdu, destination=self.LOCAL, source=self.REMOTE, pdu_type=0x10 | rng.choice((1, 1, 1, 2, 3, 3, 4)),
+            add_flags=0x11, send_sequence=rng.choice(numbers), ack_sequence=rng.choice(numbers), body=body,
+        )  # fmt: skip
+        octets = emit_rta(pdu)
+        return octets if rng.random() < 0.5 else mutated(rng, octets, self.layers["rta"])
+
+    def take(self, rng, data):
+        try:
+            pdu = parse_rta(data)
+        except DecodeError:
+            return
+        self.channel.receive(pdu, self.clock)
+        self.taken += [event.alarm for event in self.channel.events() if isinstance(event, AlarmReceived)]
+        if self.taken and rng.random() < 0.5:
+            self.channel.acknowledge(self.taken.pop(), self.clock)
+        self.frames += len(self.channel.to_send(self.clock))
+
+    def said(self):
+        return self.frames
+
+
 MACHINES: tuple[type[Machine], ...] = (
     Station, Controller, DcpDeviceMachine, DcpClientMachine, IpHostMachine, RpcServerMachine, RpcClientMachine,
-    CmDeviceMachine, CmControllerMachine,
+    CmDeviceMachine, CmControllerMachine, AlarmChannelMachine,
 )  # fmt: skip

@@ -10,15 +10,17 @@ import importlib
 import inspect
 import pkgutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 
 import pnfarm.drives.profiles.profidrive
 import pnfarm.protocols.profinet
 import pnfarm.wire
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire import alarms
 from pnfarm.protocols.profinet.wire.blocks import RawBlock
 from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS
+from pnfarm.protocols.profinet.wire.rta import RtaType, parse_rta
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation
 
@@ -36,7 +38,10 @@ LAYERS = {
     "parse_icmp": ("icmp",),
     "parse_dcp": ("dcp",),
     "parse_rtc": ("rtc",),
+    "parse_rta": ("rta",),
     "parse_rta_error": ("rta",),
+    "parse_alarm": ("alarm",),
+    "parse_alarm_items": ("alarm-items",),
     "parse_rpc": ("rpc",),
     "parse_request_args": ("request-args",),
     "parse_response_args": ("response-args",),
@@ -139,12 +144,33 @@ def _alike(function, types, layers):
     return [octets for kind in types[function] for octets in layers.get(f"block-{kind:04x}", ())]
 
 
+def _alarms(rta: Sequence[bytes]) -> dict[str, list[bytes]]:
+    """The blocks within RTA-PDUs and some that no farm sends, their items, and their bodies behind the version."""
+    diagnosis = alarms.AlarmNotification(
+        1, 0x3A00, 1, 2, 0x100, 0x68, 0xA801, alarms.parse_alarm_items(bytes.fromhex("8000800008000010"))
+    )
+    maintenance = alarms.parse_alarm_items(bytes.fromhex("81000f0000080100000000000001" + "8003" + "00" * 16))
+    found = {alarms.emit_alarm(diagnosis): None, alarms.emit_alarm(replace(diagnosis, items=maintenance)): None}
+    found[alarms.emit_alarm(alarms.acknowledge(replace(diagnosis, high=True)))] = None
+    pdus = [parse_rta(octets) for octets in rta if octets[:2] in {b"\xfc\x01", b"\xfe\x01"}]
+    found.update({pdu.body: None for pdu in pdus if pdu.type == RtaType.DATA})
+    layers: dict[str, list[bytes]] = {"alarm": list(found), "alarm-items": []}
+    for octets in found:
+        layers.setdefault(f"block-{octets[:2].hex()}", []).append(octets[4:])
+        if octets[0] == 0:
+            layers["alarm-items"].append(octets[26:])
+    return layers
+
+
 def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     """All of them, by name."""
+    layers = {**layers, **_alarms(layers.get("rta", ()))}
     everything = [octets for pool in layers.values() for octets in pool]
     types = {}
     for block_type, function in _PARSERS.items():
         types.setdefault(function, []).append(int(block_type))
+    types[alarms.parse_alarm_notification] = [alarms.ALARM_NOTIFICATION_HIGH, alarms.ALARM_NOTIFICATION_LOW]
+    types[alarms.parse_alarm_ack] = [alarms.ALARM_ACK_HIGH, alarms.ALARM_ACK_LOW]
     found = {}
     for module, name, function in _functions():
         for suffix, call in _calls(function, types.get(function)):

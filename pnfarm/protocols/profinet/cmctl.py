@@ -52,10 +52,10 @@ from pnfarm.protocols.profinet.cmctl_events import (
 )
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
 from pnfarm.protocols.profinet.errors import OK, ConnectFault, PnioStatus, RtaError, describe_status
-from pnfarm.protocols.profinet.rta import emit_rta_error, parse_rta_error, rta_error
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
 from pnfarm.protocols.profinet.wire.rpc import Opnum
+from pnfarm.protocols.profinet.wire.rta import emit_rta_error, parse_rta_error, rta_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable

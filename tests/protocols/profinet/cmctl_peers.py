@@ -9,7 +9,6 @@ from uuid import UUID
 from pnfarm.protocols.profinet.cmctl import CmController, CmctlState
 from pnfarm.protocols.profinet.cmctl_events import ArFailed, CmctlEvent, ControllerCall, Timeouts
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan, ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.rta import parse_rta_error
 from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import Block, emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes
@@ -40,6 +39,7 @@ from pnfarm.protocols.profinet.wire.iod import (
     parse_write_request,
 )
 from pnfarm.protocols.profinet.wire.rpc import OK, Opnum, PnioStatus
+from pnfarm.protocols.profinet.wire.rta import parse_rta_error
 
 DEVICE_MAC = bytes.fromhex("02000000d001")
 CONTROLLER_MAC = bytes.fromhex("02000000c001")

@@ -39,13 +39,13 @@ from pnfarm.protocols.profinet.events import (
     PrmEndReceived,
 )
 from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.rta import RtaErrorPdu, emit_rta_error, parse_rta_error, rta_error
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_connect import ArRpcBlockReq, ArServerBlock
 from pnfarm.protocols.profinet.wire.blocks_control import ControlCommand, control_response, emit_control_block
 from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
 from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+from pnfarm.protocols.profinet.wire.rta import RtaErrorPdu, emit_rta_error, parse_rta_error, rta_error
 
 P = Plan()
 

@@ -30,12 +30,12 @@ from pnfarm.protocols.profinet.cmctl_events import (
     RecordWriteDone,
 )
 from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
-from pnfarm.protocols.profinet.rta import emit_rta_error, parse_rta_error, rta_error
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_connect import (
     AlarmCrBlockRes,
 )
 from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
+from pnfarm.protocols.profinet.wire.rta import emit_rta_error, parse_rta_error, rta_error
 
 # Records
 
