@@ -333,7 +333,7 @@ class CmDevice:
 
     def _connect(self, payload: bytes, args_maximum: int, peer_ip: IPv4Address, now: int) -> tuple[PnioStatus, bytes]:
         try:
-            request = parse_connect(payload)
+            request = parse_connect(payload, self.description)
             self._check_free(request, now)
             layouts = check_connect(request, self.description)
             self._check_resources(request, now)

@@ -134,8 +134,12 @@ def _typed(raw: RawBlock) -> object:
         _refuse(fault, ArField.BLOCK_LENGTH, f"block 0x{raw.block_type:04X}: {exc}")
 
 
-def parse_connect(payload: bytes) -> ConnectRequest:
-    """Raises :class:`RefusedError` when the blocks cannot be read, or are others than a Connect's."""
+def parse_connect(payload: bytes, description: DeviceDescription) -> ConnectRequest:
+    """Raises :class:`RefusedError` when the blocks cannot be read, or are others than a Connect's.
+
+    The AR itself is checked here, before the other blocks: an AR type that the device does not have may bring
+    blocks that it does not know.
+    """
     try:
         raws = split_blocks(payload)
     except DecodeError as exc:
@@ -144,6 +148,7 @@ def parse_connect(payload: bytes) -> ConnectRequest:
         _refuse(ConnectFault.AR_BLOCK, ArField.BLOCK_TYPE, "ARBlockReq must come first")
     first = _typed(raws[0])
     assert isinstance(first, ArBlockReq)
+    _check_ar(first, description)
     request = ConnectRequest(first, [], [], [], None, [])
     for raw in raws[1:]:
         if raw.block_type in _IGNORED:
@@ -394,10 +399,9 @@ def _check_crs(request: ConnectRequest, description: DeviceDescription) -> tuple
 def check_connect(request: ConnectRequest, description: DeviceDescription) -> tuple[IocrLayout, ...]:
     """The layouts of the CRs, frame ids still as requested; empty for an acyclic AR.
 
-    Raises :class:`RefusedError` with the standard's code for the first faulty field, in the standard's order: AR,
+    Raises :class:`RefusedError` with the standard's code for the first faulty field, in the standard's order:
     IOCRs and their number, expected submodules, offsets, alarm CR, AR RPC.
     """
-    _check_ar(request.ar, description)
     if request.ar.properties & ArProperties.DEVICE_ACCESS:
         if request.iocrs or request.expected or request.alarm_crs:
             _refuse(ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS, "device access takes no CR")

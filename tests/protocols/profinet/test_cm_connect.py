@@ -17,7 +17,14 @@ from pnfarm.protocols.profinet.description import (
     Plugged,
     SubmoduleDescription,
 )
-from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.protocols.profinet.errors import (
+    AlarmCrField,
+    ArField,
+    ArRpcField,
+    ExpectedField,
+    IocrField,
+    describe_status,
+)
 from pnfarm.protocols.profinet.events import ArConnected, ConnectRefused
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire.blocks import RawBlock, split_blocks
@@ -103,6 +110,9 @@ REFUSALS = [
     ("ar-version-high", versioned(0, 0x0200), 1, 2),
     ("ar-version-low", versioned(0, 0x0101), 1, 3),
     ("ar-type", ar(ar_type=0x10), 1, 4),
+    ("ar-rt-class-3", replace(ar(ar_type=0x10), extra=(RawBlock(0x0109, bytes(18)),)), 1, 4),
+    ("ar-redundant", replace(ar(ar_type=0x20), extra=(RawBlock(0x010A, bytes(8)),)), 1, 4),
+    ("ar-unknown-type", ar(ar_type=0x7777), 1, 4),
     ("ar-uuid-nil", ar(ar_uuid=type(P.ar.ar_uuid)(int=0)), 1, 5),
     ("ar-mac-multicast", ar(initiator_mac=b"\x01" + bytes(5)), 1, 7),
     ("ar-mac-zero", ar(initiator_mac=bytes(6)), 1, 7),
@@ -166,6 +176,7 @@ REFUSALS = [
     # ExpectedSubmoduleBlockReq
     ("expected-length", cut(3), 3, 1),
     ("expected-version", versioned(3, 0x0300), 3, 2),
+    ("expected-version-low", versioned(3, 0x0101), 3, 3),
     ("expected-no-api-in-block", with_blocks(*BASE, ExpectedSubmoduleBlockReq(())), 3, 4),
     ("expected-none", with_blocks(*(b for b in BASE if not isinstance(b, ExpectedSubmoduleBlockReq))), 3, 4),
     ("expected-slot-out-of-range", drive(slot=0x8000), 3, 6),
@@ -204,6 +215,8 @@ REFUSALS = [
     ("alarm-tag-low", alarm(tag_header_low=0xC000), 4, 12),
     # the rest
     ("rpc-port", replace(P, extra=(connect.ArRpcBlockReq(0x03FF),)), 7, 4),
+    ("rpc-version-high", replace(P, extra=(RawBlock(0x0107, b"\x88\x94", 0x0200),)), 7, 2),
+    ("rpc-version-low", replace(P, extra=(RawBlock(0x0107, b"\x88\x94", 0x0107),)), 7, 3),
     ("rpc-length", replace(P, extra=(RawBlock(0x0107, b"\x04"),)), 7, 1),
     ("vendor-length", replace(P, extra=(RawBlock(0x0108, b"\x04"),)), 12, 1),
     ("cmrpc-args-length", with_blocks(*BASE[:-1], RawBlock(0x0103, b"", 0)), 4, 2),
@@ -215,6 +228,32 @@ REFUSALS = [
     ("cmrpc-three-iocrs", with_blocks(*BASE, replace(P.outputs, iocr_reference=3)), 0x40, 7),
     ("device-access-with-crs", with_blocks(DA, *BASE[1:]), 0x40, 1),
 ]  # fmt: skip
+
+
+#: Fields in which no value is wrong for a device, or whose wrong value shows in another field, and why.
+BLAMELESS = {
+    (1, ArField.SESSION_KEY): "any number will do",
+    (1, ArField.INITIATOR_UDP_RT_PORT): "of RT over UDP, which IOCRProperties refuses",
+    (2, IocrField.BLOCK_TYPE): "a block of another type is no IOCRBlockReq: unknown blocks",
+    (2, IocrField.SEQUENCE): "a reserved field that a device does not look at",
+    (2, IocrField.MULTICAST_MAC): "of multicast CRs, which IOCRType refuses",
+    (2, IocrField.NUMBER_OF_IOCS): "a number beyond the block is a faulty block length; none is allowed",
+    (3, ExpectedField.BLOCK_TYPE): "a block of another type is no ExpectedSubmoduleBlockReq",
+    (3, ExpectedField.API): "an API that the device does not have is told by the ModuleDiffBlock",
+    (3, ExpectedField.MODULE_PROPERTIES): "a reserved field that a device does not look at",
+    (3, ExpectedField.SUBMODULE_IDENT): "another ident than the real one is told by the ModuleDiffBlock",
+    (4, AlarmCrField.BLOCK_TYPE): "a block of another type is no AlarmCRBlockReq",
+    (4, AlarmCrField.LOCAL_ALARM_REFERENCE): "any number will do",
+    (7, ArRpcField.BLOCK_TYPE): "a block of another type is no ARRPCBlockReq",
+}
+
+
+@pytest.mark.parametrize(
+    ("code1", "fields"), [(1, ArField), (2, IocrField), (3, ExpectedField), (4, AlarmCrField), (7, ArRpcField)]
+)
+def test_every_field_of_every_block_is_among_the_refusals_or_has_no_wrong_value(code1, fields):
+    refused = {(case[2], case[3]) for case in REFUSALS}
+    assert {(code1, f) for f in fields} - refused == {key for key in BLAMELESS if key[0] == code1}
 
 
 @pytest.mark.parametrize(("plan", "code1", "code2"), [c[1:] for c in REFUSALS], ids=[c[0] for c in REFUSALS])
