@@ -21,6 +21,7 @@ from pnfarm.api.drives import add_drives
 from pnfarm.api.events import event_stream, start_of
 from pnfarm.api.faults import add_faults
 from pnfarm.api.guard import Guard
+from pnfarm.api.modules import add_modules
 from pnfarm.api.problems import Json, install_handlers
 from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
 from pnfarm.errors import EnvironmentError_
@@ -74,6 +75,7 @@ def make_app(
     app.state.context = context
     install_handlers(app)
     add_drives(app, context)
+    add_modules(app, context)
     add_faults(app, context)
     _add_farm(app, context)
     _add_outside(app, context)

@@ -13,11 +13,15 @@ __all__ = [
     "Engine",
     "FarmView",
     "FieldError",
+    "Module",
+    "ModulePlug",
+    "ModulesView",
     "ParameterValue",
     "ParameterWrite",
     "Problem",
     "Ready",
     "Reset",
+    "Submodule",
     "Version",
 ]
 
@@ -139,6 +143,42 @@ class ParameterValue(_Model):
     unit: str
     writable: bool
     changed: bool = Field(description="Whether the value is another than the model's default.")
+
+
+class Submodule(_Model):
+    """One submodule as it is plugged."""
+
+    subslot: str = Field(description="Hexadecimal.")
+    submodule_ident: str = Field(description="Hexadecimal.")
+    api: str = Field(description="Hexadecimal.")
+    input_bytes: int
+    output_bytes: int
+    owner: str | None = Field(description="The controller or supervisor that has it.")
+    awaits_parameters: bool = Field(description="Plugged or released; its owner has not parametrised it yet.")
+
+
+class Module(_Model):
+    """One slot."""
+
+    slot: int
+    module_ident: str | None = Field(description="Hexadecimal; null: the slot is empty.")
+    telegram: int | None = Field(description="The telegram whose module it is.")
+    held: bool = Field(description="Pulled or plugged on purpose: the slot does not follow the controller.")
+    substitute: bool = Field(description="It works in the place of another module.")
+    submodules: list[Submodule]
+
+
+class ModulesView(_Model):
+    drive: str
+    modules: list[Module]
+
+
+class ModulePlug(_Model):
+    """What to plug: a telegram's module, one of any ident, or (neither) the one that was pulled."""
+
+    telegram: int | None = None
+    module_ident: int | None = Field(default=None, ge=1, le=0xFFFFFFFF)
+    substitute: bool = Field(default=False, description="It works in the place of what the controller expects.")
 
 
 class Reset(_Model):

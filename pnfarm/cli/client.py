@@ -71,14 +71,20 @@ class FarmClient:
     def post(self, *path: str, body: Mapping[str, Any] | None = None) -> Any:
         return self._ask("POST", path, body)
 
-    def delete(self, *path: str) -> Any:
-        return self._ask("DELETE", path)
+    def delete(self, *path: str, query: Mapping[str, Any] | None = None) -> Any:
+        return self._ask("DELETE", path, query=query)
 
-    def _ask(self, method: str, path: tuple[str, ...], body: Mapping[str, Any] | None = None) -> Any:
+    def _ask(
+        self,
+        method: str,
+        path: tuple[str, ...],
+        body: Mapping[str, Any] | None = None,
+        query: Mapping[str, Any] | None = None,
+    ) -> Any:
         import httpx
 
         try:
-            response = self._client.request(method, _joined(path), json=body)
+            response = self._client.request(method, _joined(path), json=body, params=query)
         except httpx.HTTPError as exc:
             raise self._unreachable(exc) from exc
         self._raise_for(response)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pnfarm import __version__
-from pnfarm.cli import doctor, fault, files, inspect, models, param, plc, scan, up
+from pnfarm.cli import doctor, fault, files, inspect, models, module, param, plc, scan, up
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.cli.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 
@@ -75,6 +75,7 @@ app.command("validate", rich_help_panel="Farm")(files.validate)
 app.command("inspect", rich_help_panel="Running farm")(inspect.inspect)
 app.add_typer(fault.app, name="fault", rich_help_panel="Running farm")
 app.add_typer(param.app, name="param", rich_help_panel="Running farm")
+app.add_typer(module.app, name="module", rich_help_panel="Running farm")
 app.command("plc", rich_help_panel="Controller")(plc.plc)
 app.command("scan", rich_help_panel="Controller")(scan.scan)
 app.command("models", rich_help_panel="Reference")(models.models)

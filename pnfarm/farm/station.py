@@ -214,7 +214,7 @@ class DriveStation:
         for key in list(self.ars):
             self._close(key)
         self.handle.axis.powered = 0
-        self._note(now, "power off")
+        self.note(now, "power off")
 
     def power_on(self, now: int) -> None:
         """Boot with what non-volatile memory holds."""
@@ -225,7 +225,7 @@ class DriveStation:
         self._calls.clear()
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
-        self._note(now, "power on")
+        self.note(now, "power on")
 
     def power_cycle(self, now: int) -> None:
         self.power_off(now)
@@ -322,19 +322,19 @@ class DriveStation:
                 case NameSet(name, permanent):
                     self.cm.station_name = name
                     self._keep(now, "name", name if permanent else "")
-                    self._note(now, "name set", name=name, permanent=permanent)
+                    self.note(now, "name set", name=name, permanent=permanent)
                 case IpSet(interface, gateway, permanent):
                     self._set_address(interface, gateway)
                     if interface is not None:
                         self.rpc.set_address(interface.ip)
                     self._keep(now, "ip", str(interface) if interface and permanent else "")
                     self._keep(now, "gateway", str(gateway) if gateway and permanent else "")
-                    self._note(now, "address set", ip=str(interface or ""), permanent=permanent)
+                    self.note(now, "address set", ip=str(interface or ""), permanent=permanent)
                 case SignalRequested():
                     self.signalled_ns = now
-                    self._note(now, "signal")
+                    self.note(now, "signal")
                 case FactoryReset(mode):
-                    self._note(now, "factory reset", mode=mode.name.lower())
+                    self.note(now, "factory reset", mode=mode.name.lower())
                     self.cm.abort_all(RtaError.RESET_TO_FACTORY, now)
                     self._factory_reset(now)
         return bool(events)
@@ -356,7 +356,7 @@ class DriveStation:
                     self.client.receive(peer, event.destination_port, event.data, now)
             elif isinstance(event, AddressConflict):
                 self.dcp.ip_conflict = True
-                self._note(now, "address conflict", level="warning", ip=str(event.ip), mac=event.mac.hex(":"))
+                self.note(now, "address conflict", level="warning", ip=str(event.ip), mac=event.mac.hex(":"))
         return bool(events)
 
     def _pump_rpc(self, now: int) -> bool:
@@ -406,10 +406,10 @@ class DriveStation:
             case ArConnected():
                 self._connected(event, now)
             case ConnectRefused(ip, status, detail):
-                self._note(now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail)
+                self.note(now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail)
             case PrmEndReceived(key, sequence):
                 if self.ready_delay_ns is None:
-                    self._note(now, "application ready withheld")
+                    self.note(now, "application ready withheld")
                 elif self.ready_delay_ns == 0:
                     self.cm.application_ready(key, now, sequence)
                 else:
@@ -417,7 +417,7 @@ class DriveStation:
             case SubmodulesChanged(key, unusable):
                 self._submodules_changed(key, unusable, now)
             case AlarmConfirmed():
-                self._note(
+                self.note(
                     now,
                     "alarm acknowledged",
                     level="info" if event.status.ok else "warning",
@@ -433,19 +433,19 @@ class DriveStation:
                 if ar is not None and not ar.established:
                     ar.established = True
                     self.connects += 1
-                    self._note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
+                    self.note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
             case ArAborted(key, code1, code2, reason, by_peer):
                 self._lost(key)
                 self.aborts[reason] = self.aborts.get(reason, 0) + 1
-                self._note(
+                self.note(
                     now, "ar aborted", level="warning", reason=reason, code1=code1, code2=code2, by_controller=by_peer
                 )
             case ArReleased(key):
                 self._close(key)
-                self._note(now, "ar released")
+                self.note(now, "ar released")
             case RecordWritten(_, api, slot, subslot, index, data):
                 place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
-                self._note(now, "record written", level="debug", octets=len(data), **place)
+                self.note(now, "record written", level="debug", octets=len(data), **place)
 
     def _pump_drive(self, now: int) -> bool:
         events = self.store.events()
@@ -453,10 +453,10 @@ class DriveStation:
             match event:
                 case NonVolatileSaved():
                     self._keep(now, "drive", self.store.snapshot())
-                    self._note(now, "parameters saved")
+                    self.note(now, "parameters saved")
                 case TelegramChanged(number):
                     self.channels.rewrite(self.store.input_words(), self.store.output_words())
-                    self._note(now, "telegram changed", telegram=number)
+                    self.note(now, "telegram changed", telegram=number)
                 case RebootRequested():
                     self.power_cycle(now)
                 case DisplayBlinkRequested():
@@ -478,7 +478,7 @@ class DriveStation:
         ar = self.channels.open(event, *words, self._set_points(), now)
         self.store.watchdog_ns = ar.watchdog_ns
         self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, ar.cycle_ns // 4))
-        self._note(
+        self.note(
             now,
             "ar connected",
             controller=event.initiator_name,
@@ -499,7 +499,7 @@ class DriveStation:
         """Something was pulled, plugged, taken over or released: its data are bad, or good again."""
         words = self.store.input_words(), self.store.output_words()
         self.channels.relay(key, unusable, *words, self._set_points())
-        self._note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
+        self.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def _close(self, key: int) -> None:
         if self.channels.close(key) is not None and not self.channels.any_cyclic:
@@ -529,7 +529,7 @@ class DriveStation:
         key = self.channels.of_consumer(row)
         if key is not None:
             self.watchdog_expirations += 1
-            self._note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)
+            self.note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)
             self.cm.watchdog_expired(key, now)
 
     # -- faults ------------------------------------------------------------------------------------------------------
@@ -546,7 +546,8 @@ class DriveStation:
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
-    def _note(self, now: int, event: str, *, level: str = "info", **data: Any) -> None:
+    def note(self, now: int, event: str, *, level: str = "info", **data: Any) -> None:
+        """Into the log, under this drive's name."""
         self._services.log.record(now, self.configured_name, event, level=level, **data)
 
     def _keep(self, now: int, key: str, value: Any) -> None:

@@ -1,0 +1,114 @@
+"""``pnfarm module``: what stands in a drive's slots; pull and plug while a controller watches."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Show, pull and plug a drive's modules.")
+app.callback(invoke_without_command=True)(help_without_command)
+
+Drive = Annotated[str, typer.Argument(metavar="NAME", help="The drive.", show_default=False)]
+Place = Annotated[
+    str,
+    typer.Argument(
+        metavar="SLOT[.SUBSLOT]", help="A slot, or one submodule of it: 1, 1.2, 0.0x8001.", show_default=False
+    ),
+]
+Slot = Annotated[int, typer.Argument(metavar="SLOT", help="The slot.", show_default=False)]
+
+
+@app.command("list")
+def show(
+    name: Drive,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """Show what stands in the slots."""
+    from pnfarm.cli.client import FarmClient
+
+    with FarmClient(api, token) as farm:
+        _print(farm.get("drives", name, "modules"), output)
+
+
+@app.command("pull")
+def pull(
+    name: Drive,
+    place: Place,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """Pull a module or a submodule: its controller gets an alarm, its data are bad."""
+    from pnfarm.cli.client import FarmClient
+
+    slot, subslot = _place(place)
+    query = {} if subslot is None else {"subslot": subslot}
+    with FarmClient(api, token) as farm:
+        _print(farm.delete("drives", name, "modules", str(slot), query=query), output)
+
+
+@app.command("plug")
+def plug(
+    name: Drive,
+    slot: Slot,
+    telegram: Annotated[int | None, typer.Option(metavar="N", help="The module of this telegram.")] = None,
+    module: Annotated[
+        str | None, typer.Option(metavar="IDENT", help="A module of any ident, such as 0x12345678: a wrong one.")
+    ] = None,
+    substitute: Annotated[bool, typer.Option(help="It works in the place of what the controller expects.")] = False,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """Plug a module, the one that was pulled when nothing else is said."""
+    from pnfarm.cli.client import FarmClient
+
+    body: dict[str, Any] = {"substitute": substitute}
+    if telegram is not None:
+        body["telegram"] = telegram
+    if module is not None:
+        body["module_ident"] = _number(module, "module ident")
+    with FarmClient(api, token) as farm:
+        _print(farm.put("drives", name, "modules", str(slot), body=body), output)
+
+
+def _number(text: str, what: str) -> int:
+    from pnfarm.errors import ConfigError
+
+    try:
+        return int(text, 0)
+    except ValueError as exc:
+        raise ConfigError(f"{text!r} is no {what}; give a number such as 1 or 0x8001") from exc
+
+
+def _place(text: str) -> tuple[int, int | None]:
+    slot, dot, subslot = text.partition(".")
+    return _number(slot, "slot"), _number(subslot, "subslot") if dot else None
+
+
+def _print(found: dict[str, Any], output: Format) -> None:
+    from pnfarm.cli.output import print_json, print_table
+
+    if output is Format.JSON:
+        print_json(found)
+        return
+    rows = []
+    for module in found["modules"]:
+        name = module["module_ident"] or "empty"
+        if module["telegram"] is not None:
+            name += f" (telegram {module['telegram']})"
+        if module["substitute"]:
+            name += " substitute"
+        rows.append([str(module["slot"]), "", name, "", "", "held" if module["held"] else ""])
+        for sub in module["submodules"]:
+            octets = f"{sub['input_bytes']} in, {sub['output_bytes']} out"
+            state = "awaits parameters" if sub["awaits_parameters"] else ""
+            rows.append(["", sub["subslot"], sub["submodule_ident"], octets, sub["owner"] or "", state])
+    print_table(("SLOT", "SUBSLOT", "IDENT", "OCTETS", "OWNER", ""), rows)

@@ -1,0 +1,126 @@
+"""The modules of one drive: what stands in its slots, and hands that pull and plug them while controllers watch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.description import ModuleDescription
+
+if TYPE_CHECKING:
+    from pnfarm.farm.station import DriveStation
+    from pnfarm.protocols.profinet.description import SubmoduleDescription
+
+__all__ = ["modules_view", "plug_module", "pull_module"]
+
+
+def modules_view(station: DriveStation) -> list[dict[str, Any]]:
+    """Every slot with its module, its submodules, and who owns them; plain JSON values."""
+    plugged = station.cm.plugged
+    return [
+        {
+            "slot": slot,
+            "module_ident": None if module is None else f"0x{module.module_ident:08X}",
+            "telegram": _telegram(station, module),
+            "held": plugged.held(slot),
+            "substitute": plugged.substitutes(slot),
+            "submodules": [] if module is None else [_submodule(station, s) for s in module.submodules],
+        }
+        for slot in station.description.slots
+        for module in (plugged.module(slot),)
+    ]
+
+
+def _telegram(station: DriveStation, module: ModuleDescription | None) -> int | None:
+    found = None if module is None else station.model.telegram_by_module(module.module_ident)
+    return None if found is None else found.number
+
+
+def _submodule(station: DriveStation, sub: SubmoduleDescription) -> dict[str, Any]:
+    key = (sub.api, sub.slot, sub.subslot)
+    owner = next((ar for ar in station.cm.ars if key in ar.owned), None)
+    return {
+        "subslot": f"0x{sub.subslot:04X}",
+        "submodule_ident": f"0x{sub.submodule_ident:08X}",
+        "api": f"0x{sub.api:04X}",
+        "input_bytes": sub.input_bytes,
+        "output_bytes": sub.output_bytes,
+        "owner": None if owner is None else owner.initiator_name,
+        "awaits_parameters": owner is not None and key in owner.pending,
+    }
+
+
+def _slot(station: DriveStation, slot: int) -> None:
+    slots = [s for s in station.description.slots if s != station.description.dap.slot]
+    if slot not in slots:
+        allowed = ", ".join(map(str, slots))
+        reason = "holds the access point, which cannot be pulled" if slot in station.description.slots else "is none"
+        raise ConfigError(f"slot {slot} of {station.configured_name} {reason}; allowed: {allowed}")
+    if not station.powered:
+        raise ConfigError(f"{station.configured_name} is switched off")
+
+
+def pull_module(station: DriveStation, slot: int, subslot: int | None, now: int) -> None:
+    """Take a module, or one submodule of it, out.  Raises :class:`ConfigError`."""
+    _slot(station, slot)
+    module = station.cm.plugged.module(slot)
+    if module is None:
+        raise ConfigError(f"slot {slot} of {station.configured_name} is empty already")
+    if subslot is not None and module.submodule(subslot) is None:
+        allowed = ", ".join(f"0x{s.subslot:04X}" for s in module.submodules) or "none"
+        raise ConfigError(
+            f"slot {slot} of {station.configured_name} has no submodule in subslot 0x{subslot:04X}; it has {allowed}"
+        )
+    station.cm.pull(slot, subslot, now)
+    station.note(now, "module pulled", slot=slot, subslot=subslot)
+
+
+def plug_module(
+    station: DriveStation,
+    slot: int,
+    now: int,
+    *,
+    telegram: int | None = None,
+    ident: int | None = None,
+    substitute: bool = False,
+) -> None:
+    """Put a module in: the one that was pulled, one of the model's telegrams, or one of any ident (a wrong one).
+
+    A made-up ident gets the shape of the module that stands there, or would.  A ``substitute`` works in the place of
+    what the controller expects.  Raises :class:`ConfigError`.
+    """
+    _slot(station, slot)
+    if telegram is not None and ident is not None:
+        raise ConfigError("give either a telegram or a module ident, not both")
+    module = None
+    if telegram is not None:
+        module = _module_of_telegram(station, slot, telegram)
+    elif ident is not None:
+        module = _module_of_ident(station, slot, ident)
+    if substitute and module is None:
+        raise ConfigError("a substitute is another module: give its telegram or its module ident")
+    station.cm.plug(slot, module, now, substitute=substitute)
+    there = station.cm.plugged.module(slot)
+    assert there is not None
+    station.note(now, "module plugged", slot=slot, module_ident=f"0x{there.module_ident:08X}", substitute=substitute)
+
+
+def _module_of_telegram(station: DriveStation, slot: int, number: int) -> ModuleDescription:
+    found = station.model.telegrams.get(number)
+    module = None if found is None else station.description.module(slot, found.module.ident)
+    if module is None:
+        allowed = ", ".join(map(str, station.model.telegrams))
+        raise ConfigError(f"{station.model.name} has no telegram {number} for slot {slot}; it has {allowed}")
+    return module
+
+
+def _module_of_ident(station: DriveStation, slot: int, ident: int) -> ModuleDescription:
+    if not 1 <= ident <= 0xFFFFFFFF:
+        raise ConfigError(f"{ident} is no module ident; allowed: 1 to 0xFFFFFFFF")
+    known = station.description.module(slot, ident)
+    if known is not None:
+        return known
+    shape = station.cm.plugged.module(slot) or station.description.default_module(slot)
+    assert shape is not None  # every slot but the DAP's has modules
+    return ModuleDescription(slot, ident, tuple(replace(s, module_ident=ident) for s in shape.submodules))
