@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.diagnosis import Severity, diagnosis_blocks
-from pnfarm.protocols.profinet.record_directory import Scope
 from pnfarm.protocols.profinet.record_identification import in_scope
 from pnfarm.protocols.profinet.wire.diagnosis import emit_diagnosis_data
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+    from pnfarm.protocols.profinet.record_directory import Scope
 
 __all__ = ["diagnosis_record"]
 

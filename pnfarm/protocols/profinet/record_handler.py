@@ -6,13 +6,17 @@ from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.protocols.profinet.record_directory import Access, Scope, find_record
 from pnfarm.protocols.profinet.wire.blocks import split_blocks
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.ar import Ar
 
 __all__ = ["KeptRecords", "NoRecords", "RecordHandler"]
+
+#: What a controller writes at start-up and a device without ports to adjust can leave alone: PDPortDataCheck,
+#: PDPortDataAdjust, PDInterfaceMrpDataCheck and -Adjust, PDPortMrpDataAdjust, PDNCDataCheck, PDInterfaceAdjust,
+#: PDInterfaceFSUDataAdjust.
+_KEPT = frozenset({0x802B, 0x802F, 0x8051, 0x8052, 0x8053, 0x8070, 0x8071, 0x8090})
 
 
 class RecordHandler(Protocol):
@@ -45,9 +49,9 @@ class NoRecords:
 
 
 class KeptRecords:
-    """A physical device without ports to adjust: what a controller writes at start-up is kept and read back.
+    """A physical device of which nothing is known: what a controller writes at start-up is kept and read back.
 
-    Nothing is known of the real interface, so the records that would tell of it are invalid.
+    The records that would tell of a real interface are invalid, and so are those that ask for IRT.
     """
 
     def __init__(self) -> None:
@@ -57,13 +61,14 @@ class KeptRecords:
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
         del ar, api, max_length, now
-        record = find_record(index)
-        if record is None or record.scope is not Scope.SUBSLOT or not record.access & Access.WRITE:
+        if index not in _KEPT:
             return RecordError(AccessError.INVALID_INDEX)
         return self._kept.get((slot, subslot, index), b"")
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         del ar, api, now
+        if index not in _KEPT:
+            return RecordError(AccessError.INVALID_INDEX)
         try:
             split_blocks(data)
         except DecodeError:

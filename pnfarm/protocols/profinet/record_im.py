@@ -103,8 +103,9 @@ class ImRecords:
             return RecordError(AccessError.INVALID_INDEX)
         size = IM_TEXT_SIZES[block]
         # a text is padded with blanks, the signature is octets
-        blank = bytes(size) if block is BlockType.IM4 else b" " * size
-        return emit_im_text(ImText(block, self.texts.get((carrier.slot, carrier.subslot, index), blank)))
+        padding = b"\0" if block is BlockType.IM4 else b" "
+        text = self.texts.get((carrier.slot, carrier.subslot, index), b"")
+        return emit_im_text(ImText(block, text.ljust(size, padding)[:size]))
 
     def write(self, slot: int, subslot: int, index: int, data: bytes) -> RecordError | None:
         """I&M1 to I&M4.  Texts are visible characters; zeros behind them are taken for padding."""
