@@ -91,6 +91,7 @@ def test_a_block_of_another_type_is_refused():
 def test_error_types_in_words():
     assert describe_error_type(1) == "short circuit"
     assert describe_error_type(0x8001, 0x8005) == "remote mismatch: no peer detected"
+    assert describe_error_type(1, 0x8000) == "short circuit: accumulative info"
     assert describe_error_type(0x900F, api=0x3A00) == "external"
     assert describe_error_type(0x900F) == "error type 0x900F"
     assert describe_error_type(5, 0x1234) == "overtemperature: 0x1234"

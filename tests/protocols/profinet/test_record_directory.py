@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from cm_support import DRIVE_API, UUID_1, UUID_2, Bench
+from cm_support import CAPTURE_NAMES, DRIVE_API, UUID_1, UUID_2, Bench, calls, connect_request
 from record_support import DATA_PLACE, connect_tool, read, read_blocks, write
+from test_cm_connect import fitting
 
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.record_directory import Access, Index, Part, Scope, find_record
@@ -17,6 +18,7 @@ from pnfarm.protocols.profinet.wire.iod import (
     RecordWrite,
     emit_multiple_write_request,
     emit_write_request,
+    parse_write_request,
     parse_write_response,
 )
 
@@ -37,6 +39,23 @@ class Keeper:
 
 def io_data(_slot, _subslot, _output):
     return IoData(bytes(12), 0x80, 0x80)
+
+
+@pytest.mark.parametrize("name", CAPTURE_NAMES[1:])
+def test_the_start_up_records_of_real_controllers_are_all_taken(name):
+    application = Keeper()
+    bench = Bench(fitting(name), application)
+    assert bench.call(0, connect_request(name), room=712)[0].ok
+    payload = next(c.payload for c in calls(name) if c.request and c.opnum == 3)
+    status, answer = bench.call(3, payload)
+    assert status.ok
+    writes = parse_write_request(payload).writes
+    assert [int(h.status) for h in parse_write_response(answer)[1:]] == [0] * len(writes)
+    kept = [w for w in writes if w.header.index >= 0x8000]
+    assert [index for _, index, _ in application.asked] == [w.header.index for w in writes if w not in kept]
+    for w in kept:
+        h = w.header
+        assert read(bench, h.index, h.slot, h.subslot, h.api, uuid=h.ar_uuid) == w.data
 
 
 @pytest.fixture
@@ -260,3 +279,13 @@ def test_the_log_book_is_a_record():
     bench.now = 9
     (data,) = read_blocks(bench, 0xF830)
     assert (data.time_stamp, [(e.time_stamp, e.ar_uuid) for e in data.entries]) == (9, [(7, UUID_1)])
+
+
+def test_an_ar_without_submodules_stands_in_the_devices_list_and_in_no_apis():
+    bench = Bench()
+    bench.establish()
+    connect_tool(bench)
+    (data,) = read_blocks(bench, 0xF820)
+    assert [entry.ar_uuid for entry in data.ars] == [UUID_1, UUID_2]
+    (data,) = read_blocks(bench, 0xF020)
+    assert [entry.ar_uuid for entry in data.ars] == [UUID_1]

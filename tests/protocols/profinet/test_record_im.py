@@ -139,3 +139,12 @@ def test_a_carrier_that_is_pulled_is_not_listed():
     bench = Bench(SEVERAL)
     bench.plugged.pull(1)
     assert [b.block_type for b in read_blocks(bench, 0xF840, uuid=NIL_UUID)] == [0x30, 0x32]
+
+
+def test_a_submodule_that_nobody_stands_for_has_no_im():
+    bench = Bench(replace(ALL, im_carriers=(ImCarrier(1, 1),)))
+    bench.establish()
+    assert isinstance(read(bench, 0xAFF0, api=DRIVE_API, slot=1), bytes)
+    assert read(bench, 0xAFF0) == 0xB0
+    assert write(bench, 0xAFF1, emit_block(TAG)) == 0xB0
+    assert [b.block_type for b in read_blocks(bench, 0xF840)] == [0x30]

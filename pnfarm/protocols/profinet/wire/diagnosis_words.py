@@ -55,7 +55,7 @@ CHANNEL_ERROR_TYPES = {
     0x800D: "multiple interface mismatch",
 }
 
-#: By ChannelErrorType; 0x8000 stands for "accumulative info" at the types below 0x8000.
+#: By ChannelErrorType.
 EXT_CHANNEL_ERROR_TYPES = {
     0x8000: {0x8000: "link down", 0x8001: "MAU type mismatch", 0x8002: "line delay mismatch"},
     0x8001: {
@@ -78,6 +78,9 @@ EXT_CHANNEL_ERROR_TYPES = {
     0x8007: {0x8000: "power budget"},
     0x8008: {0x8000: "frame dropped, no resource"},
 }
+
+#: ExtChannelErrorType at any ChannelErrorType below 0x8000: the entry stands for several.
+_ACCUMULATIVE_INFO = 0x8000
 
 _PROFIDRIVE_API = 0x3A00
 PROFIDRIVE_ERROR_TYPES = {
@@ -112,5 +115,7 @@ def describe_error_type(error_type: int, ext_error_type: int = 0, api: int = 0) 
     text = words if words is not None else f"error type 0x{error_type:04X}"
     if not ext_error_type:
         return text
+    if error_type < 0x8000 and ext_error_type == _ACCUMULATIVE_INFO:
+        return f"{text}: accumulative info"
     more = EXT_CHANNEL_ERROR_TYPES.get(error_type, {}).get(ext_error_type)
     return f"{text}: {more if more is not None else f'0x{ext_error_type:04X}'}"
