@@ -29,6 +29,12 @@ __all__ = ["Parser", "parsers"]
 ROOTS = (pnfarm.wire, pnfarm.protocols.profinet, pnfarm.drives.profiles.profidrive)
 #: Texts that users write, not octets that peers send.
 NOT_PEERS = {"parse_mac"}
+#: Arguments that are not octets, with the values to try.
+OPTIONS = {
+    "little_endian": (True, False),
+    "verify_checksum": (True, False),
+    "usi": (0x1234, 0x8000, 0x8002, 0x8003, 0x8100),
+}
 #: Which layers of the corpus suit a parser; others take what their name says, or any octets.
 LAYERS = {
     "parse_ethernet": ("frame",),
@@ -106,6 +112,12 @@ def _raw_block(kind, data):
     return RawBlock(kind, data[2:], int.from_bytes(data[:2], "big"))
 
 
+def _value_name(name, value):
+    if isinstance(value, bool):
+        return name.split("_")[0] if value else f"not-{name.split('_')[0]}"
+    return f"{name}-{value:04x}"
+
+
 def _calls(function, types):
     """How to call one parser with octets: suffix of the name, and the call."""
     first, *others = inspect.signature(function).parameters.values()
@@ -122,17 +134,14 @@ def _calls(function, types):
         raise TypeError(f"{function.__module__}.{function.__name__} takes {first.annotation}: say how to feed it")
     options = [("", {})]
     for other in others:
-        if other.name not in {"little_endian", "verify_checksum"}:
+        if other.name not in OPTIONS:
             if other.default is inspect.Parameter.empty:
                 raise TypeError(f"{function.__module__}.{function.__name__} wants {other.name}: say what to give it")
             continue
         options = [
-            (
-                f"{text}-{other.name.split('_')[0] if value else 'not-' + other.name.split('_')[0]}",
-                {**given, other.name: value},
-            )
+            (f"{text}-{_value_name(other.name, value)}", {**given, other.name: value})
             for text, given in options
-            for value in (True, False)
+            for value in OPTIONS[other.name]
         ]
     for text, make in shapes:
         for more, given in options:

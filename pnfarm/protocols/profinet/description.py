@@ -17,6 +17,7 @@ __all__ = [
     "SEND_CLOCK_NS",
     "DeviceDescription",
     "Im0Description",
+    "ImCarrier",
     "Limits",
     "ModuleDescription",
     "Plugged",
@@ -69,6 +70,20 @@ class Im0Description:
 
 
 @dataclass(frozen=True, slots=True)
+class ImCarrier:
+    """A submodule with I&M data of its own; they may stand for its whole module or for the device as well.
+
+    ``im0`` None is the device's I&M0.
+    """
+
+    slot: int
+    subslot: int
+    module: bool = False
+    device: bool = False
+    im0: Im0Description | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Limits:
     """What the device refuses at Connect.
 
@@ -92,6 +107,7 @@ class DeviceDescription:
 
     ``min_device_interval`` counts 31.25 us.  ``modules`` lists, for each slot but the DAP's, every module that it
     can take; the first one of a slot is in it at power-on.  ``send_clocks`` are the SendClockFactors accepted.
+    ``im_carriers`` are the submodules with I&M data; none named, the DAP's first one is it, for the device.
     """
 
     vendor_id: int
@@ -104,6 +120,12 @@ class DeviceDescription:
     min_device_interval: int = 32
     send_clocks: tuple[int, ...] = (8, 16, 32, 64, 128)
     limits: Limits = Limits()
+    im_carriers: tuple[ImCarrier, ...] = ()
+
+    @property
+    def carriers(self) -> tuple[ImCarrier, ...]:
+        """Who carries I&M data: at least one submodule, which stands for the device."""
+        return self.im_carriers or (ImCarrier(self.dap.slot, self.dap.submodules[0].subslot, device=True),)
 
     @property
     def min_cycle_ns(self) -> int:

@@ -203,9 +203,9 @@ class Plan:
 class Bench:
     """One device with its records, and the controller's side of every call."""
 
-    def __init__(self, description=DRIVE, application=None, io_data=None):
+    def __init__(self, description=DRIVE, application=None, io_data=None, **records):
         self.plugged = Plugged(description)
-        self.records = DeviceRecords(description, self.plugged, lambda: self.cm.ars, application, io_data)
+        self.records = DeviceRecords(description, self.plugged, lambda: self.cm.ars, application, io_data, **records)
         self.cm = CmDevice(description, self.plugged, self.records, mac=DEVICE_MAC, station_name="axis-01")
         self.now = 0
         self.seen = []

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import iod, records
+from pnfarm.protocols.profinet.wire import diagnosis, iod, log_book, records
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS, emit_block, emit_blocks, parse_block, parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_control import (
@@ -49,6 +49,28 @@ id_apis = st.builds(records.IdentificationApi, u32, many(id_slots))
 ar_entries = st.builds(
     records.ArDataEntry, uuids, uuids, uuids, u32, u16, u16, u16, u16, u16, u16, octets,
     many(st.builds(records.ArDataIocr, u32, u16, u16, u32)), many(u32), octets,
+)  # fmt: skip
+
+statuses = st.builds(PnioStatus, u8, u8, u8, u8)
+properties = u16.map(diagnosis.ChannelProperties.from_int)
+ITEMS = {
+    0x8000: st.builds(diagnosis.ChannelDiagnosis, u16, properties, u16),
+    0x8002: st.builds(diagnosis.ExtChannelDiagnosis, u16, properties, u16, u16, u32),
+    0x8003: st.builds(diagnosis.QualifiedChannelDiagnosis, u16, properties, u16, u16, u32, u32),
+    0x8100: st.builds(diagnosis.MaintenanceItem, u32, u16),
+    0x1234: st.builds(diagnosis.UserItem, st.just(0x1234), octets),
+}
+item_lists = st.one_of(
+    *(
+        st.lists(item, min_size=1, max_size=1 if usi == 0x1234 else 4).map(lambda found, usi=usi: (usi, tuple(found)))
+        for usi, item in ITEMS.items()
+    )
+)
+diagnoses = st.builds(
+    lambda place, channel, found, version: diagnosis.DiagnosisData(
+        place[0] if version & 0xFF else 0, *place[1:], *channel, *found, version
+    ),
+    st.tuples(u32, u16, u16), st.tuples(u16, properties), item_lists, u16,
 )  # fmt: skip
 
 BLOCKS = {
@@ -89,6 +111,12 @@ BLOCKS = {
     "ar-data": st.builds(records.ArData, many(ar_entries)),
     "record-input": st.builds(records.RecordInputData, octets, octets, octets, u16),
     "record-output": st.builds(records.RecordOutputData, octets, octets, octets, u16, octets, u16),
+    "substitute": st.builds(records.SubstituteValue, u16, u8, octets, u8, u16),
+    "diagnosis": diagnoses,
+    "log": st.builds(
+        log_book.LogData, st.integers(0, 2**64 - 1),
+        many(st.builds(log_book.LogEntry, st.integers(0, 2**64 - 1), uuids, statuses, u32)), u16,
+    ),
     "raw": st.builds(RawBlock, st.integers(0x4000, 0x7FFF), octets, u16),
 }  # fmt: skip
 
@@ -169,9 +197,7 @@ def test_padding_between_the_records_of_a_multiple_write_and_none_behind_the_las
 
 headers = {
     "write": st.builds(iod.IodWriteReqHeader, u16, uuids, u32, u16, u16, u16.filter(lambda i: i != 0xE040)),
-    "write-res": st.builds(
-        iod.IodWriteResHeader, u16, uuids, u32, u16, u16, u16, u32, u16, u16, st.builds(PnioStatus, u8, u8, u8, u8)
-    ),
+    "write-res": st.builds(iod.IodWriteResHeader, u16, uuids, u32, u16, u16, u16, u32, u16, u16, statuses),
     "read": st.builds(iod.IodReadReqHeader, u16, uuids, u32, u16, u16, u16, u32),
     "implicit": st.builds(iod.IodReadReqHeader, u16, st.just(iod.NIL_UUID), u32, u16, u16, u16, u32, uuids),
     "read-res": st.builds(iod.IodReadResHeader, u16, uuids, u32, u16, u16, u16, st.just(0), u16, u16),

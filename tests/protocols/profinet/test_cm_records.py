@@ -191,8 +191,8 @@ def test_a_real_controllers_start_up_records_for_the_physical_device_are_taken_a
     assert record(bench, 0x8071, subslot=0x8000) == data
     assert record(bench, 0x8052, subslot=0x8000) == b""
     assert write(bench, 0x8071, b"\x02\x50", subslot=0x8000)[0].error_code1 == 0xB1
-    # elsewhere the same index is the application's
-    assert write(bench, 0x8071, data)[0].error_code1 == 0xB1
+    # only an interface or a port has such records
+    assert write(bench, 0x8071, data)[0].error_code1 == 0xB0
 
 
 def test_the_written_uuid_must_be_an_ars(bench):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import blocks_control as control
 from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import iocr, records
+from pnfarm.protocols.profinet.wire import diagnosis, iocr, log_book, records
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
 
 if TYPE_CHECKING:
@@ -41,6 +41,9 @@ Block = (
     | records.ArData
     | records.RecordInputData
     | records.RecordOutputData
+    | records.SubstituteValue
+    | diagnosis.DiagnosisData
+    | log_book.LogData
     | RawBlock
 )
 
@@ -74,6 +77,9 @@ _PARSERS: dict[int, Callable[[RawBlock], Block]] = {
     BlockType.AR_DATA: records.parse_ar_data,
     BlockType.RECORD_INPUT_DATA_OBJECT: records.parse_record_input_data,
     BlockType.RECORD_OUTPUT_DATA_OBJECT: records.parse_record_output_data,
+    BlockType.SUBSTITUTE_VALUE: records.parse_substitute_value,
+    BlockType.DIAGNOSIS_DATA: diagnosis.parse_diagnosis_data,
+    BlockType.LOG_DATA: log_book.parse_log_data,
 }
 
 _EMITTERS: dict[type, Callable[[Any], bytes]] = {
@@ -102,6 +108,9 @@ _EMITTERS: dict[type, Callable[[Any], bytes]] = {
     records.ArData: records.emit_ar_data,
     records.RecordInputData: records.emit_record_input_data,
     records.RecordOutputData: records.emit_record_output_data,
+    records.SubstituteValue: records.emit_substitute_value,
+    diagnosis.DiagnosisData: diagnosis.emit_diagnosis_data,
+    log_book.LogData: log_book.emit_log_data,
     RawBlock: emit_raw_block,
 }
 

@@ -4,6 +4,7 @@ the I/O data of one submodule (IEC 61158-6-10; I&M: PI profile guideline 1)."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
@@ -35,6 +36,8 @@ __all__ = [
     "ImText",
     "RecordInputData",
     "RecordOutputData",
+    "SubstituteValue",
+    "SubstitutionMode",
     "emit_api_data",
     "emit_ar_data",
     "emit_identification_data",
@@ -42,6 +45,7 @@ __all__ = [
     "emit_im_text",
     "emit_record_input_data",
     "emit_record_output_data",
+    "emit_substitute_value",
     "parse_api_data",
     "parse_ar_data",
     "parse_identification_data",
@@ -49,6 +53,7 @@ __all__ = [
     "parse_im_text",
     "parse_record_input_data",
     "parse_record_output_data",
+    "parse_substitute_value",
 ]
 
 _FILTER_TYPES = (
@@ -318,6 +323,38 @@ def emit_ar_data(value: ArData) -> bytes:
         w.u16(0)
         _align_write(w)
     return emit_raw_block(RawBlock(BlockType.AR_DATA, w.getvalue(), value.version))
+
+
+class SubstitutionMode(IntEnum):
+    """Coding of the field SubstitutionMode."""
+
+    ZERO = 0
+    LAST_VALUE = 1
+    REPLACEMENT_VALUE = 2
+
+
+@dataclass(frozen=True, slots=True)
+class SubstituteValue:
+    """0x0014: what a submodule puts out when its outputs fail; both statuses have one octet."""
+
+    mode: int
+    iocs: int
+    data: bytes
+    iops: int
+    version: int = VERSION_1_0
+
+
+def parse_substitute_value(block: RawBlock) -> SubstituteValue:
+    r = check_type(block, BlockType.SUBSTITUTE_VALUE)
+    mode, iocs = r.u16(), r.u8()
+    value = SubstituteValue(mode, iocs, r.bytes(max(0, r.remaining - 1)), r.u8(), block.version)
+    r.expect_end()
+    return value
+
+
+def emit_substitute_value(value: SubstituteValue) -> bytes:
+    w = Writer().u16(value.mode).u8(value.iocs).bytes(value.data).u8(value.iops)
+    return emit_raw_block(RawBlock(BlockType.SUBSTITUTE_VALUE, w.getvalue(), value.version))
 
 
 @dataclass(frozen=True, slots=True)

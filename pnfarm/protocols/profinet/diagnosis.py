@@ -1,0 +1,391 @@
+"""The diagnosis of one device: what is wrong now, by place, and what the controller has to be told of each change.
+
+A :class:`DiagnosisStore` holds :class:`DiagnosisEntry` values.  Each change yields an event with everything that an
+AlarmNotification needs (IEC 61158-6-10, AlarmType, AlarmSpecifier, ChannelProperties, MaintenanceStatus); who owns
+the submodule, and so gets the alarm, is the AR's matter.  The store knows no clock: nothing here expires.
+
+An entry is known by its place, channel, direction and error types, or by its place, channel and USI when it is
+coded by the manufacturer.  Adding it again with another severity or value replaces it: it appears anew, then what
+stood before disappears.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+from pnfarm.protocols.profinet.wire.blocks import VERSION_1_1
+from pnfarm.protocols.profinet.wire.diagnosis import (
+    WHOLE_SUBMODULE,
+    ChannelDiagnosis,
+    ChannelProperties,
+    ChannelSpecifier,
+    DiagnosisData,
+    Direction,
+    ExtChannelDiagnosis,
+    Maintenance,
+    MaintenanceItem,
+    MaintenanceStatus,
+    QualifiedChannelDiagnosis,
+    Qualifier,
+    UserItem,
+    Usi,
+    emit_items,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Container, Hashable, Iterable, Iterator
+
+    from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.wire.diagnosis import DiagnosisItem
+
+__all__ = [
+    "AlarmSpecifier",
+    "DiagnosisAlarm",
+    "DiagnosisAppeared",
+    "DiagnosisDisappeared",
+    "DiagnosisEntry",
+    "DiagnosisEvent",
+    "DiagnosisStore",
+    "Severity",
+    "diagnosis_blocks",
+]
+
+_CHANNEL_USIS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})
+
+
+class Severity(IntEnum):
+    """In rising order.  Advice is only ever said by a qualifier."""
+
+    ADVICE = 0
+    MAINTENANCE_REQUIRED = 1
+    MAINTENANCE_DEMANDED = 2
+    FAULT = 3
+
+
+class DiagnosisAlarm:
+    """AlarmTypes of diagnosis: an error type of the network's has its own, for both ways."""
+
+    DIAGNOSIS = 0x0001
+    DIAGNOSIS_DISAPPEARS = 0x000C
+    MULTICAST_COMMUNICATION_MISMATCH = 0x000D
+    PORT_DATA_CHANGE = 0x000E
+    SYNC_DATA_CHANGED = 0x000F
+    ISOCHRONOUS_MODE_PROBLEM = 0x0010
+    NETWORK_COMPONENT_PROBLEM = 0x0011
+    TIME_DATA_CHANGED = 0x0012
+    DYNAMIC_FRAME_PACKING_PROBLEM = 0x0013
+
+
+_ALARM_TYPES = {
+    0x8000: DiagnosisAlarm.PORT_DATA_CHANGE,
+    0x8001: DiagnosisAlarm.PORT_DATA_CHANGE,
+    0x8003: DiagnosisAlarm.SYNC_DATA_CHANGED,
+    0x8004: DiagnosisAlarm.ISOCHRONOUS_MODE_PROBLEM,
+    0x8005: DiagnosisAlarm.MULTICAST_COMMUNICATION_MISMATCH,
+    0x8007: DiagnosisAlarm.PORT_DATA_CHANGE,
+    0x8008: DiagnosisAlarm.NETWORK_COMPONENT_PROBLEM,
+    0x8009: DiagnosisAlarm.TIME_DATA_CHANGED,
+    0x800A: DiagnosisAlarm.DYNAMIC_FRAME_PACKING_PROBLEM,
+}
+
+
+class AlarmSpecifier:
+    """Bits of the field AlarmSpecifier; bits 0 to 10 are the sequence number."""
+
+    CHANNEL_DIAGNOSIS = 1 << 11
+    MANUFACTURER_DIAGNOSIS = 1 << 12
+    SUBMODULE_DIAGNOSIS_STATE = 1 << 13
+    AR_DIAGNOSIS_STATE = 1 << 15
+
+
+class _SubmoduleStateBits:
+    """The diagnosis bits of SubmoduleState."""
+
+    ADVICE = 1 << 3
+    MAINTENANCE_REQUIRED = 1 << 4
+    MAINTENANCE_DEMANDED = 1 << 5
+    FAULT = 1 << 6
+
+
+_STATE_BITS = {
+    Severity.ADVICE: _SubmoduleStateBits.ADVICE,
+    Severity.MAINTENANCE_REQUIRED: _SubmoduleStateBits.MAINTENANCE_REQUIRED,
+    Severity.MAINTENANCE_DEMANDED: _SubmoduleStateBits.MAINTENANCE_DEMANDED,
+    Severity.FAULT: _SubmoduleStateBits.FAULT,
+}
+_QUALIFIED = {
+    Severity.ADVICE: Qualifier.ADVICE,
+    Severity.MAINTENANCE_REQUIRED: Qualifier.REQUIRED,
+    Severity.MAINTENANCE_DEMANDED: Qualifier.DEMANDED,
+    Severity.FAULT: Qualifier.FAULT,
+}
+_PLAIN = {
+    Maintenance.FAULT: Severity.FAULT,
+    Maintenance.REQUIRED: Severity.MAINTENANCE_REQUIRED,
+    Maintenance.DEMANDED: Severity.MAINTENANCE_DEMANDED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisEntry:
+    """One thing that is wrong.  ``usi`` says how it is coded, and so which of the later fields it has.
+
+    Channel-coded entries have ``error_type``; 0x8002 and 0x8003 also ``ext_error_type`` and ``ext_add_value``; 0x8003
+    alone ``qualifier``, together with ``maintenance`` QUALIFIED.  A manufacturer's entry has ``data``, and is a fault.
+    Raises :class:`ValueError` for anything else.
+    """
+
+    api: int
+    slot: int
+    subslot: int
+    usi: int = Usi.CHANNEL
+    channel: int = WHOLE_SUBMODULE
+    direction: int = Direction.MANUFACTURER_SPECIFIC
+    error_type: int = 0
+    ext_error_type: int = 0
+    ext_add_value: int = 0
+    maintenance: Maintenance = Maintenance.FAULT
+    qualifier: int = 0
+    accumulative: bool = False
+    channel_type: int = 0
+    data: bytes = b""
+
+    def __post_init__(self) -> None:
+        coded = self.usi in _CHANNEL_USIS
+        if not coded and not 0 <= self.usi <= Usi.MANUFACTURER_LAST:
+            raise ValueError(f"USI 0x{self.usi:04X} is neither channel-coded nor a manufacturer's")
+        if not 0 <= self.channel <= WHOLE_SUBMODULE:
+            raise ValueError(f"channel 0x{self.channel:X} is above 0x8000")
+        if coded and (self.data or not self.error_type):
+            raise ValueError("a channel-coded entry has an error type and no data")
+        if not coded and (self.error_type or self.maintenance is not Maintenance.FAULT):
+            raise ValueError("a manufacturer's entry has no error type and is a fault")
+        if self.usi not in {Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL} and (self.ext_error_type or self.ext_add_value):
+            raise ValueError(f"USI 0x{self.usi:04X} has no extended error type")
+        if (self.usi == Usi.QUALIFIED_CHANNEL) != (self.maintenance is Maintenance.QUALIFIED):
+            raise ValueError("USI 0x8003 and a severity that is qualified belong together")
+        if bool(self.qualifier) != (self.usi == Usi.QUALIFIED_CHANNEL) or self.qualifier & 7:
+            raise ValueError("a qualifier stands in USI 0x8003, and its bits 0 to 2 are reserved")
+
+    @property
+    def place(self) -> ExpectedKey:
+        return self.api, self.slot, self.subslot
+
+    @property
+    def channel_coded(self) -> bool:
+        return self.usi in _CHANNEL_USIS
+
+    @property
+    def key(self) -> Hashable:
+        """What two entries share that are the same condition."""
+        if not self.channel_coded:
+            return *self.place, self.channel, self.usi
+        return *self.at, self.error_type, self.ext_error_type
+
+    @property
+    def at(self) -> tuple[int, ...]:
+        """The channel: conditions there "remain" when another disappears."""
+        return *self.place, self.channel, self.direction, self.accumulative
+
+    @property
+    def severities(self) -> frozenset[Severity]:
+        """One; a qualifier may say several."""
+        if self.maintenance is Maintenance.QUALIFIED:
+            return frozenset(s for s, mask in _QUALIFIED.items() if self.qualifier & mask)
+        return frozenset({_PLAIN[self.maintenance]})
+
+    def properties(self, specifier: int = ChannelSpecifier.APPEARS) -> ChannelProperties:
+        return ChannelProperties(self.channel_type, self.accumulative, self.maintenance, specifier, self.direction)
+
+    def item(self, specifier: int = ChannelSpecifier.APPEARS) -> DiagnosisItem:
+        """The entry on the wire."""
+        channel = self.channel, self.properties(specifier), self.error_type
+        match self.usi:
+            case Usi.CHANNEL:
+                return ChannelDiagnosis(*channel)
+            case Usi.EXT_CHANNEL:
+                return ExtChannelDiagnosis(*channel, self.ext_error_type, self.ext_add_value)
+            case Usi.QUALIFIED_CHANNEL:
+                return QualifiedChannelDiagnosis(*channel, self.ext_error_type, self.ext_add_value, self.qualifier)
+            case _:
+                return UserItem(self.usi, self.data)
+
+
+@dataclass(frozen=True, slots=True)
+class _Change:
+    """A change as an alarm tells it.
+
+    ``alarm_specifier`` holds the flags of the submodule as it is after the change; the AR's flag
+    (:meth:`DiagnosisStore.alarm_specifier`) and the sequence number are the AR's.  ``maintenance_status`` is the
+    submodule's.
+    """
+
+    entry: DiagnosisEntry
+    specifier: ChannelSpecifier
+    alarm_type: int
+    alarm_specifier: int
+    maintenance_status: int
+
+    def items(self) -> tuple[DiagnosisItem, ...]:
+        """What the alarm carries: the maintenance item, where there is a status to tell, then the entry's."""
+        item = self.entry.item(self.specifier)
+        if self.maintenance_status and self.entry.channel_coded:
+            return MaintenanceItem(self.maintenance_status), item
+        return (item,)
+
+    def emit_items(self) -> list[tuple[int, bytes]]:
+        """:meth:`items` as (USI, octets behind it)."""
+        return emit_items(self.items())
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisAppeared(_Change):
+    """An entry is new, or has another severity or value now."""
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisDisappeared(_Change):
+    """An entry is gone; with the specifier ALL_DISAPPEAR, everything at its channel."""
+
+
+DiagnosisEvent = DiagnosisAppeared | DiagnosisDisappeared
+
+
+class DiagnosisStore:
+    """See the head of this file.  ``refused`` counts entries that were not taken: the store was ``full``."""
+
+    def __init__(self, maximum: int = 64) -> None:
+        self.maximum = maximum
+        self.refused: Counter[str] = Counter()
+        self._entries: dict[Hashable, DiagnosisEntry] = {}
+        self._events: list[DiagnosisEvent] = []
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __iter__(self) -> Iterator[DiagnosisEntry]:
+        """By place and USI, within these in the order of their coming."""
+        return iter(sorted(self._entries.values(), key=lambda e: (*e.place, e.usi)))
+
+    def events(self) -> list[DiagnosisEvent]:
+        drained, self._events = self._events, []
+        return drained
+
+    def add(self, entry: DiagnosisEntry) -> bool:
+        """Is the entry in the store now?  Without an event when it stood there already, just as it is."""
+        standing = self._entries.get(entry.key)
+        if standing == entry:
+            return True
+        if standing is None and len(self._entries) >= self.maximum:
+            self.refused["full"] += 1
+            return False
+        self._entries[entry.key] = entry
+        self._tell(DiagnosisAppeared, entry, ChannelSpecifier.APPEARS)
+        # a manufacturer's new data say by themselves that the old ones are over
+        if standing is not None and entry.channel_coded:
+            self._tell(DiagnosisDisappeared, standing, ChannelSpecifier.DISAPPEARS_OTHERS_REMAIN)
+        return True
+
+    def remove(self, entry: DiagnosisEntry) -> bool:
+        """Take away the entry with this one's :attr:`~DiagnosisEntry.key`; False when there is none."""
+        standing = self._entries.pop(entry.key, None)
+        if standing is None:
+            return False
+        self._tell(DiagnosisDisappeared, standing, self._remaining(standing))
+        return True
+
+    def clear(self, place: ExpectedKey | None = None) -> int:
+        """Take away all entries of a submodule, or (None) all of them; how many.  One event for each channel."""
+        gone = [e for e in self if place is None or e.place == place]
+        for entry in gone:
+            del self._entries[entry.key]
+        last = {e.at if e.channel_coded else e.key: e for e in gone}
+        for entry in last.values():
+            self._tell(DiagnosisDisappeared, entry, ChannelSpecifier.ALL_DISAPPEAR)
+        return len(gone)
+
+    def forget(self) -> None:
+        """Empty the store without a word: the power is off."""
+        self._entries.clear()
+        self._events.clear()
+
+    # what others ask
+
+    def submodule_diag_state(self, api: int, slot: int, subslot: int) -> int:
+        """The diagnosis bits of SubmoduleState, to be joined with the rest of it."""
+        bits = 0
+        for entry in self._at((api, slot, subslot)):
+            for severity in entry.severities:
+                bits |= _STATE_BITS[severity]
+        return bits
+
+    def maintenance_status(self, place: ExpectedKey) -> int:
+        """MaintenanceStatus of one submodule: required, demanded, and every qualifier."""
+        status = 0
+        for entry in self._at(place):
+            status |= entry.qualifier
+            if Severity.MAINTENANCE_REQUIRED in entry.severities:
+                status |= MaintenanceStatus.REQUIRED
+            if Severity.MAINTENANCE_DEMANDED in entry.severities:
+                status |= MaintenanceStatus.DEMANDED
+        return status
+
+    def alarm_specifier(self, place: ExpectedKey, owned: Container[ExpectedKey] = ()) -> int:
+        """Flags of AlarmSpecifier for an alarm of ``place`` to an AR that owns the submodules ``owned``."""
+        flags = 0
+        for entry in self._at(place):
+            coded = entry.channel_coded
+            flags |= AlarmSpecifier.CHANNEL_DIAGNOSIS if coded else AlarmSpecifier.MANUFACTURER_DIAGNOSIS
+            if Severity.FAULT in entry.severities:
+                flags |= AlarmSpecifier.SUBMODULE_DIAGNOSIS_STATE
+        return flags | (AlarmSpecifier.AR_DIAGNOSIS_STATE if self.has_fault(owned) else 0)
+
+    def has_fault(self, owned: Container[ExpectedKey]) -> bool:
+        """Is there a fault in one of these submodules?  (DataStatus: a problem of the station's.)"""
+        return any(e.place in owned and Severity.FAULT in e.severities for e in self._entries.values())
+
+    # its own hands
+
+    def _at(self, place: ExpectedKey) -> Iterator[DiagnosisEntry]:
+        return (e for e in self._entries.values() if e.place == place)
+
+    def _remaining(self, gone: DiagnosisEntry) -> ChannelSpecifier:
+        others = [e for e in self._at(gone.place) if e.channel_coded and e.at == gone.at]
+        if any(e.severities & gone.severities for e in others):
+            return ChannelSpecifier.DISAPPEARS_OTHERS_REMAIN
+        return ChannelSpecifier.DISAPPEARS if others else ChannelSpecifier.ALL_DISAPPEAR
+
+    def _tell(
+        self,
+        kind: type[DiagnosisAppeared | DiagnosisDisappeared],
+        entry: DiagnosisEntry,
+        specifier: ChannelSpecifier,
+    ) -> None:
+        plain = DiagnosisAlarm.DIAGNOSIS if kind is DiagnosisAppeared else DiagnosisAlarm.DIAGNOSIS_DISAPPEARS
+        alarm_type = _ALARM_TYPES.get(entry.error_type, plain)
+        flags, status = self.alarm_specifier(entry.place), self.maintenance_status(entry.place)
+        self._events.append(kind(entry, specifier, alarm_type, flags, status))
+
+
+def diagnosis_blocks(
+    entries: Iterable[DiagnosisEntry],
+    wanted: Callable[[DiagnosisEntry], bool] = lambda _: True,
+    version: int = VERSION_1_1,
+) -> list[DiagnosisData]:
+    """One block for each submodule and USI of the wanted entries, and one for each manufacturer's entry."""
+    blocks: dict[Hashable, list[DiagnosisEntry]] = {}
+    for entry in entries:
+        if wanted(entry):
+            blocks.setdefault((entry.place, entry.usi) if entry.channel_coded else entry.key, []).append(entry)
+    found = []
+    for group in blocks.values():
+        first = group[0]
+        coded = first.channel_coded
+        channel = WHOLE_SUBMODULE if coded else first.channel
+        properties = ChannelProperties() if coded else first.properties()
+        items = tuple(e.item() for e in group)
+        found.append(DiagnosisData(*first.place, channel, properties, first.usi, items, version))
+    return found

@@ -1,0 +1,186 @@
+"""Which record stands behind an index: one table for reading, writing and refusing (IEC 61158-6-10, field Index).
+
+A row says what the record is about (:class:`Scope`: which of API, slot and subslot count), what may be done with it
+and by whom (:class:`Access`), and which part of the device answers (:class:`Part`).  An index without a row is
+invalid.  So are, on purpose, the rows that this device does not have: ARFSUDataAdjust, AutoConfiguration,
+PROFIenergy, the reporting system, asset management, GSD upload, TSN, isochronous mode, CombinedObjectContainer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, Flag, auto
+
+__all__ = ["Access", "Index", "Part", "Record", "Scope", "find_record"]
+
+
+class Index:
+    """Record indexes."""
+
+    USER_LAST = 0x7FFF
+    EXPECTED_IDENTIFICATION_SUBSLOT = 0x8000
+    REAL_IDENTIFICATION_SUBSLOT = 0x8001
+    SUBSTITUTE_VALUE = 0x801E
+    RECORD_INPUT_DATA = 0x8028
+    RECORD_OUTPUT_DATA = 0x8029
+    IM0 = 0xAFF0
+    IM1 = 0xAFF1
+    IM4 = 0xAFF4
+    IM15 = 0xAFFF
+    PROFILE_FIRST = 0xB000
+    PROFILE_LAST = 0xBFFF
+    EXPECTED_IDENTIFICATION_SLOT = 0xC000
+    REAL_IDENTIFICATION_SLOT = 0xC001
+    EXPECTED_IDENTIFICATION_AR = 0xE000
+    REAL_IDENTIFICATION_AR = 0xE001
+    MODULE_DIFF = 0xE002
+    REAL_IDENTIFICATION_API = 0xF000
+    AR_DATA_API = 0xF020
+    DIAGNOSIS_DEVICE = 0xF80C
+    AR_DATA = 0xF820
+    API_DATA = 0xF821
+    LOG_DATA = 0xF830
+    PDEV_DATA = 0xF831
+    IM0_FILTER_DATA = 0xF840
+    PD_REAL_DATA = 0xF841
+    PD_EXPECTED_DATA = 0xF842
+    CONNECTION_MONITORING = 0xFBFF
+
+
+class Scope(Enum):
+    """What a record is about."""
+
+    SUBSLOT = auto()
+    SLOT = auto()
+    AR = auto()
+    API = auto()
+    DEVICE = auto()
+
+
+class Access(Flag):
+    """``WRITE`` is for the AR that owns the submodule.
+
+    ``WRITE_SHARED`` lets a device access AR write as well, where no controller owns the submodule; ``WRITE_ACCESS``
+    lets it write always: parameter channels are there for engineering tools, too.
+    """
+
+    READ = auto()
+    WRITE = auto()
+    WRITE_SHARED = auto()
+    WRITE_ACCESS = auto()
+    ANY_WRITE = WRITE | WRITE_SHARED | WRITE_ACCESS
+
+
+class Part(Enum):
+    """Who answers."""
+
+    APPLICATION = auto()
+    IDENTIFICATION = auto()
+    DIAGNOSIS = auto()
+    IM = auto()
+    IO_DATA = auto()
+    AR_DATA = auto()
+    LOG_BOOK = auto()
+    PDEV = auto()
+    MONITORING = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One row of the table."""
+
+    name: str
+    scope: Scope
+    access: Access
+    part: Part
+
+
+_R, _RW = Access.READ, Access.READ | Access.WRITE
+_SUB, _SLOT, _AR, _API, _DEV = Scope.SUBSLOT, Scope.SLOT, Scope.AR, Scope.API, Scope.DEVICE
+
+_DIAGNOSIS = {
+    0x0A: "diagnosis in channel coding",
+    0x0B: "diagnosis in all codings",
+    0x0C: "diagnosis, maintenance, qualified and status",
+    0x10: "maintenance required in channel coding",
+    0x11: "maintenance demanded in channel coding",
+    0x12: "maintenance required in all codings",
+    0x13: "maintenance demanded in all codings",
+}
+_DIAGNOSIS_SCOPES = {0x8000: _SUB, 0xC000: _SLOT, 0xE000: _AR, 0xF000: _API}
+
+#: Records of the physical device, of its interface and ports; those with True can be written.
+_PDEV = {
+    0x8020: ("PDIRSubframeData", True),
+    0x8027: ("PDPortDataRealExtended", False),
+    0x802A: ("PDPortDataReal", False),
+    0x802B: ("PDPortDataCheck", True),
+    0x802C: ("PDIRData", True),
+    0x802D: ("PDSyncData", True),
+    0x802F: ("PDPortDataAdjust", True),
+    0x8031: ("PDTimeData", True),
+    0x8050: ("PDInterfaceMrpDataReal", False),
+    0x8051: ("PDInterfaceMrpDataCheck", True),
+    0x8052: ("PDInterfaceMrpDataAdjust", True),
+    0x8053: ("PDPortMrpDataAdjust", True),
+    0x8054: ("PDPortMrpDataReal", False),
+    0x8055: ("PDPortMrpIcDataAdjust", True),
+    0x8056: ("PDPortMrpIcDataCheck", True),
+    0x8057: ("PDPortMrpIcDataReal", False),
+    0x8060: ("PDPortFODataReal", False),
+    0x8061: ("PDPortFODataCheck", True),
+    0x8062: ("PDPortFODataAdjust", True),
+    0x8063: ("PDPortSFPDataCheck", True),
+    0x8070: ("PDNCDataCheck", True),
+    0x8071: ("PDInterfaceAdjust", True),
+    0x8072: ("PDPortStatistic", False),
+    0x8080: ("PDInterfaceDataReal", False),
+    0x8090: ("PDInterfaceFSUDataAdjust", True),
+}
+
+_RECORDS: dict[int, Record] = {
+    Index.EXPECTED_IDENTIFICATION_SUBSLOT: Record("expected identification", _SUB, _R, Part.IDENTIFICATION),
+    Index.REAL_IDENTIFICATION_SUBSLOT: Record("real identification", _SUB, _R, Part.IDENTIFICATION),
+    Index.EXPECTED_IDENTIFICATION_SLOT: Record("expected identification", _SLOT, _R, Part.IDENTIFICATION),
+    Index.REAL_IDENTIFICATION_SLOT: Record("real identification", _SLOT, _R, Part.IDENTIFICATION),
+    Index.EXPECTED_IDENTIFICATION_AR: Record("expected identification", _AR, _R, Part.IDENTIFICATION),
+    Index.REAL_IDENTIFICATION_AR: Record("real identification", _AR, _R, Part.IDENTIFICATION),
+    Index.REAL_IDENTIFICATION_API: Record("real identification", _API, _R, Part.IDENTIFICATION),
+    Index.MODULE_DIFF: Record("module difference", _AR, _R, Part.AR_DATA),
+    Index.AR_DATA_API: Record("ARData", _API, _R, Part.AR_DATA),
+    Index.AR_DATA: Record("ARData", _DEV, _R, Part.AR_DATA),
+    Index.API_DATA: Record("APIData", _DEV, _R, Part.AR_DATA),
+    Index.LOG_DATA: Record("LogData", _DEV, _R, Part.LOG_BOOK),
+    Index.CONNECTION_MONITORING: Record("trigger of connection monitoring", _DEV, _R, Part.MONITORING),
+    Index.SUBSTITUTE_VALUE: Record("SubstituteValue", _SUB, _RW, Part.IO_DATA),
+    Index.RECORD_INPUT_DATA: Record("input data", _SUB, _R, Part.IO_DATA),
+    Index.RECORD_OUTPUT_DATA: Record("output data", _SUB, _R, Part.IO_DATA),
+    Index.IM0: Record("I&M0", _SUB, _R, Part.IM),
+    **{
+        index: Record(f"I&M{index - Index.IM0}", _SUB, _R | Access.WRITE_SHARED, Part.IM)
+        for index in range(Index.IM1, Index.IM4 + 1)
+    },
+    Index.IM0_FILTER_DATA: Record("I&M0FilterData", _DEV, _R, Part.IM),
+    **{
+        first | number: Record(words, scope, _R, Part.DIAGNOSIS)
+        for first, scope in _DIAGNOSIS_SCOPES.items()
+        for number, words in _DIAGNOSIS.items()
+    },
+    Index.DIAGNOSIS_DEVICE: Record(_DIAGNOSIS[0x0C], _DEV, _R, Part.DIAGNOSIS),
+    **{i: Record(name, _SUB, _RW if writable else _R, Part.PDEV) for i, (name, writable) in _PDEV.items()},
+    Index.PDEV_DATA: Record("PDevData", _DEV, _R, Part.PDEV),
+    Index.PD_REAL_DATA: Record("PDRealData", _DEV, _R, Part.PDEV),
+    Index.PD_EXPECTED_DATA: Record("PDExpectedData", _DEV, _R, Part.PDEV),
+}
+
+_USER = Record("the application's", _SUB, _R | Access.WRITE_ACCESS, Part.APPLICATION)
+_PROFILE = Record("the profile's", _SUB, _R | Access.WRITE_ACCESS, Part.APPLICATION)
+
+
+def find_record(index: int) -> Record | None:
+    """The row of ``index``, or None where no record is."""
+    if index <= Index.USER_LAST:
+        return _USER
+    if Index.PROFILE_FIRST <= index <= Index.PROFILE_LAST:
+        return _PROFILE
+    return _RECORDS.get(index)

@@ -1,0 +1,49 @@
+"""Reading and writing records of a :class:`cm_support.Bench` as a controller or an engineering tool does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cm_support import AR_BLOCK, DRIVE_API, UUID_1, UUID_2
+
+from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.iod import (
+    NIL_UUID,
+    IodReadReqHeader,
+    IodWriteReqHeader,
+    emit_read_request,
+    emit_write_request,
+    parse_read_response,
+)
+
+READ, WRITE, READ_IMPLICIT = 2, 3, 5
+TOOL = replace(AR_BLOCK, ar_uuid=UUID_2, ar_type=6, properties=0x111, station_name=b"tool")
+#: The submodule with the telegram.
+DATA_PLACE = {"api": DRIVE_API, "slot": 1, "subslot": 2}
+
+
+def connect_tool(bench):
+    """A device access AR, with UUID_2."""
+    status, _ = bench.call(0, emit_blocks((TOOL,)))
+    assert status.ok
+
+
+def read(bench, index, slot=0, subslot=1, api=0, *, uuid=UUID_1, target=NIL_UUID, length=4096):
+    """ErrorCode1, or the record."""
+    request = emit_read_request(IodReadReqHeader(5, uuid, api, slot, subslot, index, length, target))
+    status, answer = bench.call(READ_IMPLICIT if uuid == NIL_UUID else READ, request, 8192)
+    return parse_read_response(answer).data if status.ok else status.error_code1
+
+
+def read_blocks(bench, index, **place):
+    data = read(bench, index, **place)
+    assert isinstance(data, bytes), hex(data)
+    return parse_blocks(data)
+
+
+def write(bench, index, data, slot=0, subslot=1, api=0, *, uuid=UUID_1):
+    """ErrorCode1; 0 when it was taken."""
+    status, _ = bench.call(
+        WRITE, emit_write_request(IodWriteReqHeader(5, uuid, api, slot, subslot, index), data)
+    )  # fmt: skip
+    return status.error_code1
