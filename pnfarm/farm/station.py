@@ -36,6 +36,7 @@ from pnfarm.protocols.profinet.dcp_device import (
     SignalRequested,
 )
 from pnfarm.protocols.profinet.description import Plugged
+from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
 from pnfarm.protocols.profinet.errors import RtaError, describe_status
 from pnfarm.protocols.profinet.events import (
     AlarmConfirmed,
@@ -45,6 +46,7 @@ from pnfarm.protocols.profinet.events import (
     ArEstablished,
     ArReleased,
     ConnectRefused,
+    DiagnosisChanged,
     PrmEndReceived,
     RecordWritten,
     SubmodulesChanged,
@@ -56,6 +58,7 @@ from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceiv
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
 from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
+from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
@@ -187,8 +190,16 @@ class DriveStation:
             lambda: self.cm.ars,
             application=self.parameter_records,
             io_data=self.channels.io_data,
+            texts={_text_key(key): data for key, data in (kept.get("im") or {}).items()},
         )
-        self.cm = CmDevice(self.description, plugged, self.records, mac=mac, station_name=name)
+        self.cm = CmDevice(
+            self.description,
+            plugged,
+            self.records,
+            mac=mac,
+            station_name=name,
+            diagnosis=self.records.diagnosis,
+        )
 
     def _set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None) -> None:
         self.ip.set_address(address, gateway)
@@ -396,10 +407,16 @@ class DriveStation:
                 now=now,
             )
             self._calls[call_id] = call.token
+        changed = self.cm.tell_diagnosis(now)
         events = self.cm.events()
         for event in events:
+            self.records.log_book.note(event, now)
             self._handle_cm(event, now)
-        return bool(responses or calls or events)
+        texts = self.records.im.events()
+        if texts:
+            # keys of the memory are words
+            self._keep(now, "im", {".".join(map(str, key)): data for key, data in self.records.im.texts.items()})
+        return bool(responses or calls or changed or events)
 
     def _handle_cm(self, event: object, now: int) -> None:
         match event:
@@ -443,6 +460,8 @@ class DriveStation:
             case ArReleased(key):
                 self._close(key)
                 self.note(now, "ar released")
+            case DiagnosisChanged(change):
+                self._diagnosis_changed(change, now)
             case RecordWritten(_, api, slot, subslot, index, data):
                 place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
                 self.note(now, "record written", level="debug", octets=len(data), **place)
@@ -486,6 +505,24 @@ class DriveStation:
             telegram=self.store.telegram_number,
             cycle_seconds=ar.cycle_ns / 1e9,
             watchdog_seconds=ar.watchdog_ns / 1e9,
+        )
+
+    def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
+        """In the log in words; a fault also shows in the DataStatus of the frames ("problem")."""
+        entry = change.entry
+        for key in self.ars:
+            ar = self.cm.ar(key)
+            if ar is not None:
+                self.channels.problem(key, there=self.cm.diagnosis.has_fault(ar.owned))
+        appears = isinstance(change, DiagnosisAppeared)
+        self.note(
+            now,
+            "diagnosis appears" if appears else "diagnosis disappears",
+            level="warning" if appears else "info",
+            slot=entry.slot,
+            subslot=entry.subslot,
+            channel=entry.channel,
+            diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api),
         )
 
     def _set_points(self) -> set[tuple[int, int]]:
@@ -558,6 +595,12 @@ class DriveStation:
         else:
             self._kept[key] = value
         self._services.memory.save(self.configured_name, self._kept)
+
+
+def _text_key(word: str) -> tuple[int, int, int]:
+    """``slot.subslot.index`` as non-volatile memory has it."""
+    slot, subslot, index = map(int, word.split("."))
+    return slot, subslot, index
 
 
 def _raw(value: float | str | bool) -> int:

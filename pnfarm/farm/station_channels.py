@@ -9,7 +9,7 @@ from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.farm.closed_channels import ClosedChannels
 from pnfarm.protocols.profinet.binding import channel_layout
 from pnfarm.protocols.profinet.record_store import IoData
-from pnfarm.table.channel import IOXS_GOOD
+from pnfarm.table.channel import IOXS_GOOD, STATUS_GOOD, STATUS_NO_PROBLEM
 
 if TYPE_CHECKING:
     from collections.abc import Container, Sequence
@@ -171,6 +171,12 @@ class StationChannels:
         for row, cr in ar.consumers:
             layout = channel_layout(cr, output_words, unusable)
             self._channels.relay_consumer(row, layout.words, layout.iops, feeds=ar.feeds)
+
+    def problem(self, key: int, *, there: bool) -> None:
+        """Say in the DataStatus of an AR's frames whether the station has a problem."""
+        status = STATUS_GOOD & ~STATUS_NO_PROBLEM if there else STATUS_GOOD
+        for row, _ in self.ars[key].providers:
+            self._channels.columns.ppm[row].data_status = status
 
     def close(self, key: int) -> ArChannels | None:
         """Close the rows of one AR; what they counted is kept in :attr:`closed`."""

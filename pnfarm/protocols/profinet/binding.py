@@ -35,6 +35,10 @@ __all__ = ["ChannelLayout", "DriveRecords", "channel_layout", "describe_device",
 _EVERY_SEND_CLOCK = (1, 2, 4, 8, 16, 32, 64, 128)
 
 
+#: I&M1 to I&M3, which every device has to keep since V2.31 of the specification; no manual speaks of I&M4.
+_IM_SUPPORTED = 0b1110
+
+
 def serial_number(mac: bytes) -> str:
     """16 characters at most, unique like the MAC address that it is made of."""
     return f"PNF{mac.hex().upper()}"
@@ -81,6 +85,7 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
             software_revision=(prefix, *version),
             profile_id=identity.profile_id,
             profile_specific_type=identity.profile_specific_type,
+            im_supported=_IM_SUPPORTED,
         ),
         limits=Limits(
             strict=strict,

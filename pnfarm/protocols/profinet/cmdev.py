@@ -37,6 +37,7 @@ from pnfarm.protocols.profinet.cmdev_ownership import claim, pass_on, settle_cla
 from pnfarm.protocols.profinet.cmdev_plug import CmpbeEvent, CmpbeState, Plug, PlugsmEvent
 from pnfarm.protocols.profinet.cmdev_records import serve_read, serve_write
 from pnfarm.protocols.profinet.cmdev_states import TRANSITIONS, CmdevEvent
+from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import (
     OK,
     CmdevError,
@@ -55,9 +56,11 @@ from pnfarm.protocols.profinet.events import (
     ArConnected,
     ArReleased,
     ConnectRefused,
+    DiagnosisChanged,
     PrmEndReceived,
     SubmodulesChanged,
 )
+from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmSpecifier
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
 from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
@@ -82,7 +85,6 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.events import CmEvent
     from pnfarm.protocols.profinet.record_store import RecordHandler
     from pnfarm.protocols.profinet.rpc_fragments import Peer
-    from pnfarm.protocols.profinet.wire.alarms import AlarmItem
     from pnfarm.protocols.profinet.wire.blocks_any import Block
     from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
@@ -122,8 +124,8 @@ class CmDevice:
     """Context management of one device.  See the head of this file for who calls what.
 
     ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is asked about every
-    readable Connect and answers a PNIOStatus to refuse it with, or None.  ``diagnosis_state`` gives the diagnosis bits
-    of a submodule's SubmoduleState.
+    readable Connect and answers a PNIOStatus to refuse it with, or None.  What comes into and goes out of
+    ``diagnosis`` is told by alarms, and stands in the ModuleDiffBlock.
     """
 
     def __init__(
@@ -134,7 +136,7 @@ class CmDevice:
         *,
         mac: bytes,
         station_name: str = "",
-        diagnosis_state: Callable[[ExpectedKey], int] = lambda _key: 0,
+        diagnosis: DiagnosisStore | None = None,
     ) -> None:
         self.description = description
         self.plugged = plugged
@@ -152,7 +154,8 @@ class CmDevice:
         self._calls: list[OutgoingCall] = []
         self._under_way: dict[int, OutgoingCall] = {}
         self.alarms = DeviceAlarms(plugged)
-        self._modules = Modules(plugged, self.alarms, diagnosis_state)
+        self.diagnosis = diagnosis if diagnosis is not None else DiagnosisStore()
+        self._modules = Modules(plugged, self.alarms, self.diagnosis)
 
     # what the surroundings read
 
@@ -301,6 +304,10 @@ class CmDevice:
     def pull(self, slot: int, subslot: int | None, now: int) -> None:
         """Take a module, or one submodule of it, out of a slot."""
         before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        module = self.plugged.module(slot)
+        for sub in module.submodules if module is not None else ():
+            if subslot in {None, sub.subslot}:
+                self.diagnosis.forget((sub.api, sub.slot, sub.subslot))
         self.plugged.pull(slot, subslot)
         self._moved(slot, before, now, whole=subslot is None)
 
@@ -324,10 +331,25 @@ class CmDevice:
         told = 0
         for ar in self.ars:
             if key in ar.owned and ar.alarm_cr is not None:
-                self.alarms.tell(ar.key, alarm_type, key, now, items=items, specifier=specifier, high=high)
+                ar_state = AlarmSpecifier.AR_DIAGNOSIS_STATE if self.diagnosis.has_fault(ar.owned) else 0
+                flags = specifier | ar_state
+                self.alarms.tell(ar.key, alarm_type, key, now, items=items, specifier=flags, high=high)
                 told += 1
         self._take_alarms(now)
         return told
+
+    def tell_diagnosis(self, now: int) -> bool:
+        """Alarms for what has changed in :attr:`diagnosis`, and the ARs' DataStatus; False when nothing has."""
+        changes = self.diagnosis.events()
+        for change in changes:
+            items = tuple(AlarmItem(usi, data) for usi, data in change.emit_items())
+            place = change.entry.place
+            self.alarm(change.alarm_type, place, now, items=items, specifier=change.alarm_specifier)
+            self._events.append(DiagnosisChanged(change))
+        if changes:
+            for ar in self.ars:
+                ar.module_diff = self._modules.diff(ar)
+        return bool(changes)
 
     # Connect
 

@@ -17,11 +17,12 @@ from pnfarm.protocols.profinet.wire.alarms import AlarmType
 from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
     from pnfarm.protocols.profinet.ar import Ar, ExpectedKey
     from pnfarm.protocols.profinet.cmdev_alarms import DeviceAlarms
     from pnfarm.protocols.profinet.description import Plugged
+    from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
     from pnfarm.protocols.profinet.events import AlarmConfirmed
     from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
 
@@ -40,12 +41,12 @@ class _Running:
 
 
 class Modules:
-    """See the module's head.  ``diagnosis_state`` gives the diagnosis bits of a submodule's SubmoduleState."""
+    """See the module's head.  ``diagnosis`` says what SubmoduleState has to say of it."""
 
-    def __init__(self, plugged: Plugged, alarms: DeviceAlarms, diagnosis_state: Callable[[ExpectedKey], int]) -> None:
+    def __init__(self, plugged: Plugged, alarms: DeviceAlarms, diagnosis: DiagnosisStore) -> None:
         self._plugged = plugged
         self._alarms = alarms
-        self._diagnosis_state = diagnosis_state
+        self._diagnosis = diagnosis
         self._running: dict[int, _Running] = {}
 
     def open(self, ar_key: int) -> None:
@@ -58,7 +59,9 @@ class Modules:
 
     def diff(self, ar: Ar) -> ModuleDiffBlock | None:
         """How what is there differs from what the AR expects."""
-        holdings = Holdings(ar.locked, ar.pending, ar.supervisor, self._diagnosis_state)
+        holdings = Holdings(
+            ar.locked, ar.pending, ar.supervisor, lambda key: self._diagnosis.submodule_diag_state(*key)
+        )
         return module_diff(ar.expected, self._plugged, holdings)
 
     def unusable(self, ar: Ar) -> frozenset[ExpectedKey]:

@@ -307,10 +307,11 @@ class DiagnosisStore:
             self._tell(DiagnosisDisappeared, entry, ChannelSpecifier.ALL_DISAPPEAR)
         return len(gone)
 
-    def forget(self) -> None:
-        """Empty the store without a word: the power is off."""
-        self._entries.clear()
-        self._events.clear()
+    def forget(self, place: ExpectedKey | None = None) -> None:
+        """Empty the store, or a submodule's part of it, without a word: the power is off, or it was pulled."""
+        for entry in [e for e in self._entries.values() if place in {None, e.place}]:
+            del self._entries[entry.key]
+        self._events = [e for e in self._events if place is not None and e.entry.place != place]
 
     # what others ask
 

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from uuid import UUID
 
     from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.diagnosis import DiagnosisEvent
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "ArReleased",
     "CmEvent",
     "ConnectRefused",
+    "DiagnosisChanged",
     "PrmEndReceived",
     "RecordWritten",
     "SubmodulesChanged",
@@ -140,6 +142,13 @@ class RecordWritten:
     data: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class DiagnosisChanged:
+    """Something is wrong, or no longer; the controllers that own the submodule were told by an alarm."""
+
+    change: DiagnosisEvent
+
+
 CmEvent = (
     ArConnected
     | ConnectRefused
@@ -151,4 +160,5 @@ CmEvent = (
     | RecordWritten
     | SubmodulesChanged
     | AlarmConfirmed
+    | DiagnosisChanged
 )

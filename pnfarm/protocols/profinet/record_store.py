@@ -54,8 +54,11 @@ _NO_WRITES = frozenset({
 
 
 def owned_submodules(ar: Ar) -> frozenset[ExpectedKey]:
-    """The submodules that the AR has: those it expects and got."""
-    return expected_keys(ar) - unusable_submodules(ar.expected, ar.module_diff)
+    """The submodules that the AR has: expected, there, as expected or as a substitute, and nobody else's.
+
+    One that was plugged while data flow is among them, though its data are bad until its parameters have come.
+    """
+    return (expected_keys(ar) - unusable_submodules(ar.expected, ar.module_diff)) | ar.pending
 
 
 class DeviceRecords:

@@ -90,7 +90,7 @@ def test_the_octets_of_one_entry():
 
 def test_an_ar_is_told_of_the_submodules_that_it_has_and_no_others():
     bench = Bench()
-    bench.plugged.force(telegram(0x100, 0x70, 12, 12))
+    bench.plugged.plug(1, telegram(0x100, 0x70, 12, 12))
     bench.establish()
     (ar,) = bench.cm.ars
     # the telegram is another one: the AR expects it, but it has not got it
