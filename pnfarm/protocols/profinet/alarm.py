@@ -172,8 +172,8 @@ class AlarmChannel:
 
     # What goes out
 
-    def to_send(self, now: int) -> list[tuple[VlanTag, bytes]]:
-        """Frames: the tag that they carry, and the octets behind the EtherType."""
+    def to_send(self, now: int = 0) -> list[tuple[VlanTag, bytes]]:
+        """Frames: the tag that they carry, and the octets behind the EtherType; their times were set before."""
         del now
         frames, self._frames = self._frames, []
         out = []

@@ -100,7 +100,7 @@ class Pair:
 
     def _carry_rta(self) -> bool:
         to_device, to_controller = self.controller.rta_to_send(), self.device.rta_to_send()
-        for mac, pdu in to_device:
+        for mac, pdu, _ in to_device:
             assert mac == DEVICE_MAC
             self.device.receive_rta(pdu, CONTROLLER_MAC, self.now)
         for mac, pdu in to_controller:
