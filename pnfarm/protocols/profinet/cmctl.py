@@ -420,14 +420,14 @@ class CmController:
     def _never_connected(self, _before: CmctlState, _detail: object, _now: int) -> None:
         self._events.append(ArReleased("there was no connection"))
 
-    def _released(self, _before: CmctlState, end: CmctlEnd, now: int) -> None:
-        self._tell_device(end, now)
+    def _released(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
+        self._tell_device(end)
         confirmed = end.by_device and end.error_code2 == RtaError.RELEASE_RECEIVED
         self._events.append(ArReleased("" if confirmed else end.reason))
 
-    def _failed(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
+    def _failed(self, before: CmctlState, end: CmctlEnd, _now: int) -> None:
         self._clear("the connection failed")
-        self._tell_device(end, now)
+        self._tell_device(end)
         self._events.append(ArFailed(PHASES[before], end.status, end.reason))
 
     def _connect_given_up(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
@@ -435,9 +435,9 @@ class CmController:
         if self._calls.is_under_way(Kind.CONNECT):  # the device may accept it all the same
             self._say_farewell()
 
-    def _aborted(self, _before: CmctlState, end: CmctlEnd, now: int) -> None:
+    def _aborted(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
         self._clear("the connection was aborted")
-        self._tell_device(end, now)
+        self._tell_device(end)
         self._events.append(ArAborted(end.by_device, end.error_code1, end.error_code2, end.reason))
 
     def _clear(self, reason: str) -> None:
@@ -447,12 +447,12 @@ class CmController:
             self._responses.append((self._held_ready.call, response.STATE_CONFLICT, b""))
             self._held_ready = None
 
-    def _tell_device(self, end: CmctlEnd, now: int) -> None:
+    def _tell_device(self, end: CmctlEnd) -> None:
         """The AR is over: say so where the device does not know, and take no more alarms."""
         if end.rta is None:
-            self._alarms.close(now)
+            self._alarms.close()
         else:
-            self._alarms.abort(end.rta, now)
+            self._alarms.abort(end.rta)
 
     # IEC 61158-6-10 names the services; a pair that does not stand here is counted in ``dropped`` and changes nothing.
     _TABLE: ClassVar[dict[tuple[CmctlState, CmctlSignal], tuple[CmctlState, _Action]]] = {

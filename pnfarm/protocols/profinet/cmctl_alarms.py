@@ -100,14 +100,14 @@ class ControllerAlarms:
         self._channel.dropped.clear()
         return out
 
-    def abort(self, code: int, now: int) -> None:
+    def abort(self, code: int) -> None:
         """Tell the device, where there is one, that the AR is over."""
         if self._channel is not None:
-            self._channel.abort(code, now)
+            self._channel.abort(code)
 
-    def close(self, now: int) -> None:
+    def close(self) -> None:
         if self._channel is not None:
-            self._channel.close(now)
+            self._channel.close()
 
     def to_send(self) -> list[tuple[bytes, bytes, VlanTag]]:
         """Frames: destination MAC, octets behind the EtherType, tag."""
