@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.controller.search import Outcome, Search
 from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
+from pnfarm.controller.snapshot import PHASES, snapshot_row
 from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 from pnfarm.errors import DecodeError
 from pnfarm.farm.core import Deadlines, uuid_source
@@ -17,6 +18,7 @@ from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import channel_layout
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import (
+    AlarmIndicated,
     ApplicationReadyReceived,
     ArAborted,
     ArEstablished,
@@ -40,6 +42,7 @@ from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
+from pnfarm.protocols.profinet.wire.alarms import AlarmType
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
@@ -51,7 +54,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
 from pnfarm.table import engine_row, program
 from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
-from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,15 +73,6 @@ CALL_PORT = 49_153
 FIRST_FRAME_ID = 0x8000
 #: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
 ACTIVITY_TIMEOUT = 200
-RTA_TAG = VlanTag(priority=5)
-PHASES = {
-    program.OFFLINE: "offline",
-    program.SWITCHING_ON: "switching on",
-    program.RUNNING: "running",
-    program.FAULTED: "faulted",
-    program.ACKNOWLEDGING: "acknowledging",
-    program.STOPPED: "stopped",
-}
 
 
 class ControllerCore:
@@ -241,40 +235,7 @@ class ControllerCore:
 
     def snapshot(self) -> list[dict[str, Any]]:
         """One dict for each drive, for the terminal and for JSON."""
-        rows = []
-        for session in self.sessions:
-            row = self.columns.program[session.index]
-            consumer = None if session.consumer is None else self.columns.cpm[session.consumer]
-            provider = None if session.provider is None else self.columns.ppm[session.provider]
-            measures = session.measures
-            rows.append(
-                {
-                    "name": session.plan.name,
-                    "model": session.plan.model,
-                    "mac": session.mac.hex(":"),
-                    "ip": str(session.plan.ip.ip),
-                    "state": session.state.value,
-                    "phase": PHASES[int(row.phase)],
-                    "zsw1": int(row.zsw1),
-                    "stw1": int(row.stw1),
-                    "faults": int(row.faults),
-                    "connects": measures.connects,
-                    "losses": measures.losses,
-                    "refusals": measures.refusals,
-                    "expirations": measures.expirations,
-                    "connect_seconds": _seconds(measures.connect_ns),
-                    "reconnect_seconds": _seconds(measures.reconnect_ns),
-                    "reaction_seconds": _seconds(int(row.reaction_ns) or None),
-                    "reaction_max_seconds": _seconds(int(row.reaction_max_ns) or None),
-                    "recovery_seconds": _seconds(int(row.recovery_ns) or None),
-                    "cycle_seconds": session.plan.send_clock_factor * session.plan.reduction_ratio * 31.25e-6,
-                    "frames_sent": measures.frames_sent + (int(provider.sent) if provider is not None else 0),
-                    "frames_received": measures.frames_received
-                    + (int(consumer.received) if consumer is not None else 0),
-                    "last_reason": measures.last_reason,
-                }
-            )
-        return rows
+        return [snapshot_row(session, self.columns) for session in self.sessions]
 
     # -- sessions ----------------------------------------------------------------------------------------------------
 
@@ -534,8 +495,8 @@ class ControllerCore:
             )
             session.calls[call_id] = call.key
             self._by_call[call_id] = session
-        for destination, payload in machine.rta_to_send():
-            frame = EthernetFrame(destination, self.port.mac, ETHERTYPE_PROFINET, payload, RTA_TAG)
+        for destination, payload, tag in machine.rta_to_send():
+            frame = EthernetFrame(destination, self.port.mac, ETHERTYPE_PROFINET, payload, tag)
             self.link.send(self.port.index, emit_ethernet(frame))
         events = machine.events()
         for event in events:
@@ -551,6 +512,18 @@ class ControllerCore:
             case ApplicationReadyReceived(module_diff=deviations):
                 for deviation in deviations:
                     self.log.record(now, session.plan.name, "module differs", level="warning", detail=str(deviation))
+            case AlarmIndicated(alarm=alarm, words=words):
+                session.measures.alarms_received += 1
+                session.measures.last_alarm = words
+                gone = alarm.alarm_type == AlarmType.DIAGNOSIS_DISAPPEARS
+                self.log.record(
+                    now,
+                    session.plan.name,
+                    "alarm",
+                    level="info" if gone else "warning",
+                    detail=words,
+                    priority="high" if alarm.high else "low",
+                )
             case ArEstablished():
                 self._sign(session, Sign.ESTABLISHED, now)
             case ArFailed(phase=phase, status=status, reason=reason):
@@ -584,10 +557,6 @@ class ControllerCore:
             elif kind == engine_row.PHASE_CHANGED:
                 session = self.sessions[row]
                 self.log.record(when, session.plan.name, "axis " + PHASES[value & 0xFF], before=PHASES[value >> 8])
-
-
-def _seconds(value: int | None) -> float | None:
-    return None if value is None else value / 1e9
 
 
 def _clock(layout: IocrLayout) -> dict[str, Any]:

@@ -91,6 +91,9 @@ class Measures:
     lost_ns: int | None = None
     last_reason: str = ""
     expirations: int = 0
+    #: Alarms of the drive, in all its connections, and what the last one said.
+    alarms_received: int = 0
+    last_alarm: str = ""
     #: Cyclic frames of the connections that were closed; those of the present one count in its channels.
     frames_sent: int = 0
     frames_received: int = 0

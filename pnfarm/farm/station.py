@@ -320,7 +320,7 @@ class DriveStation:
         frames += self.ip.to_send(now)
         frames += [
             emit_ethernet(EthernetFrame(f.destination, self.port.mac, ETHERTYPE_PROFINET, f.payload, f.tag))
-            for f in self.cm.rta_to_send(now)
+            for f in self.cm.rta_to_send()
         ]
         return frames
 

@@ -94,7 +94,7 @@ def test_another_module_than_expected_is_told_and_its_axis_stays_offline():
     other = next(
         m for m in station.description.modules if m.module_ident != station.description.modules[0].module_ident
     )
-    station.cm.plugged.force(other)
+    station.cm.plugged.plug(1, other)
     line.run(2.0)
     assert any(entry.event == "module differs" for entry in line.plc_log.entries("axis-01"))
     assert line.farm.columns.axis[0].state == 1

@@ -150,7 +150,7 @@ class AlarmChannel:
         """Send the AlarmAck of an alarm that was received.  False when it does not wait for one."""
         return (self._high if alarm.high else self._low).acknowledge(alarm, status, now)
 
-    def abort(self, code: int, now: int) -> None:
+    def abort(self, code: int) -> None:
         """Send an ERR-RTA-PDU (CF 81 FD ``code``, of low priority) and close; also after a failure."""
         settings, low = self._settings, self._low
         pdu = RtaErrorPdu(
@@ -160,13 +160,13 @@ class AlarmChannel:
             send_sequence=low.send_sequence,
             ack_sequence=low.last_received,
         )
-        self.close(now)
+        self.close()
         self._frames.append(error_pdu(pdu))
 
-    def close(self, now: int) -> None:
+    def close(self) -> None:
         """Forget every alarm and frame; nothing more comes or goes."""
         self._frames.clear()
-        self._shut(now)
+        self._shut()
 
     def withhold(self, *types: RtaType) -> None:
         """From now on RTA-PDUs of these types are not sent but counted in ``dropped``; none of them: all are sent.
@@ -177,8 +177,8 @@ class AlarmChannel:
 
     # What goes out
 
-    def to_send(self, now: int) -> list[tuple[VlanTag, bytes]]:
-        """Frames: the tag that they carry, and the octets behind the EtherType."""
+    def to_send(self, now: int = 0) -> list[tuple[VlanTag, bytes]]:
+        """Frames: the tag that they carry, and the octets behind the EtherType; their times were set before."""
         del now
         frames, self._frames = self._frames, []
         out = []
@@ -216,7 +216,7 @@ class AlarmChannel:
         elif pdu.version != RTA_VERSION:
             self.dropped["version"] += 1
         elif pdu.type == RtaType.ERR:
-            self._receive_error(pdu, now)
+            self._receive_error(pdu)
         elif pdu.type in {RtaType.DATA, RtaType.ACK, RtaType.NACK}:
             line, other = (self._high, self._low) if pdu.frame_id == ALARM_HIGH else (self._low, self._high)
             if self._only is None and _counts_once(line, other, pdu):
@@ -226,13 +226,13 @@ class AlarmChannel:
         else:
             self.dropped["type"] += 1
 
-    def _receive_error(self, pdu: RtaPdu, now: int) -> None:
+    def _receive_error(self, pdu: RtaPdu) -> None:
         try:
             error = error_of(pdu)
         except DecodeError as exc:
             self.dropped[exc.reason] += 1
             return
-        self.close(now)
+        self.close()
         self._events.append(PeerAborted(error.status))
 
     # For the lines
@@ -248,13 +248,13 @@ class AlarmChannel:
     def fail(self, code: RtaError, reason: str) -> None:
         """A line cannot go on, and so the channel cannot."""
         self._events.append(AlarmFailed(code, reason))
-        self._shut(0)
+        self._shut()
 
-    def _shut(self, now: int) -> None:
+    def _shut(self) -> None:
         if self._open:
             self._open = False
-            self._high.close(now)
-            self._low.close(now)
+            self._high.close()
+            self._low.close()
 
     # Which priority
 

@@ -167,10 +167,10 @@ class AlarmLine:
             self._step("alpmi", Sign.WITHDRAW, None, now)
         return found
 
-    def close(self, now: int) -> None:
+    def close(self) -> None:
         self.queue.clear()
         for machine in ("apms", "apmr", "alpmi", "alpmr"):
-            self._step(machine, Sign.CLOSE, None, now)
+            self._step(machine, Sign.CLOSE, None, 0)
 
     def handle_timeout(self, now: int) -> None:
         if self._under_way is not None and self.deadline is not None and now >= self.deadline:

@@ -16,6 +16,8 @@ DATA      records, Release, the end
 W_RLCNF   Release.cnf                                  ``ArReleased``
 CLOSED    nothing
 
+Alarms are taken from Connect.cnf to the end (:mod:`cmctl_alarms`); too many repetitions of an AlarmAck abort the AR.
+
 The legacy and the advanced start-up walk through the same states; they differ in ARProperties and in the RT class that
 they allow.  A captured S7-1500 (advanced) sends its outputs from Connect.cnf on, before PrmEnd; here both do.
 
@@ -28,14 +30,16 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from enum import Enum, StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
-from pnfarm.errors import DecodeError, RemoteError
+from pnfarm.errors import RemoteError
 from pnfarm.protocols.profinet import cmctl_request as request
 from pnfarm.protocols.profinet import cmctl_response as response
+from pnfarm.protocols.profinet.alarm import AlarmFailed, PeerAborted
+from pnfarm.protocols.profinet.cmctl_alarms import ControllerAlarms
 from pnfarm.protocols.profinet.cmctl_calls import Answer, CallQueue, Kind, Pending, read_result, write_results
 from pnfarm.protocols.profinet.cmctl_events import (
+    AlarmIndicated,
     ApplicationReadyReceived,
     ArAborted,
     ArEstablished,
@@ -45,57 +49,26 @@ from pnfarm.protocols.profinet.cmctl_events import (
     Connected,
     ControllerCall,
     Parametrised,
-    Phase,
     RecordRead,
     RecordWriteDone,
     Timeouts,
 )
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
-from pnfarm.protocols.profinet.errors import OK, ConnectFault, PnioStatus, RtaError, describe_status
+from pnfarm.protocols.profinet.cmctl_states import CONNECTED, PHASES, CmctlEnd, CmctlSignal, CmctlState
+from pnfarm.protocols.profinet.errors import OK, PnioStatus, RtaError, describe_status
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
 from pnfarm.protocols.profinet.wire.rpc import Opnum
-from pnfarm.protocols.profinet.wire.rta import emit_rta_error, parse_rta_error, rta_error
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable
 
+    from pnfarm.protocols.profinet.alarm import AlarmChannel
+    from pnfarm.protocols.profinet.wire.alarms import AlarmNotification
+    from pnfarm.wire.ethernet import VlanTag
+
 __all__ = ["CmController", "CmctlState"]
 
-
-class CmctlState(StrEnum):
-    """Named by the confirmation or indication that is waited for, as the states of CMDEV are."""
-
-    IDLE = "IDLE"
-    W_CCNF = "W_CCNF"
-    W_WCNF = "W_WCNF"
-    W_PECNF = "W_PECNF"
-    W_ARDY = "W_ARDY"
-    DATA = "DATA"
-    W_RLCNF = "W_RLCNF"
-    CLOSED = "CLOSED"
-
-
-class _Signal(Enum):
-    CONNECT = "connect.req"
-    CONNECT_CNF = "connect.cnf"
-    RECORDS_WRITTEN = "write.cnf of the last record"
-    PRM_END_CNF = "dcontrol.cnf"
-    READY_IND = "ccontrol.ind"
-    FAULT = "the start-up cannot go on"
-    ABORT = "abort"
-    RELEASE = "release.req"
-    RELEASE_CNF = "release.cnf"
-
-
-_PHASE: dict[CmctlState, Phase] = {
-    CmctlState.W_CCNF: "connect",
-    CmctlState.W_WCNF: "write",
-    CmctlState.W_PECNF: "parameter-end",
-    CmctlState.W_ARDY: "application-ready",
-}
-#: States in which the device has the AR, so that records can be read and written in it.
-_CONNECTED = {CmctlState.W_WCNF, CmctlState.W_PECNF, CmctlState.W_ARDY, CmctlState.DATA}
 
 #: What a row of the table does: machine, state it comes from, detail of the signal, now.
 _Action: TypeAlias = "Callable[[CmController, CmctlState, Any, int], None]"
@@ -105,18 +78,6 @@ _Action: TypeAlias = "Callable[[CmController, CmctlState, Any, int], None]"
 class _Ready:
     call: Any
     said: response.ReadyCall
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    """Why an AR ends.  ``rta`` is the code that the device is told, None when it needs no telling."""
-
-    reason: str
-    status: PnioStatus | None = None
-    rta: int | None = None
-    by_device: bool = False
-    error_code1: int = ConnectFault.RTA_ERR_CLS_PROTOCOL
-    error_code2: int = RtaError.ABORT_REQUEST
 
 
 class CmController:
@@ -133,14 +94,13 @@ class CmController:
         self.dropped: Counter[str] = Counter()
         self._state = CmctlState.IDLE
         self._device_mac: bytes | None = None
-        self._device_alarm_reference = 0
         self._calls = CallQueue(self.timeouts)
         self._parameters_open = 0
         self._held_ready: _Ready | None = None
         self._ready_deadline: int | None = None
         self._events: list[CmctlEvent] = []
         self._responses: list[tuple[Any, PnioStatus, bytes]] = []
-        self._rta: list[tuple[bytes, bytes]] = []
+        self._alarms = ControllerAlarms(plan, self.dropped)
 
     @property
     def state(self) -> CmctlState:
@@ -151,21 +111,26 @@ class CmController:
         """Where the device's cyclic frames come from; None before it accepted the Connect."""
         return self._device_mac
 
+    @property
+    def alarms(self) -> AlarmChannel | None:
+        """The AR's alarm channel; None before the device accepted the Connect."""
+        return self._alarms.channel
+
     # What the owner asks for
 
     def connect(self, now: int) -> None:
         """Start.  A machine connects once; a further call is counted in ``dropped`` and changes nothing."""
-        self._signal(_Signal.CONNECT, None, now)
+        self._signal(CmctlSignal.CONNECT, None, now)
 
     def release(self, now: int) -> None:
         """Take the AR down in order; ends in ArReleased.  Records that have not been sent end with a reason."""
-        self._signal(_Signal.RELEASE, None, now)
+        self._signal(CmctlSignal.RELEASE, None, now)
 
     def abort(
         self, now: int, error_code2: int = RtaError.ABORT_REQUEST, reason: str = "aborted by the controller"
     ) -> None:
         """Break the AR off: the device gets an RTA error of class RTA_ERR_CLS_PROTOCOL with ``error_code2``."""
-        self._signal(_Signal.ABORT, _End(reason, rta=error_code2, error_code2=error_code2), now)
+        self._signal(CmctlSignal.ABORT, CmctlEnd(reason, rta=error_code2, error_code2=error_code2), now)
 
     def watchdog_expired(self, now: int) -> None:
         """The consumer of the input CR had no valid frame for its data hold time: abort with code 5."""
@@ -173,7 +138,7 @@ class CmController:
 
     def read_record(self, tag: Hashable, api: int, slot: int, subslot: int, index: int, length: int) -> None:
         """Read up to ``length`` octets of a record; ends in ``RecordRead(tag, ...)``."""
-        if self._state not in _CONNECTED:
+        if self._state not in CONNECTED:
             self._events.append(RecordRead(tag, None, reason=f"there is no connection (state {self._state})"))
             return
         at = self._calls.address(api, slot, subslot, index)
@@ -188,11 +153,15 @@ class CmController:
 
     def write_record(self, tag: Hashable, api: int, slot: int, subslot: int, index: int, data: bytes) -> None:
         """Write a record; ends in ``RecordWriteDone(tag, ...)``."""
-        if self._state not in _CONNECTED:
+        if self._state not in CONNECTED:
             self._events.append(RecordWriteDone(tag, None, f"there is no connection (state {self._state})"))
             return
         at = self._calls.address(api, slot, subslot, index)
         self._calls.put(Kind.WRITE, Opnum.WRITE, request.write_payload(self.plan.ar_uuid, at, data), (at,), (tag,))
+
+    def acknowledge_alarm(self, alarm: AlarmNotification, now: int, status: PnioStatus = OK) -> bool:
+        """Answer an ``AlarmIndicated`` where the plan leaves that to the owner.  False when it waits for no answer."""
+        return self._alarms.acknowledge(alarm, status, now)
 
     # What goes out
 
@@ -205,10 +174,9 @@ class CmController:
         out, self._responses = self._responses, []
         return out
 
-    def rta_to_send(self) -> list[tuple[bytes, bytes]]:
-        """RTA frames: ``(destination MAC, octets after the EtherType)``."""
-        out, self._rta = self._rta, []
-        return out
+    def rta_to_send(self) -> list[tuple[bytes, bytes, VlanTag]]:
+        """RTA frames: ``(destination MAC, octets after the EtherType, tag)``."""
+        return self._alarms.to_send()
 
     def events(self) -> list[CmctlEvent]:
         """What happened since the last call, in order."""
@@ -217,9 +185,12 @@ class CmController:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` wants to be called."""
-        return min((at for at in (self._ready_deadline, self._calls.deadline) if at is not None), default=None)
+        deadlines = (self._ready_deadline, self._calls.deadline, self._alarms.deadline)
+        return min((at for at in deadlines if at is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
+        self._alarms.handle_timeout(now)
+        self._take_alarms(now)
         pending = self._calls.take_expired(now)
         if pending is not None:
             reason = f"no answer to {pending.kind.value} within {pending.timeout_ns / 1e9:g} s"
@@ -227,7 +198,7 @@ class CmController:
         if self._ready_deadline is not None and now >= self._ready_deadline:
             seconds = self.timeouts.application_ready_ns / 1e9
             reason = f"no ApplicationReady from the device within {seconds:g} s"
-            self._signal(_Signal.FAULT, _End(reason, rta=RtaError.ABORT_REQUEST), now)
+            self._signal(CmctlSignal.FAULT, CmctlEnd(reason, rta=RtaError.ABORT_REQUEST), now)
 
     # What comes in
 
@@ -251,39 +222,31 @@ class CmController:
             self.dropped[exc.reason] += 1
             self._responses.append((call, exc.status, b""))
             return
-        if (self._state, _Signal.READY_IND) not in self._TABLE:
+        if (self._state, CmctlSignal.READY_IND) not in self._TABLE:
             self.dropped["ready-out-of-turn"] += 1
             self._responses.append((call, response.STATE_CONFLICT, b""))
             return
         misfits = response.misfits(said.module_diff)
         if misfits and self.plan.on_module_diff == "fail" and self._state is not CmctlState.DATA:
             self._responses.append((call, response.STATE_CONFLICT, b""))
-            self._signal(_Signal.FAULT, _End(misfits, rta=RtaError.ABORT_REQUEST), now)
+            self._signal(CmctlSignal.FAULT, CmctlEnd(misfits, rta=RtaError.ABORT_REQUEST), now)
             return
-        self._signal(_Signal.READY_IND, _Ready(call, said), now)
+        self._signal(CmctlSignal.READY_IND, _Ready(call, said), now)
 
     def receive_rta(self, payload: bytes, source_mac: bytes, now: int) -> None:
-        """An RTA frame (octets after the EtherType): an RTA error of this AR's device ends the AR."""
-        if source_mac != self._device_mac:
-            self.dropped["rta-of-another-station"] += 1
-            return
-        try:
-            error = parse_rta_error(payload)
-        except DecodeError as exc:
-            self.dropped[f"rta-{exc.reason}"] += 1
-            return
-        if error.destination != self.plan.local_alarm_reference:
-            self.dropped["rta-of-another-ar"] += 1
-            return
-        status = error.status
-        end = _End(
-            f"the device aborts: {describe_status(status)}",
-            status=status,
-            by_device=True,
-            error_code1=status.error_code1,
-            error_code2=status.error_code2,
-        )
-        self._signal(_Signal.ABORT, end, now)
+        """An RTA frame (octets after the EtherType): alarms, or an RTA error, which ends the AR."""
+        self._alarms.receive(payload, source_mac, now)
+        self._take_alarms(now)
+
+    def _take_alarms(self, now: int) -> None:
+        for event in self._alarms.take(now):
+            match event:
+                case AlarmIndicated():
+                    self._events.append(event)
+                case AlarmFailed(code=code, reason=reason):
+                    self.abort(now, code, f"the alarm channel failed: {reason}")
+                case PeerAborted(status=status):
+                    self._signal(CmctlSignal.ABORT, CmctlEnd.of_device(status), now)
 
     # Ends of calls
 
@@ -299,7 +262,7 @@ class CmController:
 
     def _connect_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
         if not answer.ok:
-            self._signal(_Signal.FAULT, _End(answer.words, answer.status), now)
+            self._signal(CmctlSignal.FAULT, CmctlEnd(answer.words, answer.status), now)
             return
         try:
             accepted = response.check_connect(self.plan, answer.payload)
@@ -309,9 +272,9 @@ class CmController:
         except RemoteError as exc:
             if self._state is CmctlState.W_CCNF:  # elsewhere a Release waits already
                 self._say_farewell()
-            self._signal(_Signal.FAULT, _End(str(exc)), now)
+            self._signal(CmctlSignal.FAULT, CmctlEnd(str(exc)), now)
         else:
-            self._signal(_Signal.CONNECT_CNF, accepted, now)
+            self._signal(CmctlSignal.CONNECT_CNF, accepted, now)
 
     def _parameters_ended(self, pending: Pending, answer: Answer, now: int) -> None:
         results = write_results(pending, answer)
@@ -322,21 +285,21 @@ class CmController:
             at, result = failed
             words = result.reason if result.status is None else describe_status(result.status)
             reason = f"slot {at.slot} subslot 0x{at.subslot:04X} index 0x{at.index:04X}: {words}"
-            self._signal(_Signal.FAULT, _End(reason, result.status, RtaError.RPC_WRITE_ERROR), now)
+            self._signal(CmctlSignal.FAULT, CmctlEnd(reason, result.status, RtaError.RPC_WRITE_ERROR), now)
         elif self._parameters_open == 0:
-            self._signal(_Signal.RECORDS_WRITTEN, None, now)
+            self._signal(CmctlSignal.RECORDS_WRITTEN, None, now)
 
     def _parameter_end_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
-        end = _End(answer.words, answer.status, RtaError.RPC_CONTROL_ERROR)
+        end = CmctlEnd(answer.words, answer.status, RtaError.RPC_CONTROL_ERROR)
         if answer.ok:
             try:
                 response.check_control(self.plan, answer.payload, BlockType.PRM_END_RES, "PrmEnd")
             except RemoteError as exc:
                 end = replace(end, status=None, reason=str(exc))
             else:
-                self._signal(_Signal.PRM_END_CNF, None, now)
+                self._signal(CmctlSignal.PRM_END_CNF, None, now)
                 return
-        self._signal(_Signal.FAULT, end, now)
+        self._signal(CmctlSignal.FAULT, end, now)
 
     def _release_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
         reason = "" if answer.ok else answer.words
@@ -346,7 +309,7 @@ class CmController:
             except RemoteError as exc:
                 reason = str(exc)
         # a Release that is not confirmed is followed by what the device cannot overhear
-        self._signal(_Signal.RELEASE_CNF, _End(reason, rta=RtaError.ABORT_REQUEST if reason else None), now)
+        self._signal(CmctlSignal.RELEASE_CNF, CmctlEnd(reason, rta=RtaError.ABORT_REQUEST if reason else None), now)
 
     def _farewell_ended(self, _pending: Pending, answer: Answer, _now: int) -> None:
         if not answer.ok:
@@ -371,7 +334,7 @@ class CmController:
 
     # The state machine
 
-    def _signal(self, signal: _Signal, detail: Any, now: int) -> None:
+    def _signal(self, signal: CmctlSignal, detail: Any, now: int) -> None:
         row = self._TABLE.get((self._state, signal))
         if row is None:
             self.dropped[f"{signal.name}-in-{self._state}".lower().replace("_", "-")] += 1
@@ -394,7 +357,7 @@ class CmController:
         self.input_layout = replace(self.input_layout, frame_id=accepted.input_frame_id)
         self.output_layout = replace(self.output_layout, frame_id=accepted.output_frame_id)
         self._device_mac = accepted.device_mac
-        self._device_alarm_reference = accepted.alarm_reference
+        self._alarms.open(accepted)
         self._events.append(
             Connected(
                 self.input_layout,
@@ -408,7 +371,7 @@ class CmController:
         self._parameters_open = len(self.plan.records)
         self._send_parameters()
         if not self.plan.records:
-            self._signal(_Signal.RECORDS_WRITTEN, None, now)
+            self._signal(CmctlSignal.RECORDS_WRITTEN, None, now)
 
     def _send_parameters(self) -> None:
         records = self.plan.records
@@ -431,7 +394,7 @@ class CmController:
         self._events.append(Parametrised())
         if self._held_ready is not None:
             held, self._held_ready = self._held_ready, None
-            self._signal(_Signal.READY_IND, held, now)
+            self._signal(CmctlSignal.READY_IND, held, now)
 
     def _hold_ready(self, _before: CmctlState, ready: _Ready, _now: int) -> None:
         if self._held_ready is not None:
@@ -457,22 +420,22 @@ class CmController:
     def _never_connected(self, _before: CmctlState, _detail: object, _now: int) -> None:
         self._events.append(ArReleased("there was no connection"))
 
-    def _released(self, _before: CmctlState, end: _End, _now: int) -> None:
+    def _released(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
         self._tell_device(end)
         confirmed = end.by_device and end.error_code2 == RtaError.RELEASE_RECEIVED
         self._events.append(ArReleased("" if confirmed else end.reason))
 
-    def _failed(self, before: CmctlState, end: _End, _now: int) -> None:
+    def _failed(self, before: CmctlState, end: CmctlEnd, _now: int) -> None:
         self._clear("the connection failed")
         self._tell_device(end)
-        self._events.append(ArFailed(_PHASE[before], end.status, end.reason))
+        self._events.append(ArFailed(PHASES[before], end.status, end.reason))
 
-    def _connect_given_up(self, before: CmctlState, end: _End, now: int) -> None:
+    def _connect_given_up(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
         self._failed(before, end, now)
         if self._calls.is_under_way(Kind.CONNECT):  # the device may accept it all the same
             self._say_farewell()
 
-    def _aborted(self, _before: CmctlState, end: _End, _now: int) -> None:
+    def _aborted(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
         self._clear("the connection was aborted")
         self._tell_device(end)
         self._events.append(ArAborted(end.by_device, end.error_code1, end.error_code2, end.reason))
@@ -484,42 +447,44 @@ class CmController:
             self._responses.append((self._held_ready.call, response.STATE_CONFLICT, b""))
             self._held_ready = None
 
-    def _tell_device(self, end: _End) -> None:
-        if end.rta is not None and self._device_mac is not None:
-            pdu = rta_error(self._device_alarm_reference, self.plan.local_alarm_reference, end.rta)
-            self._rta.append((self._device_mac, emit_rta_error(pdu)))
+    def _tell_device(self, end: CmctlEnd) -> None:
+        """The AR is over: say so where the device does not know, and take no more alarms."""
+        if end.rta is None:
+            self._alarms.close()
+        else:
+            self._alarms.abort(end.rta)
 
     # IEC 61158-6-10 names the services; a pair that does not stand here is counted in ``dropped`` and changes nothing.
-    _TABLE: ClassVar[dict[tuple[CmctlState, _Signal], tuple[CmctlState, _Action]]] = {
-        (CmctlState.IDLE, _Signal.CONNECT): (CmctlState.W_CCNF, _send_connect),
-        (CmctlState.IDLE, _Signal.RELEASE): (CmctlState.CLOSED, _never_connected),
-        (CmctlState.IDLE, _Signal.ABORT): (CmctlState.CLOSED, _never_connected),
+    _TABLE: ClassVar[dict[tuple[CmctlState, CmctlSignal], tuple[CmctlState, _Action]]] = {
+        (CmctlState.IDLE, CmctlSignal.CONNECT): (CmctlState.W_CCNF, _send_connect),
+        (CmctlState.IDLE, CmctlSignal.RELEASE): (CmctlState.CLOSED, _never_connected),
+        (CmctlState.IDLE, CmctlSignal.ABORT): (CmctlState.CLOSED, _never_connected),
         # connecting
-        (CmctlState.W_CCNF, _Signal.CONNECT_CNF): (CmctlState.W_WCNF, _connected),
-        (CmctlState.W_CCNF, _Signal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_CCNF, _Signal.ABORT): (CmctlState.CLOSED, _connect_given_up),
-        (CmctlState.W_CCNF, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        (CmctlState.W_CCNF, CmctlSignal.CONNECT_CNF): (CmctlState.W_WCNF, _connected),
+        (CmctlState.W_CCNF, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_CCNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _connect_given_up),
+        (CmctlState.W_CCNF, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
         # writing the parameter records
-        (CmctlState.W_WCNF, _Signal.RECORDS_WRITTEN): (CmctlState.W_PECNF, _send_parameter_end),
-        (CmctlState.W_WCNF, _Signal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_WCNF, _Signal.ABORT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_WCNF, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        (CmctlState.W_WCNF, CmctlSignal.RECORDS_WRITTEN): (CmctlState.W_PECNF, _send_parameter_end),
+        (CmctlState.W_WCNF, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_WCNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_WCNF, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
         # ending the parametrisation
-        (CmctlState.W_PECNF, _Signal.READY_IND): (CmctlState.W_PECNF, _hold_ready),
-        (CmctlState.W_PECNF, _Signal.PRM_END_CNF): (CmctlState.W_ARDY, _parametrised),
-        (CmctlState.W_PECNF, _Signal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_PECNF, _Signal.ABORT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_PECNF, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        (CmctlState.W_PECNF, CmctlSignal.READY_IND): (CmctlState.W_PECNF, _hold_ready),
+        (CmctlState.W_PECNF, CmctlSignal.PRM_END_CNF): (CmctlState.W_ARDY, _parametrised),
+        (CmctlState.W_PECNF, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_PECNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_PECNF, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
         # waiting for the application of the device
-        (CmctlState.W_ARDY, _Signal.READY_IND): (CmctlState.DATA, _established),
-        (CmctlState.W_ARDY, _Signal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_ARDY, _Signal.ABORT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_ARDY, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        (CmctlState.W_ARDY, CmctlSignal.READY_IND): (CmctlState.DATA, _established),
+        (CmctlState.W_ARDY, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_ARDY, CmctlSignal.ABORT): (CmctlState.CLOSED, _failed),
+        (CmctlState.W_ARDY, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
         # exchanging data
-        (CmctlState.DATA, _Signal.READY_IND): (CmctlState.DATA, _ready_again),
-        (CmctlState.DATA, _Signal.ABORT): (CmctlState.CLOSED, _aborted),
-        (CmctlState.DATA, _Signal.RELEASE): (CmctlState.W_RLCNF, _send_release),
+        (CmctlState.DATA, CmctlSignal.READY_IND): (CmctlState.DATA, _ready_again),
+        (CmctlState.DATA, CmctlSignal.ABORT): (CmctlState.CLOSED, _aborted),
+        (CmctlState.DATA, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
         # releasing
-        (CmctlState.W_RLCNF, _Signal.RELEASE_CNF): (CmctlState.CLOSED, _released),
-        (CmctlState.W_RLCNF, _Signal.ABORT): (CmctlState.CLOSED, _released),
+        (CmctlState.W_RLCNF, CmctlSignal.RELEASE_CNF): (CmctlState.CLOSED, _released),
+        (CmctlState.W_RLCNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _released),
     }

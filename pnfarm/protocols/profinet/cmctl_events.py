@@ -14,9 +14,11 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.ar import IocrLayout
     from pnfarm.protocols.profinet.cmctl_response import ModuleDeviation
+    from pnfarm.protocols.profinet.wire.alarms import AlarmNotification
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
 __all__ = [
+    "AlarmIndicated",
     "ApplicationReadyReceived",
     "ArAborted",
     "ArEstablished",
@@ -93,6 +95,17 @@ class ArEstablished:
 
 
 @dataclass(frozen=True, slots=True)
+class AlarmIndicated:
+    """The device raised an alarm; ``words`` is one line of what it says.
+
+    It has been acknowledged, unless the plan leaves that to the owner (``CmController.acknowledge_alarm``).
+    """
+
+    alarm: AlarmNotification
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
 class ArFailed:
     """The AR did not come up.  ``status`` is the device's, when it was the device that refused."""
 
@@ -150,6 +163,7 @@ class RecordWriteDone:
 
 CmctlEvent = (
     Connected
+    | AlarmIndicated
     | Parametrised
     | ApplicationReadyReceived
     | ArEstablished

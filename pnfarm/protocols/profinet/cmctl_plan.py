@@ -165,6 +165,8 @@ class ArPlan:
     local_alarm_reference: int = 1
     max_alarm_data_length: int = 200
     alarm_properties: int = 0
+    #: Who acknowledges the device's alarms: the machine, at once and with OK, or its owner.
+    on_alarm: Literal["acknowledge", "ask"] = "acknowledge"
 
     @property
     def sorted_submodules(self) -> tuple[PlannedSubmodule, ...]:

@@ -185,9 +185,9 @@ class CmDevice:
         drained, self._calls = self._calls, []
         return drained
 
-    def rta_to_send(self, now: int) -> list[AlarmFrame]:
+    def rta_to_send(self) -> list[AlarmFrame]:
         """Alarm frames: destination MAC, VLAN priority, octets behind EtherType 0x8892."""
-        return self.alarms.to_send(now)
+        return self.alarms.to_send()
 
     def next_deadline(self) -> int | None:
         deadlines = (min(self._deadlines.values(), default=None), self.alarms.next_deadline())
@@ -589,7 +589,7 @@ class CmDevice:
     def _abort(self, ar: Ar, status: PnioStatus, now: int, words: str = "", *, by_peer: bool = False) -> None:
         self._step(ar, CmdevEvent.ABORT, now)
         if not by_peer:
-            self.alarms.end(ar.key, status, now)
+            self.alarms.end(ar.key, status)
         reason = words or describe_status(status)
         self._events.append(ArAborted(ar.key, status.error_code1, status.error_code2, reason, by_peer))
         self._forget(ar, now)

@@ -134,12 +134,12 @@ class DeviceAlarms:
         if line is not None:
             line.waiting.clear()
 
-    def end(self, ar_key: int, status: PnioStatus, now: int) -> None:
+    def end(self, ar_key: int, status: PnioStatus) -> None:
         """Say by ERR-RTA that the AR ends."""
         line = self._lines.get(ar_key)
         if line is not None:
-            line.channel.abort(status.error_code2, now)
-            self._collect(line, now)
+            line.channel.abort(status.error_code2)
+            self._collect(line)
 
     def close(self, ar_key: int) -> None:
         line = self._lines.pop(ar_key, None)
@@ -223,10 +223,10 @@ class DeviceAlarms:
                 return
         self._dropped["rta-unknown-reference"] += 1
 
-    def to_send(self, now: int) -> list[AlarmFrame]:
+    def to_send(self) -> list[AlarmFrame]:
         frames, self._last = self._last, []
         for line in self._lines.values():
-            frames += [AlarmFrame(line.peer, tag, octets) for tag, octets in line.channel.to_send(now)]
+            frames += [AlarmFrame(line.peer, tag, octets) for tag, octets in line.channel.to_send()]
         return frames
 
     def events(self) -> list[tuple[int, AlarmConfirmed | AlarmEnded]]:
@@ -243,9 +243,9 @@ class DeviceAlarms:
             line.channel.handle_timeout(now)
             self._take(key, line, now)
 
-    def _collect(self, line: _Line, now: int) -> None:
+    def _collect(self, line: _Line) -> None:
         """Frames of a channel that is about to go."""
-        self._last += [AlarmFrame(line.peer, tag, octets) for tag, octets in line.channel.to_send(now)]
+        self._last += [AlarmFrame(line.peer, tag, octets) for tag, octets in line.channel.to_send()]
 
     def _take(self, key: int, line: _Line, now: int) -> None:
         for event in line.channel.events():

@@ -67,7 +67,7 @@ class Pair:
             if isinstance(event, AlarmReceived) and self.acknowledges:
                 assert channel.acknowledge(event.alarm, self.now)
             elif isinstance(event, AlarmFailed):
-                channel.abort(event.code, self.now)
+                channel.abort(event.code)
         return bool(new)
 
     def pass_time(self, until: int) -> None:

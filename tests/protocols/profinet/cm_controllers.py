@@ -127,7 +127,7 @@ class Controller:
         """Carry alarm frames both ways until nothing moves; what this controller heard, as type names."""
         line = {c.mac: c for c in (self, *others)}
         for _ in range(64):
-            frames = self.bench.cm.rta_to_send(self.bench.now)
+            frames = self.bench.cm.rta_to_send()
             for frame in frames:
                 controller = line.get(frame.destination)
                 if controller is not None and controller.channel is not None:

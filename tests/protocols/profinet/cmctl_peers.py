@@ -255,4 +255,4 @@ def failure(up: Line) -> ArFailed:
 
 
 def rta_codes(up: Line) -> list[int]:
-    return [parse_rta_error(pdu).status.error_code2 for _, pdu in up.controller.rta_to_send()]
+    return [parse_rta_error(pdu).status.error_code2 for _, pdu, _ in up.controller.rta_to_send()]

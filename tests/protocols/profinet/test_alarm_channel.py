@@ -16,7 +16,7 @@ from pnfarm.protocols.profinet.alarm import (
 )
 from pnfarm.protocols.profinet.errors import OK, ErrorCode, RtaError, pnio_error, rta_status
 from pnfarm.protocols.profinet.wire.alarms import acknowledge, emit_alarm, parse_alarm
-from pnfarm.protocols.profinet.wire.rta import RtaPdu, RtaType, error_of, error_pdu, rta_error
+from pnfarm.protocols.profinet.wire.rta import RtaPdu, RtaType, emit_rta, error_of, error_pdu, parse_rta, rta_error
 from pnfarm.wire.ethernet import VlanTag
 
 DATA, ACK, NACK, ERR = 0x11, 0x13, 0x12, 0x14
@@ -242,8 +242,8 @@ def test_a_closed_channel_is_silent_and_refuses():
     device = device_end()
     device.notify(alarm(1), 0)
     device.notify(alarm(2), 0)
-    device.close(0)
-    device.close(0)
+    device.close()
+    device.close()
     assert (device.to_send(0), device.events(), device.next_deadline()) == ([], [], None)
     with pytest.raises(AlarmRefusedError, match="closed"):
         device.notify(alarm(3), 0)
@@ -259,7 +259,7 @@ def test_an_abort_names_its_code_and_the_numbers_of_the_low_priority():
     pair = Pair()
     pair.device.notify(alarm(1), 0)
     pair.run()
-    pair.device.abort(RtaError.ABORT_REQUEST, 0)
+    pair.device.abort(RtaError.ABORT_REQUEST)
     pair.run()
     pdu = pair.frames[-1][1]
     assert (pdu.frame_id, pdu.pdu_type, pdu.add_flags) == (0xFE01, ERR, 1)
@@ -341,7 +341,7 @@ def test_a_faulty_alarm_ends_the_channel_unacknowledged(body, code):
     device.receive(to_device(DATA, 0xFFFF, 0xFFFE, body), 0)
     (failed,) = device.events()
     assert (failed.code, device.is_open, device.to_send(0)) == (code, False, [])
-    device.abort(failed.code, 0)
+    device.abort(failed.code)
     (err,) = sent(device)
     assert error_of(err).status.error_code2 == code
 
@@ -395,7 +395,7 @@ def test_the_peers_error_pdu_closes_the_channel():
 
 
 class OneSequence:
-    """What profinet-py's alarm listener does: one pair of counters, whatever the frame id."""
+    """What such a controller does: one pair of counters, whatever the frame id."""
 
     def __init__(self):
         self.send, self.sent_before, self.expected, self.received_before = 0xFFFF, 0xFFFE, 0xFFFF, 0xFFFE
@@ -429,10 +429,37 @@ class OneSequence:
                     device.receive(answer, 0)
 
 
+class ProfinetPy:
+    """The alarm listener of profinet-py itself, with its socket replaced."""
+
+    def __init__(self):
+        from profinet.alarm_listener import AlarmEndpoint, AlarmListener
+
+        self.alarms, self._answers = [], []
+        endpoint = AlarmEndpoint("none", CONTROLLER, DEVICE, bytes(6))
+        self._listener = AlarmListener(endpoint, bytes(6))
+        self._listener._sock = self
+
+    def send(self, frame):
+        self._answers.append(parse_rta(frame[18:]))  # behind two MAC addresses, the tag and the EtherType
+
+    def talk(self, device):
+        while frames := sent(device):
+            for pdu in frames:
+                before = self._listener._exp_seq_num
+                self._listener._process_alarm(emit_rta(pdu)[2:], pdu.frame_id == 0xFC01, bytes(6))
+                if pdu.type == RtaType.DATA and self._listener._exp_seq_num != before:
+                    self.alarms.append(parse_alarm(pdu.body))
+                answers, self._answers = self._answers, []
+                for answer in answers:
+                    device.receive(answer, 0)
+
+
+@pytest.mark.parametrize("kind", [OneSequence, ProfinetPy])
 @pytest.mark.parametrize("before", [1, 2, 5])
 @pytest.mark.parametrize("first_high", [True, False])
-def test_a_controller_that_counts_once_gets_every_alarm_in_the_priority_that_came_first(before, first_high):
-    device, controller = device_end(), OneSequence()
+def test_a_controller_that_counts_once_gets_every_alarm_in_the_priority_that_came_first(kind, before, first_high):
+    device, controller = device_end(), kind()
     for n in range(before):
         device.notify(alarm(n, high=first_high), 0)
         controller.talk(device)

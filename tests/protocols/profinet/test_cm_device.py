@@ -92,7 +92,7 @@ def test_a_whole_start_up_in_both_modes(startup):
     assert bench.events() == [ArEstablished(key)]
     assert bench.cm.ar(key).state is CmdevState.DATA
     assert bench.cm.next_deadline() is None
-    assert bench.cm.rta_to_send(0) == []
+    assert bench.cm.rta_to_send() == []
 
 
 def test_data_before_the_confirmation_leads_straight_to_data():
@@ -166,7 +166,7 @@ def test_an_abort_tells_the_controller_by_err_rta():
     key = bench.establish()
     bench.events()
     bench.cm.watchdog_expired(key, 0)
-    (sent,) = bench.cm.rta_to_send(0)
+    (sent,) = bench.cm.rta_to_send()
     mac, frame = sent.destination, sent.payload
     assert mac == CONTROLLER_MAC
     pdu = parse_rta_error(frame)
@@ -201,7 +201,7 @@ def test_the_controllers_err_rta_ends_the_ar_without_an_answer():
     bench.cm.receive_rta(frame, CONTROLLER_MAC, 0)
     (event,) = bench.events()
     assert (event.by_peer, event.error_code2) == (True, 13)
-    assert bench.cm.rta_to_send(0) == []
+    assert bench.cm.rta_to_send() == []
 
 
 def test_other_alarm_frames_are_counted_and_change_nothing():
@@ -222,7 +222,7 @@ def test_release_ends_the_ar_and_answers_done():
     assert parse_blocks(answer)[0].block_type == 0x8114
     assert bench.events() == [ArReleased(key)]
     assert bench.cm.ars == ()
-    assert bench.cm.rta_to_send(0) == []
+    assert bench.cm.rta_to_send() == []
     status, _ = bench.release()
     assert (status.error_code, status.error_code1, status.error_code2) == (0xDC, 0x40, 5)
 
@@ -433,7 +433,7 @@ def test_an_acyclic_ar_stands_beside_the_controllers():
     assert (status.error_code1, status.error_code2) == (0x3D, 0)
     assert bench.cm.ar(key) is None
     bench.cm.abort(tool.key, RtaError.ABORT_REQUEST, 0)
-    assert bench.cm.rta_to_send(0)[-1].destination == CONTROLLER_MAC
+    assert bench.cm.rta_to_send()[-1].destination == CONTROLLER_MAC
 
 
 def test_connect_is_refused_on_purpose_with_any_status():

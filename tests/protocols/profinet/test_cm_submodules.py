@@ -408,7 +408,7 @@ def test_alarms_that_nobody_acknowledges_end_the_ar():
     bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0, high=True)
     for step in range(1, 60):
         bench.cm.handle_timeout(step * 100 * MS)
-        bench.cm.rta_to_send(step * 100 * MS)
+        bench.cm.rta_to_send()
     (event,) = bench.events()
     assert isinstance(event, ArAborted)
     assert event.error_code2 == 0x08
@@ -435,7 +435,7 @@ def test_an_ended_ar_says_so_after_alarms_have_flown():
     bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0)
     controller.pump()
     bench.cm.watchdog_expired(controller.key, 0)
-    (frame,) = bench.cm.rta_to_send(0)
+    (frame,) = bench.cm.rta_to_send()
     assert frame.payload[-4:].hex() == "cf81fd05"
 
 

@@ -36,6 +36,7 @@ from pnfarm.protocols.profinet.wire.blocks_connect import (
 )
 from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
 from pnfarm.protocols.profinet.wire.rta import emit_rta_error, parse_rta_error, rta_error
+from pnfarm.wire.ethernet import VlanTag
 
 # Records
 
@@ -251,9 +252,9 @@ def test_an_expired_watchdog_aborts_the_ar_and_tells_the_device_code_5() -> None
     up = established()
     up.controller.watchdog_expired(up.now)
     assert up.run() == [ArAborted(False, 0xFD, 5, "no input data within the data hold time")]
-    ((mac, pdu),) = up.controller.rta_to_send()
+    ((mac, pdu, tag),) = up.controller.rta_to_send()
     error = parse_rta_error(pdu)
-    assert mac == DEVICE_MAC
+    assert (mac, tag) == (DEVICE_MAC, VlanTag(5))
     assert (error.destination, error.source, error.status) == (DEVICE_ALARM_REFERENCE, 1, rta_status(5))
 
 

@@ -99,8 +99,8 @@ class Pair:
         return bool(calls)
 
     def _carry_rta(self) -> bool:
-        to_device, to_controller = self.controller.rta_to_send(), self.device.rta_to_send(self.now)
-        for mac, pdu in to_device:
+        to_device, to_controller = self.controller.rta_to_send(), self.device.rta_to_send()
+        for mac, pdu, _ in to_device:
             assert mac == DEVICE_MAC
             self.device.receive_rta(pdu, CONTROLLER_MAC, self.now)
         for frame in to_controller:

@@ -1,0 +1,60 @@
+"""What the controller shows of one drive: a row for the terminal and for JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.table import program
+
+if TYPE_CHECKING:
+    from pnfarm.controller.session import DeviceSession
+    from pnfarm.table.columns import Columns
+
+__all__ = ["PHASES", "snapshot_row"]
+
+PHASES = {
+    program.OFFLINE: "offline",
+    program.SWITCHING_ON: "switching on",
+    program.RUNNING: "running",
+    program.FAULTED: "faulted",
+    program.ACKNOWLEDGING: "acknowledging",
+    program.STOPPED: "stopped",
+}
+
+
+def snapshot_row(session: DeviceSession, columns: Columns) -> dict[str, Any]:
+    """Names, states, counts and times (seconds) of one drive's connection."""
+    row = columns.program[session.index]
+    consumer = None if session.consumer is None else columns.cpm[session.consumer]
+    provider = None if session.provider is None else columns.ppm[session.provider]
+    measures = session.measures
+    return {
+        "name": session.plan.name,
+        "model": session.plan.model,
+        "mac": session.mac.hex(":"),
+        "ip": str(session.plan.ip.ip),
+        "state": session.state.value,
+        "phase": PHASES[int(row.phase)],
+        "zsw1": int(row.zsw1),
+        "stw1": int(row.stw1),
+        "faults": int(row.faults),
+        "connects": measures.connects,
+        "losses": measures.losses,
+        "refusals": measures.refusals,
+        "expirations": measures.expirations,
+        "connect_seconds": _seconds(measures.connect_ns),
+        "reconnect_seconds": _seconds(measures.reconnect_ns),
+        "reaction_seconds": _seconds(int(row.reaction_ns) or None),
+        "reaction_max_seconds": _seconds(int(row.reaction_max_ns) or None),
+        "recovery_seconds": _seconds(int(row.recovery_ns) or None),
+        "cycle_seconds": session.plan.send_clock_factor * session.plan.reduction_ratio * 31.25e-6,
+        "frames_sent": measures.frames_sent + (int(provider.sent) if provider is not None else 0),
+        "frames_received": measures.frames_received + (int(consumer.received) if consumer is not None else 0),
+        "alarms_received": measures.alarms_received,
+        "last_alarm": measures.last_alarm,
+        "last_reason": measures.last_reason,
+    }
+
+
+def _seconds(value: int | None) -> float | None:
+    return None if value is None else value / 1e9
