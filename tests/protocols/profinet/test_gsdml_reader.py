@@ -279,19 +279,8 @@ def test_a_bent_file_is_a_description_or_a_decode_error(place, cut, put):
 
 
 ATTRIBUTES = [
-    "VendorID",
-    "MinDeviceInterval",
-    "PhysicalSlots",
-    "Data",
-    "Length",
-    "ByteOffset",
-    "BitLength",
-    "DefaultValue",
-    "AllowedValues",
-    "SendClock",
-    "DataType",
-    "Index",
-    "TextId",
+    *("VendorID", "MinDeviceInterval", "PhysicalSlots", "SendClock", "DataType", "TextId"),
+    *("Index", "Length", "ByteOffset", "BitLength", "DefaultValue", "AllowedValues", "Data"),
 ]
 
 
