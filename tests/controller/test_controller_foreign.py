@@ -9,6 +9,7 @@ from ipaddress import IPv4Interface
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.cli.files import summary
 from pnfarm.controller.core import ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.controller.runtime import Plc
@@ -163,6 +164,11 @@ def test_a_farm_file_with_wrong_devices_is_refused_with_its_line(text, line, sen
         parse_farm(text)
     assert sentence in str(caught.value)
     assert line in {issue.line for issue in caught.value.issues}
+
+
+def test_validate_counts_the_devices():
+    config = parse_farm(FILE.format(name="axis-01", more=""))
+    assert summary(config) == "controller plc, 1 device by GSDML file"
 
 
 def test_a_controller_of_devices_alone_finds_its_own_address_beside_theirs(tmp_path):
