@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
+from pnfarm.cli.one_device import one_device
 from pnfarm.drives.catalogue import models
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 
@@ -47,3 +50,39 @@ def test_a_model_in_full_shows_what_only_its_file_says(pnfarm):
     assert "DESCRIPTION FILE" in shown
     assert "max cycle ns" in shown
     assert "alarms" in shown
+
+
+# plc by a GSDML file alone
+
+ALL = ("--device", "axis-1", "--ip", "10.77.0.11/24", "--interface", "eth9")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ((), "FILE: is needed, or --gsdml, and not both"),
+        (("a.yml", "--gsdml", "b.xml"), "FILE: is needed, or --gsdml, and not both"),
+        (("a.yml", "--device", "axis-1"), "is for --gsdml"),
+        (("--gsdml", "b.xml", *ALL[2:]), "--device: is needed beside --gsdml"),
+        (("--gsdml", "b.xml", *ALL[:2], *ALL[4:]), "--ip: is needed beside --gsdml"),
+        (("--gsdml", "b.xml", *ALL[:4]), "--interface: is needed beside --gsdml"),
+        (("--gsdml", "b.xml", *ALL, "--module", "1"), "'1' is not like 1=MODULE"),
+        (("--gsdml", "b.xml", *ALL, "--module", "1=A", "--module", "1=B"), "slot 1 is given twice"),
+        (("--gsdml", "b.xml", *ALL, "--module", "x=A"), "'x' is no slot or subslot"),
+        (("--gsdml", "b.xml", *ALL, "--cycle", "3ms"), "3ms is no PROFINET cycle"),
+        (("--gsdml", "b.xml", *ALL, "--device", "Axis_1"), "'Axis_1' is no station name"),
+    ],
+)
+def test_options_of_a_device_that_do_not_fit_are_bad_input(pnfarm, arguments, sentence):
+    done = pnfarm("plc", *arguments)
+    assert (done.code, done.out) == (2, "")
+    assert sentence in done.err.replace("invalid value for ", "")
+
+
+def test_options_make_a_farm_file_of_one_device():
+    config = one_device(
+        Path("b.xml"), device="a", ip="10.0.0.5/24", interface="eth9", dap="D", modules=["1=X", "2="], cycle="32ms"
+    )
+    (device,) = config.controller.devices
+    assert (device.name, device.gsdml, str(device.ip), device.dap) == ("a", "b.xml", "10.0.0.5/24", "D")
+    assert (device.modules, device.cycle_ns, config.controller.interface) == ({1: "X", 2: None}, 32_000_000, "eth9")
