@@ -241,6 +241,17 @@ def test_every_cycle_that_the_device_takes_can_be_had_by_the_file(limited):
             assert factor * ratio in in_file
 
 
+def test_every_send_clock_that_the_format_knows_and_the_device_takes_stands_in_the_file(limited):
+    gsdml, device = described(limited)
+    fastest = limited.limits.min_cycle_ns // 31_250
+    taken = [
+        factor
+        for factor in (8, 16, 32, 64, 128)
+        if connected(plan_of(gsdml, clock=(factor, max(1, fastest // factor))), device).ok
+    ]
+    assert list(gsdml.daps[0].interfaces[0].send_clocks) == taken
+
+
 def test_rt_class_1_is_taken_with_both_of_its_frame_ids_and_rt_class_3_is_not(drive_model):
     gsdml, device = described(drive_model)
     assert gsdml.daps[0].interfaces[0].rt_classes == ("RT_CLASS_1",)

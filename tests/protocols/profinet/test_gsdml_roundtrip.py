@@ -1,4 +1,4 @@
-"""A random description, written and read back, equals itself; and what two foreign parsers read in it."""
+"""A random description, written and read back, equals itself."""
 
 from __future__ import annotations
 
