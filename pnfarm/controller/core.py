@@ -264,7 +264,7 @@ class ControllerCore:
             ArPlan(
                 vendor_id=plan.vendor_id,
                 device_id=plan.device_id,
-                instance=1,
+                instance=plan.instance,
                 controller_name=self.name,
                 controller_mac=self.port.mac,
                 controller_object_uuid=self._object_uuid,
@@ -275,6 +275,7 @@ class ControllerCore:
                 expected_blocks="per-slot",
                 activity_timeout_factor=ACTIVITY_TIMEOUT,
                 records=plan.records,
+                multiple_write=plan.multiple_write,
                 send_clock_factor=plan.send_clock_factor,
                 reduction_ratio=plan.reduction_ratio,
                 phase=session.index % plan.reduction_ratio + 1,

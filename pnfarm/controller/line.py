@@ -76,7 +76,8 @@ class VirtualLine:
             raise ConfigError("a controller in memory needs `ip`, and no `interface`")
         plc_link = world.link()
         (port,) = await plc_link.open([PortSpec(section.name, mac)])
-        plans = plan_devices(section, drives, [model_of(drive) for drive in drives])
+        folder = config.path.parent if config.path is not None else None
+        plans = plan_devices(section, drives, [model_of(drive) for drive in drives], folder)
         plc = ControllerCore(
             section.name, plans, plc_link, port, ip=section.ip, log=plc_log or EventLog(quiet=True), seed=b"plc"
         )
