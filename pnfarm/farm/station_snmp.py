@@ -179,7 +179,7 @@ def interface_index(station: DriveStation) -> int:
 def snmp_view(station: DriveStation, now: int, neighbours: Sequence[NeighbourView] | None = None) -> SnmpView:
     """The station at ``now``; it is powered.
 
-    ``neighbours`` are those that its LLDP agent hears, None while it has no such agent: the port is then shown as disabled.
+    ``neighbours`` are those that its LLDP agent hears, None while it has no such agent: its port is shown as disabled.
     """
     im0 = station.description.im0
     description = system_description(

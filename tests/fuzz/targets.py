@@ -57,6 +57,9 @@ LAYERS = {
     "parse_handle": ("epm",),
     "parse_handle_freed": ("epm",),
     "parse_tower": ("tower",),
+    "parse_snmp": ("snmp",),
+    "parse_oid": ("oid",),
+    "parse_integer": ("oid",),
 }
 
 

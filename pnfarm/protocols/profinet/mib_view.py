@@ -1,8 +1,8 @@
 """What the station tells its SNMP agent about itself: plain values, taken anew for each request.
 
 The agent asks for a :class:`SnmpView` when a request is in front of it, and never otherwise, so that a drive which
-nobody asks pays nothing.  Times are nanoseconds since power-on, like sysUpTime.  Capabilities and the like are octets of
-a BITS value: the first bit is the highest one of the first octet.
+nobody asks pays nothing.  Times are nanoseconds since power-on, like sysUpTime.  Capabilities and the like are octets
+of a BITS value: the first bit is the highest one of the first octet.
 """
 
 from __future__ import annotations

@@ -115,10 +115,17 @@ def test_what_is_emitted_is_parsed_back(message):
 
 
 @given(messages(values))
-def test_pyasn1_writes_the_same_octets_and_reads_the_same_message(message):
+def test_pyasn1_reads_what_we_write_and_the_other_way_round(message):
     data = emit_snmp(message)
-    assert snmp_asn1.encode(message) == data
     assert snmp_asn1.decode(data) == message
+    theirs = snmp_asn1.encode(message)
+    assert parse_snmp(theirs) == message
+    # pyasn1 puts a sign octet too many before the least number of each size
+    assert len(theirs) >= len(data)
+    least = {-(2**bits) for bits in (7, 15, 23, 31)}
+    numbers = {message.pdu.request_id, message.pdu.error_status, message.pdu.error_index}
+    if not least & (numbers | {varbind.value.content for varbind in message.pdu.varbinds}):
+        assert theirs == data
 
 
 @given(
@@ -183,6 +190,7 @@ def message_with(varbind: str) -> bytes:
         ("3007 0602 2b06 0201 fb", -5),
         ("3009 0602 2b06 0203 000005", 5),
         ("3009 0602 2b06 0203 fffffb", -5),
+        ("300b 0602 2b06 0205 ff80000000", -(2**31)),  # as pysnmp writes it
         ("300b 0602 2b06 4105 00ffffffff", 0xFFFF_FFFF),
         ("3008 0602 2b06 02810105", 5),
         ("30820007 0602 2b06 0201 05", 5),
@@ -208,7 +216,9 @@ def test_numbers_and_lengths_may_have_more_octets_than_they_need(varbind, conten
         ("30 04 0602 2b06", "short"),
         ("30 07 0602 2b06 050100", "bad-length"),
         ("30 06 0602 2b06 0200", "bad-length"),
-        ("30 0b 0602 2b06 0205 0000000001", "bad-length"),
+        ("30 0b 0602 2b06 0205 0080000000", "bad-value"),
+        ("30 0b 0602 2b06 0205 ff7fffffff", "bad-value"),
+        ("30 0c 0602 2b06 0206 000000000001", "bad-length"),
         ("30 07 0602 2b06 4101ff", "bad-value"),  # a negative counter
         ("30 0b 0602 2b06 4105 0100000000", "bad-value"),
         ("30 0c 0602 2b06 4106 000000000001", "bad-length"),

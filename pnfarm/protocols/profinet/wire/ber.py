@@ -1,8 +1,8 @@
 """Basic Encoding Rules as far as SNMP uses them (ITU-T X.690; RFC 3417, clause 8).
 
 SNMP narrows BER: lengths are definite, simple types are primitive, tags have one octet.  What is received may have more
-octets of length and of sign than it needs, up to the size of its type, because old managers write both; what is sent is
-the shortest form.  Nothing here recurses: the caller walks the few levels that a message has.
+octets of length and of sign than it needs, within bounds, because managers write both; what is sent is the shortest
+form.  Nothing here recurses: the caller walks the few levels that a message has.
 
 A codec of our own, because it is asked by hundreds of drives in one event loop: a GetBulk that fills a frame takes 0.2
 to 0.5 ms to decode, and 1.8 to 5.5 ms with pyasn1, which the tests use to check this one.

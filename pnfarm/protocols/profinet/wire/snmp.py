@@ -103,6 +103,7 @@ END_OF_MIB_VIEW = 0x82
 _SEQUENCE = 0x30
 _ONE_SHAPE = frozenset({GET, GET_NEXT, RESPONSE, SET, GET_BULK})
 _EMPTY = frozenset({NULL, NO_SUCH_OBJECT, NO_SUCH_INSTANCE, END_OF_MIB_VIEW})
+_INT32_LOW, _INT32_HIGH = -(2**31), 2**31 - 1
 #: Bits of the unsigned types; a sign octet goes before them.
 _UNSIGNED_BITS = {COUNTER32: 32, GAUGE32: 32, TIME_TICKS: 32, COUNTER64: 64}
 
@@ -268,7 +269,15 @@ def _read_integer(reader: Reader) -> int:
     tag, content = read_tlv(reader)
     if tag != INTEGER:
         raise DecodeError("bad-tag", f"0x{tag:02X} in place of INTEGER")
-    return parse_integer(content)
+    return _parse_int32(content)
+
+
+def _parse_int32(content: bytes) -> int:
+    """pyasn1, and so pysnmp, puts a sign octet too many before -2**31."""
+    number = parse_integer(content, 5)
+    if not _INT32_LOW <= number <= _INT32_HIGH:
+        raise DecodeError("bad-value", f"{number} has not 32 bits")
+    return number
 
 
 def _parse_value(tag: int, content: bytes) -> Value:
@@ -277,7 +286,7 @@ def _parse_value(tag: int, content: bytes) -> Value:
             raise DecodeError("bad-length", f"{len(content)} octets in a value without content")
         return Value(tag)
     if tag == INTEGER:
-        return Value(tag, parse_integer(content))
+        return Value(tag, _parse_int32(content))
     if tag == OBJECT_IDENTIFIER:
         return Value(tag, parse_oid(content))
     bits = _UNSIGNED_BITS.get(tag)
@@ -316,7 +325,7 @@ def _emit_pdu(pdu: Pdu, varbinds: Iterable[bytes]) -> bytes:
 
 
 def _emit_int32(value: int) -> bytes:
-    if not -(2**31) <= value < 2**31:
+    if not _INT32_LOW <= value <= _INT32_HIGH:
         raise ValueError(f"{value} is no INTEGER of 32 bits")
     return emit_tlv(INTEGER, emit_integer(value))
 
