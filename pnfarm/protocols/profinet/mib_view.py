@@ -40,6 +40,7 @@ __all__ = [
     "SnmpView",
     "SystemText",
     "SystemView",
+    "capability_bits",
     "system_description",
 ]
 
@@ -250,6 +251,11 @@ class SnmpView:
     system: SystemView
     lldp: LldpView
     interfaces: tuple[InterfaceView, ...] = field(default=())
+
+
+def capability_bits(capabilities: int) -> bytes:
+    """LldpSystemCapabilitiesMap from the field of a TLV: its bit 0 (other) is the first, highest bit of the octet."""
+    return bytes([int(f"{capabilities & 0xFF:08b}"[::-1], 2)])
 
 
 def system_description(

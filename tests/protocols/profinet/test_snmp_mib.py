@@ -13,6 +13,7 @@ from pnfarm.protocols.profinet.mib_view import (
     LldpPortView,
     ManagementAddress,
     SystemView,
+    capability_bits,
     system_description,
 )
 from pnfarm.protocols.profinet.wire.snmp import (
@@ -173,6 +174,12 @@ def test_a_fast_interface_shows_the_largest_speed_that_a_gauge_has():
     view = replace(VIEW, interfaces=(fast,))
     assert content(*MIB_2, 2, 2, 1, 5, 1, view=view) == 2**32 - 1
     assert content(*MIB_2, 31, 1, 1, 1, 15, 1, view=view) == 10_000
+
+
+def test_capabilities_of_a_frame_are_turned_to_the_order_of_bits():
+    assert capability_bits(0x0080) == b"\x01"  # station only, bit 7
+    assert capability_bits(0x0014) == b"\x28"  # bridge and router, bits 2 and 4
+    assert capability_bits(0x0700) == b"\x00"  # bits that the MIB does not know
 
 
 def test_the_system_description_has_fields_of_fixed_width():
