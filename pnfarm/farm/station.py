@@ -23,6 +23,7 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.station_channels import ArChannels, StationChannels
+from pnfarm.farm.station_snmp import PortTraffic, snmp_view
 from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
@@ -51,17 +52,20 @@ from pnfarm.protocols.profinet.events import (
     RecordWritten,
     SubmodulesChanged,
 )
+from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.record_store import DeviceRecords
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceived, CallReturned, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
+from pnfarm.protocols.profinet.snmp import SnmpAgent
 from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
 from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
+from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
@@ -128,6 +132,7 @@ class DriveStation:
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
         self._kept: dict[str, Any] = {}
+        self._booted_ns: int | None = None
         self._build()
 
     # -- life --------------------------------------------------------------------------------------------------------
@@ -160,7 +165,7 @@ class DriveStation:
             gateway=gateway,
         )
         self.ip = IpHost(mac)
-        self.ip.open_ports = {RPC_PORT, CALL_PORT}
+        self.ip.open_ports = {RPC_PORT, CALL_PORT, SNMP_PORT}
         self._set_address(address, gateway)
         version = identity.software_version
         self._object_uuid = object_uuid(self.description.instance, identity.device_id, identity.vendor_id)
@@ -200,6 +205,10 @@ class DriveStation:
             station_name=name,
             diagnosis=self.records.diagnosis,
         )
+        #: What managers wrote; survives a power cycle.
+        self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
+        self.snmp = SnmpAgent(lambda now: snmp_view(self, now))
+        self.traffic = PortTraffic(self._services.channels, self.channels, self.discards())
 
     def _set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None) -> None:
         self.ip.set_address(address, gateway)
@@ -220,6 +229,11 @@ class DriveStation:
     def powered(self) -> bool:
         return bool(self.handle.axis.powered)
 
+    @property
+    def booted_ns(self) -> int:
+        """When it was powered on last."""
+        return int(self.handle.axis.boot_ns) if self._booted_ns is None else self._booted_ns
+
     def power_off(self, now: int) -> None:
         """Cut the supply: channels close, nothing is answered any more."""
         for key in list(self.ars):
@@ -231,6 +245,7 @@ class DriveStation:
         """Boot with what non-volatile memory holds."""
         # the machines are made anew; what they dropped stays counted
         self.dropped = self.discards()
+        self._booted_ns = now
         self._build()
         self._ready_due.clear()
         self._calls.clear()
@@ -248,6 +263,7 @@ class DriveStation:
         """One acyclic frame of this port."""
         if not self.powered:
             return
+        self.traffic.frame_received(data)
         try:
             frame = parse_ethernet(data)
         except DecodeError as exc:
@@ -280,7 +296,7 @@ class DriveStation:
     def discards(self) -> dict[str, int]:
         """Every frame and PDU that was dropped, by reason, over all machines."""
         total = dict(self.dropped)
-        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm, self.snmp):
             for reason, count in machine.dropped.items():
                 total[reason] = total.get(reason, 0) + count
         return total
@@ -310,9 +326,11 @@ class DriveStation:
         moved = True
         while moved:
             moved = False
-            for step in (self._pump_dcp, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_drive):
+            for step in (
+                self._pump_dcp, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_snmp, self._pump_drive,
+            ):  # fmt: skip
                 moved = step(now) or moved
-        for datagram in (*self.rpc.to_send(now), *self.client.to_send(now)):
+        for datagram in (*self.rpc.to_send(now), *self.client.to_send(now), *self.snmp.to_send(now)):
             self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
         frames = self._outbox
         self._outbox = []
@@ -322,6 +340,8 @@ class DriveStation:
             emit_ethernet(EthernetFrame(f.destination, self.port.mac, ETHERTYPE_PROFINET, f.payload, f.tag))
             for f in self.cm.rta_to_send()
         ]
+        for frame in frames:
+            self.traffic.frame_sent(frame)
         return frames
 
     # -- between the machines ----------------------------------------------------------------------------------------
@@ -351,8 +371,10 @@ class DriveStation:
         return bool(events)
 
     def _factory_reset(self, now: int) -> None:
-        """All that the reset's mode cleared has events of its own; the parameters go back to the model's."""
+        """All that the reset's mode cleared has events of its own; parameters and texts go back to the model's."""
         self._keep(now, "drive", None)
+        self._keep(now, "snmp", None)
+        self.snmp_texts.clear()
         self.store.restore(None)
         self.store.power_on()
 
@@ -363,6 +385,8 @@ class DriveStation:
                 peer = Peer(event.source_ip, event.source_port)
                 if event.destination_port == RPC_PORT:
                     self.rpc.receive(peer, RPC_PORT, event.data, now, event.source_mac)
+                elif event.destination_port == SNMP_PORT:
+                    self.snmp.receive(peer, event.data, now)
                 else:
                     self.client.receive(peer, event.destination_port, event.data, now)
             elif isinstance(event, AddressConflict):
@@ -466,6 +490,14 @@ class DriveStation:
                 place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
                 self.note(now, "record written", level="debug", octets=len(data), **place)
 
+    def _pump_snmp(self, now: int) -> bool:
+        events = self.snmp.events()
+        for event in events:
+            self.snmp_texts[event.which] = event.text
+            self._keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
+            self.note(now, "system text set", text=event.text, object=f"sys{event.which.name.capitalize()}")
+        return bool(events)
+
     def _pump_drive(self, now: int) -> bool:
         events = self.store.events()
         for event in events:
@@ -539,7 +571,10 @@ class DriveStation:
         self.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def _close(self, key: int) -> None:
-        if self.channels.close(key) is not None and not self.channels.any_cyclic:
+        ar = self.channels.close(key)
+        if ar is not None:
+            self.traffic.channels_closed(ar)
+        if ar is not None and not self.channels.any_cyclic:
             self.handle.axis.step_ns = SLOWEST_STEP_NS
             self.parameter_records.reset()
 

@@ -17,7 +17,8 @@ from virtual_line import VirtualLine
 from pnfarm.drives.profiles.profidrive import base_mode
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire import records
+from pnfarm.protocols.profinet.wire import records, snmp
+from pnfarm.protocols.profinet.wire.ber import emit_oid
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
 from pnfarm.protocols.profinet.wire.dcp import (
@@ -277,6 +278,32 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
     for block_type, size in records.IM_TEXT_SIZES.items():
         yield f"block-{block_type:04x}", b"\1\0" + b"A" * size
+    yield from _managers()
+
+
+def _managers() -> Iterator[tuple[str, bytes]]:
+    """What SNMP managers ask of a drive."""
+    system, interfaces, lldp = (1, 3, 6, 1, 2, 1, 1), (1, 3, 6, 1, 2, 1, 2, 2, 1), (1, 0, 8802, 1, 1, 2, 1)
+    names = ((*system, 1, 0), (*system, 3, 0), (*interfaces, 10, 1), (*lldp, 3, 7, 1, 3, 1), (*lldp, 5, 3791), (0, 0))
+    texts = tuple(snmp.VarBind((*system, arc, 0), snmp.octets(b"here")) for arc in (4, 5, 6))
+    values = (
+        snmp.integer(-129), snmp.counter64(2**64 - 1), snmp.gauge32(2**32 - 1), snmp.time_ticks(10**9),
+        snmp.object_id(names[3]), snmp.Value(snmp.IP_ADDRESS, b"\12\0\0\1"), snmp.Value(snmp.END_OF_MIB_VIEW),
+    )  # fmt: skip
+    asked = tuple(snmp.VarBind(name) for name in names)
+    told = tuple(snmp.VarBind(names[0], value) for value in values)
+    for version in (snmp.VERSION_1, snmp.VERSION_2C):
+        for pdu in (
+            snmp.Pdu(snmp.GET, 1, varbinds=asked[:4]),
+            snmp.Pdu(snmp.GET_NEXT, 2**31 - 1, varbinds=asked),
+            snmp.Pdu(snmp.GET_BULK, -1, 1, 20, varbinds=asked),
+            snmp.Pdu(snmp.SET, 3, varbinds=texts),
+            snmp.Pdu(snmp.RESPONSE, 4, 2, 1, varbinds=told),
+            snmp.OtherPdu(0xA7, b"\2\1\5"),
+        ):
+            yield "snmp", snmp.emit_snmp(snmp.SnmpMessage(version, b"public" if version else b"private", pdu))
+    for name in names:
+        yield "oid", emit_oid(name)
 
 
 def _dig_ip(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:

@@ -18,6 +18,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.alarm import AlarmChannel, AlarmReceived, AlarmRefusedError
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.snmp import MAXIMUM_MESSAGE
 from pnfarm.protocols.profinet.wire.alarms import AlarmNotification, acknowledge, emit_alarm
 from pnfarm.protocols.profinet.wire.blocks import emit_raw_block, split_blocks
 from pnfarm.protocols.profinet.wire.dcp import IDENTIFY_MULTICAST
@@ -36,6 +37,18 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_rpc,
 )
 from pnfarm.protocols.profinet.wire.rta import emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.snmp import (
+    GET,
+    GET_BULK,
+    GET_NEXT,
+    OCTET_STRING,
+    SET,
+    OtherPdu,
+    Value,
+    VarBind,
+    emit_snmp,
+    parse_snmp,
+)
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import emit_udp, parse_udp
@@ -362,6 +375,52 @@ class RpcClientMachine(RpcServerMachine):
         self.answers += len(client.events())
 
 
+class SnmpAgentMachine(Machine):
+    """Messages of managers, some with their list of variables changed and the lengths around it right."""
+
+    name = "snmp-agent"
+
+    def next_input(self, rng):
+        data = rng.choice(self.layers["snmp"])
+        if rng.random() < 0.5:
+            return mutated(rng, data, self.layers["snmp"])
+        message = parse_snmp(data)
+        if isinstance(message.pdu, OtherPdu):
+            return emit_snmp(replace(message, version=rng.randrange(2), pdu=OtherPdu(rng.randrange(0xA0, 0xAA), data)))
+        varbinds = list(message.pdu.varbinds) * rng.choice((1, 1, 1, 5, 30))
+        rng.shuffle(varbinds)
+        names = [varbind.name for varbind in varbinds]
+        if varbinds and rng.random() < 0.8:
+            place = rng.randrange(len(varbinds))
+            name = (
+                *rng.choice(names)[: rng.randrange(2, 20)],
+                *(rng.choice((0, 1, 2, 127, 128, 2**32 - 1)),) * rng.randrange(3),
+            )
+            value = rng.choice(
+                (varbinds[place].value, Value(OCTET_STRING, random_octets(rng)[:300]), Value(0x4F, b"x"))
+            )
+            varbinds[place] = VarBind(name, value)
+        pdu = replace(
+            message.pdu,
+            tag=rng.choice((message.pdu.tag, GET, GET_NEXT, SET, GET_BULK)),
+            error_status=rng.choice((0, 0, 1, 5, -1, 2**31 - 1)),
+            error_index=rng.choice((0, 1, 10, 50, -1, 2**31 - 1)),
+            varbinds=tuple(varbinds),
+        )
+        community = rng.choice((b"public", b"private", b"private", b"no"))
+        return emit_snmp(replace(message, version=rng.randrange(2), community=community, pdu=pdu))
+
+    def take(self, rng, data):
+        self.station.snmp.receive(Peer(PEER, 40_000), data, self.now)
+        answers = self.station.snmp.to_send(self.now)
+        assert len(answers) <= 1
+        for answer in answers:
+            assert len(answer.data) <= MAXIMUM_MESSAGE
+            parse_snmp(answer.data)
+        self.answers += len(answers)
+        self.settle()
+
+
 class CmDeviceMachine(Machine):
     """Calls whose RPC was in order, and alarm frames."""
 
@@ -479,5 +538,5 @@ class AlarmChannelMachine(Machine):
 
 MACHINES: tuple[type[Machine], ...] = (
     Station, Controller, DcpDeviceMachine, DcpClientMachine, IpHostMachine, RpcServerMachine, RpcClientMachine,
-    CmDeviceMachine, CmControllerMachine, AlarmChannelMachine,
+    SnmpAgentMachine, CmDeviceMachine, CmControllerMachine, AlarmChannelMachine,
 )  # fmt: skip
