@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import blocks_control as control
 from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import iocr, records
+from pnfarm.protocols.profinet.wire import iocr, pdev, records
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
 
 if TYPE_CHECKING:
@@ -40,6 +40,13 @@ Block = (
     | records.ArData
     | records.RecordInputData
     | records.RecordOutputData
+    | pdev.PortDataCheck
+    | pdev.PortDataAdjust
+    | pdev.PortDataReal
+    | pdev.PortStatistic
+    | pdev.InterfaceDataReal
+    | pdev.InterfaceAdjust
+    | pdev.MultipleBlock
     | RawBlock
 )
 
@@ -72,6 +79,7 @@ _PARSERS: dict[int, Callable[[RawBlock], Block]] = {
     BlockType.AR_DATA: records.parse_ar_data,
     BlockType.RECORD_INPUT_DATA_OBJECT: records.parse_record_input_data,
     BlockType.RECORD_OUTPUT_DATA_OBJECT: records.parse_record_output_data,
+    **pdev.PARSERS,
 }
 
 _EMITTERS: dict[type, Callable[[Any], bytes]] = {
@@ -99,6 +107,13 @@ _EMITTERS: dict[type, Callable[[Any], bytes]] = {
     records.ArData: records.emit_ar_data,
     records.RecordInputData: records.emit_record_input_data,
     records.RecordOutputData: records.emit_record_output_data,
+    pdev.PortDataCheck: pdev.emit_port_data,
+    pdev.PortDataAdjust: pdev.emit_port_data,
+    pdev.PortDataReal: pdev.emit_port_data_real,
+    pdev.PortStatistic: pdev.emit_port_statistic,
+    pdev.InterfaceDataReal: pdev.emit_interface_data_real,
+    pdev.InterfaceAdjust: pdev.emit_interface_adjust,
+    pdev.MultipleBlock: pdev.emit_multiple_block,
     RawBlock: emit_raw_block,
 }
 
