@@ -383,5 +383,8 @@ class FarmSections(_Section):
         examples=[DEFAULT_LISTEN, OFF],
     )
     realtime: Realtime = Field(default_factory=Realtime)
+    lldp: bool = Field(
+        default=True, description="Whether the drives, and the controller, tell their neighbours who they are (LLDP)."
+    )
     drives: list[DriveGroup] = Field(min_length=1, description="The drives, group by group.")
     controller: ControllerSection | None = Field(default=None, description="The built-in controller, for `pnfarm plc`.")

@@ -23,6 +23,7 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.station_channels import ArChannels, StationChannels
+from pnfarm.farm.station_neighbours import StationNeighbours
 from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Port
+    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
 __all__ = ["DriveStation", "StationServices"]
 
@@ -94,6 +96,8 @@ class StationServices:
     memory: NonVolatile
     log: EventLog
     uuids: Callable[[], UUID]
+    #: Whether the drives speak LLDP.
+    lldp: bool = True
 
 
 class DriveStation:
@@ -154,9 +158,11 @@ class DriveStation:
             address=address,
             gateway=gateway,
         )
+        self.neighbours = StationNeighbours(mac, self.index, self.description, enabled=self._services.lldp)
         self.ip = IpHost(mac)
         self.ip.open_ports = {RPC_PORT, CALL_PORT}
         self._set_address(address, gateway)
+        self.neighbours.update(name, address, gateway, 0)
         version = identity.software_version
         self._object_uuid = object_uuid(self.description.instance, identity.device_id, identity.vendor_id)
         self.rpc = RpcServer(
@@ -202,6 +208,10 @@ class DriveStation:
     def name(self) -> str:
         """Station name now: DCP may have changed it."""
         return self.dcp.name
+
+    @property
+    def _machines(self) -> tuple[DcpDevice, IpHost, RpcServer, RpcClient, CmDevice, StationNeighbours]:
+        return self.dcp, self.ip, self.rpc, self.client, self.cm, self.neighbours
 
     @property
     def powered(self) -> bool:
@@ -256,6 +266,10 @@ class DriveStation:
         else:
             self.cm.receive_rta(frame.payload, frame.source, now)
 
+    def hear_neighbour(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
+        """An LLDP frame that was parsed once for all drives, or why it is none; whether anything is to be done now."""
+        return self.powered and self.neighbours.hear(frame, parsed, now)
+
     def passed_over(self, reason: str) -> bool:
         """Count a frame that was for others; always False."""
         self._drop(reason)
@@ -267,7 +281,7 @@ class DriveStation:
     def discards(self) -> dict[str, int]:
         """Every frame and PDU that was dropped, by reason, over all machines."""
         total = dict(self.dropped)
-        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+        for machine in self._machines:
             for reason, count in machine.dropped.items():
                 total[reason] = total.get(reason, 0) + count
         return total
@@ -275,14 +289,14 @@ class DriveStation:
     def next_deadline(self) -> int | None:
         if not self.powered:
             return None
-        deadlines = [m.next_deadline() for m in (self.dcp, self.ip, self.rpc, self.client, self.cm)]
+        deadlines = [machine.next_deadline() for machine in self._machines]
         deadlines += [due for due, _ in self._ready_due]
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
         if not self.powered:
             return
-        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+        for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
@@ -299,12 +313,14 @@ class DriveStation:
             moved = False
             for step in (self._pump_dcp, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_drive):
                 moved = step(now) or moved
+        self._pump_neighbours(now)
         for datagram in (*self.rpc.to_send(now), *self.client.to_send(now)):
             self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
         frames = self._outbox
         self._outbox = []
         frames += self.dcp.to_send(now)
         frames += self.ip.to_send(now)
+        frames += self.neighbours.to_send(now)
         frames += [
             emit_ethernet(EthernetFrame(destination, self.port.mac, ETHERTYPE_PROFINET, payload, RTA_TAG))
             for destination, payload in self.cm.rta_to_send()
@@ -335,6 +351,8 @@ class DriveStation:
                     self._note(now, "factory reset", mode=mode.name.lower())
                     self.cm.abort_all(RtaError.RESET_TO_FACTORY, now)
                     self._factory_reset(now)
+        if events:
+            self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, now)
         return bool(events)
 
     def _factory_reset(self, now: int) -> None:
@@ -432,6 +450,13 @@ class DriveStation:
             case RecordWritten(_, api, slot, subslot, index, data):
                 place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
                 self._note(now, "record written", level="debug", octets=len(data), **place)
+
+    def _pump_neighbours(self, now: int) -> None:
+        notes = self.neighbours.pump(now)
+        if notes:
+            self.dcp.aliases = self.neighbours.aliases
+        for note in notes:
+            self._note(now, note.event, level=note.level, **note.data)
 
     def _pump_drive(self, now: int) -> bool:
         events = self.store.events()

@@ -72,7 +72,7 @@ SEND_INTERVAL_NS = 5_000_000_000
 TIME_TO_LIVE = 20
 #: Changes of our own data that follow each other faster wait (IEEE 802.1AB: txDelay).
 _SHORTEST_GAP_NS = 1_000_000_000
-#: Neighbours that one port keeps: more than one means that something between forwards LLDP.
+#: Neighbours that one port keeps, unless told otherwise.
 MAXIMUM_NEIGHBOURS = 8
 _SECOND_NS = 1_000_000_000
 #: Autonegotiation supported and enabled; ifMauAutoNegCapAdvertisedBits: 10BASE-T and 100BASE-TX, half and full duplex.
@@ -255,21 +255,29 @@ def local_lldpdu(system: LocalSystem, port: LocalPort, time_to_live: int = TIME_
 
 
 class LldpPort:
-    """See the module's head.  The first :meth:`to_send` begins the first interval."""
+    """See the module's head.  The first :meth:`to_send` begins the first interval.
 
-    def __init__(self, system: LocalSystem, port: LocalPort, *, phase_ns: int = 0) -> None:
+    ``maximum`` bounds the neighbours: more than one means that something between forwards LLDP.
+    """
+
+    def __init__(
+        self, system: LocalSystem, port: LocalPort, *, phase_ns: int = 0, maximum: int = MAXIMUM_NEIGHBOURS
+    ) -> None:
         self.port = port
         self._system = system
         self._phase_ns = phase_ns
+        self._maximum = maximum
         #: What was not taken, by reason.
         self.dropped: Counter[str] = Counter()
         self.sent = 0
         self.received = 0
         self._sending = True
+        self._closed = False
         self._next_ns: int | None = None
         self._last_ns: int | None = None
         self._frame: bytes | None = None
         self._neighbours: dict[tuple[ChassisId, PortId], Neighbour] = {}
+        self._look_ns: int | None = None  # no neighbour's time is up before
         self._outbox: list[bytes] = []
         self._events: list[LldpEvent] = []
 
@@ -290,17 +298,18 @@ class LldpPort:
 
     def send_frames(self, wanted: bool, now: int) -> None:
         """Send, or send nothing (PeerToPeerBoundary bit 0); hearing goes on."""
-        if wanted == self._sending:
+        if wanted == self._sending or self._closed:
             return
         self._sending = wanted
         self._next_ns = now if wanted else None
 
     def shut_down(self, now: int) -> None:
-        """Say good-bye and fall silent, unless nothing was ever said."""
+        """Say good-bye, unless nothing was ever said, and fall silent for good."""
         if self._sending and self._last_ns is not None:
             self._outbox.append(self._emit(local_lldpdu(self._system, self.port, 0)))
         self._last_ns = now
         self._sending = False
+        self._closed = True
         self._next_ns = None
 
     # -- the machine -------------------------------------------------------------------------------------------------
@@ -324,15 +333,16 @@ class LldpPort:
         return emit_ethernet(EthernetFrame(LLDP_MULTICAST, self.port.mac, ETHERTYPE_LLDP, emit_lldp(pdu)))
 
     def next_deadline(self) -> int | None:
-        """The next frame or the first neighbour whose time is up; None before the first :meth:`to_send`."""
-        due = min((n.expires_ns for n in self._neighbours.values()), default=None)
-        if self._next_ns is None:
-            return due
-        return self._next_ns if due is None else min(due, self._next_ns)
+        """The next frame, or the next look at who is still there; None before the first :meth:`to_send`."""
+        if self._next_ns is None or self._look_ns is None:
+            return self._look_ns if self._next_ns is None else self._next_ns
+        return min(self._look_ns, self._next_ns)
 
     def handle_timeout(self, now: int) -> None:
         for key in [k for k, n in self._neighbours.items() if n.expires_ns <= now]:
             self._forget(key, "aged-out")
+        # neighbours that spoke again are looked at once more when they would have been gone
+        self._look_ns = min((n.expires_ns for n in self._neighbours.values()), default=None)
 
     def link_down(self) -> None:
         """The cable is off: nobody is there any more."""
@@ -375,7 +385,7 @@ class LldpPort:
         if known is not None and known.payload == payload and known.mac == source:
             known.seen_ns, known.expires_ns = now, expires
             return False
-        if known is None and len(self._neighbours) >= MAXIMUM_NEIGHBOURS:
+        if known is None and len(self._neighbours) >= self._maximum:
             self.dropped["too-many-neighbours"] += 1
             return False
         found = Neighbour(
@@ -391,6 +401,7 @@ class LldpPort:
             payload=payload,
         )
         self._neighbours[key] = found
+        self._look_ns = expires if self._look_ns is None else min(self._look_ns, expires)
         if known is None:
             self._events.append(NeighbourAppeared(self.port.name, found))
         elif (known.mac, known.tlvs) != (source, pdu.tlvs):
@@ -399,6 +410,8 @@ class LldpPort:
 
     def _forget(self, key: tuple[ChassisId, PortId], reason: str) -> None:
         self._events.append(NeighbourGone(self.port.name, self._neighbours.pop(key), reason))
+        if not self._neighbours:
+            self._look_ns = None
 
 
 def _octets(text: str) -> bytes:

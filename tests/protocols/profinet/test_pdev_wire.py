@@ -228,8 +228,16 @@ def test_a_dissector_reads_what_is_wanted(tmp_path):
             (0x8071, 0x8000, p.emit_interface_adjust(p.InterfaceAdjust(1))),
         ],
     )
-    for words in ("CheckPeers: NumberOfPeers:1", "CheckLineDelay: LineDelay:70ns", "MAUType:100BASETXFD",
-                  "SyncMaster:1, CableDelay:1", "MAUTypeMode:ON", "Boundary:0x1",
-                  "BoundaryIngress:0x1, BoundaryEgress:0x2", "PeerPortID: port-001", "PeerChassisID: switch-1"):  # fmt: skip
+    for words in (
+        "CheckPeers: NumberOfPeers:1",
+        "CheckLineDelay: LineDelay:70ns",
+        "MAUType:100BASETXFD",
+        "SyncMaster:1, CableDelay:1",
+        "MAUTypeMode:ON",
+        "Boundary:0x1",
+        "BoundaryIngress:0x1, BoundaryEgress:0x2",
+        "PeerPortID: port-001",
+        "PeerChassisID: switch-1",
+    ):
         assert text.count(words) >= 2, words
     assert "PortID of LLDP contains name of port and NameOfStation" in text
