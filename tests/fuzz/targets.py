@@ -35,6 +35,7 @@ LAYERS = {
     "parse_udp": ("udp",),
     "parse_icmp": ("icmp",),
     "parse_dcp": ("dcp",),
+    "parse_lldp": ("lldp",),
     "parse_rtc": ("rtc",),
     "parse_rta_error": ("rta",),
     "parse_rpc": ("rpc",),

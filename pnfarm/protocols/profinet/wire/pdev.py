@@ -25,7 +25,7 @@ from pnfarm.protocols.profinet.wire.pdev_blocks import (
     align,
     emit_sub_block,
     pad,
-    parse_sub_block,
+    read_sub_block,
 )
 from pnfarm.wire.octets import Reader, Writer
 
@@ -240,7 +240,7 @@ def parse_port_data(block: RawBlock) -> PortDataCheck | PortDataAdjust:
             place += 1
             continue
         inner = Reader(rest[place:])
-        blocks.append(parse_sub_block(parse_raw_block(inner)))
+        blocks.append(read_sub_block(parse_raw_block(inner)))
         place += inner.position
     kind = PortDataCheck if block.block_type == PdevBlockType.PORT_DATA_CHECK else PortDataAdjust
     return kind(slot, subslot, tuple(blocks), block.version)

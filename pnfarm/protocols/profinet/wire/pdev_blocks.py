@@ -45,7 +45,7 @@ __all__ = [
     "align",
     "emit_sub_block",
     "pad",
-    "parse_sub_block",
+    "read_sub_block",
 ]
 
 
@@ -275,7 +275,7 @@ _SUB_READERS: dict[int, Callable[[Reader, int], SubBlock]] = {
 }
 
 
-def parse_sub_block(raw: RawBlock) -> SubBlock:
+def read_sub_block(raw: RawBlock) -> SubBlock:
     """Reasons: ``short``, ``trailing`` (more than padding behind the block's fields)."""
     read = _SUB_READERS.get(raw.block_type)
     if read is None:
