@@ -61,6 +61,17 @@ class Controller(_Model):
     mac: str
 
 
+class Neighbour(_Model):
+    port: str = Field(description="The drive's own port.")
+    station: str = Field(description="Name of station, or MAC address, of the neighbour.")
+    chassis: str = Field(description="Chassis id.")
+    port_id: str = Field(description="The neighbour's port.")
+    system_name: str | None
+    mac: str
+    ip: str | None = Field(description="Management address.")
+    seen_seconds_ago: float
+
+
 class Drive(_Model):
     """One drive as it is now."""
 
@@ -92,6 +103,7 @@ class Drive(_Model):
     fault: DriveFault | None = Field(description="The first active fault.")
     faults: list[DriveFault] = Field(description="All active faults, oldest first.")
     last_fault: DriveFault | None = Field(description="The active fault, or the one acknowledged last.")
+    neighbours: list[Neighbour] = Field(description="Who is at the other end of the cable, by LLDP.")
     fault_counts: dict[str, int] = Field(description="By number.")
     warning: DriveFault | None
     setpoint_rpm: float

@@ -128,6 +128,9 @@ def _cell(key: str, value: Any) -> str:
             return f"{value:.6g}"
         case {"number": _, "name": _}:
             return _fault_words(value)
+        case {"port_id": _, "chassis": _}:
+            where = " ".join(word for word in (value["mac"], value["ip"]) if word)
+            return f"{value['station']} {value['port_id']} ({where}) at {value['port']}"
         case dict():
             return ", ".join(f"{name} {inner}" for name, inner in value.items()) or "-"
         case list():

@@ -65,6 +65,7 @@ class VirtualLine:
             memory=memory or VolatileMemory(),
             log=log or EventLog(quiet=True),
             seed=b"farm",
+            lldp=config.lldp,
         )
         world.join(farm, ports)
         farm.start(world.now)
@@ -79,7 +80,14 @@ class VirtualLine:
         folder = config.path.parent if config.path is not None else None
         plans = plan_devices(section, drives, [model_of(drive) for drive in drives], folder)
         plc = ControllerCore(
-            section.name, plans, plc_link, port, ip=section.ip, log=plc_log or EventLog(quiet=True), seed=b"plc"
+            section.name,
+            plans,
+            plc_link,
+            port,
+            ip=section.ip,
+            log=plc_log or EventLog(quiet=True),
+            seed=b"plc",
+            lldp=config.lldp,
         )
         world.join(plc, [port])
         plc.start(world.now)

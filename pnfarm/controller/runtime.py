@@ -140,7 +140,14 @@ class Plc:
             (port,) = await self.link.open([PortSpec(self.section.name, mac)])
             self._hold_ports(address)
             self._core = ControllerCore(
-                self.section.name, plans, self.link, port, ip=address, log=self.log, seed=os.urandom(16)
+                self.section.name,
+                plans,
+                self.link,
+                port,
+                ip=address,
+                log=self.log,
+                seed=os.urandom(16),
+                lldp=self.config.lldp,
             )
             self._driver = RealTimeDriver(self._core, self._settings)
             await self._driver.start()

@@ -424,6 +424,9 @@ class FarmSections(_Section):
         examples=[DEFAULT_LISTEN, OFF],
     )
     realtime: Realtime = Field(default_factory=Realtime)
+    lldp: bool = Field(
+        default=True, description="Whether the drives, and the controller, tell their neighbours who they are (LLDP)."
+    )
     drives: list[DriveGroup] = Field(
         default_factory=list,
         min_length=1,

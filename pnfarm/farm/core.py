@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
+from pnfarm.protocols.profinet.wire.lldp import parse_lldp
 from pnfarm.table import engine_row
 from pnfarm.table.axis import FIRMWARE_PROFIDRIVE
 from pnfarm.table.columns import Columns, allocate
@@ -35,9 +36,11 @@ if TYPE_CHECKING:
     from pnfarm.farm.event_log import EventLog
     from pnfarm.faults.manager import FaultManager
     from pnfarm.links.base import Link, Port
+    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
-#: Ethertype of ARP; ethertype and frame id of a DCP Identify request.
+#: Ethertypes of ARP and of LLDP; ethertype and frame id of a DCP Identify request.
 ARP = bytes.fromhex("0806")
+LLDP = bytes.fromhex("88cc")
 DCP_IDENTIFY = bytes.fromhex("8892fefe")
 
 __all__ = ["Deadlines", "FarmCore", "Node", "uuid_source"]
@@ -126,6 +129,7 @@ class FarmCore:
         log: EventLog,
         seed: bytes,
         tick_ns: int = 1_000_000,
+        lldp: bool = True,
     ) -> None:
         self.name = name
         self.link = link
@@ -147,6 +151,8 @@ class FarmCore:
         self._deadlines = Deadlines()
         #: The last Identify, what it says, and the name if it asks for one only.
         self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
+        #: The last LLDP frame and what it says, or why it says nothing.
+        self._lldp: tuple[bytes, Lldpdu | str] = (b"", "short")
         self._tail = 0
         #: Called with (station, kind, now, value) for each event of the engine, after the station took it.
         self.listeners: list[Callable[[DriveStation, int, int, int], None]] = []
@@ -159,7 +165,8 @@ class FarmCore:
             model.apply_motor(axis)
             _apply_load(axis, config)
             axis.step_ns = 4_000_000
-            services = StationServices(self.channels, self.impairments, memory, log, uuid_source(seed + port.mac))
+            uuids = uuid_source(seed + port.mac)
+            services = StationServices(self.channels, self.impairments, memory, log, uuids, lldp)
             station = DriveStation(config, model, index, port, AxisHandle(axis, image), services)
             axis.powered = 1
             axis.firmware = FIRMWARE_PROFIDRIVE
@@ -180,6 +187,7 @@ class FarmCore:
         """Tell every controller that its drive goes: an ERR-RTA for each connection."""
         for station in self.stations:
             station.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
+            station.neighbours.lldp.shut_down(now)
             self.settle(station, now)
 
     def station(self, name: str) -> DriveStation:
@@ -195,6 +203,9 @@ class FarmCore:
         station = self._by_port.get(port)
         if station is None:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
+        if frame[12:14] == LLDP:
+            self._receive_lldp(station, frame, now)
+            return
         if frame and frame[0] & 1 and not self._concerns(station, frame):
             return
         if self.faults is not None:
@@ -203,6 +214,13 @@ class FarmCore:
         self.settle(station, now)
         if self.faults is not None:
             self.faults.poke(station.configured_name, now)
+
+    def _receive_lldp(self, station: DriveStation, frame: bytes, now: int) -> None:
+        """Drives that share a cable all hear the same frame: it is parsed once, and mostly says nothing new."""
+        if frame is not self._lldp[0] and frame != self._lldp[0]:
+            self._lldp = (frame, _read_lldp(frame))
+        if station.hear_neighbour(frame, self._lldp[1], now):
+            self.settle(station, now)
 
     def _concerns(self, station: DriveStation, frame: bytes) -> bool:
         """Whether a group-addressed frame can mean anything to this station.
@@ -318,6 +336,13 @@ def _read_identify(frame: bytes) -> tuple[DcpPdu | None, str | None]:
     if len(pdu.blocks) == 1 and isinstance(pdu.blocks[0], NameBlock):
         return pdu, pdu.blocks[0].name
     return pdu, None
+
+
+def _read_lldp(frame: bytes) -> Lldpdu | str:
+    try:
+        return parse_lldp(frame[14:])
+    except DecodeError as exc:
+        return exc.reason
 
 
 def _apply_load(axis: Any, config: DriveConfig) -> None:

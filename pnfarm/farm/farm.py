@@ -184,6 +184,7 @@ class Farm:
                 memory=self._state,
                 log=self.log,
                 seed=os.urandom(16),
+                lldp=self.config.lldp,
             )
             faults = attach_faults(self._core, time.monotonic_ns)
             for action in self.on_start:

@@ -23,7 +23,9 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.station_channels import ArChannels, StationChannels
+from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
 from pnfarm.farm.station_snmp import PortTraffic, snmp_view
+from pnfarm.farm.station_snmp_neighbours import NeighbourRows
 from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
@@ -53,6 +55,7 @@ from pnfarm.protocols.profinet.events import (
     SubmodulesChanged,
 )
 from pnfarm.protocols.profinet.mib_view import SystemText
+from pnfarm.protocols.profinet.pdev_checks import CheckFailed
 from pnfarm.protocols.profinet.record_store import DeviceRecords
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
@@ -82,6 +85,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Port
     from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
 __all__ = ["DriveStation", "StationServices"]
 
@@ -103,6 +107,8 @@ class StationServices:
     memory: NonVolatile
     log: EventLog
     uuids: Callable[[], UUID]
+    #: Whether the drives speak LLDP.
+    lldp: bool = True
 
 
 class DriveStation:
@@ -164,9 +170,11 @@ class DriveStation:
             address=address,
             gateway=gateway,
         )
+        self.neighbours = StationNeighbours(mac, self.index, self.description, enabled=self._services.lldp)
         self.ip = IpHost(mac)
         self.ip.open_ports = {RPC_PORT, CALL_PORT, SNMP_PORT}
         self._set_address(address, gateway)
+        self.neighbours.update(name, address, gateway, 0)
         version = identity.software_version
         self._object_uuid = object_uuid(self.description.instance, identity.device_id, identity.vendor_id)
         self.rpc = RpcServer(
@@ -195,6 +203,7 @@ class DriveStation:
             lambda: self.cm.ars,
             application=self.parameter_records,
             io_data=self.channels.io_data,
+            pdev=self.neighbours.pdev,
             texts={_text_key(key): data for key, data in (kept.get("im") or {}).items()},
         )
         self.cm = CmDevice(
@@ -207,6 +216,7 @@ class DriveStation:
         )
         #: What managers wrote; survives a power cycle.
         self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
+        self.neighbour_rows = NeighbourRows()
         self.snmp = SnmpAgent(lambda now: snmp_view(self, now))
         self.traffic = PortTraffic(self._services.channels, self.channels, self.discards())
 
@@ -224,6 +234,10 @@ class DriveStation:
     def name(self) -> str:
         """Station name now: DCP may have changed it."""
         return self.dcp.name
+
+    @property
+    def _machines(self) -> tuple[DcpDevice, IpHost, RpcServer, RpcClient, CmDevice, StationNeighbours, SnmpAgent]:
+        return self.dcp, self.ip, self.rpc, self.client, self.cm, self.neighbours, self.snmp
 
     @property
     def powered(self) -> bool:
@@ -285,6 +299,10 @@ class DriveStation:
         else:
             self.cm.receive_rta(frame.payload, frame.source, now)
 
+    def hear_neighbour(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
+        """An LLDP frame that was parsed once for all drives, or why it is none; whether anything is to be done now."""
+        return self.powered and self.neighbours.hear(frame, parsed, now)
+
     def passed_over(self, reason: str) -> bool:
         """Count a frame that was for others; always False."""
         self._drop(reason)
@@ -296,7 +314,7 @@ class DriveStation:
     def discards(self) -> dict[str, int]:
         """Every frame and PDU that was dropped, by reason, over all machines."""
         total = dict(self.dropped)
-        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm, self.snmp):
+        for machine in self._machines:
             for reason, count in machine.dropped.items():
                 total[reason] = total.get(reason, 0) + count
         return total
@@ -304,14 +322,14 @@ class DriveStation:
     def next_deadline(self) -> int | None:
         if not self.powered:
             return None
-        deadlines = [m.next_deadline() for m in (self.dcp, self.ip, self.rpc, self.client, self.cm)]
+        deadlines = [machine.next_deadline() for machine in self._machines]
         deadlines += [entry[0] for entry in self._ready_due]
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
         if not self.powered:
             return
-        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+        for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
@@ -327,7 +345,8 @@ class DriveStation:
         while moved:
             moved = False
             for step in (
-                self._pump_dcp, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_snmp, self._pump_drive,
+                self._pump_dcp, self._pump_neighbours, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_snmp,
+                self._pump_drive,
             ):  # fmt: skip
                 moved = step(now) or moved
         for datagram in (*self.rpc.to_send(now), *self.client.to_send(now), *self.snmp.to_send(now)):
@@ -336,6 +355,7 @@ class DriveStation:
         self._outbox = []
         frames += self.dcp.to_send(now)
         frames += self.ip.to_send(now)
+        frames += self.neighbours.to_send(now)
         frames += [
             emit_ethernet(EthernetFrame(f.destination, self.port.mac, ETHERTYPE_PROFINET, f.payload, f.tag))
             for f in self.cm.rta_to_send()
@@ -368,6 +388,8 @@ class DriveStation:
                     self.note(now, "factory reset", mode=mode.name.lower())
                     self.cm.abort_all(RtaError.RESET_TO_FACTORY, now)
                     self._factory_reset(now)
+        if events:
+            self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, now)
         return bool(events)
 
     def _factory_reset(self, now: int) -> None:
@@ -497,6 +519,20 @@ class DriveStation:
             self._keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
             self.note(now, "system text set", text=event.text, object=f"sys{event.which.name.capitalize()}")
         return bool(events)
+
+    def _pump_neighbours(self, now: int) -> bool:
+        notes = self.neighbours.pump(now)
+        if notes:
+            self.dcp.aliases = self.neighbours.aliases
+        for note in notes:
+            self.note(now, note.event, level=note.level, **note.data)
+        for check in self.neighbours.checks():
+            entry = port_diagnosis(check)
+            if isinstance(check, CheckFailed):
+                self.cm.diagnosis.add(entry)
+            else:
+                self.cm.diagnosis.remove(entry)
+        return bool(notes)
 
     def _pump_drive(self, now: int) -> bool:
         events = self.store.events()

@@ -16,14 +16,12 @@ from typing import TYPE_CHECKING
 from pnfarm.protocols.profinet.mib_view import (
     ADMIN_DISABLED,
     ADMIN_TX_AND_RX,
-    SUBTYPE_LOCAL,
-    SUBTYPE_MAC_ADDRESS,
     InterfaceCounters,
     InterfaceView,
+    LldpPortStatistics,
     LldpPortView,
     LldpView,
     ManagementAddress,
-    NeighbourView,
     PnoPort,
     SnmpView,
     SystemText,
@@ -34,11 +32,10 @@ from pnfarm.table.channel import DISCARD_IMPAIRED, DISCARDS
 from pnfarm.wire.mac import BROADCAST, is_group
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from pnfarm.engine.schedule import ChannelTable
     from pnfarm.farm.station import DriveStation
     from pnfarm.farm.station_channels import ArChannels, StationChannels
+    from pnfarm.farm.station_neighbours import StationNeighbours
 
 __all__ = ["PortTraffic", "interface_index", "snmp_view"]
 
@@ -176,11 +173,9 @@ def interface_index(station: DriveStation) -> int:
     return _port_numbers(station)[-1] + 1
 
 
-def snmp_view(station: DriveStation, now: int, neighbours: Sequence[NeighbourView] | None = None) -> SnmpView:
-    """The station at ``now``; it is powered.
-
-    ``neighbours`` are those that its LLDP agent hears, None while it has no such agent: its port is shown as disabled.
-    """
+def snmp_view(station: DriveStation, now: int) -> SnmpView:
+    """The station at ``now``; it is powered.  Without LLDP its ports are shown as disabled."""
+    agent = station.neighbours
     im0 = station.description.im0
     description = system_description(
         station.description.station_type,
@@ -226,23 +221,36 @@ def snmp_view(station: DriveStation, now: int, neighbours: Sequence[NeighbourVie
         )
     )
     address = station.dcp.address
+    chassis, port_id = agent.lldp.system.chassis, agent.lldp.system.port_id(agent.lldp.port)
+    heard = station.neighbour_rows.views(agent.lldp.neighbours, numbers[0], station.booted_ns)
     lldp = LldpView(
-        chassis_id=station.name.encode("ascii", "replace") or mac,
-        chassis_id_subtype=SUBTYPE_LOCAL if station.name else SUBTYPE_MAC_ADDRESS,
-        system_name=name,
-        system_description=description,
+        chassis_id=chassis.value,
+        chassis_id_subtype=chassis.subtype,
+        system_name=station.name,
+        system_description=agent.lldp.system.description,
         ports=tuple(
             LldpPortView(
                 number=number,
-                port_id=f"port-{number:03}".encode(),
+                port_id=port_id.value if number == numbers[0] else f"port-{number:03}".encode(),
                 description=interfaces[place].description,
-                admin_status=ADMIN_DISABLED if neighbours is None else ADMIN_TX_AND_RX,
-                tlvs_enabled=b"\x00" if neighbours is None else _EVERY_TLV,
+                admin_status=ADMIN_TX_AND_RX if agent.enabled else ADMIN_DISABLED,
+                tlvs_enabled=_EVERY_TLV if agent.enabled else b"\x00",
                 pno=PnoPort(station_name=station.name),
+                statistics=_lldp_statistics(agent) if number == numbers[0] else LldpPortStatistics(),
             )
             for place, number in enumerate(numbers)
         ),
         addresses=(ManagementAddress.ipv4(address.ip, index),) if address is not None else (),
-        neighbours=tuple(neighbours or ()),
+        neighbours=tuple(heard),
     )
     return SnmpView(system, lldp, tuple(interfaces))
+
+
+def _lldp_statistics(agent: StationNeighbours) -> LldpPortStatistics:
+    dropped = agent.lldp.dropped
+    return LldpPortStatistics(
+        tx_frames=agent.lldp.sent,
+        rx_frames=agent.lldp.received + sum(dropped.values()),
+        rx_frames_discarded=sum(dropped.values()),
+        rx_frames_errors=sum(dropped.values()) - dropped["too-many-neighbours"] - dropped["own-frame"],
+    )

@@ -1,10 +1,11 @@
 """A switch in memory: whole farms in one process and in virtual time.
 
 Ports know their addresses, so nothing is learnt: a unicast frame goes to the ports with that address, a
-broadcast or multicast to all others. A frame is handed over at the time it was sent plus the switch's
-latency, in the order of sending, when :meth:`MemorySwitch.deliver` is called for that time; frames sent while
-frames are delivered belong to the same call when they are due, so that a question and its answer pass in one
-instant.
+broadcast or multicast to all others; only LLDP, which no switch forwards, crosses from one link to another and
+not between the ports of one, as if each link were a cable. A frame is handed over at the time it was sent plus
+the switch's latency, in the order of sending, when :meth:`MemorySwitch.deliver` is called for that time; frames
+sent while frames are delivered belong to the same call when they are due, so that a question and its answer pass
+in one instant.
 
 Cyclic frames are exchanged by the compiled engine inside its tables; these are the acyclic ones.
 """
@@ -15,7 +16,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import InternalError
-from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,7 +54,7 @@ class MemorySwitch:
     def attach(
         self, mac: bytes, receiver: Receiver | None = None, *, name: str = "", counters: LinkCounters | None = None
     ) -> Port:
-        """A new port.  ``counters`` may be shared by the ports of one link."""
+        """A new port.  ``counters`` are shared by the ports of one link, and say that they are of one link."""
         index = self._next_index
         self._next_index += 1
         socket = _Socket(mac, counters if counters is not None else LinkCounters())
@@ -113,10 +114,13 @@ class MemorySwitch:
             due, source_port, frame = self._under_way.popleft()
             destination = frame[:6]
             to_all = bool(destination and destination[0] & 1)
+            sender = self._sockets.get(source_port) if destination == MULTICAST_LLDP else None
             for index in list(self._sockets) if to_all else list(self._by_mac.get(destination, ())):
                 # a receiver earlier in this round may have taken the port away
                 socket = self._sockets.get(index)
                 if socket is None or index == source_port:
+                    continue
+                if sender is not None and socket.counters is sender.counters:
                     continue
                 if not socket.carrier:
                     socket.counters.dropped["cable-pulled"] += 1

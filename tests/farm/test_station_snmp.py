@@ -184,8 +184,23 @@ def test_the_interface_is_behind_the_ports_and_has_the_address(line):
     assert tool.get((*address, 5, 1, 4, *DRIVE.packed)) == [2]
 
 
-def test_a_station_without_lldp_says_that_its_port_speaks_none(line):
-    assert Tool(line).get((1, 0, 8802, 1, 1, 2, 1, 1, 6, 1, 2, 1)) == [4]
+@pytest.mark.parametrize(("enabled", "status"), [(True, 3), (False, 4)])
+def test_a_station_says_whether_its_port_speaks_lldp(line, enabled, status):
+    line.farm.stations[0].neighbours.enabled = enabled
+    assert Tool(line).get((1, 0, 8802, 1, 1, 2, 1, 1, 6, 1, 2, 1)) == [status]
+
+
+def test_a_manager_reads_who_hangs_on_the_drives_port():
+    line = VirtualLine(1, limits="lax", cycle="4ms")
+    line.run(6)
+    tool = Tool(line)
+    remote = (1, 0, 8802, 1, 1, 2, 1, 4, 1, 1)
+    found = {}
+    for column in (5, 7, 9):
+        (row,) = tool.ask(GET_NEXT, VarBind((*remote, column))).varbinds
+        assert row.name[: len(remote) + 1] == (*remote, column)
+        found[column] = row.value.value
+    assert (found[5], found[7], found[9]) == (b"plc", b"port-001", b"plc")
 
 
 def test_dropped_messages_are_among_the_stations_discards(line):

@@ -16,6 +16,8 @@ from uuid import UUID
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.alarm import AlarmChannel, AlarmReceived, AlarmRefusedError
+from pnfarm.protocols.profinet.errors import RecordError
+from pnfarm.protocols.profinet.lldp import MAXIMUM_NEIGHBOURS
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.snmp import MAXIMUM_MESSAGE
@@ -24,6 +26,7 @@ from pnfarm.protocols.profinet.wire.blocks import emit_raw_block, split_blocks
 from pnfarm.protocols.profinet.wire.dcp import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
+from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
@@ -49,7 +52,14 @@ from pnfarm.protocols.profinet.wire.snmp import (
     emit_snmp,
     parse_snmp,
 )
-from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import (
+    ETHERTYPE_IPV4,
+    ETHERTYPE_LLDP,
+    ETHERTYPE_PROFINET,
+    EthernetFrame,
+    emit_ethernet,
+    parse_ethernet,
+)
 from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import emit_udp, parse_udp
 from tests.fuzz.corpus import Conversation
@@ -536,7 +546,55 @@ class AlarmChannelMachine(Machine):
         return self.frames
 
 
+class LldpMachine(Machine):
+    """LLDPDUs, good ones and others, at the drive's port; through the farm, which parses for all drives."""
+
+    name = "lldp-port"
+
+    def next_input(self, rng):
+        return variation(rng, self.layers["lldp"])
+
+    def take(self, rng, data):
+        source = rng.choice((self.line.plc.port.mac, self.station.port.mac, rng.randbytes(6)))
+        frame = EthernetFrame(LLDP_MULTICAST, source, ETHERTYPE_LLDP, data)
+        before = self.station.neighbours.lldp.received
+        self.line.farm.receive(self.station.port.index, emit_ethernet(frame), self.now)
+        lldp = self.station.neighbours.lldp
+        assert len(lldp.neighbours) <= MAXIMUM_NEIGHBOURS
+        for neighbour in lldp.neighbours:  # whatever was heard can be shown
+            assert isinstance(f"{neighbour.alias} {neighbour.ip} {neighbour.system_name} {neighbour}", str)
+        self.answers += lldp.received > before
+
+
+class PdevMachine(Machine):
+    """Records of the physical device, written and read in every place."""
+
+    name = "physical-device"
+
+    def next_input(self, rng):
+        chosen = rng.choice(self.layers["pdev"])
+        return deep_blocks(rng, chosen, self.layers["pdev"], rng.choice((5, 6)))
+
+    def take(self, rng, data):
+        pdev = self.station.neighbours.pdev
+        fitting = {b"\x02\x00": (0x802B, 0x8001), b"\x02\x02": (0x802F, 0x8001), b"\x02\x50": (0x8071, 0x8000)}
+        index, subslot = fitting.get(data[:2], (0x802B, 0x8001))
+        slot = 0
+        if rng.random() < 0.2:
+            slot, subslot = rng.choice(((0, 0x8000), (0, 0x8001), (0, 1), (0, 0x8002), (1, 0x8001)))
+            index = rng.choice((0x802A, 0x802B, 0x802F, 0x8051, 0x8071, 0x8072, 0x8080, 0xF841, 0xF842))
+        refused = pdev.write(None, 0, slot, subslot, index, data, self.now)
+        self.answers += refused is None
+        for what in (index, 0x802A, 0xF841, 0xF842):
+            found = pdev.read(None, 0, slot, subslot, what, 65536, self.now)
+            assert isinstance(found, bytes | RecordError)
+        if refused is None:
+            assert pdev.read(None, 0, slot, subslot, index, 65536, self.now) == data
+        self.settle()
+
+
 MACHINES: tuple[type[Machine], ...] = (
     Station, Controller, DcpDeviceMachine, DcpClientMachine, IpHostMachine, RpcServerMachine, RpcClientMachine,
     SnmpAgentMachine, CmDeviceMachine, CmControllerMachine, AlarmChannelMachine,
+    LldpMachine, PdevMachine,
 )  # fmt: skip

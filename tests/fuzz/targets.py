@@ -30,7 +30,7 @@ __all__ = ["Parser", "parsers"]
 
 ROOTS = (pnfarm.wire, pnfarm.protocols.profinet, pnfarm.drives.profiles.profidrive)
 #: Texts that users write, not octets that peers send.
-NOT_PEERS = {"parse_mac"}
+NOT_PEERS = {"parse_mac", "parse_record", "parse_number", "parse_tokens", "parse_octets"}
 #: Arguments that are not octets, with the values to try.
 OPTIONS = {
     "little_endian": (True, False),
@@ -49,6 +49,7 @@ LAYERS = {
     "parse_udp": ("udp",),
     "parse_icmp": ("icmp",),
     "parse_dcp": ("dcp",),
+    "parse_lldp": ("lldp",),
     "parse_rtc": ("rtc",),
     "parse_rta": ("rta",),
     "parse_rta_error": ("rta",),

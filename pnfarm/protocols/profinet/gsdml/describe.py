@@ -68,7 +68,7 @@ class Abilities:
 
 
 #: The farm's drives.
-STATION = Abilities()
+STATION = Abilities(protocols=("SNMP", "LLDP"))
 
 
 def _hex(value: int) -> str:
