@@ -118,6 +118,22 @@ def test_inspect_of_one_drive_shows_every_field(ask, farm):
     assert json.loads(ask("inspect", "axis-01", "--format", "json").out) == DRIVE
 
 
+def test_inspect_of_one_drive_says_who_its_neighbour_is(ask, farm):
+    neighbour = {
+        "port": "port-001",
+        "station": "switch-1",
+        "chassis": "switch-1",
+        "port_id": "port-003",
+        "system_name": None,
+        "mac": "02:00:00:00:00:99",
+        "ip": None,
+        "seen_seconds_ago": 1.5,
+    }
+    farm.answer("GET", "drives/axis-01", DRIVE | {"neighbours": [neighbour]})
+    text = " ".join(ask("inspect", "axis-01").out.split())
+    assert "neighbours switch-1 port-003 (02:00:00:00:00:99) at port-001" in text
+
+
 def test_a_name_with_odd_letters_stays_one_name(ask, farm):
     farm.answer("GET", "drives/a%2Fb%20c", DRIVE)
     assert ask("inspect", "a/b c").code == 0
