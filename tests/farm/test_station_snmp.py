@@ -199,7 +199,7 @@ def test_a_manager_reads_who_hangs_on_the_drives_port():
     for column in (5, 7, 9):
         (row,) = tool.ask(GET_NEXT, VarBind((*remote, column))).varbinds
         assert row.name[: len(remote) + 1] == (*remote, column)
-        found[column] = row.value.value
+        found[column] = row.value.content
     assert (found[5], found[7], found[9]) == (b"plc", b"port-001", b"plc")
 
 
