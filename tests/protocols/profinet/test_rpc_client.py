@@ -19,7 +19,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
     UUID_PNIO_DEVICE,
-    FackBody,
     Flags1,
     NcaStatus,
     Opnum,
@@ -27,15 +26,14 @@ from pnfarm.protocols.profinet.wire.rpc import (
     PnioStatus,
     ResponseArgs,
     RpcPdu,
-    emit_fack,
     emit_response_args,
     emit_rpc,
     emit_status,
     object_uuid,
-    parse_fack,
     parse_request_args,
     parse_rpc,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack, parse_fack
 
 MS = 1_000_000
 PEER = Peer(IPv4Address("10.77.0.11"), RPC_PORT)
@@ -194,8 +192,8 @@ def test_a_server_that_keeps_losing_the_call_is_given_up():
 @pytest.mark.parametrize(
     ("kind", "status", "reason"),
     [
-        (PacketType.REJECT, NcaStatus.UNK_IF, "reject nca_unk_if"),
-        (PacketType.FAULT, NcaStatus.FAULT_UNSPEC, "fault nca_fault_unspec"),
+        (PacketType.REJECT, NcaStatus.UNK_IF, "reject nca_unk_if (no such interface, version or object)"),
+        (PacketType.FAULT, NcaStatus.FAULT_UNSPEC, "fault nca_fault_unspec (no reason is given)"),
         (PacketType.FAULT, 0x12345678, "fault 0x12345678"),
     ],
 )

@@ -27,7 +27,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_PNIO_CONTROLLER,
     UUID_PNIO_DEVICE,
-    FackBody,
     Flags1,
     NcaStatus,
     Opnum,
@@ -36,14 +35,21 @@ from pnfarm.protocols.profinet.wire.rpc import (
     RequestArgs,
     RpcPdu,
     drep,
-    emit_fack,
     emit_request_args,
     emit_rpc,
     object_uuid,
-    parse_fack,
     parse_response_args,
     parse_rpc,
     parse_status,
+)
+from pnfarm.protocols.profinet.wire.rpc_bodies import (
+    CancelAckBody,
+    CancelBody,
+    FackBody,
+    emit_cancel,
+    emit_fack,
+    parse_cancel_ack,
+    parse_fack,
 )
 
 MS = 1_000_000
@@ -200,7 +206,7 @@ def test_an_older_sequence_number_after_a_pause_is_a_client_that_began_anew():
 def test_sequence_numbers_wrap():
     device = server()
     put(device, request(0xFFFFFFFF))
-    device.events()
+    device.respond(received(device).call, OK, b"", 0)
     put(device, request(0))
     assert received(device).call.sequence == 0
 
@@ -212,7 +218,9 @@ def test_an_answer_to_a_call_that_was_replaced_goes_nowhere():
     put(device, request(2))
     assert not device.respond(old, OK, b"", 0)
     assert sent(device) == []
-    assert device.respond(received(device).call, OK, b"", 0)
+    gone, new = device.events()
+    assert gone == CallCancelled(old, PEER, orphaned=True)
+    assert device.respond(new.call, OK, b"", 0)
     assert not device.fault(old, NcaStatus.FAULT_UNSPEC, 0)
 
 
@@ -298,10 +306,15 @@ def test_a_cancel_is_told_and_acknowledged():
     device = server()
     put(device, request())
     call = received(device).call
-    [answer] = put(device, about(request(), PacketType.CL_CANCEL))
-    assert answer.kind == PacketType.CANCEL_ACK
+    cancel = replace(about(request(), PacketType.CL_CANCEL), body=emit_cancel(CancelBody(1), little_endian=True))
+    for _ in range(2):
+        [answer] = put(device, cancel)
+        assert answer.kind == PacketType.CANCEL_ACK
+        assert parse_cancel_ack(answer.body, little_endian=True) == CancelAckBody(1, accepting=True)
     assert device.events() == [CallCancelled(call, PEER)]
-    assert put(device, about(request(9), PacketType.CL_CANCEL)) == []
+    assert put(device, replace(cancel, sequence=9)) == []
+    assert device.fault(call, NcaStatus.FAULT_CANCEL, 0)
+    assert [pdu.kind for pdu in sent(device)] == [PacketType.FAULT]
 
 
 def test_fragments_are_acknowledged_and_joined():
@@ -314,7 +327,8 @@ def test_fragments_are_acknowledged_and_joined():
         body = parse_fack(fack.body, little_endian=True)
         assert body is not None
         assert body.serial == number + 10
-    assert put(device, parts[-1]) == []
+    [fack] = put(device, parts[-1])
+    assert (fack.kind, fack.fragment_number) == (PacketType.FACK, len(parts) - 1)
     assert received(device).payload == payload
 
 
@@ -425,7 +439,7 @@ def test_a_fragment_without_acknowledgement_is_sent_again_and_then_given_up():
         again = sent(device)
         times += [now // MS] * len(again)
         assert all(part.fragment_number == 0 for part in again)
-    assert times == [500, 1500]
+    assert times == [500, 1000]
     # the answer is still there for a client that asks again
     assert put(device, request(), 9_000 * MS)[0].fragment_number == 0
 
@@ -441,12 +455,16 @@ def test_an_absurd_fack_changes_nothing():
 
 
 def test_idle_activities_are_forgotten():
-    device = server(idle_ns=30_000 * MS)
+    device = server(reply_ns=10_000 * MS, idle_ns=20_000 * MS)
     put(device, request())
     device.respond(received(device).call, OK, b"x", 0)
+    assert device.next_deadline() == 10_000 * MS
+    device.handle_timeout(10_000 * MS)
+    assert (device.held_octets, len(device.activities)) == (0, 1)
     assert device.next_deadline() == 30_000 * MS
     device.handle_timeout(30_000 * MS)
     assert device.next_deadline() is None
+    assert device.activities == {}
     assert device.held_octets == 0
     [answer] = put(device, about(request(), PacketType.PING))[-1:]
     assert answer.kind == PacketType.NOCALL
@@ -460,13 +478,18 @@ def test_half_a_request_is_forgotten():
     assert device.held_octets == 0
 
 
-def test_a_call_that_is_never_answered_is_forgotten():
+def test_a_call_that_is_never_answered_is_a_fault():
     device = server(execution_ns=60_000 * MS)
     put(device, request())
     call = received(device).call
     put(device, request(), 59_000 * MS)
     device.handle_timeout(60_000 * MS)
+    [answer] = sent(device)
+    assert parse_status(answer.body, little_endian=True) == NcaStatus.FAULT_UNSPEC
+    assert device.events() == [CallCancelled(call, PEER, orphaned=True)]
     assert not device.respond(call, OK, b"", 60_000 * MS)
+    # it may have run, so that a repetition gets what the client got already
+    assert [pdu.kind for pdu in put(device, request(), 61_000 * MS)] == [PacketType.FAULT]
 
 
 def test_too_many_open_calls_are_rejected_as_busy():
