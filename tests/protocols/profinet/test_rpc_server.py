@@ -9,6 +9,7 @@ from uuid import UUID
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rpc_support import ACTIVITY, MAC, MS, OBJECT, PEER, about, fragments, put, received, request, sent, server
 
 from pnfarm.protocols.profinet.rpc_server import (
     CallCancelled,
@@ -16,7 +17,6 @@ from pnfarm.protocols.profinet.rpc_server import (
     Interface,
     Peer,
     RpcServer,
-    RpcServerConfig,
     ServerState,
 )
 from pnfarm.protocols.profinet.wire.rpc import (
@@ -37,9 +37,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
     drep,
     emit_request_args,
     emit_rpc,
-    object_uuid,
     parse_response_args,
-    parse_rpc,
     parse_status,
 )
 from pnfarm.protocols.profinet.wire.rpc_bodies import (
@@ -51,68 +49,6 @@ from pnfarm.protocols.profinet.wire.rpc_bodies import (
     parse_cancel_ack,
     parse_fack,
 )
-
-MS = 1_000_000
-ADDRESS = IPv4Address("10.77.0.11")
-PEER = Peer(IPv4Address("10.77.0.1"), 49155)
-OBJECT = object_uuid(1, 1, 0x0105)
-ACTIVITY = UUID("00000008-0000-1010-808e-000e8cb06c7e")
-MAC = bytes.fromhex("000e8cb06c7e")
-
-
-def server(**settings_) -> RpcServer:
-    return RpcServer(RpcServerConfig(**settings_), ADDRESS)
-
-
-def request(sequence=0, payload=b"blocks", *, opnum=Opnum.READ, maximum=65536, little=True, **fields) -> RpcPdu:
-    stub = emit_request_args(RequestArgs(maximum, payload), little_endian=little)
-    pdu = RpcPdu(
-        PacketType.REQUEST,
-        UUID_PNIO_DEVICE,
-        ACTIVITY,
-        OBJECT,
-        sequence=sequence,
-        opnum=opnum,
-        body=stub,
-        flags1=int(Flags1.IDEMPOTENT),
-        drep=drep(little_endian=little),
-    )
-    return replace(pdu, **fields)
-
-
-def about(pdu: RpcPdu, kind: PacketType, **fields) -> RpcPdu:
-    return replace(pdu, packet_type=int(kind), flags1=0, body=b"", **fields)
-
-
-def put(to: RpcServer, pdu: RpcPdu, now: int = 0, peer: Peer = PEER) -> list[RpcPdu]:
-    """Give the server one PDU and answer what it sends."""
-    to.receive(peer, RPC_PORT, emit_rpc(pdu), now, MAC)
-    return sent(to, now)
-
-
-def sent(to: RpcServer, now: int = 0) -> list[RpcPdu]:
-    datagrams = to.to_send(now)
-    assert all(datagram.local_port == RPC_PORT for datagram in datagrams)
-    return [parse_rpc(datagram.data) for datagram in datagrams]
-
-
-def received(to: RpcServer) -> CallReceived:
-    [event] = to.events()
-    assert isinstance(event, CallReceived)
-    return event
-
-
-def fragments(pdu: RpcPdu, size=BODY_MAX, flags=0) -> list[RpcPdu]:
-    bodies = [pdu.body[at : at + size] for at in range(0, len(pdu.body), size)]
-    return [
-        replace(
-            pdu,
-            body=body,
-            fragment_number=number,
-            flags1=int(Flags1.FRAGMENT | flags | (Flags1.LAST_FRAGMENT if number == len(bodies) - 1 else 0)),
-        )
-        for number, body in enumerate(bodies)
-    ]
 
 
 @pytest.mark.parametrize("little", [False, True])
