@@ -8,7 +8,7 @@ number is new, the same or old:
 IDLE       no call, or nothing is kept of the last one but its number
 RECEIVING  fragments of a request are arriving
 EXECUTING  the application holds the call; a repeated request or a ping is answered *working*
-ORPHANED   the client gave the call up; what the application still answers goes nowhere
+ORPHANED   the client gave the call up: an answer goes nowhere, and the call does not run again
 REPLYING   a reply is on its way and not acknowledged to its end
 REPLIED    the reply is kept, and sent again when the request or a ping comes again
 =========  ======================================================================================
@@ -140,7 +140,7 @@ class RpcServer:
         A payload above the call's ``args_maximum`` cannot be returned: the client gets the fault
         ``nca_out_args_too_big`` instead.
         """
-        activity = self._open_call(call, now)
+        activity = self._open_call(call)
         if activity is None:
             return False
         if len(payload) > min(activity.args_maximum, STUB_MAX - ARGS_HEADER_LENGTH):
@@ -153,7 +153,7 @@ class RpcServer:
 
     def fault(self, call: CallKey, code: int, now: int) -> bool:
         """Answer a call with a fault status (:class:`NcaStatus`); False when it is no longer open."""
-        activity = self._open_call(call, now)
+        activity = self._open_call(call)
         if activity is None:
             return False
         self._answer_status(activity, code, now)
@@ -233,15 +233,12 @@ class RpcServer:
         else:
             self.dropped[f"no-call-for-{event.name.lower()}"] += 1
 
-    def _open_call(self, call: CallKey, now: int) -> Activity | None:
+    def _open_call(self, call: CallKey) -> Activity | None:
         activity = self._activities.get((call.ip, call.activity))
-        if activity is not None and activity.call == call:
-            if activity.state is ServerState.EXECUTING:
-                return activity
-            if activity.state is ServerState.ORPHANED:
-                self._fire(activity, _Event.ANSWERED, None, now)
-        self.dropped["late-answer"] += 1
-        return None
+        if activity is None or activity.state is not ServerState.EXECUTING or activity.call != call:
+            self.dropped["late-answer"] += 1
+            return None
+        return activity
 
     def _answer_status(
         self, activity: Activity, code: int, now: int, reply_type: PacketType = PacketType.FAULT

@@ -28,6 +28,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
     Flags1,
     Opnum,
     PacketType,
+    PnioStatus,
     RequestArgs,
     RpcPdu,
     drep,
@@ -111,7 +112,7 @@ class Station:
     """A server with an application that takes ``think_ns`` for each call, and counts how often it ran each."""
 
     address: Peer
-    answer: Callable[[bytes], bytes]
+    answer: Callable[[CallReceived], bytes | tuple[PnioStatus, bytes]] = lambda event: event.payload[::-1]
     think_ns: int = 0
     config: RpcServerConfig = field(default_factory=lambda: RpcServerConfig(endpoints=ENDPOINTS))
     runs: Counter = field(default_factory=Counter)
@@ -189,21 +190,25 @@ class Network:
                 self._carry(ip, datagram)
 
     def _respond(self, station: Station, event: CallReceived) -> None:
-        station.server.respond(event.call, OK, station.answer(event.payload), self.now)
+        answer = station.answer(event)
+        status, payload = (OK, answer) if isinstance(answer, bytes) else answer
+        station.server.respond(event.call, status, payload, self.now)
 
     def run(self, until: int) -> None:
         """Let everything happen that happens up to ``until``."""
         machines = [*self.clients.values(), *(station.server for station in self.stations.values())]
         for _ in range(200_000):
-            deadlines = [at for machine in machines if (at := machine.next_deadline()) is not None]
-            due = min([self._due[0][0]] * bool(self._due) + deadlines, default=None)
+            coming = [at for machine in machines if (at := machine.next_deadline()) is not None]
+            coming += [at for at, _, _ in self._due[:1]]
+            due = min(coming, default=None)
             if due is None or due > until:
                 self.now = until
                 return
             self.now = max(self.now, due)
-            if self._due and self._due[0][0] <= self.now:
+            arrived = bool(self._due) and self._due[0][0] <= self.now
+            while self._due and self._due[0][0] <= self.now:
                 heapq.heappop(self._due)[2]()
-            else:
+            if not arrived:
                 for machine in machines:
                     machine.handle_timeout(self.now)
             self.flush()

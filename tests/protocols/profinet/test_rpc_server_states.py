@@ -326,7 +326,11 @@ def test_an_orphaned_calls_answer_goes_nowhere_and_the_next_call_is_served():
     assert device.events() == [CallCancelled(call, PEER, orphaned=True)]
     assert not device.respond(call, OK, b"late", 0)
     assert sent(device) == []
+    # a late duplicate of the request does not bring it back, until it cannot be one any more
+    assert put(device, request(1), 10 * MS) == []
+    device.handle_timeout(60_000 * MS)
     assert list(device.activities.values()) == [ServerState.IDLE]
+    assert device.events() == []
     put(device, request(2))
     assert device.respond(received(device).call, OK, b"", 0)
 
