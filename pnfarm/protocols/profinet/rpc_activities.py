@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Final
 
+from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, FragmentSender, Peer, Reassembly
 from pnfarm.protocols.profinet.wire.rpc import Flags1, PacketType, RpcPdu
@@ -119,6 +120,9 @@ class Activity:
     serial: int = 0
     tries: int = 0
     cancelled: bool = False
+    #: Of the table: its name for the row, and the octets of it that are in its sum.
+    number: int = 0
+    accounted: int = 0
 
     @property
     def call(self) -> CallKey:
@@ -157,13 +161,22 @@ _EVICTABLE: Final = (
 
 
 class ActivityTable:
-    """At most ``rows_max`` activities that hold at most ``octets_max`` octets; evictions are counted in ``dropped``."""
+    """At most ``rows_max`` activities that hold at most ``octets_max`` octets; evictions are counted in ``dropped``.
+
+    Sums and the earliest deadline are kept, not searched for: after anything was done to a row, :meth:`settle` takes
+    over what became of it.
+    """
 
     def __init__(self, rows_max: int, octets_max: int, dropped: Counter[str]) -> None:
         self._rows_max = rows_max
         self._octets_max = octets_max
         self._dropped = dropped
         self._rows: dict[ActivityKey, Activity] = {}
+        self._by_number: dict[int, Activity] = {}
+        self._deadlines = Deadlines()
+        self._last_number = 0
+        self._octets = 0
+        self._states: Counter[ServerState] = Counter()
 
     def __iter__(self) -> Iterator[Activity]:
         return iter(self._rows.values())
@@ -173,37 +186,64 @@ class ActivityTable:
 
     @property
     def held_octets(self) -> int:
-        return sum(row.held for row in self)
+        return self._octets
 
     def count(self, state: ServerState) -> int:
-        return sum(row.state is state for row in self)
+        return self._states[state]
+
+    def next_deadline(self) -> int | None:
+        return self._deadlines.first()
+
+    def due(self, now: int) -> list[Activity]:
+        """Rows whose time is up; each is to be settled or forgotten then."""
+        return [self._by_number[number] for number in self._deadlines.take(now)]
 
     def add(self, activity: Activity) -> bool:
         """Take a row in; False when every row holds an open call."""
         if not self.make_room(None):
             return False
-        self._rows[activity.key] = activity
+        self._last_number += 1
+        activity.number = self._last_number
+        self._rows[activity.key] = self._by_number[activity.number] = activity
+        self._states[activity.state] += 1
         return True
+
+    def move(self, activity: Activity, state: ServerState) -> None:
+        """Write a row's state."""
+        self._states[activity.state] -= 1
+        self._states[state] += 1
+        activity.state = state
+
+    def settle(self, activity: Activity) -> None:
+        if activity.number in self._by_number:
+            self._octets += activity.held - activity.accounted
+            activity.accounted = activity.held
+            self._deadlines.set(activity.number, activity.deadline)
 
     def forget(self, activity: Activity, reason: str) -> None:
         if self._rows.pop(activity.key, None) is not None:
+            del self._by_number[activity.number]
+            self._deadlines.set(activity.number, None)
+            self._states[activity.state] -= 1
+            self._octets -= activity.accounted
             self._dropped[reason] += 1
 
     def make_room(self, keeper: Activity | None, octets: int = 0) -> bool:
         """Let go of what matters least until ``octets`` more (and, without ``keeper``, one more row) fit."""
-
-        def fits() -> bool:
-            if keeper is None and len(self._rows) >= self._rows_max:
-                return False
-            return self.held_octets + octets <= self._octets_max
-
-        if fits():
+        if keeper is not None:
+            self.settle(keeper)
+        if self._fits(keeper, octets):
             return True
         for state in _EVICTABLE:
             share = Counter(row.key[0] for row in self)
             rows = [row for row in self if row.state is state and row is not keeper]
             for row in sorted(rows, key=lambda row: (-share[row.key[0]], row.touched)):
                 self.forget(row, "evicted")
-                if fits():
+                if self._fits(keeper, octets):
                     return True
         return False
+
+    def _fits(self, keeper: Activity | None, octets: int) -> bool:
+        if keeper is None and len(self._rows) >= self._rows_max:
+            return False
+        return self._octets + octets <= self._octets_max

@@ -168,10 +168,10 @@ class RpcServer:
         return events
 
     def next_deadline(self) -> int | None:
-        return min((activity.deadline for activity in self._activities), default=None)
+        return self._activities.next_deadline()
 
     def handle_timeout(self, now: int) -> None:
-        for activity in [row for row in self._activities if row.deadline <= now]:
+        for activity in self._activities.due(now):
             match activity.state:
                 case ServerState.IDLE | ServerState.RECEIVING:
                     self._activities.forget(activity, f"expired-{activity.state.name.lower()}")
@@ -266,13 +266,14 @@ class RpcServer:
         self._enter(activity, state, now)
         if action is not None:
             getattr(self, f"_do_{action}")(activity, pdu, now)
+        self._activities.settle(activity)
 
     def _enter(self, activity: Activity, state: ServerState, now: int) -> None:
-        """Write the state; the only place that does."""
+        """Let a row enter a state, and say how long it may stay; the only place that does."""
         stays = state is activity.state
         if stays and state in {ServerState.EXECUTING, ServerState.ORPHANED, ServerState.REPLYING}:
             return
-        activity.state = state
+        self._activities.move(activity, state)
         waits = {
             ServerState.IDLE: self.config.idle_ns,
             ServerState.RECEIVING: self.config.reassembly_ns,

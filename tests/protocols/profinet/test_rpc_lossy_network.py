@@ -6,7 +6,8 @@ Whatever happens, a call ends once at its client, runs at most once at its serve
 from __future__ import annotations
 
 import time
-from ipaddress import IPv4Address
+from dataclasses import replace
+from ipaddress import IPv4Address, IPv4Interface
 
 import pytest
 from cm_support import UUID_1, Bench
@@ -14,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rpc_support import ENDPOINTS, MS, PERFECT, Network, Station
 
+from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.rpc_client import CallFailed, CallReturned, RpcClient, RpcClientConfig
 from pnfarm.protocols.profinet.rpc_events import RpcServerConfig
@@ -27,6 +29,8 @@ from pnfarm.protocols.profinet.wire.iod import (
     parse_write_response,
 )
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, Opnum, PacketType, parse_rpc
+from pnfarm.wire.ethernet import parse_ethernet
+from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
 
 fates = st.lists(
     st.sampled_from([PERFECT, PERFECT, (), (1, 1), (40,), (1, 700), (900,), (3, 2, 1), (1, 2_500)]), max_size=120
@@ -204,6 +208,37 @@ def test_512_devices_at_once_end_and_leave_nothing_behind():
     assert client.open_calls == 0
     client.handle_timeout(120_000 * MS)
     assert (len(client._activities), len(client._deadlines)) == (0, 0)
+
+
+def test_a_frame_holds_every_datagram_and_a_peers_fragmented_one_arrives_whole():
+    """No end relies on IP fragments, both take them."""
+    ends = [IpHost(bytes.fromhex(f"0200000000{n:02x}")) for n in (1, 2)]
+    for number, host in enumerate(ends, 1):
+        host.set_address(IPv4Interface(f"10.77.0.{number}/24"))
+        host.open_ports = {RPC_PORT}
+    sender, receiver = ends
+    sender.learn(IPv4Address("10.77.0.2"), receiver.mac, 0)
+    sender.to_send(0)
+    net = Network([one := station(11, answer=lambda _: payload(60_000, 1))])
+    net.call(net.client("10.77.0.1"), one, payload(20_000, 2))
+    net.run(1_000 * MS)
+    for _, _, data in net.seen:
+        sender.send(49152, IPv4Address("10.77.0.2"), RPC_PORT, data, 0)
+        [frame] = sender.to_send(0)
+        assert len(frame) <= 1514
+    # the longest datagram, cut by a router on the way
+    longest = max((data for _, _, data in net.seen), key=len)
+    assert len(longest) == 1464
+    sender.send(49152, IPv4Address("10.77.0.2"), RPC_PORT, longest, 0)
+    [frame] = sender.to_send(0)
+    ether = parse_ethernet(frame)
+    packet = parse_ipv4(ether.payload)
+    for offset in range(0, len(packet.payload), 552):
+        part = packet.payload[offset : offset + 552]
+        piece = replace(packet, payload=part, fragment_offset=offset, more_fragments=offset + 552 < len(packet.payload))
+        receiver.receive(replace(ether, payload=emit_ipv4(piece)), 0)
+    [event] = [event for event in receiver.events() if isinstance(event, DatagramReceived)]
+    assert event.data == longest
 
 
 def seconds_of(calls: int, polls: int) -> float:

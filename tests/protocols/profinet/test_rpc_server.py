@@ -480,7 +480,7 @@ def test_an_answer_that_does_not_fit_into_memory_is_a_fault():
     assert parse_status(answer.body, little_endian=True) == NcaStatus.FAULT_REMOTE_NO_MEMORY
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     st.lists(
         st.one_of(
@@ -510,6 +510,12 @@ def test_any_datagrams_leave_the_server_able_to_serve(datagrams):
         for event in device.events():
             if isinstance(event, CallReceived) and event.call.sequence % 2:
                 device.respond(event.call, OK, bytes(event.call.sequence * 2_000), now)
+        # the sums that are kept are those of the rows
+        rows = list(device._activities)
+        assert device.held_octets == sum(row.held for row in rows)
+        assert device.next_deadline() == min((row.deadline for row in rows), default=None)
+        for state in ServerState:
+            assert device._activities.count(state) == sum(row.state is state for row in rows)
         now += 100 * MS
         device.handle_timeout(now)
         assert len(device.to_send(now)) <= 12
