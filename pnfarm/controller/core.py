@@ -125,7 +125,13 @@ class ControllerCore:
         #: What the controller says of itself and knows of the other end of its cable; None without LLDP.
         own = LocalSystem(port.mac, name, "pnfarm controller", ip.ip)
         self.lldp = LldpPort(own, LocalPort(1, port.mac), maximum=max(16, 2 * count)) if lldp else None
-        self.rpc = RpcServer(RpcServerConfig(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),)))
+        self.rpc = RpcServer(
+            RpcServerConfig(
+                interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),),
+                # each drive calls ApplicationReady in an activity of its own; none shall cost another its kept answer
+                activities_max=max(32, 2 * count),
+            )
+        )
         self.client = RpcClient(self._uuids)
         self._search = Search(self.dcp, count)
         self._by_call: dict[int, DeviceSession] = {}

@@ -446,7 +446,7 @@ class DriveStation:
                 Peer(call.peer_ip, call.port or RPC_PORT),
                 CALL_PORT,
                 UUID_PNIO_CONTROLLER,
-                self._object_uuid,
+                call.object_uuid,
                 call.opnum,
                 args_maximum=ARGS_MAXIMUM,
                 payload=call.payload,

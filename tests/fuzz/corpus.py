@@ -62,14 +62,13 @@ from pnfarm.protocols.profinet.wire.lldp import Lldpdu, NameMode, emit_lldp
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
-    FackBody,
     Opnum,
     PacketType,
-    emit_fack,
     parse_request_args,
     parse_response_args,
     parse_rpc,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack
 from pnfarm.wire.arp import ArpPacket, emit_arp
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, parse_ethernet
 from pnfarm.wire.icmp import IcmpMessage, emit_icmp

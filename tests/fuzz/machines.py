@@ -30,6 +30,7 @@ from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
+    Flags1,
     PacketType,
     PnioStatus,
     emit_request_args,
@@ -39,6 +40,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import CancelBody, emit_cancel
 from pnfarm.protocols.profinet.wire.rta import emit_rta, parse_rta
 from pnfarm.protocols.profinet.wire.snmp import (
     GET,
@@ -349,9 +351,32 @@ class RpcServerMachine(Machine):
     def next_input(self, rng):
         data = self.renewed(rng.choice(self.layers["rpc"]))
         try:
-            return deep_rpc(rng, data, self.layers["rpc"], rng.choice((4, 5, 6)))
+            return self.about_a_call(rng, deep_rpc(rng, data, self.layers["rpc"], rng.choice((4, 5, 6))))
         except (DecodeError, ValueError):
             return variation(rng, self.layers["rpc"])
+
+    def about_a_call(self, rng, data):
+        """Mostly for this drive's object, and often about one of a few calls, so that their states are met."""
+        pdu = parse_rpc(data)
+        if pdu.interface != UUID_EPM and rng.random() < 0.9:
+            endpoint = self.station.rpc.config.endpoints[0]
+            pdu = replace(pdu, interface=endpoint.interface, object_uuid=endpoint.object_uuid)
+        if rng.random() < 0.3:
+            pdu = replace(pdu, activity=UUID(int=rng.randrange(1, 4)), sequence=rng.randrange(3))
+        match rng.randrange(10):
+            case 0:
+                kinds = (PacketType.PING, PacketType.ACK, PacketType.CL_CANCEL)
+                pdu = replace(pdu, packet_type=rng.choice(kinds), body=b"")
+            case 1:
+                body = emit_cancel(CancelBody(rng.randrange(3)), little_endian=pdu.little_endian)
+                pdu = replace(pdu, packet_type=PacketType.CL_CANCEL, body=mutated(rng, body, [body]))
+            case 2:
+                flags = rng.choice((Flags1(0), Flags1.LAST_FRAGMENT)) | rng.choice((Flags1(0), Flags1.NO_FACK))
+                number = rng.choice((0, 0, 1, 2, 0xFFFF))
+                pdu = replace(pdu, flags1=int(Flags1.FRAGMENT | flags), fragment_number=number)
+            case _:
+                pass
+        return emit_rpc(pdu)
 
     def take(self, rng, data):
         self.station.rpc.receive(Peer(PEER, rng.choice((RPC_PORT, 49153))), RPC_PORT, data, self.now)
@@ -362,6 +387,18 @@ class RpcClientMachine(RpcServerMachine):
     """Answers to calls that are open: their activity and sequence put in."""
 
     name = "rpc-client"
+
+    def about_a_call(self, rng, data):
+        """Mostly answers, of which those that end a call are few."""
+        pdu = parse_rpc(data)
+        if rng.random() < 0.5:
+            kinds = (PacketType.WORKING, PacketType.NOCALL, PacketType.FACK, PacketType.RESPONSE, PacketType.CANCEL_ACK)
+            kind = rng.choice(kinds)
+            body = pdu.body if kind == PacketType.RESPONSE else mutated(rng, b"", self.layers["fack"])
+            flags = rng.choice((0, 2, 4, 6, 12, 14))
+            number = rng.choice((0, 0, 1, 2, 0xFFFF))
+            pdu = replace(pdu, packet_type=kind, flags1=flags, fragment_number=number, body=body)
+        return emit_rpc(pdu)
 
     def take(self, rng, data):
         client = self.station.client
