@@ -81,6 +81,7 @@ class Drive(_Model):
     mac: str
     ip: str | None = Field(description="Address and prefix length.")
     gateway: str | None
+    ip_conflict: str | None = Field(description="MAC address of a station that uses the same IP address.")
     powered: bool
     state: str = Field(description="S1..S5 of the PROFIdrive state machine; boot, or off.")
     zsw1: str = Field(description="Status word 1, hexadecimal.")
@@ -111,6 +112,7 @@ class Drive(_Model):
     position_revolutions: float
     current_amperes: float
     following_error_revolutions: float
+    signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")
     signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
     faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
 

@@ -40,8 +40,11 @@ def scan(
     import anyio
 
     from pnfarm.cli.output import print_json
+    from pnfarm.controller.search import duplicate_names
 
     answers, neighbours = anyio.run(_listen, interface, seconds, 0.0 if no_lldp else lldp_seconds)
+    for sentence in duplicate_names(answers):
+        typer.echo(sentence, err=True)
     found = _join([_answer(event) for event in answers], [_heard(neighbour) for neighbour in neighbours])
     if output is Format.JSON:
         print_json(found)
@@ -183,6 +186,7 @@ def _answer(event: IdentifyAnswered) -> dict[str, Any]:
         "ip": _address(info.ip),
         "mask": _address(info.mask),
         "gateway": _address(info.gateway),
+        "ip_conflict": info.ip_conflict,
         "vendor_id": info.vendor_id,
         "device_id": info.device_id,
         "role": info.role,

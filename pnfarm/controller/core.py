@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.controller.search import Outcome, Search
+from pnfarm.controller.search import Duplicate, Outcome, Search
 from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
 from pnfarm.controller.snapshot import PHASES, snapshot_row
 from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
@@ -36,7 +36,8 @@ from pnfarm.protocols.profinet.dcp_client import (
     GetFinished,
     HelloReceived,
 )
-from pnfarm.protocols.profinet.dcp_device import DcpDevice, DcpIdentity
+from pnfarm.protocols.profinet.dcp_device import DcpDevice
+from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, describe_status, pnio_error
 from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem, NeighbourAppeared, NeighbourChanged
 from pnfarm.protocols.profinet.rpc_client import RpcClient
@@ -452,7 +453,11 @@ class ControllerCore:
             elif isinstance(event, GetFinished):
                 self._drop("unasked-get")
             for outcome in self._search.outcomes(event):
-                self._take_search(outcome, now)
+                if isinstance(outcome, Duplicate):
+                    name = outcome.session.plan.name
+                    self.log.record(now, name, "name given twice", level="warning", reason=str(outcome))
+                else:
+                    self._take_search(outcome, now)
         own = self.dcp_self.events()
         return bool(events or own)
 

@@ -17,6 +17,8 @@ from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
+from pnfarm.links.base import unwrap
+from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
@@ -38,10 +40,11 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
-#: Ethertypes of ARP and of LLDP; ethertype and frame id of a DCP Identify request.
+#: Ethertypes of ARP and of LLDP; ethertype and frame id of DCP's Identify request and of its Hello.
 ARP = bytes.fromhex("0806")
 LLDP = bytes.fromhex("88cc")
 DCP_IDENTIFY = bytes.fromhex("8892fefe")
+DCP_GREETING = bytes.fromhex("8892fefc")
 
 __all__ = ["Deadlines", "FarmCore", "Node", "uuid_source"]
 
@@ -173,7 +176,14 @@ class FarmCore:
             self.stations.append(station)
             self._by_port[port.index] = station
             self._by_name[config.name] = station
+        #: Stations by their address as in an ARP packet, and the address that each is listed under.
+        self._by_ip: dict[bytes, list[DriveStation]] = {}
+        self._listed: list[bytes] = [b""] * count
+        for station in self.stations:
+            self._list_address(station)
         link.set_receiver(self.receive)
+        if isinstance(innermost := unwrap(link), MemoryLink):
+            innermost.set_audience(self._audience)
 
     def start(self, now: int) -> None:
         """Power on at ``now``: announce addresses."""
@@ -181,6 +191,7 @@ class FarmCore:
             axis.last_ns = now
             axis.boot_ns = now
         for station in self.stations:
+            station.start(now)
             self.settle(station, now)
 
     def stop(self, now: int) -> None:
@@ -225,14 +236,17 @@ class FarmCore:
     def _concerns(self, station: DriveStation, frame: bytes) -> bool:
         """Whether a group-addressed frame can mean anything to this station.
 
-        The link delivers each one to every drive: a thousand drives that are sought by name are a million
-        copies.  So an Identify is parsed once for all of them, and an ARP for somebody else goes no further.
+        A wire delivers each one to every drive: a thousand drives that are sought by name are a million
+        copies.  So an Identify is parsed once for all of them, and an ARP for somebody else or a Hello goes no further.
+        In memory the switch asks :meth:`_audience` and does not even make the copies.
         """
         if frame[12:14] == ARP:
             own = station.own_ip
-            if not own or own in {frame[28:32], frame[38:42]}:
+            if own and own in {frame[28:32], frame[38:42]}:
                 return True
             return station.passed_over("arp-for-another")
+        if frame[12:16] == DCP_GREETING:
+            return station.passed_over("hello")
         if frame[12:16] == DCP_IDENTIFY:
             if frame != self._identify[0]:
                 self._identify = (frame, *_read_identify(frame))
@@ -243,9 +257,33 @@ class FarmCore:
                 return station.passed_over("identify-for-another")
         return True
 
+    def _audience(self, frame: bytes) -> list[int] | None:
+        """The ports that a group-addressed frame can concern; None: all, :meth:`_concerns` tells."""
+        if frame[12:16] == DCP_GREETING:
+            return []
+        if frame[12:14] != ARP or len(frame) < 42:
+            return None
+        sender, target = frame[28:32], frame[38:42]
+        found = self._by_ip.get(target, [])
+        if sender != target:
+            found = found + self._by_ip.get(sender, [])
+        return [station.port.index for station in found]
+
+    def _list_address(self, station: DriveStation) -> None:
+        before, own = self._listed[station.index], station.own_ip
+        if own == before:
+            return
+        if before:
+            self._by_ip[before].remove(station)
+        if own:
+            self._by_ip.setdefault(own, []).append(station)
+        self._listed[station.index] = own
+
     def settle(self, station: DriveStation, now: int) -> None:
         """Let a station finish what an input began, send its frames, note when it wants to be called."""
-        for frame in station.pump(now):
+        frames = station.pump(now)
+        self._list_address(station)
+        for frame in frames:
             self.link.send(station.port.index, frame)
         self._deadlines.set(station.index, station.next_deadline())
 

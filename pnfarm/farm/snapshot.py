@@ -135,6 +135,7 @@ def drive_snapshot(
         "mac": format_mac(station.port.mac),
         "ip": str(address) if address is not None else None,
         "gateway": str(station.dcp.gateway) if station.dcp.gateway is not None else None,
+        "ip_conflict": format_mac(conflict) if (conflict := station.addressing.conflict_mac) is not None else None,
         "powered": powered,
         "state": _state_word(powered, state),
         "zsw1": f"0x{zsw1:04X}",
@@ -165,6 +166,7 @@ def drive_snapshot(
         "position_revolutions": float(axis.position),
         "current_amperes": float(axis.current),
         "following_error_revolutions": float(axis.following_error),
+        "signalling": powered and station.dcp.signalling,
         "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
         "faults_injected": list(injected.get(station.configured_name, ())),
     }

@@ -63,6 +63,7 @@ LAYERS = {
     "parse_blocks": ("blocks", "record"),
     "split_blocks": ("blocks", "record"),
     "parse_raw_block": ("blocks", "record"),
+    "parse_fsu_data_adjust": ("record",),
     "parse_connect": ("request-0",),
     "parse_read_request": ("request-2", "request-5"),
     "parse_write_request": ("request-3",),

@@ -106,6 +106,7 @@ class FarmWorker:
             "velocity_step": float(axis.velocity_step),
             "fault": int(axis.fault_code[0]) & 0xFFFFFF,
             "signalled": station.signalled_ns is not None,
+            "signalling": station.dcp.signalling,
             "discards": station.discards(),
             "neighbours": drive_snapshot(self.farm.core, station, time.monotonic_ns())["neighbours"],
         }

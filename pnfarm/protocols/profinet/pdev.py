@@ -66,7 +66,7 @@ from pnfarm.protocols.profinet.wire.pdev_blocks import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.protocols.profinet.ar import Ar
@@ -152,7 +152,8 @@ class PhysicalDevice:
         self._interface = interface
         self._port = port
         self._neighbours = neighbours
-        self._written: dict[tuple[int, int, int], bytes] = {}
+        #: What controllers wrote, by (slot, subslot, index).
+        self.written: dict[tuple[int, int, int], bytes] = {}
         self._checks: dict[tuple[int, int], PortDataCheck] = {}
         self._patient: dict[tuple[int, int], int] = {}
         self._findings: dict[tuple[int, int], dict[tuple[int, int], Finding]] = {}
@@ -204,11 +205,14 @@ class PhysicalDevice:
                 return emit_interface_data_real(self._interface_data_real())
             case PdevIndex.PORT_STATISTIC:
                 return emit_port_statistic(self._statistic(place))
-        return self._written.get((*place, index), b"")
+        return self.written.get((*place, index), b"")
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         """None when the record was taken."""
         del ar
+        return self._write(api, slot, subslot, index, data, now)
+
+    def _write(self, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         place = (slot, subslot)
         found = self._submodules.get(place)
         if index in _DEVICE_READABLE:
@@ -225,7 +229,7 @@ class PhysicalDevice:
         except (DecodeError, ValueError):  # of another shape; no block or several
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         if refused is None:
-            self._written[*place, index] = data
+            self.written[*place, index] = data
         return refused
 
     def _take(self, place: tuple[int, int], index: int, wanted: int, block: RawBlock, now: int) -> RecordError | None:
@@ -247,6 +251,21 @@ class PhysicalDevice:
     def _adjust(self, subslot: int, value: PortDataAdjust) -> None:
         mute = any(isinstance(sub, AdjustPeerToPeerBoundary) and sub.boundary & 1 for sub in value.blocks)
         self.mute_ports = self.mute_ports | {subslot} if mute else self.mute_ports - {subslot}
+
+    def restore(self, written: Mapping[tuple[int, int, int], bytes], now: int) -> None:
+        """Take back what was kept over a power cycle; what the device has no place for is left out."""
+        for (slot, subslot, index), data in written.items():
+            found = self._submodules.get((slot, subslot))
+            if found is not None:
+                self._write(found.api, slot, subslot, index, data, now)
+
+    def forget(self, now: int) -> None:
+        """A reset to factory settings: nothing is wanted of the ports any more."""
+        self.written.clear()
+        self.name_mode, self.mute_ports = NameMode.PORT, frozenset()
+        self._checks = {place: PortDataCheck(*place, ()) for place in self._checks}
+        self.evaluate(now)
+        self._checks.clear()
 
     # -- what is -----------------------------------------------------------------------------------------------------
 
@@ -304,7 +323,7 @@ class PhysicalDevice:
         return self._multiple(place, (self._read(place, kind), self._read(place, PdevIndex.PORT_STATISTIC)))
 
     def _expected(self, place: tuple[int, int]) -> bytes:
-        return self._multiple(place, [data for key, data in sorted(self._written.items()) if key[:2] == place])
+        return self._multiple(place, [data for key, data in sorted(self.written.items()) if key[:2] == place])
 
     def _multiple(self, place: tuple[int, int], records: Iterable[bytes]) -> bytes:
         blocks = tuple(block for data in records for block in split_blocks(data))

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.binding import describe_device
+from pnfarm.protocols.profinet.dcp_rules import RESET_MODES
 from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.gsdml.document import (
     DEFAULT_RATIOS,
@@ -32,7 +33,6 @@ from pnfarm.protocols.profinet.gsdml.document import (
     SubmoduleItem,
 )
 from pnfarm.protocols.profinet.gsdml.values import Numbers
-from pnfarm.protocols.profinet.wire.dcp_blocks import ResetMode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -62,7 +62,7 @@ class Abilities:
 
     protocols: tuple[str, ...] = ()
     sends_hello: bool = False
-    reset_modes: tuple[int, ...] = tuple(ResetMode)
+    reset_modes: tuple[int, ...] = tuple(sorted(RESET_MODES))
     multiple_write: bool = True
     startup_modes: tuple[str, ...] = ("Legacy", "Advanced")
 
