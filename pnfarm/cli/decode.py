@@ -46,7 +46,9 @@ def decode(
     farm: Annotated[
         Path | None,
         typer.Option(
-            "--farm", metavar="FILE", help="Farm file: names and layouts where no Connect was captured.",
+            "--farm",
+            metavar="FILE",
+            help="Farm file: names and layouts where no Connect was captured.",
             show_default=False,
         ),
     ] = None,
@@ -112,7 +114,8 @@ def _text(line: Line, decoder: Decoder) -> str:
     said = line.said
     return (
         f"{moment:%H:%M:%S}.{rest // 1000:06} {decoder.name(line.source)} -> {decoder.name(line.destination)} "
-        f"{said.what} {said.text}".rstrip() + "\n"
+        f"{said.what} {said.text}".rstrip()
+        + "\n"
     )
 
 

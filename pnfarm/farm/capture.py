@@ -1,7 +1,7 @@
 """A capture of a running farm: all frames of its drives, cyclic and acyclic, both ways, into pcapng files.
 
-Theory: the engine's frames never leave compiled code, so nothing that wraps a link can see them.  A packet socket of its
-own (:mod:`pnfarm.links.packet_ring`) sees them at the drives' interfaces, and a thread of low priority writes them
+Theory: the engine's frames never leave compiled code, so nothing that wraps a link can see them.  A packet socket of
+its own (:mod:`pnfarm.links.packet_ring`) sees them at the drives' interfaces, and a thread of low priority writes them
 down.  Nothing of the farm waits for it: what the thread cannot keep up with is dropped by the kernel and counted here;
 without a capture nothing of this exists.
 """
@@ -59,7 +59,7 @@ def parse_size(text: str, *, minimum: int = MINIMUM_SIZE) -> int:
     if found is None:
         raise ConfigError(f"{text!r} is no size; give for example 100MB, 64MiB or 2GB")
     number, power, binary = found.groups()
-    size = round(float(number) * (1024 if binary else 1000) ** _POWERS[power.lower()])
+    size = round(float(number) * float(1024 if binary else 1000) ** _POWERS[power.lower()])
     if size < minimum:
         raise ConfigError(f"a file of {text} is too small for a capture; give at least {minimum // 1_000_000}MB")
     return size
@@ -203,16 +203,14 @@ class FarmCapture:
         memory = np.frombuffer(ring.memory, np.uint8)
         words = memory.view(np.int32)
         out = np.zeros(BLOCK * ROOM_FACTOR, np.uint8)
-        out_words, view = out.view(np.uint32), memoryview(out)
+        out_words, view = out.view(np.uint32), memoryview(out.data)
         try:
             told_lost, told_at = 0, time.monotonic()
             end: float | None = None
             while end is None or time.monotonic() < end:
                 ring.wait(LOOK_MS if end is None else RETIRE_MS)
                 for start in ring.take():
-                    length = pack_block(
-                        memory, words, start, numbers, lowest, far_end, out, out_words, self._counts
-                    )
+                    length = pack_block(memory, words, start, numbers, lowest, far_end, out, out_words, self._counts)
                     if length:
                         self._files.write(view[:length])
                 self.lost += ring.lost()

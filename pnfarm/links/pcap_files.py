@@ -10,13 +10,13 @@ import contextlib
 import os
 import time
 from collections import deque
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 __all__ = ["CaptureFiles"]
 

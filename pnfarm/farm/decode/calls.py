@@ -127,7 +127,7 @@ def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Said]:
         case PacketType.REQUEST:
             if call is None:
                 call = shared.calls[key] = Call(service, pdu.opnum, packet.source, packet.destination)
-            elif call.answered or (call.blocks or call.write) and not pdu.is_fragment:
+            elif call.answered or ((call.blocks or call.write) and not pdu.is_fragment):
                 yield Said(f"{service}.req", "again", {}, {"repeated": ""})
                 return
             stub = _whole(pdu, call, request=True)
@@ -208,7 +208,9 @@ def _where(header: IodReadReqHeader | IodReadResHeader) -> Mapping[str, int]:
     return {"api": header.api, "slot": header.slot, "subslot": header.subslot, "index": header.index}
 
 
-def _control(blocks: tuple[Block, ...], service: str, direction: str) -> tuple[str, str, dict[str, int], dict[str, str]]:
+def _control(
+    blocks: tuple[Block, ...], service: str, direction: str
+) -> tuple[str, str, dict[str, int], dict[str, str]]:
     block = next((b for b in blocks if isinstance(b, ControlBlock)), None)
     if block is None:
         return f"{service}.{direction}", f"{len(blocks)} blocks", {}, {}
@@ -262,4 +264,3 @@ def _read(header: IodReadResHeader, data: bytes, call: Call, shared: Shared) -> 
         return f"{place}: {parameter_response(data, asked, shared.stations.model(call.server))}"
     shown = data[:16].hex(" ") + (" ..." if len(data) > 16 else "")
     return f"OK, {place}, {len(data)} octets{': ' if data else ''}{shown}"
-

@@ -120,9 +120,7 @@ def make_template(layout: IocrLayout, telegram: Telegram | None) -> Template:
         place = next((d for d in layout.data if d.api == PROFIDRIVE_API and d.data_length >= 2), None)
         if place is not None:
             count = place.data_length // 2
-            words = [
-                (first if n == 0 else f"word {n + 1}", place.data_offset + 2 * n, 2) for n in range(count)
-            ]
+            words = [(first if n == 0 else f"word {n + 1}", place.data_offset + 2 * n, 2) for n in range(count)]
     statuses = [("IOPS", d.slot, d.subslot, d.iops_offset) for d in layout.data]
     statuses += [("IOCS", c.slot, c.subslot, c.iocs_offset) for c in layout.iocs]
     return Template(layout, telegram.number if telegram is not None else None, tuple(words), tuple(statuses))

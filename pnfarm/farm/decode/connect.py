@@ -56,8 +56,7 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
     kind = _AR_TYPES.get(ArType(ar.ar_type), "") if ar.ar_type in list(ArType) else f"type 0x{ar.ar_type:04X} "
     parts = [f"{kind}AR {str(ar.ar_uuid)[:8]}, {startup} start-up"]
     iocrs = [b for b in blocks if isinstance(b, IocrBlockReq)]
-    for cycle in dict.fromkeys(_cycle(iocr) for iocr in iocrs):
-        parts.append(cycle)
+    parts += dict.fromkeys(_cycle(iocr) for iocr in iocrs)
     parts.append(_expected(_apis(blocks), packet.destination, shared))
     parts += [
         f"{_DIRECTIONS[IocrType(c.iocr_type)]} frame id 0x{c.frame_id:04X}"
@@ -145,9 +144,8 @@ def _diff(block: ModuleDiffBlock) -> str:
     return f"module difference: {', '.join(texts) or 'states only'}"
 
 
-def _enum(kind: type[ModuleState] | type[IdentInfo], value: int) -> str:
+def _enum(kind: type[ModuleState | IdentInfo], value: int) -> str:
     try:
         return kind(value).name.lower().replace("_", " ")
     except ValueError:
         return f"state {value}"
-

@@ -101,4 +101,3 @@ def _channel(source: str, channel: Channel) -> dict[str, Any]:
         "counter_jumps": channel.jumps,
         "watchdog_gaps": channel.watchdogs,
     }
-

@@ -1,13 +1,12 @@
 """Cyclic frames: only what changes is worth a line, unless every frame is wanted.
 
-Worth a line: the first frame, bits of STW1 and ZSW1 with the drive's state (PROFIdrive 4.x, general state machine; bits 8
-and 10 of ZSW1 follow the speed and are left out), provider and consumer status, data status, a silence longer than so many
-cycles, a cycle counter that does not go on.  Sums for the summary are kept in the channel.
+Worth a line: the first frame, bits of STW1 and ZSW1 with the drive's state (PROFIdrive 4.x, general state machine; bits
+8 and 10 of ZSW1 follow the speed and are left out), provider and consumer status, data status, a silence longer than so
+many cycles, a cycle counter that does not go on.  Sums for the summary are kept in the channel.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from pnfarm.farm.decode.channels import Channel
@@ -24,6 +23,8 @@ from pnfarm.protocols.profinet.wire.rtc import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from pnfarm.farm.decode.packet import Packet, Shared
 
 __all__ = ["cyclic", "drive_state", "status_words"]
@@ -32,6 +33,7 @@ __all__ = ["cyclic", "drive_state", "status_words"]
 ZSW1_MASK = 0x02FF
 SECOND_MASK = 0x0FFF
 STATE_MASK = 0x0047
+FAULT_PRESENT = 0x0008
 #: Lines of one kind for one channel; what comes after them is counted only.
 MOST_LINES = 50
 #: The cycle counter goes round in this time, so that a longer silence leaves it anywhere.
@@ -60,16 +62,21 @@ _IOXS = {
 
 
 def drive_state(zsw1: int, stw1: int | None) -> str:
-    """The drive's state; S5 looks like S3 or S4 in ZSW1 and is told by the control word that caused it."""
+    """The drive's state; S5 looks like S3 or S4 in ZSW1 and is told by its cause, the control word or a fault."""
     state = _STATES.get(zsw1 & STATE_MASK, "")
-    if zsw1 & 0x03 == 0x03 and stw1 is not None and stw1 & 0x05 != 0x05:
+    stopping = bool(zsw1 & FAULT_PRESENT) or (stw1 is not None and stw1 & 0x05 != 0x05)
+    if zsw1 & 0x03 == 0x03 and stopping:
         return "S5 switching off"
     return state
 
 
 def status_words(status: int, before: int | None = None) -> str:
     """The data status in words; with ``before`` only what changed."""
-    changed = 0xFF if before is None else status ^ before
+    if before is None and status == DataStatus.GOOD:
+        return "data good"
+    # bits that are clear in normal operation go without saying
+    quiet = 0 if before is not None else ~status & (DataStatus.REDUNDANCY | DataStatus.IGNORE)
+    changed = (0xFF if before is None else status ^ before) & ~quiet
     return ", ".join(yes if status & bit else no for bit, yes, no in _STATUS_BITS if changed & bit)
 
 
@@ -184,10 +191,14 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
     late = passed > shared.gap_cycles * channel.cycle_ns
     missing = 0
     whole, rest = divmod(ahead, step)
-    if passed < COUNTER_ROUND_NS // 2 and (rest or not whole or abs(whole * channel.cycle_ns - passed) > _slack(channel)):
+    if passed < COUNTER_ROUND_NS // 2 and (
+        rest or not whole or abs(whole * channel.cycle_ns - passed) > _slack(channel)
+    ):
         channel.jumps += 1
         back = ahead > 0x8000
-        words = "stays" if not ahead else f"{'-' if back else '+'}{0x10000 - ahead if back else ahead}, +{step} expected"
+        words = (
+            "stays" if not ahead else f"{'-' if back else '+'}{0x10000 - ahead if back else ahead}, +{step} expected"
+        )
         yield from _limited(
             channel,
             "cycle counter",
@@ -200,7 +211,8 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
     if late:
         channel.gaps += 1
         channel.gap_ns = max(channel.gap_ns, passed)
-        text = f"{passed / 1e6:.3f} ms without a frame ({passed / channel.cycle_ns:.1f} cycles of {channel.cycle_ns / 1e6:g} ms)"
+        cycles = f"{passed / channel.cycle_ns:.1f} cycles of {channel.cycle_ns / 1e6:g} ms"
+        text = f"{passed / 1e6:.3f} ms without a frame ({cycles})"
         if missing:
             text += f", {missing} frames missing by the cycle counter"
         if channel.hold_ns and passed > channel.hold_ns:
@@ -256,8 +268,8 @@ def _zsw1(channel: Channel, old: int, new: int) -> str:
         stw1 = partner.word(partner.template.control)
     texts = []
     if changed & STATE_MASK:
-        was, now = _STATES.get(old & STATE_MASK, "?").partition(" ")[0], drive_state(new, stw1)
-        texts.append(f"{was} -> {now or '?'}")
+        was, now = drive_state(old, stw1), drive_state(new, stw1)
+        texts.append(f"{was.partition(' ')[0] or '?'} -> {now or '?'}")
     rest = _bits(old, new, ZSW1_BITS, ZSW1_MASK & ~STATE_MASK)
     return "; ".join([*texts, *([rest] if rest else [])])
 

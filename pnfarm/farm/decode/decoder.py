@@ -18,6 +18,7 @@ from pnfarm.farm.decode.conversations import Conversations
 from pnfarm.farm.decode.cyclic import cyclic
 from pnfarm.farm.decode.dcp import dcp
 from pnfarm.farm.decode.packet import Packet, Said, Shared
+from pnfarm.farm.decode.stations import Bounded
 from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW, DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.wire.ethernet import (
@@ -55,6 +56,8 @@ FAMILIES: Mapping[str, Family] = MappingProxyType(
 _SNMP_PORTS = frozenset({161, 162})
 _HEADER, _TAG = 14, 4
 _OUTBOUND = 2
+#: Copies of one frame at several interfaces lie closer together than this.
+_SAME_NS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,11 +103,12 @@ class Decoder:
     def __init__(self, *, gap_cycles: float = 3.0, every_frame: bool = False) -> None:
         self.shared = Shared(gap_cycles=gap_cycles, every_frame=every_frame)
         self.conversations = Conversations()
+        self._groups: Bounded[bytes, int] = Bounded(256)
         #: Frames too short to have an EtherType.
         self.short = 0
 
     def feed(self, frame: CapturedFrame) -> list[Line]:
-        """What this frame is worth: often nothing."""
+        """What this frame is worth: often nothing.  A copy of a broadcast, at another interface, is left out."""
         data = frame.data
         if len(data) < _HEADER:
             self.short += 1
@@ -114,6 +118,8 @@ class Decoder:
         while ethertype == ETHERTYPE_VLAN and len(data) >= start + _TAG:
             ethertype = data[start + 2] << 8 | data[start + 3]
             start += _TAG
+        if data[0] & 1 and self._again(frame):
+            return []
         packet = Packet(frame.time_ns, data[:6], data[6:12], ethertype, data[start:])
         if frame.direction is not None and frame.interface:
             drive = packet.source if frame.direction == _OUTBOUND else packet.destination
@@ -135,6 +141,12 @@ class Decoder:
                 talk.count(said.counts)
             lines.append(Line(frame.number, frame.time_ns, packet.source, packet.destination, family, said))
         return lines
+
+    def _again(self, frame: CapturedFrame) -> bool:
+        """Whether a group-addressed frame was seen a moment ago: a capture of many drives has it once for each."""
+        before = self._groups.get(frame.data)
+        self._groups[frame.data] = frame.time_ns
+        return before is not None and abs(frame.time_ns - before) < _SAME_NS
 
     def name(self, mac: bytes) -> str:
         """A station's name as far as it is known now."""

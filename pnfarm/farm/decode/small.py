@@ -5,7 +5,6 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import DecodeError
 from pnfarm.farm.decode.calls import ip_packet
 from pnfarm.farm.decode.packet import Said
 from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
@@ -18,6 +17,7 @@ from pnfarm.wire.octets import Reader
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pnfarm.errors import DecodeError
     from pnfarm.farm.decode.packet import Packet, Shared
 
 __all__ = ["alarm", "arp", "icmp", "lldp", "other", "snmp"]
@@ -50,8 +50,8 @@ def icmp(packet: Packet, shared: Shared) -> Iterator[Said]:
     if ip is None:
         return
     message = parse_icmp(ip.payload)
-    kind = {TYPE_ECHO_REQUEST: "request", TYPE_ECHO_REPLY: "reply"}.get(message.type)
-    text = f"echo {kind}" if kind else f"type {message.type} code {message.code}"
+    kind = {TYPE_ECHO_REQUEST: "request", TYPE_ECHO_REPLY: "reply"}.get(message.message_type)
+    text = f"echo {kind}" if kind else f"type {message.message_type} code {message.code}"
     yield Said("ICMP", f"{text}, {len(message.data)} octets")
 
 

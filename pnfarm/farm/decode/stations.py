@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from functools import cache
-from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from pnfarm.drives.catalogue import model as model_by_name
@@ -12,6 +11,8 @@ from pnfarm.drives.catalogue import models
 from pnfarm.wire.mac import BROADCAST, format_mac, is_group
 
 if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
     from pnfarm.drives.model import Model
 
 __all__ = ["Bounded", "Stations", "model_of_ident"]
