@@ -80,7 +80,7 @@ def decode(
     if summary:
         _summary(decoder, drive or (), output)
     if reader.complaint is not None:
-        sys.stderr.write(f"{file}: the file ends in the middle of something ({reader.complaint})\n")
+        sys.stderr.write(f"{file}: the file cannot be read to its end: {reader.complaint}\n")
     if reader.foreign:
         sys.stderr.write(f"{file}: {reader.foreign} packets are no Ethernet frames and were left out\n")
 

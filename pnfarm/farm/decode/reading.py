@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import logging
+import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 from pnfarm.errors import ConfigError
 
@@ -35,15 +37,27 @@ class CapturedFrame:
     cut: int = 0
 
 
-class _Complaints(logging.Handler):
-    """What scapy says of a file; it stops at what it cannot read and tells it by a warning only."""
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Scapy tells some of what it cannot read by warnings; the reader tells it itself."""
+    logger = logging.getLogger("scapy.runtime")
+    kept, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = kept
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.last: str | None = None
 
-    def emit(self, record: logging.LogRecord) -> None:
-        self.last = record.getMessage()
+class _Unpacked(gzip.GzipFile):
+    """A packed file that closes what it reads from."""
+
+    def __init__(self, packed: BinaryIO) -> None:
+        super().__init__(fileobj=packed, mode="rb")
+        self._packed = packed
+
+    def close(self) -> None:
+        super().close()
+        self._packed.close()
 
 
 class FrameReader:
@@ -59,46 +73,47 @@ class FrameReader:
         #: Packets that are no Ethernet frames.
         self.foreign = 0
         self.frames = 0
-        self._check()
+        self._open().close()
 
-    def _check(self) -> None:
+    def _open(self) -> BinaryIO:
+        """The file at its beginning, unpacked; raises :class:`~pnfarm.errors.ConfigError` where it is no capture."""
         try:
-            with self._path.open("rb") as file:
+            file: BinaryIO = self._path.open("rb")
+            try:
+                if file.read(2) == _GZIP:
+                    file.seek(0)
+                    file = cast("BinaryIO", _Unpacked(file))
+                file.seek(0)
                 magic = file.read(4)
-            if magic[:2] == _GZIP:
-                with gzip.open(self._path) as file:
-                    magic = file.read(4)
-        except (OSError, EOFError) as exc:
+                file.seek(0)
+            except BaseException:
+                file.close()
+                raise
+        except (OSError, EOFError, zlib.error) as exc:
             why = getattr(exc, "strerror", None) or str(exc)
             raise ConfigError(f"{self._path} cannot be read: {why}") from exc
         if magic not in _MAGICS:
+            file.close()
             raise ConfigError(f"{self._path} is no capture: give a pcap or pcapng file")
+        return file
 
     def __iter__(self) -> Iterator[CapturedFrame]:
         from scapy.error import Scapy_Exception  # noqa: PLC0415 - half a second, for whoever reads a capture
         from scapy.utils import RawPcapReader  # noqa: PLC0415 - the same
 
-        logger = logging.getLogger("scapy.runtime")
-        complaints = _Complaints()
-        kept = logger.propagate, list(logger.handlers)
-        logger.propagate, logger.handlers = False, [complaints]
-        try:
+        with self._open() as file, _quiet():
             try:
-                reader: Any = RawPcapReader(str(self._path))
-            except (Scapy_Exception, OSError, EOFError) as exc:
+                reader: Any = RawPcapReader(file)
+            except (Scapy_Exception, OSError, EOFError, zlib.error) as exc:
                 raise ConfigError(f"{self._path} is no capture: {str(exc).strip(' !')}") from exc
-            with reader:
-                yield from self._packets(reader)
-        finally:
-            logger.propagate, logger.handlers = kept
-        if complaints.last is not None and self.complaint is None:
-            self.complaint = complaints.last
+            yield from self._packets(reader, file)
         if self.foreign and not self.frames:
             raise ConfigError(f"{self._path} holds no Ethernet frames: capture at an interface, not at `any`")
 
-    def _packets(self, reader: Any) -> Iterator[CapturedFrame]:
-        read = reader._read_packet  # noqa: SLF001 - the way to a packet's octets and meta data without dissection
+    def _packets(self, reader: Any, file: BinaryIO) -> Iterator[CapturedFrame]:
         classic = not hasattr(reader, "interfaces")
+        # the ways to a packet's octets and meta data without dissection; one block at a time, to know where it ends
+        read = reader._read_packet if classic else reader._read_block  # noqa: SLF001 - scapy has no public ones
         if classic and reader.linktype != _LINKTYPE_ETHERNET:
             raise ConfigError(
                 f"{self._path} holds frames of link type {reader.linktype}, not of Ethernet ({_LINKTYPE_ETHERNET}): "
@@ -106,9 +121,15 @@ class FrameReader:
             )
         unit = 1 if classic and reader.nano else 1000
         while True:
+            place = file.tell()
             try:
-                data, meta = read()
+                found = read()
+                if found is None:
+                    continue  # a block that is no packet
+                data, meta = found
                 if classic:
+                    if meta.caplen > len(data):
+                        self.complaint = f"{meta.caplen - len(data)} octets of its last packet are missing"
                     time_ns, name, direction = meta.sec * 1_000_000_000 + meta.usec * unit, None, None
                 else:
                     if meta.linktype != _LINKTYPE_ETHERNET:
@@ -119,8 +140,9 @@ class FrameReader:
                     name, direction = meta.ifname, meta.direction
                     if isinstance(name, bytes):
                         name = name.decode("utf-8", "replace")
-            except EOFError as exc:
-                self.complaint = str(exc) or None
+            except EOFError:
+                if file.tell() != place:
+                    self.complaint = f"the packet or block at octet {place} is not whole"
                 return
             except Exception as exc:  # noqa: BLE001 - scapy raises whatever its parsing of any octets meets
                 self.complaint = f"{type(exc).__name__}: {exc}"

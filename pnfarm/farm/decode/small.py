@@ -57,7 +57,6 @@ def icmp(packet: Packet, shared: Shared) -> Iterator[Said]:
 
 def alarm(packet: Packet, shared: Shared) -> Iterator[Said]:
     """An RTA-PDU: the end of an AR with its reason, or an alarm's head."""
-    del shared
     reader = Reader(packet.payload)
     priority = "high" if reader.u16() == ALARM_HIGH else "low"
     reader.skip(4)
@@ -71,7 +70,7 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Said]:
             RtaError.CONSUMER_DHT_EXPIRED,
         ):
             counts["watchdogs"] = ""
-        yield Said("ERR-RTA", words, {"status": f"0x{int(status):08X}"}, counts)
+        yield Said("ERR-RTA", words + _silence(packet, shared), {"status": f"0x{int(status):08X}"}, counts)
         return
     reader.skip(1)
     send, acknowledged, length = reader.u16(), reader.u16(), reader.u16()
@@ -79,6 +78,15 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Said]:
     numbers = f"sequence 0x{send:04X}, acknowledges 0x{acknowledged:04X}"
     octets = f", {length} octets" if length else ""
     yield Said(f"alarm {name}", f"{priority} priority, {numbers}{octets}", {}, {"alarms": ""} if length else {})
+
+
+def _silence(packet: Packet, shared: Shared) -> str:
+    """How long ago the other end was heard last: what ended the connection, where its frames stayed away."""
+    for (to, source, _), channel in shared.channels.items():
+        if (to, source) == (packet.source, packet.destination) and channel.begun:
+            ago = (packet.time_ns - channel.last_ns) / 1e6
+            return f"; last cyclic frame of {shared.stations.name(source)} {ago:.1f} ms ago"
+    return ""
 
 
 def lldp(packet: Packet, shared: Shared) -> Iterator[Said]:
