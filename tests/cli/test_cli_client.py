@@ -143,10 +143,10 @@ def test_discards_and_the_last_events_of_a_drive_stand_below_its_fields(ask, far
     farm.answer("GET", "drives/axis-01", {**DRIVE, "frames_discarded": discards, "events": events})
     lines = ask("inspect", "axis-01").out.splitlines()
     assert "frames discarded  1,203" in lines
-    assert lines[-13].split() == ["DISCARDED", "REASON", "WHAT", "IT", "MEANS"]
-    assert lines[-12].split(maxsplit=2) == ["1,200", "arp-for-another", "ARP request for another address"]
-    assert lines[-11].split(maxsplit=2)[2].startswith("cyclic frame whose cycle counter does not go on")
-    assert lines[-1].endswith("axis-01          watchdog expired  silent=48 ms")
+    assert lines[-12].split() == ["DISCARDED", "REASON", "WHAT", "IT", "MEANS"]
+    assert lines[-11].split(maxsplit=2) == ["1,200", "arp-for-another", "ARP request for another address"]
+    assert lines[-10].split(maxsplit=2)[2].startswith("cyclic frame whose cycle counter does not go on")
+    assert lines[-1].endswith("axis-01          watchdog expired  number=702  silent=48 ms")
     assert sum("watchdog expired" in line for line in lines) == 8
 
 
