@@ -179,8 +179,9 @@ class FarmCapture:
     # -- the thread --------------------------------------------------------------------------------------------------
 
     def _run(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
-        # a nicer thread gives way to the event loop's and the engine's
+        # it gives way to the event loop's thread and to the engine's, and preempts neither when frames wake it
         with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:
             self._record(ring, numbers, lowest, far_end)
