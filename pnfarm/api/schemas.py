@@ -115,6 +115,10 @@ class Drive(_Model):
     signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")
     signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
     faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
+    events: list[dict[str, Any]] = Field(
+        default_factory=list,
+        description="What happened last, oldest first; of one drive only, not in a list of drives.",
+    )
 
 
 class Engine(_Model):
