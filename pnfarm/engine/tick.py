@@ -192,7 +192,7 @@ def receive(columns: Columns, count: int) -> None:
 @compiled
 def _take_back(consumer: Any, image: Any) -> None:
     """A consumer brings no set points any more: nothing of them stays, as the next one may carry another telegram."""
-    if image.valid:
+    if image.valid or image.lost == LOST_STOP:
         image.valid = 0
         image.lost = LOST_CLOSED
     image.received[:] = 0
@@ -220,7 +220,7 @@ def _watch(columns: Columns, now: int) -> None:
             consumer.expirations += 1
             if consumer.feeds:
                 image = columns.image[consumer.image]
-                if image.valid:
+                if image.valid or image.lost == LOST_STOP:
                     image.valid = 0
                     image.lost = LOST_EXPIRED
             emit(engine, columns.events, EXPIRED, number, now, now - consumer.last_ns)

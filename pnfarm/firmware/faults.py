@@ -1,7 +1,8 @@
 """Faults of the drive: raised by commands or by the firmware itself, acknowledged, kept.
 
 AKD PROFINET manual 5.14: a fault situation has up to eight faults; acknowledging moves it down by eight
-places in the fault buffer (PNU 947) and every new situation counts PNU 944 up.
+places in the fault buffer (PNU 947) and every new situation counts PNU 944 up.  A drive with other numbers of places
+(Moog MSD manual 10.9: one fault, twenty situations) says so in ``fault_places``.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import Any
 
 from pnfarm.table.axis import (
     CMD_ACKNOWLEDGE,
+    CMD_CLEAR_HISTORY,
     CMD_CLEAR_WARNING,
     CMD_HOLD_FAULT,
     CMD_POWER_ON,
@@ -31,6 +33,12 @@ NUMBER_MASK = 0xFFFFFF
 
 
 @compiled
+def _places(axis: Any) -> int:
+    """Faults of one situation in the fault buffer."""
+    return axis.fault_places or FAULT_SLOTS
+
+
+@compiled
 def raise_fault(axis: Any, code: int, now: int) -> None:
     """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once."""
     number = code & NUMBER_MASK
@@ -46,7 +54,8 @@ def raise_fault(axis: Any, code: int, now: int) -> None:
                 axis.fault_ns = now
                 axis.reacted = 0
             axis.fault_code[i] = code
-            axis.fault_buffer[i] = number
+            if i < _places(axis):
+                axis.fault_buffer[i] = number
             return
 
 
@@ -71,13 +80,23 @@ def _release(axis: Any, number: int) -> None:
 
 @compiled
 def _into_history(axis: Any) -> None:
-    """The active situation becomes the newest acknowledged one: everything moves down by eight places."""
-    for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, FAULT_SLOTS - 1, -1):
-        axis.fault_buffer[i] = axis.fault_buffer[i - FAULT_SLOTS]
-    for i in range(FAULT_SLOTS):
+    """The active situation becomes the newest acknowledged one: everything moves down by its places."""
+    places = _places(axis)
+    for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, places - 1, -1):
+        axis.fault_buffer[i] = axis.fault_buffer[i - places]
+    for i in range(places):
         axis.fault_buffer[i] = 0
+    for i in range(FAULT_SLOTS):
         axis.fault_code[i] = 0
     axis.fault_ns = 0
+
+
+@compiled
+def _clear_history(axis: Any) -> None:
+    """Forget what was acknowledged; a situation that is active stays, as the first one."""
+    for i in range(_places(axis), FAULT_SLOTS * FAULT_SITUATIONS):
+        axis.fault_buffer[i] = 0
+    axis.fault_counter = 1 if axis.fault_code[0] != 0 else 0
 
 
 @compiled
@@ -107,6 +126,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.following_error = 0.0
     axis.warning_code = 0
     axis.image_valid = 0
+    axis.telegram_ns = 0
     # an active situation becomes history, as if it had been acknowledged; held causes come back at once
     if axis.fault_code[0] != 0:
         _into_history(axis)
@@ -137,6 +157,8 @@ def take_commands(axis: Any, now: int) -> None:
         elif code == CMD_SET_POSITION:
             axis.position = argument / 1e6
             axis.commanded_position = axis.position
+        elif code == CMD_CLEAR_HISTORY:
+            _clear_history(axis)
         elif code == CMD_RAISE_WARNING:
             axis.warning_code = argument & NUMBER_MASK
         elif code == CMD_CLEAR_WARNING and axis.warning_code == (argument & NUMBER_MASK):

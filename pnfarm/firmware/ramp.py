@@ -60,7 +60,9 @@ def velocity_command(axis: Any, seconds: float) -> None:
         target = axis.jog_velocity[0] if stw1 & JOG_1 else axis.jog_velocity[1]
         if (stw1 & (JOG_1 | JOG_2)) == (JOG_1 | JOG_2):
             target = 0.0
-        axis.ramp = approach(axis.ramp, target, axis.jog_acceleration, axis.jog_deceleration, seconds)
+        up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
+        down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
+        axis.ramp = approach(axis.ramp, target, up, down, seconds)
         return
     if not stw1 & RAMP_ENABLED:
         # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
@@ -73,4 +75,8 @@ def velocity_command(axis: Any, seconds: float) -> None:
         target = axis.max_velocity
     elif target < -axis.max_velocity:
         target = -axis.max_velocity
+    if axis.setpoint_direct:
+        # the controller interpolates (Moog MSD manual, table 10.1: the set point acts directly on the control)
+        axis.ramp = target
+        return
     axis.ramp = approach(axis.ramp, target, axis.ramp_up, axis.ramp_down, seconds)

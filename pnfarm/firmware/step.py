@@ -62,11 +62,17 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
     """Take STW1 over: with bit 10 only, and zero once nobody sends valid set points."""
     valid = image.valid
     if axis.image_valid and not valid:
-        if image.lost == LOST_EXPIRED:
+        if image.lost == LOST_EXPIRED and axis.loss_delay_ns == 0:
             raise_fault(axis, axis.loss_fault, now)
         elif image.lost == LOST_STOP:
             raise_fault(axis, axis.stop_fault, now)
     axis.image_valid = valid
+    if valid or image.lost == LOST_STOP:
+        # telegrams come, be their data good or not
+        axis.telegram_ns = now
+    elif axis.loss_delay_ns > 0 and axis.telegram_ns != 0 and now - axis.telegram_ns >= axis.loss_delay_ns:
+        axis.telegram_ns = 0
+        raise_fault(axis, axis.loss_fault, now)
     word = image.received[STW1] & 0xFFFF if valid else 0
     if valid and not word & CONTROL_BY_PLC:
         # the other bits are not taken over; an edge of bit 7 is none either

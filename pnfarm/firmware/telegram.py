@@ -4,8 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.table.axis import VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import DRV_ACC, DRV_DEC, ITIST_GLATT, NIST_A, NSOLL_A, XIST_A, XIST_ERROR, ZSW1
+from pnfarm.table.signals import (
+    ACT_SPEED,
+    DRV_ACC,
+    DRV_DEC,
+    G1_XIST1,
+    G1_XIST2,
+    ITIST_GLATT,
+    NIST_A,
+    NIST_B,
+    NSOLL_A,
+    NSOLL_B,
+    REF_SPEED,
+    XIST_A,
+    XIST_ERROR,
+    ZSW1,
+)
 
 __all__ = ["from_setpoints", "signed16", "signed32", "to_actuals"]
 
@@ -37,12 +53,27 @@ def _clamp16(value: float) -> int:
 
 
 @compiled
-def from_setpoints(axis: Any, image: Any) -> None:
-    """The velocity set point out of NSOLL_A (AKD PROFINET manual 6.5), ramps out of DRV_ACC and DRV_DEC (6.1).
+def _clamp32(value: float) -> int:
+    if value >= 2147483647.0:
+        return 0x7FFFFFFF
+    if value <= -2147483648.0:
+        return -0x80000000
+    return int(round(value))  # noqa: RUF046 - as above
 
-    A telegram without those two, or one that leaves them zero, keeps the drive's own ramps.
+
+@compiled
+def from_setpoints(axis: Any, image: Any) -> None:
+    """The velocity set point out of the signal that brings it, ramps out of DRV_ACC and DRV_DEC.
+
+    NSOLL_A: AKD PROFINET manual 6.5; NSOLL_B: Moog MSD manual 10.7; ramps: AKD 6.1.  A telegram without those two, or
+    one that leaves them zero, keeps the drive's own ramps.
     """
-    axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
+    if axis.velocity_signal == VELOCITY_NSOLL_B:
+        axis.setpoint = signed32(image.received[NSOLL_B]) * axis.velocity_step_b
+    elif axis.velocity_signal == VELOCITY_REF_SPEED:
+        axis.setpoint = signed32(image.received[REF_SPEED]) * axis.velocity_step
+    else:
+        axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
     axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration
@@ -51,9 +82,16 @@ def from_setpoints(axis: Any, image: Any) -> None:
 
 @compiled
 def to_actuals(axis: Any, image: Any) -> None:
-    """ZSW1, NIST_A, ITIST_GLATT and the position signals."""
+    """ZSW1, the actual velocities, ITIST_GLATT and the position signals."""
     image.sent[ZSW1] = axis.zsw1
     image.sent[NIST_A] = _clamp16(axis.velocity / axis.velocity_step)
     image.sent[ITIST_GLATT] = _clamp16(axis.current / axis.peak_current * N2_FULL)
     image.sent[XIST_A] = signed32(int(round(axis.position / axis.position_step)))  # noqa: RUF046 - as above
+    image.sent[ACT_SPEED] = signed32(int(round(axis.velocity / axis.velocity_step)))  # noqa: RUF046 - as above
+    if axis.velocity_step_b > 0.0:
+        image.sent[NIST_B] = _clamp32(axis.velocity / axis.velocity_step_b)
+    if axis.sensor_step > 0.0:
+        # both positions of the sensor are the same (Moog MSD manual 11.3)
+        image.sent[G1_XIST1] = signed32(int(round(axis.position / axis.sensor_step)))  # noqa: RUF046 - as above
+        image.sent[G1_XIST2] = image.sent[G1_XIST1]
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

@@ -32,6 +32,13 @@ CMD_SET_POSITION = 6  # argument: micro-revolutions, signed
 CMD_RAISE_WARNING = 7  # argument: warning number
 CMD_CLEAR_WARNING = 8  # argument: warning number
 
+CMD_CLEAR_HISTORY = 9  # forget every situation that was acknowledged, and the counter
+
+# Which set point the telegram brings (``velocity_signal``).
+VELOCITY_NSOLL_A = 0
+VELOCITY_NSOLL_B = 1
+VELOCITY_REF_SPEED = 2
+
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
 FIRMWARE_PROFIDRIVE = 1
@@ -55,6 +62,11 @@ AXIS = Layout(
         # parameters that the firmware reads
         Field("opmode", "u1", "", "parameter", "0 torque, 1 velocity, 2 position (DRV.OPMODE)"),
         Field("velocity_step", "f8", "rpm", "parameter", "one increment of NSOLL_A and NIST_A"),
+        Field(
+            "velocity_step_b", "f8", "rpm", "parameter", "one increment of NSOLL_B and NIST_B, 0 = the drive has none"
+        ),
+        Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_* above"),
+        Field("setpoint_direct", "u1", "", "parameter", "1 = velocity set points pass the ramp generator by"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
         Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),
         Field("acceleration_step", "f8", "rpm/s", "parameter", "one increment of DRV_ACC and DRV_DEC (PN.ACCSCALING)"),
@@ -62,6 +74,7 @@ AXIS = Layout(
         Field("velocity_window", "f8", "rpm", "parameter", "ZSW1.8 and ZSW1.10: how near is on target"),
         Field("standstill", "f8", "rpm", "parameter", "below this the axis stands (CS.VTHRESH)"),
         Field("position_step", "f8", "rev", "parameter", "one increment of the position signals"),
+        Field("sensor_step", "f8", "rev", "parameter", "one increment of G1_XIST1, 0 = no sensor interface"),
         Field(
             "loss_fault",
             "u4",
@@ -72,9 +85,17 @@ AXIS = Layout(
         Field(
             "stop_fault", "u4", "", "parameter", "fault raised when the controller goes to STOP, coded alike, 0 = none"
         ),
+        Field(
+            "loss_delay_ns",
+            "i8",
+            "ns",
+            "parameter",
+            "how long cyclic data may stay away before loss_fault; 0 = no time",
+        ),
+        Field("fault_places", "u1", "", "parameter", "faults that the buffer keeps of a situation, 0 = FAULT_SLOTS"),
         Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
-        Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006"),
-        Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007"),
+        Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006; 0 = as acceleration"),
+        Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
         Field("command", "i8", "", "station", "ring of commands to the firmware", (COMMANDS,)),
         Field("command_head", "u4", "", "station", "commands written so far"),
         Field("command_tail", "u4", "", "firmware", "commands taken so far"),
@@ -96,6 +117,9 @@ AXIS = Layout(
         ),
         Field("fault_counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
+        Field(
+            "telegram_ns", "i8", "ns", "firmware", "when cyclic data was there last, 0 = not yet, or its loss was told"
+        ),
         Field("image_valid", "u1", "", "firmware", "validity of the set points as the last step saw it"),
         Field("fault_ns", "i8", "ns", "firmware", "when the active situation began, 0 = none"),
         Field("reacted", "u1", "", "firmware", "1 once the controller withdrew the enable after a fault"),

@@ -30,6 +30,7 @@ PROGRAM = Layout(
         Field("speed", "f8", "rpm", "station", "speed, or amplitude"),
         Field("period_ns", "i8", "ns", "station", "of ramp and sine"),
         Field("velocity_step", "f8", "rpm", "station", "one increment of NSOLL_A"),
+        Field("velocity_step_b", "f8", "rpm", "station", "one increment of NSOLL_B, 0 = the drive has none"),
         Field(
             "acknowledge_after_ns",
             "i8",

@@ -49,6 +49,16 @@ HOME_MODE = 12
 DRV_ACC = 13
 DRV_DEC = 14
 NSOLL_B = 15
+XSOLL_A = 16
+TARPOS_A = 17
+VELOCITY_A = 18
+G1_STW = 19
+XERR = 20
+KPC = 21
+#: A velocity set point of 32 bits in the drive's own units.
+REF_SPEED = 22
+TORQUE_LIMIT_POSITIVE = 23
+TORQUE_LIMIT_NEGATIVE = 24
 
 # Drive to controller.
 ZSW1 = 0
@@ -61,6 +71,13 @@ XIST_ERROR = 6
 DRIVE_MOTION_STATUS = 7
 DRIVE_INPUTS = 8
 NIST_B = 9
+G1_ZSW = 10
+G1_XIST1 = 11
+G1_XIST2 = 12
+#: The actual velocity in 32 bits in the drive's own units.
+ACT_SPEED = 13
+E_DIGITAL = 14
+A_DIGITAL = 15
 
 SETPOINT_SLOTS: dict[str, int] = {
     "STW1": STW1,
@@ -79,6 +96,15 @@ SETPOINT_SLOTS: dict[str, int] = {
     "DRV_ACC": DRV_ACC,
     "DRV_DEC": DRV_DEC,
     "NSOLL_B": NSOLL_B,
+    "XSOLL_A": XSOLL_A,
+    "TARPOS_A": TARPOS_A,
+    "VELOCITY_A": VELOCITY_A,
+    "G1_STW": G1_STW,
+    "XERR": XERR,
+    "KPC": KPC,
+    "REF_SPEED": REF_SPEED,
+    "TORQUE_LIMIT_POSITIVE": TORQUE_LIMIT_POSITIVE,
+    "TORQUE_LIMIT_NEGATIVE": TORQUE_LIMIT_NEGATIVE,
 }
 ACTUAL_SLOTS: dict[str, int] = {
     "ZSW1": ZSW1,
@@ -91,6 +117,12 @@ ACTUAL_SLOTS: dict[str, int] = {
     "DRIVE_MOTION_STATUS": DRIVE_MOTION_STATUS,
     "DRIVE_INPUTS": DRIVE_INPUTS,
     "NIST_B": NIST_B,
+    "G1_ZSW": G1_ZSW,
+    "G1_XIST1": G1_XIST1,
+    "G1_XIST2": G1_XIST2,
+    "ACT_SPEED": ACT_SPEED,
+    "E_DIGITAL": E_DIGITAL,
+    "A_DIGITAL": A_DIGITAL,
 }
 
 
