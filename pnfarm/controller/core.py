@@ -157,6 +157,7 @@ class ControllerCore:
         row.period_ns = wanted.period_ns
         row.acknowledge_after_ns = wanted.acknowledge_after_ns
         row.velocity_step = session.plan.velocity_step
+        row.velocity_step_b = session.plan.velocity_step_b
         row.active = 1
 
     def start(self, now: int) -> None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_model import ControllerSection, ForeignDevice
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
-__all__ = ["AxisProgram", "DevicePlan", "plan_devices", "velocity_step"]
+__all__ = ["AxisProgram", "DevicePlan", "plan_devices", "velocity_steps"]
 
 KINDS = {"idle": program.IDLE, "constant": program.CONSTANT, "ramp": program.RAMP, "sine": program.SINE}
 
@@ -67,10 +67,11 @@ class DevicePlan:
     reconnect_after_ns: int | None
     instance: int = 1
     multiple_write: bool = False
+    velocity_step_b: float = 0.0
 
 
-def velocity_step(model: Model, drive: DriveConfig) -> float:
-    """rpm of one increment of NSOLL_A, as the drive itself works it out of its parameters."""
+def velocity_steps(model: Model, drive: DriveConfig) -> tuple[float, float]:
+    """rpm of one increment of NSOLL_A and of NSOLL_B, as the drive itself works them out of its parameters."""
     axis, image = AXIS.allocate(1), IMAGE.allocate(1)
     store = ParameterStore(model, AxisHandle(axis[0], image[0]))
     numbers: dict[str | int, int | Sequence[int]] = {
@@ -78,7 +79,7 @@ def velocity_step(model: Model, drive: DriveConfig) -> float:
     }
     store.commission(numbers)
     store.power_on()
-    return float(axis[0].velocity_step)
+    return float(axis[0].velocity_step), float(axis[0].velocity_step_b)
 
 
 def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
@@ -198,6 +199,7 @@ def plan_devices(
         number = model.default_telegram if telegram is None else telegram
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
+        step, step_b = velocity_steps(model, drive)
         plans.append(
             DevicePlan(
                 name=drive.name,
@@ -210,7 +212,8 @@ def plan_devices(
                 submodules=_submodules(model, number),
                 output_words=model.telegrams[number].output_words,
                 input_words=model.telegrams[number].input_words,
-                velocity_step=velocity_step(model, drive),
+                velocity_step=step,
+                velocity_step_b=step_b,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,

@@ -21,7 +21,7 @@ from pnfarm.table.program import (
     STOPPED,
     SWITCHING_ON,
 )
-from pnfarm.table.signals import NSOLL_A, STW1, ZSW1
+from pnfarm.table.signals import NSOLL_A, NSOLL_B, STW1, ZSW1
 
 __all__ = ["step_program"]
 
@@ -64,7 +64,7 @@ def _speed(program: Any, now: int) -> float:
 
 @compiled
 def step_program(program: Any, image: Any, now: int) -> None:
-    """Look at ZSW1, decide on STW1 and NSOLL_A."""
+    """Look at ZSW1, decide on STW1 and the velocity set points."""
     stw1 = READY
     speed = 0.0
     if not image.valid:
@@ -105,6 +105,9 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 stw1 = ON
     increments = int(round(speed / program.velocity_step)) if program.velocity_step > 0.0 else 0  # noqa: RUF046 - round() of a compiled float stays a float
     increments = max(-32768, min(32767, increments))
+    if program.velocity_step_b > 0.0:
+        fine = int(round(speed / program.velocity_step_b))  # noqa: RUF046 - as above
+        image.sent[NSOLL_B] = max(-0x80000000, min(0x7FFFFFFF, fine))
     if program.asked_ns != 0 and (zsw1 ^ int(program.zsw1)) & STATE_BITS:
         program.reaction_ns = now - program.asked_ns
         program.reaction_max_ns = max(program.reaction_max_ns, program.reaction_ns)
