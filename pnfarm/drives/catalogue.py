@@ -14,7 +14,7 @@ from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from pnfarm.drives.parameter import Parameter
-    from pnfarm.drives.telegram import Module
+    from pnfarm.drives.telegram import Module, Telegram
 
 __all__ = ["Entry", "as_json", "model", "models"]
 
@@ -106,6 +106,11 @@ def _module_json(module: Module) -> dict[str, Any]:
     }
 
 
+def _others_json(telegram: Telegram) -> list[dict[str, Any]]:
+    """Further modules of a telegram, if it has any."""
+    return [{"name": module.name, **_module_json(module)} for module in telegram.others]
+
+
 def _parameter_json(parameter: Parameter) -> dict[str, Any]:
     return {
         "pnu": parameter.pnu,
@@ -148,6 +153,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "name": telegram.name,
                 "free_mapping": telegram.free_mapping,
                 **_module_json(telegram.module),
+                "other_modules": _others_json(telegram),
                 "output": [signal.name if signal else None for signal in telegram.output],
                 "input": [signal.name if signal else None for signal in telegram.input],
                 "source": telegram.source,
@@ -171,6 +177,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "faults": [
             {
                 "number": fault.number,
+                "words": fault.words,
                 "name": fault.name,
                 "kind": "warning" if fault.warning else "fault",
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],
@@ -186,4 +193,5 @@ def as_json(described: Model) -> dict[str, Any]:
         "parameter_access": _fact_json(described, "parameter_access"),
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),
+        "diagnosis_coding": _fact_json(described, "diagnosis_coding"),
     }

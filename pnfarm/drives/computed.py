@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["COMPUTED"]
 
+#: ChannelErrorType of the profile's first fault class, and of its other faults (Moog MSD manual, table 9.23).
+FIRST_CLASS = 0x9000
+OTHER_FAULT = 0x9012
 #: PNU 980..989 do not list themselves (profile 4.1, 6.2.1.2).
 LISTS = range(980, 990)
 
@@ -29,11 +32,11 @@ def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
 
 
 def _setpoint_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(signal_numbers(store.mapping(setpoint=True)), parameter)
+    return _fill(signal_numbers(store.mapping(setpoint=True)[store.parameter_words :]), parameter)
 
 
 def _actual_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(signal_numbers(store.mapping(setpoint=False)), parameter)
+    return _fill(signal_numbers(store.mapping(setpoint=False)[store.parameter_words :]), parameter)
 
 
 def _telegram(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
@@ -68,10 +71,11 @@ def _unit_identification(store: ParameterStore, _parameter: Parameter) -> Sequen
     return [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model)]
 
 
-def _object_identification(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _object_identification(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     """PNU 975: as 964, then class, application classes and number of the drive object."""
     identity = store.model.identity
-    return [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model), *identity.object_class]
+    known = [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model), *identity.object_class]
+    return _fill(known, parameter)
 
 
 def _parameter_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
@@ -82,6 +86,46 @@ def _parameter_list(store: ParameterStore, parameter: Parameter) -> Sequence[int
     if len(numbers) > size * (parameter.index + 1):
         return [*part, LISTS[parameter.index + 1]]
     return _fill(part, parameter)
+
+
+def _signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """The numbers of all signals that a free mapping may name (Moog MSD manual, table 14.5, P-0923)."""
+    return _fill(sorted(store.model.signals), parameter)
+
+
+def _setpoint_signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    return _fill(sorted(n for n, signal in store.model.signals.items() if signal.setpoint), parameter)
+
+
+def _actual_signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    return _fill(sorted(n for n, signal in store.model.signals.items() if not signal.setpoint), parameter)
+
+
+def _changed_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """PNU 990: parameters that differ from the factory's values, as many as there are places."""
+    return _fill(store.changed_numbers()[: parameter.elements], parameter)
+
+
+def _fault_values(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """The newest faults: error in the lower word, location in the upper one (Moog MSD manual 10.9, P-0949)."""
+    return fault_numbers(store.handle.axis)[: parameter.elements]
+
+
+def _fault_classes(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """The newest faults by the profile's classes: places in the list of P-0951 (Moog MSD manual, table 10.22).
+
+    A fault's class is one more than its ChannelErrorType is above 0x9000; one without is among the others.
+    """
+    diagnoses = store.model.diagnoses
+    return [
+        min(diagnoses.get(number, OTHER_FAULT) - FIRST_CLASS + 1, OTHER_FAULT - FIRST_CLASS + 1) if number else 0
+        for number in _fault_values(store, parameter)
+    ]
+
+
+def _fault_identity(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """The fault at hand, 0 for none (Moog MSD manual 10.9, P-39)."""
+    return (active_faults(store.handle.axis) or [0])[:1]
 
 
 def _fault(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
@@ -131,4 +175,12 @@ COMPUTED: dict[str, _Function] = {
     "controlled-stop": _controlled_stop,
     "velocity-error": _velocity_error,
     "timeout": _timeout,
+    "signals": _signals,
+    "setpoint-signals": _setpoint_signals,
+    "actual-signals": _actual_signals,
+    "changed-list": _changed_list,
+    "fault-values": _fault_values,
+    "fault-classes": _fault_classes,
+    "fault-identity": _fault_identity,
+    "situation-counter": _fault_counter,
 }

@@ -9,21 +9,26 @@ from __future__ import annotations
 import csv
 import re
 import tomllib
+from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.model import (
     COMMANDS,
+    DIAGNOSIS_CODINGS,
     REACTIONS,
     CommunicationLoss,
     DescriptionFile,
+    DiagnosisCoding,
     Fact,
     Fault,
     Identity,
     Limits,
     Model,
     ParameterAccess,
+    fault_number,
+    fault_words,
 )
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterType
 from pnfarm.drives.telegram import MappingError, Module, Signal, Submodule, Telegram, signal_codes
@@ -49,6 +54,8 @@ _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
     "source", "values_source", "note",
 )  # fmt: skip
+#: Fields of the axis record that a model may leave out: 0.
+_OPTIONAL_FIELDS = ("velocity_step_b", "setpoint_direct", "sensor_step", "loss_delay_ns", "fault_places")
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
@@ -92,8 +99,21 @@ def _get(table: Mapping[str, Any], key: str, where: str) -> Any:
 # parameters.csv
 
 
+def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
+    """The values of a scale such as ``1|0|1``, one for each raw number."""
+    if "|" not in scale:
+        return ()
+    try:
+        choices = tuple(float(text) for text in scale.split("|"))
+    except ValueError:
+        raise ConfigError(f"{where}, scale: {scale!r} has something that is no number between its bars") from None
+    if len(choices) != maximum + 1:
+        raise ConfigError(f"{where}, scale: {scale!r} must have a value for each of 0..{maximum}")
+    return choices
+
+
 def _factor(scale: str, where: str) -> float:
-    if scale in _NAMED_SCALES or not scale:
+    if scale in _NAMED_SCALES or not scale or "|" in scale:
         return 1.0
     numerator, _, denominator = scale.partition("/")
     try:
@@ -167,7 +187,14 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     lowest, highest = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
     minimum = _integer(row["min"], where, "min", lowest)
     maximum = _integer(row["max"], where, "max", highest)
-    default = _integer(row["default"], where, "default", min(max(0, minimum), maximum))
+    elements = _integer(row["elements"], where, "elements", 0)
+    usual = min(max(0, minimum), maximum)
+    defaults = tuple(_integer(text, where, "default") for text in row["default"].split()) or (usual,)
+    default = defaults[0]
+    if len(defaults) > max(elements, 1) or not all(minimum <= value <= maximum for value in defaults[1:]):
+        raise ConfigError(
+            f"{where}, default: {row['default']!r} does not fit {minimum}..{maximum}, {elements} elements"
+        )
     if not lowest <= minimum <= default <= maximum <= highest:
         raise ConfigError(
             f"{where}, min, default, max: {minimum}, {default}, {maximum} do not rise within {lowest}..{highest}"
@@ -182,7 +209,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         name=row["name"],
         type=kind,
         signed=signed,
-        elements=_integer(row["elements"], where, "elements", 0),
+        elements=elements,
         readable="r" in row["access"],
         writable=writable,
         minimum=minimum,
@@ -198,6 +225,8 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         source=row["source"],
         values_source=row["values_source"],
         note=row["note"],
+        defaults=defaults + (usual,) * (elements - len(defaults)) if behaviour is Behaviour.STORED and elements else (),
+        choices=_choices(row["scale"], maximum, where),
     )
 
 
@@ -220,8 +249,11 @@ def _parameters(path: Path) -> dict[int, Parameter]:
     return dict(sorted(parameters.items()))
 
 
-def _names(parameters: Mapping[int, Parameter], extra: Mapping[str, Any], path: Path) -> dict[str, int]:
-    """Upper-case names to PNU: the first row of a name, then names without ``_32``, then names without a row."""
+def _names(parameters: Mapping[int, Parameter], extra: Mapping[str, Any], prefix: str, path: Path) -> dict[str, int]:
+    """Upper-case names to PNU: the first row of a name, then names without ``_32``, then names without a row.
+
+    With a ``prefix`` the numbers behind it are names too, in four digits or without zeros in front (P-0925, P-925).
+    """
     names: dict[str, int] = {}
     for parameter in parameters.values():
         names.setdefault(parameter.name.upper(), parameter.pnu)
@@ -233,6 +265,10 @@ def _names(parameters: Mapping[int, Parameter], extra: Mapping[str, Any], path: 
         if pnu not in parameters:
             raise ConfigError(f"{path}, parameter_names.{name}: there is no parameter {pnu}")
         names.setdefault(name.upper(), pnu)
+    if prefix:
+        for pnu in parameters:
+            names.setdefault(f"{prefix}{pnu:04}".upper(), pnu)
+            names.setdefault(f"{prefix}{pnu}".upper(), pnu)
     return names
 
 
@@ -274,8 +310,42 @@ def _telegram(
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")
         except MappingError as exc:
             raise ConfigError(f"{where}, {direction}: {exc}") from exc
-    point, data = layout["access_point"], layout["telegram"]
-    access_point = Submodule(
+    known = layout["telegram"]
+    data = Submodule(
+        slot=layout["slot"],
+        subslot=known["subslot"],
+        ident=_get(table, "submodule_ident", where),
+        api=layout["api"],
+        input_bytes=2 * len(words["input"]),
+        output_bytes=2 * len(words["output"]),
+        name=_get(table, "name", where),
+        source=known["source"],
+        note=known["note"],
+    )
+    ident, source = _get(table, "module_ident", where), _get(table, "ident_source", where)
+    return Telegram(
+        number=_get(table, "number", where),
+        name=_get(table, "name", where),
+        free_mapping=_get(table, "free_mapping", where),
+        output=words["output"],
+        input=words["input"],
+        output_words=codes["output"],
+        input_words=codes["input"],
+        module=Module(ident, (_access_point(layout), data), source),
+        source=_get(table, "source", where),
+        note=table.get("note", ""),
+        others=tuple(
+            _other_module(other, data, layout, f"{where}, other_modules {index}")
+            for index, other in enumerate(table.get("other_modules", ()), 1)
+        ),
+        parameter_words=table.get("parameter_words", 0),
+        settings=_settings(table, where),
+    )
+
+
+def _access_point(layout: Mapping[str, Any]) -> Submodule:
+    point = layout["access_point"]
+    return Submodule(
         slot=layout["slot"],
         subslot=point["subslot"],
         ident=point["ident"],
@@ -286,30 +356,40 @@ def _telegram(
         source=point["source"],
         note=point["note"],
     )
-    cyclic = Submodule(
-        slot=layout["slot"],
-        subslot=data["subslot"],
-        ident=_get(table, "submodule_ident", where),
-        api=layout["api"],
-        input_bytes=2 * len(words["input"]),
-        output_bytes=2 * len(words["output"]),
-        name=_get(table, "name", where),
-        source=data["source"],
-        note=data["note"],
-    )
-    module = Module(_get(table, "module_ident", where), (access_point, cyclic), _get(table, "ident_source", where))
-    return Telegram(
-        number=_get(table, "number", where),
-        name=_get(table, "name", where),
-        free_mapping=_get(table, "free_mapping", where),
-        output=words["output"],
-        input=words["input"],
-        output_words=codes["output"],
-        input_words=codes["input"],
-        module=module,
-        source=_get(table, "source", where),
-        note=table.get("note", ""),
-    )
+
+
+def _other_module(table: Mapping[str, Any], data: Submodule, layout: Mapping[str, Any], where: str) -> Module:
+    """Another module of a telegram: as its first one, under another ident and name."""
+    name, source = _get(table, "name", where), _get(table, "source", where)
+    note = table.get("note", "")
+    if source == "assumed" and not note:
+        raise ConfigError(f"{where}, note: an assumed value needs its reason")
+    submodules = tuple(replace(submodule, source=source, note=note) for submodule in (_access_point(layout), data))
+    return Module(_get(table, "ident", where), submodules, source, note, name, _settings(table, where))
+
+
+def _settings(table: Mapping[str, Any], where: str) -> dict[int, int]:
+    """What plugging a module sets: PNU -> raw number; the parameters are looked for when all are known."""
+    return {
+        _integer(str(pnu), where, "settings"): _integer(str(value), where, f"settings.{pnu}")
+        for pnu, value in table.get("settings", {}).items()
+    }
+
+
+def _check_settings(telegrams: Mapping[int, Telegram], parameters: Mapping[int, Parameter], path: Path) -> None:
+    for telegram in telegrams.values():
+        for settings in (telegram.settings, *(module.settings for module in telegram.modules)):
+            for pnu, value in settings.items():
+                parameter = parameters.get(pnu)
+                if parameter is None or parameter.behaviour not in {Behaviour.STORED, Behaviour.FIELD}:
+                    raise ConfigError(
+                        f"{path}, telegram {telegram.number}, settings: no parameter {pnu} that is stored"
+                    )
+                if not parameter.minimum <= value <= parameter.maximum:
+                    raise ConfigError(
+                        f"{path}, telegram {telegram.number}, settings.{pnu}: {value} is not within "
+                        f"{parameter.minimum}..{parameter.maximum}"
+                    )
 
 
 def _telegrams(path: Path, layout: Mapping[str, Any]) -> tuple[dict[int, Signal], dict[int, Telegram]]:
@@ -327,16 +407,27 @@ def _telegrams(path: Path, layout: Mapping[str, Any]) -> tuple[dict[int, Signal]
         if telegram.number in telegrams:
             raise ConfigError(f"{path}, telegram {index}, number: {telegram.number} stands twice")
         telegrams[telegram.number] = telegram
+    idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
+    twice = next((ident for ident in idents if idents.count(ident) > 1), None)
+    if twice is not None:
+        raise ConfigError(f"{path}: the module ident 0x{twice:X} stands twice")
     return signals, telegrams
 
 
 # faults.csv
 
 
+def _fault_number(text: str, where: str, field: str) -> int:
+    try:
+        return fault_number(text)
+    except ValueError:
+        raise ConfigError(f"{where}, {field}: {text!r} is not a number, nor two such as 32-1") from None
+
+
 def _faults(path: Path) -> dict[int, Fault]:
     faults: dict[int, Fault] = {}
     for where, row in _rows(path):
-        number = _integer(row["number"], where, "number")
+        number = _fault_number(row["number"], where, "number")
         if row["kind"] not in {"fault", "warning"}:
             raise ConfigError(f"{where}, kind: {row['kind']!r} is neither fault nor warning")
         warning = row["kind"] == "warning"
@@ -349,7 +440,9 @@ def _faults(path: Path) -> dict[int, Fault]:
         if not row["source"] or (row["source"] == "assumed" and not row["note"]):
             raise ConfigError(f"{where}, source: a fault needs its source, an assumed one its reason")
         reaction = REACTIONS.get(row["reaction"], 0)
-        faults[number] = Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"])
+        faults[number] = Fault(
+            number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], fault_words(number)
+        )
     return faults
 
 
@@ -402,7 +495,7 @@ def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: L
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
     for key, fact in facts.items():
-        number = _integer(key, where, key)
+        number = _fault_number(key, where, key)
         if number not in faults:
             raise ConfigError(f"{where}.{key}: there is no fault {number}")
         if not isinstance(fact.value, int) or not (0x0100 <= fact.value <= 0x7FFF or 0x9000 <= fact.value <= 0x9FFF):
@@ -413,12 +506,46 @@ def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: L
     return found
 
 
+def _diagnosis_coding(
+    facts: Mapping[str, Fact] | None, parameters: Mapping[int, Parameter], where: str
+) -> DiagnosisCoding | None:
+    if facts is None:
+        return None
+    coding: DiagnosisCoding = _build(DiagnosisCoding, facts, where)
+    if coding.mode_parameter not in parameters:
+        raise ConfigError(f"{where}.mode_parameter: there is no parameter {coding.mode_parameter}")
+    unknown = set(coding.modes) - DIAGNOSIS_CODINGS
+    if unknown or len(coding.modes) != len(coding.subslots):
+        allowed = ", ".join(sorted(DIAGNOSIS_CODINGS))
+        raise ConfigError(f"{where}.modes: each is one of {allowed}, and each has its place in subslots")
+    if not 1 <= coding.user_structure <= 0x7FFF:
+        raise ConfigError(f"{where}.user_structure: {coding.user_structure} is not within 1..0x7FFF")
+    return coding
+
+
+def _communication_loss(
+    facts: Mapping[str, Fact], faults: Mapping[int, Fault], parameters: Mapping[int, Parameter], where: str
+) -> CommunicationLoss:
+    loss: CommunicationLoss = _build(CommunicationLoss, facts, where)
+    loss = replace(loss, fault=_fault_number(str(loss.fault), where, "fault"))
+    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
+        raise ConfigError(f"{where}: names a fault or a parameter that is not there")
+    return loss
+
+
 def _axis_values(facts: Mapping[str, Fact], writer: str, where: str) -> dict[str, float]:
     for key in facts:
         field = AXIS.fields.get(key)
         if field is None or field.writer != writer:
             raise ConfigError(f"{where}.{key}: the axis has no such field that the {writer} writes")
     return {key: fact.value for key, fact in facts.items()}
+
+
+def _firmware_values(facts: Mapping[str, Fact], parameters: Mapping[int, Parameter], where: str) -> dict[str, float]:
+    """What no parameter sets; an optional field that nobody sets is 0."""
+    by_parameter = {p.argument for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable}
+    missing = {field: 0 for field in _OPTIONAL_FIELDS if field not in by_parameter}
+    return missing | _axis_values(facts, "parameter", where)
 
 
 def load_model(folder: Path) -> Model:
@@ -436,7 +563,9 @@ def load_model(folder: Path) -> Model:
             "firmware",
         )
     }
-    sections |= {key: _facts(data, key, path) for key in ("description_file", "diagnosis") if key in data}
+    sections |= {
+        key: _facts(data, key, path) for key in ("description_file", "diagnosis", "diagnosis_coding") if key in data
+    }
     parameters = _parameters(folder / "parameters.csv")
     signals, telegrams = _telegrams(folder / "telegrams.toml", _get(data, "telegram_module", str(path)))
     faults = _faults(folder / "faults.csv")
@@ -449,9 +578,7 @@ def load_model(folder: Path) -> Model:
     except (KeyError, TypeError) as exc:
         raise ConfigError(f"{path}, dap: {exc}") from exc
     limits = _limits(sections["limits"], f"{path}, limits")
-    loss: CommunicationLoss = _build(CommunicationLoss, sections["communication_loss"], f"{path}, communication_loss")
-    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys():
-        raise ConfigError(f"{path}, communication_loss: names a fault or a parameter that is not there")
+    _check_settings(telegrams, parameters, path)
     if _get(data, "default_telegram", str(path)) not in telegrams:
         raise ConfigError(f"{path}, default_telegram: there is no telegram {data['default_telegram']}")
     texts = {
@@ -465,16 +592,19 @@ def load_model(folder: Path) -> Model:
         identity=_build(Identity, sections["identity"], f"{path}, identity"),
         limits=limits,
         access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
-        communication_loss=loss,
+        communication_loss=_communication_loss(
+            sections["communication_loss"], faults, parameters, f"{path}, communication_loss"
+        ),
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
+        diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),
         motor=_axis_values(sections["motor"], "station", f"{path}, motor"),
-        firmware=_axis_values(sections["firmware"], "parameter", f"{path}, firmware"),
+        firmware=_firmware_values(sections["firmware"], parameters, f"{path}, firmware"),
         dap=dap_module,
         signals=signals,
         telegrams=telegrams,
         parameters=parameters,
-        parameter_names=_names(parameters, data.get("parameter_names", {}), path),
+        parameter_names=_names(parameters, data.get("parameter_names", {}), data.get("parameter_prefix", ""), path),
         axis_parameters=tuple(p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable),
         faults=faults,
         facts={f"{section}.{key}": fact for section, facts in sections.items() for key, fact in facts.items()},

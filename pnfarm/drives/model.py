@@ -23,16 +23,23 @@ __all__ = [
     "COMMANDS",
     "CommunicationLoss",
     "DescriptionFile",
+    "DiagnosisCoding",
     "Fact",
     "Fault",
     "Identity",
     "Limits",
     "Model",
     "ParameterAccess",
+    "fault_number",
+    "fault_words",
 ]
 
 #: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
 COMMANDS = frozenset({"acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse"})
+#: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
+DIAGNOSIS_CODINGS = frozenset({"none", "channel", "extended", "manufacturer"})
+#: A fault's number in two parts, error and location, is the error with the location above it.
+LOCATION_SHIFT = 16
 REACTIONS = {"coast": REACTION_COAST, "quick-stop": REACTION_QUICK_STOP}
 
 
@@ -89,6 +96,8 @@ class ParameterAccess:
     record_indexes: tuple[int, ...]
     axis: tuple[int, ...]
     change_response_values: bool
+    #: Whether 0 elements are one.
+    zero_elements: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,17 +114,37 @@ class DescriptionFile:
 
 @dataclass(frozen=True, slots=True)
 class CommunicationLoss:
-    """The fault on lost cyclic data, and the parameters that govern it."""
+    """The fault on lost cyclic data, and the parameters that govern it.
+
+    A value of 0 of ``action_parameter`` is no fault; without a ``stop_parameter`` a controller that stops raises none.
+    """
 
     fault: int
     action_parameter: int
-    stop_parameter: int
-    stop_bit: int
+    stop_parameter: int = 0
+    stop_bit: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisCoding:
+    """How a drive's own faults are told to its controller.
+
+    The value of ``mode_parameter`` picks one of ``modes`` (:data:`DIAGNOSIS_CODINGS`; none beyond them) and the subslot
+    of the same place in ``subslots``; ``user_structure`` is the USI of the maker's own form.
+    """
+
+    mode_parameter: int
+    modes: tuple[str, ...]
+    subslots: tuple[int, ...]
+    user_structure: int
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """A fault or warning by the manual's number; ``cause`` is what a fault kind asks for, empty if none raises it."""
+    """A fault or warning by its number (:func:`fault_number`).
+
+    ``cause`` is what a fault kind asks for, empty if none raises it.
+    """
 
     number: int
     name: str
@@ -124,11 +153,31 @@ class Fault:
     cause: str
     source: str
     note: str
+    #: The manual's way to write the number.
+    words: str = ""
 
     @property
     def code(self) -> int:
         """Number with its reaction, as the axis record and ``CMD_RAISE_FAULT`` take it."""
         return self.number | self.reaction << 24
+
+
+def fault_number(text: str) -> int:
+    """``702`` or, in two parts, ``32-1`` (error 32, location 1) as one number; raises :class:`ValueError`."""
+    error, dash, location = text.partition("-")
+    if not dash:
+        return int(text, 0)
+    if not (error.isascii() and error.isdigit() and location.isascii() and location.isdigit()):
+        raise ValueError(f"{text!r} is no fault number")
+    if int(error) >= 1 << LOCATION_SHIFT or int(location) >= 1 << 8:
+        raise ValueError(f"{text!r} is too large for a fault number")
+    return int(error) | int(location) << LOCATION_SHIFT
+
+
+def fault_words(number: int) -> str:
+    """A fault's number as its manual writes it: in two parts if it has a location."""
+    location = number >> LOCATION_SHIFT
+    return f"{number & ((1 << LOCATION_SHIFT) - 1)}-{location}" if location else str(number)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +201,7 @@ class Model:
     description_file: DescriptionFile | None
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]
+    diagnosis_coding: DiagnosisCoding | None
     motor: Mapping[str, float]
     firmware: Mapping[str, float]
     dap: Module
@@ -197,20 +247,25 @@ class Model:
     def fault(self, wanted: str | int) -> Fault:
         """The fault of this number, name or cause (``F702``, ``undervoltage``); raises :class:`ConfigError`."""
         text = str(wanted).strip()
-        number = text[1:] if text[:1] in {"F", "f", "n"} and text[1:].isdigit() else text
+        number = text[1:] if text[:1] in {"F", "f", "n"} and text[1:2].isdigit() else text
+        for fault in self.faults.values():
+            if number == fault.words:
+                return fault
         if number.isascii() and number.isdigit() and int(number) in self.faults:
             return self.faults[int(number)]
         for fault in self.faults.values():
             if text.lower() in {fault.name.lower(), fault.cause} and text:
                 return fault
-        known = ", ".join(str(n) for n in self.faults)
+        known = ", ".join(fault.words for fault in self.faults.values())
         raise ConfigError(f"{self.name} has no fault {text!r}; it has {known}, their names and causes")
 
     # telegrams
 
     def telegram_by_module(self, module_ident: int) -> Telegram | None:
         """The telegram whose module has this ident number, None if none has."""
-        return next((telegram for telegram in self.telegrams.values() if telegram.module.ident == module_ident), None)
+        return next(
+            (t for t in self.telegrams.values() if any(module.ident == module_ident for module in t.modules)), None
+        )
 
     def signals_of(self, numbers: Sequence[int]) -> tuple[Signal | None, ...]:
         """Signals by number, 0 for none; raises :class:`ParameterError` (value impermissible) with the index."""
@@ -348,10 +403,10 @@ def override_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
     if "access_point" in overrides:
         ident = _number(overrides["access_point"], "access_point", _IDENT)
         for number, telegram in telegrams.items():
-            module = _with_ident(
-                telegram.module, min(s.subslot for s in telegram.module.submodules), ident, "access_point"
+            module, *others = (
+                _with_ident(m, min(s.subslot for s in m.submodules), ident, "access_point") for m in telegram.modules
             )
-            telegrams[number] = dataclasses.replace(telegram, module=module)
+            telegrams[number] = dataclasses.replace(telegram, module=module, others=tuple(others))
     for key, wanted in _mapping(overrides.get("telegrams", {}), "telegrams").items():
         where = f"telegrams.{key}"
         number = _number(key, where, 0xFFFF)
@@ -370,10 +425,10 @@ def override_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
                 module, _telegram_subslot(module), _number(parts["submodule"], f"{where}.submodule", _IDENT), where
             )
         telegrams[number] = dataclasses.replace(telegrams[number], module=module)
-    idents = [telegram.module.ident for telegram in telegrams.values()]
+    idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
     if len(set(idents)) != len(idents):
         raise ConfigError(
-            "identity.telegrams: two telegrams have the same module ident; a controller could not tell them apart"
+            "identity.telegrams: two modules have the same module ident; a controller could not tell them apart"
         )
     return dataclasses.replace(
         model, identity=dataclasses.replace(model.identity, **changes), dap=dap, telegrams=telegrams

@@ -150,6 +150,10 @@ class Parameter:
     source: str
     values_source: str
     note: str
+    #: Every element's default, for a stored array.
+    defaults: tuple[int, ...] = ()
+    #: With the scale ``a|b|...``: the values of the raw numbers 0, 1, ...
+    choices: tuple[float, ...] = ()
 
     @property
     def octets(self) -> int:

@@ -20,7 +20,15 @@ from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.telegram import MappingError, Signal, Telegram, signal_codes, signal_numbers
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_SET_POSITION
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_CLEAR_HISTORY,
+    CMD_SET_POSITION,
+    VELOCITY_NSOLL_A,
+    VELOCITY_NSOLL_B,
+    VELOCITY_REF_SPEED,
+)
+from pnfarm.table.signals import NSOLL_B, REF_SPEED
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -87,7 +95,7 @@ class ParameterStore:
     ``handle`` is the drive's rows of the table; ``watchdog_ns`` (PNU 3022) is set by the station on a connect.
     """
 
-    __slots__ = ("_events", "_plugged", "_saved", "_values", "handle", "model", "watchdog_ns")
+    __slots__ = ("_events", "_module", "_plugged", "_saved", "_values", "handle", "model", "watchdog_ns")
 
     def __init__(self, model: Model, handle: AxisHandle) -> None:
         self.model = model
@@ -97,6 +105,7 @@ class ParameterStore:
         self._saved: dict[int, Value] = {}
         self._events: list[Event] = []
         self._plugged: int | None = None
+        self._module: int | None = None
 
     # access
 
@@ -107,6 +116,8 @@ class ParameterStore:
             self._check_plain(parameter, subindex, count)
             return [self._value(parameter)]
         self._check_elements(parameter, subindex, count)
+        if parameter.behaviour is Behaviour.STORED:
+            return list(self._array(parameter)[subindex : subindex + count])
         return list(COMPUTED[parameter.argument](self, parameter)[subindex : subindex + count])
 
     def write(self, pnu: int, subindex: int, values: Sequence[int]) -> None:
@@ -129,8 +140,14 @@ class ParameterStore:
             return
         if target.behaviour is Behaviour.SIGNAL:
             self._write_signal(target, values[0])
+        elif target.behaviour is Behaviour.COMPUTED and target.argument == "situation-counter":
+            self._clear_history(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED:
             self._write_telegram(target, subindex, values)
+        elif target.elements:
+            array = list(self._array(target))
+            array[subindex : subindex + len(values)] = values
+            self._values[target.pnu] = tuple(array)
         else:
             self._values[target.pnu] = values[0]
             self._apply_written(target)
@@ -150,6 +167,10 @@ class ParameterStore:
         """Whether a stored value differs from the model's default."""
         return self.model.canonical(parameter).pnu in self._values
 
+    def changed_numbers(self) -> list[int]:
+        """The PNUs of every stored value that differs from the model's default, rising."""
+        return sorted(self._values)
+
     def events(self) -> list[Event]:
         """What happened since the last call."""
         events, self._events = self._events, []
@@ -163,6 +184,11 @@ class ParameterStore:
         return self.model.telegrams[self.telegram_number]
 
     @property
+    def parameter_words(self) -> int:
+        """Words in front of the frames that no mapping touches."""
+        return self._frame.parameter_words
+
+    @property
     def telegram_number(self) -> int:
         """The number of the plugged module's telegram, or that of PNU 922 while none is plugged.
 
@@ -171,16 +197,28 @@ class ParameterStore:
         selected = self.raw(TELEGRAM_SELECTION, self.model.default_telegram)
         return selected if self._plugged is None or selected == FREE_TELEGRAM else self._plugged
 
-    def plug_telegram(self, number: int | None) -> None:
+    def plug_telegram(self, number: int | None, module_ident: int | None = None) -> None:
         """The module in slot 1 brings telegram ``number``; None: no module is plugged, PNU 922 rules.  No event.
 
-        Raises :class:`ConfigError` for a number that the model does not know.
+        ``module_ident`` says which of the telegram's modules it is, its first if not given.  Another module than the
+        one before brings its settings with it.  Raises :class:`ConfigError` for a number that the model does not know.
         """
         if number is not None and number not in self.model.telegrams:
             raise ConfigError(
                 f"{self.model.name} has no telegram {number}; it has {', '.join(map(str, self.model.telegrams))}"
             )
+        telegram = None if number is None else self.model.telegrams[number]
+        module = None
+        if telegram is not None:
+            module = next((m for m in telegram.modules if m.ident == module_ident), telegram.module)
+        another = module is not None and (number, module.ident) != (self._plugged, self._module)
         self._plugged = number
+        self._module = None if module is None else module.ident
+        if telegram is not None and module is not None and another:
+            for pnu, value in {**telegram.settings, **module.settings}.items():
+                self._values[pnu] = value
+                self._apply_written(self.model.parameters[pnu])
+        self._apply_telegram()
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
         """The signals of the frames, word by word: those of the telegram, or PNU 915 or 916 where the mapping is free.
@@ -189,6 +227,11 @@ class ParameterStore:
         """
         frame = self._frame
         words = frame.output if setpoint else frame.input
+        head, words = words[: frame.parameter_words], words[frame.parameter_words :]
+        return head + self._mapped(words, setpoint=setpoint)
+
+    def _mapped(self, words: tuple[Signal | None, ...], *, setpoint: bool) -> tuple[Signal | None, ...]:
+        """What a free mapping makes of ``words``."""
         stored = self._values.get(SETPOINT_MAPPING if setpoint else ACTUAL_MAPPING)
         if not self.telegram.free_mapping or not isinstance(stored, tuple):
             return words
@@ -215,7 +258,7 @@ class ParameterStore:
     def power_on(self) -> None:
         """As after a power cycle: the permanent values are in force and on the axis record, no module is plugged."""
         self._values = dict(self._saved)
-        self._plugged = None
+        self._plugged = self._module = None
         self.watchdog_ns = 0
         self.apply_defaults()
 
@@ -226,8 +269,10 @@ class ParameterStore:
             setattr(axis, field, value)
         for parameter in self.model.axis_parameters:
             self._apply(parameter)
-        axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
+        if ACCELERATION_SCALING in self.model.parameters:
+            axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
         self._apply_communication_loss()
+        self._apply_telegram()
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
@@ -289,6 +334,11 @@ class ParameterStore:
 
     # inside
 
+    def _array(self, parameter: Parameter) -> tuple[int, ...]:
+        """A stored array's elements."""
+        stored = self._values.get(parameter.pnu)
+        return stored if isinstance(stored, tuple) else parameter.defaults
+
     @property
     def _frame(self) -> Telegram:
         """The telegram whose module fixes the length of the frames."""
@@ -339,7 +389,10 @@ class ParameterStore:
 
     def _apply(self, parameter: Parameter) -> None:
         raw = self.raw(parameter.pnu)
-        value = 2.0**-raw if parameter.scale == "2^-n" else raw * self._factor(parameter)
+        if parameter.choices:
+            value = parameter.choices[raw]
+        else:
+            value = 2.0**-raw if parameter.scale == "2^-n" else raw * self._factor(parameter)
         if parameter.index >= 0:
             getattr(self.handle.axis, parameter.argument)[parameter.index] = value
         else:
@@ -362,6 +415,22 @@ class ParameterStore:
         code = self.model.faults[loss.fault].code if self.raw(loss.action_parameter) else 0
         self.handle.axis.loss_fault = code
         self.handle.axis.stop_fault = code if self.raw(loss.stop_parameter) >> loss.stop_bit & 1 else 0
+
+    def _apply_telegram(self) -> None:
+        """Tell the firmware which velocity set point the telegram in force brings."""
+        slots = {signal.slot for signal in self.mapping(setpoint=True) if signal is not None}
+        self.handle.axis.velocity_signal = (
+            VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
+        )
+
+    def _clear_history(self, parameter: Parameter, value: int) -> None:
+        """The counter of fault situations takes a 0 only, which empties the fault memory."""
+        if value:
+            raise self._refusal(ParameterErrorNumber.ONLY_RESET, parameter, 0)
+        try:
+            self.handle.push_command(CMD_CLEAR_HISTORY)
+        except CommandRingFullError as exc:
+            raise self._refusal(ParameterErrorNumber.OPERATING_STATE, parameter) from exc
 
     def _write_signal(self, parameter: Parameter, value: int) -> None:
         """A set point by its PNU, unless the running cyclic channel brings it (MDI_ACC with telegram 352: allowed)."""
@@ -386,6 +455,7 @@ class ParameterStore:
             if not self.telegram.free_mapping:
                 raise self._refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
             self._values[parameter.pnu] = self._checked_mapping(parameter, subindex, values)
+        self._apply_telegram()
         self._events.append(TelegramChanged(self.telegram_number))
 
     def _check_telegram(self, number: int, parameter: Parameter) -> None:
@@ -394,7 +464,7 @@ class ParameterStore:
 
     def _checked_mapping(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> tuple[int, ...]:
         setpoint = parameter.argument == "setpoint-mapping"
-        numbers = list(signal_numbers(self.mapping(setpoint=setpoint)))
+        numbers = list(signal_numbers(self.mapping(setpoint=setpoint)))[self._frame.parameter_words :]
         length = len(numbers)
         numbers += [0] * (parameter.elements - length)
         numbers[subindex : subindex + len(values)] = values
@@ -434,6 +504,9 @@ class ParameterStore:
         for index, number in enumerate(values):
             if not parameter.minimum <= number <= parameter.maximum:
                 raise self._refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, index)
+        if target.elements and target.behaviour is Behaviour.STORED:
+            self._saved[target.pnu] = tuple(values) + target.defaults[len(values) :]
+            return
         if target.elements:
             self._saved[target.pnu] = self._mapping_numbers(
                 target, values, setpoint=target.argument == "setpoint-mapping"

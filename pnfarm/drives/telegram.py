@@ -6,14 +6,14 @@ A telegram has a list of words for each direction; a double word takes two conse
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.table.signals import ACTUAL_SLOTS, PART_HIGH, PART_LOW, PART_WORD, SETPOINT_SLOTS, WORD_NONE, word_code
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
 __all__ = ["MappingError", "Module", "Signal", "Submodule", "Telegram", "signal_codes", "signal_numbers"]
 
@@ -67,6 +67,10 @@ class Module:
     submodules: tuple[Submodule, ...]
     source: str = ""
     note: str = ""
+    #: What it is called beside others of the same telegram.
+    name: str = ""
+    #: Parameters that plugging it sets, where it differs from its telegram: PNU -> raw number.
+    settings: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def slot(self) -> int:
@@ -76,6 +80,10 @@ class Module:
 @dataclass(frozen=True, slots=True)
 class Telegram:
     """A telegram: its module in slot 1 and its words.
+
+    ``module`` is the one to use; ``others`` carry the same telegram.  The first ``parameter_words`` of both directions
+    are a parameter channel, which a free mapping leaves alone.  ``settings`` (PNU -> raw number) are what plugging a
+    module of this telegram sets.
 
     ``output`` and ``input`` name the signals, None for a word without one; ``output_words`` and ``input_words`` are the
     same as word codes (:func:`pnfarm.table.signals.word_code`).  With ``free_mapping`` the words are only the default.
@@ -91,6 +99,14 @@ class Telegram:
     module: Module
     source: str
     note: str
+    others: tuple[Module, ...] = ()
+    parameter_words: int = 0
+    settings: Mapping[int, int] = field(default_factory=dict)
+
+    @property
+    def modules(self) -> tuple[Module, ...]:
+        """Every module that carries it, the one to use first."""
+        return self.module, *self.others
 
 
 def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[int, ...]:

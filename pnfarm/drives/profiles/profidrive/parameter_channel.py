@@ -6,6 +6,7 @@ one request at a time (profile 4.1, 8.6): a read while none is pending is a stat
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
@@ -120,6 +121,9 @@ class ParameterChannel:
         negative = False
         used = HEADER_OCTETS
         for position, address in enumerate(request.addresses):
+            if access.zero_elements and not address.elements:
+                # "0..1" elements of a plain parameter (Moog MSD manual, tables 9.8 to 9.16)
+                address = replace(address, elements=1)
             # room for the errors of those that follow, so that the response never outgrows its block
             room = limit - used - ERROR_OCTETS * (request.count - position - 1)
             try:
@@ -192,7 +196,7 @@ class ParameterChannel:
             raise ParameterError(ParameterErrorNumber.NUMBER_OF_VALUES)
         values = (
             [min(value, parameter.maximum) for value in given.values]
-            if command
+            if command and parameter.maximum == parameter.highest
             else [parameter.wrap(value) for value in given.values]
         )
         self._store.write(address.pnu, address.subindex, values)
