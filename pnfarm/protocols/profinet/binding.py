@@ -74,7 +74,7 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
         device_id=identity.device_id,
         station_type=identity.station_type,
         dap=_module(model.dap),
-        modules=tuple(_module(model.telegrams[number].module) for number in order),
+        modules=tuple(_module(module) for number in order for module in model.telegrams[number].modules),
         min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
         # no manual at hand denies a send clock; what strict limits is the cycle
         send_clocks=_EVERY_SEND_CLOCK,

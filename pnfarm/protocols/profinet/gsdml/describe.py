@@ -178,8 +178,16 @@ def _virtual(
     )
 
 
+def _telegram_id(telegram: Telegram, module: ModuleDescription) -> str:
+    """The telegram's own module is called after its number; others add their ident."""
+    plain = module.module_ident == telegram.module.ident
+    return f"TELEGRAM_{telegram.number}" + ("" if plain else f"_MODULE_{_hex(module.module_ident)}")
+
+
 def _telegram_module(model: Model, telegram: Telegram, module: ModuleDescription) -> ModuleItem:
     submodules = []
+    item_id = _telegram_id(telegram, module)
+    named = next((m.name for m in telegram.others if m.ident == module.module_ident), "") or telegram.name
     for s, data in zip(module.submodules, telegram.module.submodules, strict=True):
         inputs = outputs = None
         if s.input_bytes or s.output_bytes:
@@ -187,13 +195,13 @@ def _telegram_module(model: Model, telegram: Telegram, module: ModuleDescription
             inputs = _free(s.input_bytes) if free else _items(model, telegram.input)
             outputs = _free(s.output_bytes) if free else _items(model, telegram.output)
         name = Info(data.name, f"Subslot {s.subslot}, API 0x{_hex(s.api)}")
-        submodules.append(_virtual(f"TELEGRAM_{telegram.number}_{s.subslot}", s, name, inputs, outputs))
+        submodules.append(_virtual(f"{item_id}_{s.subslot}", s, name, inputs, outputs))
     octets = frame_octets([module])
     info = Info(
-        telegram.name,
+        named,
         f"{octets[0]} octets to the controller and {octets[1]} from it, with their status octets",
     )
-    return ModuleItem(f"TELEGRAM_{telegram.number}", module.module_ident, info, submodules=tuple(submodules))
+    return ModuleItem(item_id, module.module_ident, info, submodules=tuple(submodules))
 
 
 def _system(
@@ -256,7 +264,7 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
         max_output=largest[1],
         modules=tuple(
             ItemRef(
-                f"TELEGRAM_{telegram.number}",
+                _telegram_id(telegram, module),
                 allowed=Numbers.of([telegram.module.slot]),
                 used=Numbers.of([telegram.module.slot] if default[telegram.module.slot] == module else []),
             )
@@ -273,12 +281,13 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
 
 
 def _telegrams(model: Model, description: DeviceDescription) -> list[tuple[Telegram, ModuleDescription]]:
-    """Each telegram with the module that the device has for it, by number."""
+    """Each telegram with the modules that the device has for it, by number."""
     found = []
     for _, telegram in sorted(model.telegrams.items()):
-        module = description.module(telegram.module.slot, telegram.module.ident)
-        assert module is not None  # the description is made of these telegrams
-        found.append((telegram, module))
+        for known in telegram.modules:
+            module = description.module(known.slot, known.ident)
+            assert module is not None  # the description is made of these telegrams
+            found.append((telegram, module))
     return found
 
 
