@@ -353,8 +353,10 @@ class FarmCore:
                 self.log.record(when, name, "state changed", before=f"S{value >> 8}", after=f"S{value & 0xFF}")
             case engine_row.FAULT_RAISED:
                 station.fault_counts[value] = station.fault_counts.get(value, 0) + 1
+                station.fault_diagnosis.raised(value)
                 self.log.record(when, name, "fault", level="warning", number=value)
             case engine_row.FAULTS_CLEARED:
+                station.fault_diagnosis.cleared()
                 self.log.record(when, name, "fault acknowledged", after_seconds=value / 1e9)
             case engine_row.FAULT_REACTED:
                 self.log.record(when, name, "controller reacted to fault", after_seconds=value / 1e9)

@@ -24,6 +24,7 @@ from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.factory_reset import clear_memory
 from pnfarm.farm.station_address import StationAddress
 from pnfarm.farm.station_channels import ArChannels, StationChannels
+from pnfarm.farm.station_diagnosis import FaultDiagnosis
 from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
 from pnfarm.farm.station_snmp import PortTraffic, snmp_view
 from pnfarm.farm.station_snmp_neighbours import NeighbourRows
@@ -215,6 +216,7 @@ class DriveStation:
             station_name=self.dcp.name,
             diagnosis=self.records.diagnosis,
         )
+        self.fault_diagnosis = FaultDiagnosis(self.store, self.records.diagnosis)
         #: What managers wrote; survives a power cycle.
         self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
         self.neighbour_rows = NeighbourRows()
@@ -583,12 +585,14 @@ class DriveStation:
             return
         module = self.cm.plugged.module(self.description.modules[0].slot)
         telegram = self.model.telegram_by_module(module.module_ident) if module else None
-        if telegram is not None:
-            self.store.plug_telegram(telegram.number)
+        if module is not None and telegram is not None:
+            self.store.plug_telegram(telegram.number, module.module_ident)
         words = self.store.input_words(), self.store.output_words()
         ar = self.channels.open(event, *words, self._set_points(), now)
-        self.store.watchdog_ns = ar.watchdog_ns
-        self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, ar.cycle_ns // 4))
+        if ar.feeds:
+            self.store.watchdog_ns = ar.watchdog_ns
+        fastest_ns = min(ar.cycle_ns for ar in self.ars.values() if ar.providers)
+        self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, fastest_ns // 4))
         self.note(
             now,
             "ar connected",
@@ -639,13 +643,17 @@ class DriveStation:
             self.parameter_records.reset()
 
     def _lost(self, key: int) -> None:
-        """An established connection ended without a release: the drive's own fault, unless it has it already."""
+        """An established connection ended without a release: the drive's own fault, unless it has it already.
+
+        A connection that did not feed the drive is no loss, and a drive that waits for telegrams for a time of its own
+        finds out by itself.
+        """
         ar = self.ars.get(key)
         if ar is None:
             return
         self._close(key)
         code = int(self.handle.axis.loss_fault)
-        if ar.established and code and ar.consumers:
+        if ar.established and code and ar.feeds and not int(self.handle.axis.loss_delay_ns):
             self.handle.push_command(CMD_RAISE_FAULT, code)
 
     # -- the engine's events -----------------------------------------------------------------------------------------
