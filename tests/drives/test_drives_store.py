@@ -73,7 +73,7 @@ def test_each_parameter_starts_with_its_default(drive: Drive) -> None:
 
 def test_each_writable_parameter_takes_its_limits_and_refuses_what_lies_beyond(drive: Drive) -> None:
     rows = plain_writable(drive)
-    assert len(rows) > 400
+    assert len(rows) > (400 if drive.model.maker == "Kollmorgen" else 30)
     for parameter in rows:
         for value in (parameter.minimum, parameter.maximum):
             drive.store.write(parameter.pnu, 0, [value])
@@ -281,10 +281,15 @@ def test_every_signal_with_a_pnu_shows_its_slot(drive: Drive) -> None:
         drive.image.received[slot] = slot + 100
         drive.image.sent[slot] = slot + 200
     for number, signal in drive.model.signals.items():
-        if number in drive.model.parameters:
+        parameter = drive.model.parameters.get(number)
+        if parameter is None:
+            continue
+        if parameter.behaviour is Behaviour.SIGNAL and 8 * parameter.octets == signal.bits:
             slots, base = (SETPOINT_SLOTS, 100) if signal.setpoint else (ACTUAL_SLOTS, 200)
             assert drive.store.read(number) == [slots[signal.name] + base]
-            assert drive.store.read(923, number) == [number]
+        # the profile has a number's place in the list, others list the numbers one behind the other
+        listed = drive.store.read(923, 0, drive.model.parameters[923].elements)
+        assert number in listed
 
 
 def test_a_set_point_that_the_cyclic_channel_brings_is_not_for_parameters(akd: Drive) -> None:
