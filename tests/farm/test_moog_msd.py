@@ -1,0 +1,262 @@
+"""The Moog MSD in a farm at 1 ms: velocity, faults, watchdog, diagnosis alarms; sections are those of its manual."""
+
+from __future__ import annotations
+
+import pytest
+from virtual_line import VirtualLine
+
+from pnfarm.drives.parameter import ParameterError
+from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.faults.plan import FaultSpec
+from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
+from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
+from pnfarm.table.signals import G1_XIST1, NIST_A, NIST_B, NSOLL_A, NSOLL_B, ZSW1
+
+FULL = 0x40000000  # 100 % of NSOLL_B and NIST_B (10.7)
+MAXIMUM_RPM = 3000
+FAULT = 0x0008
+
+
+class MsdLine(VirtualLine):
+    """One MSD at 1 ms; ``add`` a fault of it."""
+
+    def __init__(self, **options) -> None:
+        super().__init__(model="moog-msd", cycle="1ms", **options)
+        self.faults = attach_faults(self.farm, self.world.clock)
+
+    def add(self, kind: str, **fields):
+        return self.faults.add(FaultSpec.parse({"kind": kind, "on": "all", **fields}), self.world.now)
+
+    def until(self, condition, within: float = 5.0) -> bool:
+        return self.world.run(within, until=condition)
+
+    def seen_zsw1(self) -> int:
+        return int(self.plc.columns.image[0].received[ZSW1]) & 0xFFFF
+
+    @property
+    def measures(self):
+        return self.plc.sessions[0].measures
+
+
+def msd(**options) -> MsdLine:
+    line = MsdLine(**options)
+    line.connect()
+    return line
+
+
+def running(**options) -> MsdLine:
+    line = msd(**options)
+    line.enable()
+    line.run(0.5)
+    return line
+
+
+def axis(line):
+    return line.farm.stations[0].handle.axis
+
+
+def faults(line) -> list[str]:
+    known = line.farm.stations[0].model.faults
+    return [known[int(code) & 0xFFFFFF].words for code in axis(line).fault_code if code]
+
+
+# velocity
+
+
+@pytest.mark.parametrize("telegram", [1, 2, 3])
+def test_the_drive_runs_at_the_speed_of_its_set_point(telegram: int) -> None:
+    line = running(telegram=telegram)
+    assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
+    image = line.plc.columns.image[0]
+    if telegram == 1:
+        assert (image.sent[NSOLL_A], image.received[NIST_A]) == (60, 60)
+    else:
+        assert image.sent[NSOLL_B] == round(60 / MAXIMUM_RPM * FULL)
+        assert image.received[NIST_B] / FULL * MAXIMUM_RPM == pytest.approx(60.0, abs=0.1)
+
+
+def test_the_sensor_of_telegram_3_counts_1048576_to_a_revolution() -> None:
+    line = running(telegram=3)
+    before = int(line.plc.columns.image[0].received[G1_XIST1])
+    line.run(1.0)
+    turned = (int(line.plc.columns.image[0].received[G1_XIST1]) - before) / 1048576
+    assert turned == pytest.approx(1.0, rel=0.01)
+
+
+def test_100_percent_of_nsoll_b_is_the_maximum_speed_of_p_0338() -> None:
+    line = running(telegram=2, params="{P-0338: 1500}")
+    assert line.plc.columns.image[0].sent[NSOLL_B] == round(60 / 1500 * FULL)
+    assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("module", "direct"), [(0x1001, 1), (0x0001, 0), (0x0101, 1)])
+def test_the_module_of_telegram_1_says_whether_the_ramp_generator_works(module: int, direct: int) -> None:
+    """10.1: RT modules set the profile generating mode, the others the interpolating one."""
+    line = MsdLine()
+    (station,) = line.farm.stations
+    station.store.plug_telegram(1, module)
+    assert station.store.get("CON_REF_Mode") == direct
+    assert station.handle.axis.setpoint_direct == direct
+    assert (station.store.get("P-0300"), station.store.get("P-0159"), station.store.get("P-0165")) == (2, 7, 9)
+
+
+def test_a_set_point_in_the_profile_generating_mode_follows_p_1278() -> None:
+    line = msd(params="{P-1278: 1}")
+    (station,) = line.farm.stations
+    station.store.set("P-0301", 0)
+    line.enable()
+    # 1 rev/s2 is 60 rpm/s (13.2)
+    line.run(0.5)
+    assert axis(line).velocity == pytest.approx(30.0, abs=3.0)
+    line.run(1.0)
+    assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
+
+
+@pytest.mark.parametrize("telegram", [5, 7, 8, 9, 101, 106, 121])
+def test_telegrams_that_move_nothing_yet_are_exchanged_and_the_axis_stands(telegram: int) -> None:
+    line = msd(telegram=telegram)
+    assert line.farm.stations[0].store.telegram_number == telegram
+    line.run(1.0)
+    assert line.measures.losses == 0
+    assert axis(line).velocity == 0.0
+    assert axis(line).position == 0.0
+
+
+def test_a_free_mapping_brings_the_speed_in_two_words_behind_the_parameter_channel() -> None:
+    """14.2: telegram 102 with the mappings of tables 14.3 and 14.4."""
+    line = msd(telegram=102)
+    (station,) = line.farm.stations
+    line.plc.columns.program[0].enable = 0
+    line.run(0.1)
+    station.store.write(915, 0, [967, 1270, 1270, 1278, 1279])
+    station.store.write(916, 0, [968, 1271, 1271])
+    assert station.store.read(915, 0, 6) == [967, 1270, 1270, 1278, 1279, 0]
+    assert [s.name if s else None for s in station.store.mapping(setpoint=True)] == [
+        None, None, None, None, "STW1", "REF_SPEED", "REF_SPEED", "DRV_ACC", "DRV_DEC", None,
+    ]  # fmt: skip
+    assert station.handle.axis.velocity_signal == 2
+
+
+# faults
+
+
+def test_a_fault_in_two_parts_is_raised_by_its_number_stops_the_drive_and_is_acknowledged() -> None:
+    line = running()
+    fault = line.add("drive-fault", params={"fault": "32-1"})
+    line.run(0.05)
+    assert faults(line) == ["32-1"]
+    assert line.seen_zsw1() & FAULT
+    store = line.farm.stations[0].store
+    assert store.get("P-39") == store.get("P-0949.0") == 32 | 1 << 16
+    assert (store.get("P-0945.0"), store.get("P-0947.0"), store.get("P-0951.9")) == (9, 9, 59009)
+    assert line.until(lambda: fault.state == "ended", 2.0)
+    line.enable()
+    assert faults(line) == []
+
+
+def test_the_error_memory_keeps_twenty_faults_and_a_0_clears_it() -> None:
+    line = running()
+    store = line.farm.stations[0].store
+    for number in range(22):
+        line.add("drive-fault", params={"fault": "11-1" if number % 2 else "4-1"})
+        line.run(0.02)
+        line.enable()
+    assert store.get("P-0944") == store.get("P-0952") == 22
+    assert store.read(949, 0, 20) == [0, *([11 | 1 << 16, 4 | 1 << 16] * 10)][:20]
+    with pytest.raises(ParameterError, match="may only be reset"):
+        store.set("P-0952", 5)
+    store.set("P-0952", 0)
+    line.run(0.01)
+    assert store.get("P-0952") == 0
+    assert store.read(949, 0, 20) == [0] * 20
+
+
+# watchdog and outputs
+
+
+def test_without_telegrams_the_outputs_are_zero_at_once_and_32_1_comes_after_p_1283() -> None:
+    line = running(params="{P-1283: 400}")
+    line.add("silence", **{"for": "5s"})
+    line.run(0.1)
+    assert axis(line).stw1 == 0
+    assert axis(line).state == 1
+    assert faults(line) == []
+    line.run(0.25)
+    assert faults(line) == []
+    line.run(0.1)
+    assert faults(line) == ["32-1"]
+
+
+def test_p_1283_at_0_switches_the_watchdog_off() -> None:
+    line = running(params="{P-1283: 0}")
+    line.add("silence", **{"for": "5s"})
+    line.run(1.0)
+    assert axis(line).stw1 == 0
+    assert faults(line) == []
+
+
+def test_bad_outputs_are_zero_and_no_loss() -> None:
+    """16: IOPS=BAD sets the outputs to zero; telegrams still come, so that the watchdog has nothing to say."""
+    line = running(params="{P-1283: 100}")
+    line.plc.columns.image[0].good = 0
+    line.run(1.0)
+    assert (axis(line).stw1, axis(line).setpoint, axis(line).state) == (0, 0.0, 1)
+    assert faults(line) == []
+    assert line.measures.losses == 0
+    line.plc.columns.image[0].good = 1
+    line.enable()
+
+
+# diagnosis: 9.5.2, table 9.22; the example is ERR_ErrorID 0x0001000B, external
+
+
+LAYOUTS = {
+    1: "0010 0016 0001 0000 3a00 0001 0001 8000 0800 8000 8000 6800 900f",
+    2: "0010 001c 0001 0000 3a00 0001 0001 8000 0800 8002 8000 6800 900f 0000 0001 000b",
+    3: "0010 0018 0001 0000 3a00 0001 0002 8000 6800 0001 0001 000b 0000 0000",
+}
+
+
+@pytest.mark.parametrize("mode", [1, 2, 3])
+def test_a_fault_is_told_in_the_layout_of_p_1256_and_gone_when_it_is_acknowledged(mode: int) -> None:
+    line = running(params=f"{{P-1256: {mode}}}")
+    (station,) = line.farm.stations
+    line.add("drive-fault", params={"fault": "11-1"})
+    line.run(0.05)
+    (block,) = diagnosis_blocks(station.records.diagnosis, version=0x0001)
+    assert emit_block(block).hex(" ", 2) == LAYOUTS[mode]
+    (ar,) = station.ars.values()
+    assert line.farm.columns.ppm[ar.providers[0][0]].data_status == STATUS_GOOD & ~STATUS_NO_PROBLEM
+    line.run(1.0)
+    assert len(station.records.diagnosis) == 0
+    alarms = [entry.data["detail"] for entry in line.plc_log.entries("axis-01") if entry.event == "alarm"]
+    subslot = 2 if mode == 3 else 1
+    assert [text.split(":")[0] for text in alarms] == [
+        f"diagnosis appears on slot 1 subslot {subslot}",
+        f"diagnosis disappears on slot 1 subslot {subslot}",
+    ]
+    assert line.measures.alarms_received == 2
+    assert [e.event for e in line.log.entries("axis-01")].count("alarm acknowledged") == 2
+    assert line.farm.columns.ppm[ar.providers[0][0]].data_status == STATUS_GOOD
+
+
+@pytest.mark.parametrize("mode", [0, 4, 65535])
+def test_other_modes_tell_nothing(mode: int) -> None:
+    line = running(params=f"{{P-1256: {mode}}}")
+    line.add("drive-fault", params={"fault": "11-1"})
+    line.run(0.5)
+    assert line.measures.alarms_received == 0
+    assert len(line.farm.stations[0].records.diagnosis) == 0
+
+
+def test_a_controller_that_comes_back_finds_the_diagnosis_of_the_loss() -> None:
+    line = running(params="{P-1256: 1, P-1283: 100}")
+    (station,) = line.farm.stations
+    line.add("silence", **{"for": "500ms"})
+    line.run(0.45)
+    assert faults(line) == ["32-1"]
+    assert [entry.error_type for entry in station.records.diagnosis] == [0x9008]
+    line.connect()
+    line.enable()
+    assert len(station.records.diagnosis) == 0

@@ -1,0 +1,91 @@
+"""One farm and several controllers in one virtual world, each with the submodules of a drive that it is given."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from ipaddress import IPv4Interface
+
+from pnfarm.controller.core import ControllerCore
+from pnfarm.controller.plan import plan_devices
+from pnfarm.drives.memory import VolatileMemory
+from pnfarm.engine.tick import next_due, receive, tick
+from pnfarm.engine.virtual import deliver
+from pnfarm.farm.config import expand, parse_farm
+from pnfarm.farm.core import FarmCore
+from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.farm import model_of
+from pnfarm.farm.virtual import VirtualWorld
+from pnfarm.links.base import PortSpec
+
+
+class SharedWorld(VirtualWorld):
+    """The farm joins first; any number of controllers follows."""
+
+    def join(self, node, ports):
+        nodes, self._nodes = self._nodes, []
+        try:
+            super().join(node, ports)
+        finally:
+            self._nodes = nodes + self._nodes
+
+    def _cyclic(self, target: int) -> int:
+        farm, *controllers = (node.columns for node in self._nodes)
+        here, *there = self._addresses
+        waiting = [0] * len(controllers)
+        now = self.now
+        heads = [int(columns.engine[0].event_head) for columns in (farm, *controllers)]
+        while now < target and heads == [int(c.engine[0].event_head) for c in (farm, *controllers)]:
+            now = min(target, *(int(next_due(columns, now)) for columns in (farm, *controllers)))
+            for place, columns in enumerate(controllers):
+                sent = tick(columns, waiting[place], now)
+                receive(farm, deliver(columns, sent, farm, *here, now))
+            sent = tick(farm, 0, now)
+            waiting = [deliver(farm, sent, c, *a, now) for c, a in zip(controllers, there, strict=True)]
+        for columns, count in zip(controllers, waiting, strict=True):
+            receive(columns, count)
+        return now
+
+
+class SharedLine:
+    """``controllers[i]`` has what ``wants[i]``, a test on a submodule's slot, picks of each drive."""
+
+    def __init__(self, text: str, wants) -> None:
+        self.log = EventLog(quiet=True)
+        self.world = SharedWorld()
+        self.controllers: list[ControllerCore] = []
+        asyncio.run(self._create(parse_farm(text), wants))
+
+    async def _create(self, config, wants):
+        drives = expand(config)
+        link = self.world.link()
+        ports = await link.open([PortSpec(drive.name, drive.mac) for drive in drives])
+        self.farm = FarmCore(
+            "farm", drives, model_of, link, ports, memory=VolatileMemory(), log=self.log, seed=b"farm", lldp=False
+        )
+        self.world.join(self.farm, ports)
+        self.farm.start(self.world.now)
+        section = config.controller
+        for number, wanted in enumerate(wants):
+            own = self.world.link()
+            (port,) = await own.open([PortSpec(f"plc-{number}", bytes([2, 0, 0, 0, 9, number]))])
+            plans = [
+                replace(plan, submodules=tuple(s for s in plan.submodules if wanted(s.slot)), reconnect_after_ns=None)
+                for plan in plan_devices(section, drives, [model_of(drive) for drive in drives])
+            ]
+            controller = ControllerCore(
+                f"plc-{number}", plans, own, port, ip=IPv4Interface((section.ip.ip + number, 23)),
+                log=EventLog(quiet=True), seed=bytes([number]), lldp=False,
+            )  # fmt: skip
+            self.world.join(controller, [port])
+            controller.start(self.world.now)
+            self.controllers.append(controller)
+
+    def run(self, seconds: float) -> None:
+        self.world.run(seconds)
+
+    def until(self, condition, within: float = 5.0) -> bool:
+        return self.world.run(within, until=condition)
+
+    def reasons(self) -> list[str]:
+        return [f"{s.state} {s.measures.last_reason}" for c in self.controllers for s in c.sessions]
