@@ -83,13 +83,14 @@ def _print(found: dict[str, Any]) -> None:
     print_table(columns, _module_rows(found))
     print_line()
     print_table(
-        ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE"),
+        ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE", "~NOTE"),
         [
             (
                 f"{telegram['number']}{' (default)' if telegram['number'] == found['default_telegram'] else ''}",
                 "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["output"]),
                 "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["input"]),
                 telegram["source"],
+                telegram["note"],
             )
             for telegram in found["telegrams"]
         ],
@@ -108,7 +109,8 @@ def _print(found: dict[str, Any]) -> None:
 
 def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
     modules = [("head (DAP)", found["dap"])]
-    modules += [(f"telegram {telegram['number']}", telegram) for telegram in found["telegrams"]]
+    for telegram in found["telegrams"]:
+        modules += [(f"telegram {telegram['number']}", module) for module in (telegram, *telegram["other_modules"])]
     for name, module in modules:
         for submodule in module["submodules"]:
             yield (

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.model import fault_words
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
@@ -159,7 +160,7 @@ def drive_snapshot(
         "faults": [_fault(station, code) for code in codes],
         "last_fault": _last_fault(station),
         "neighbours": _neighbours(station, now),
-        "fault_counts": {str(number): count for number, count in sorted(station.fault_counts.items())},
+        "fault_counts": {fault_words(number): count for number, count in sorted(station.fault_counts.items())},
         "warning": _fault(station, int(axis.warning_code)) if axis.warning_code else None,
         "setpoint_rpm": float(axis.setpoint),
         "velocity_rpm": float(axis.velocity),
@@ -244,8 +245,9 @@ def _fault(station: DriveStation, number: int) -> dict[str, Any]:
 
 def _last_fault(station: DriveStation) -> dict[str, Any] | None:
     """First fault of the newest situation: the active one, or the one acknowledged last."""
-    buffer = station.handle.axis.fault_buffer
-    for place in range(0, FAULT_SLOTS * FAULT_SITUATIONS, FAULT_SLOTS):
+    axis = station.handle.axis
+    buffer = axis.fault_buffer
+    for place in range(0, FAULT_SLOTS * FAULT_SITUATIONS, int(axis.fault_places) or FAULT_SLOTS):
         if buffer[place]:
             return _fault(station, int(buffer[place]) & NUMBER_MASK)
     return None

@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from pnfarm.drives.profiles.profidrive.fault_buffer import NUMBER_MASK
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.wire.diagnosis import Direction, Usi
 
@@ -58,6 +59,10 @@ class FaultDiagnosis:
         self._store = store
         self._diagnosis = diagnosis
         self._entries: dict[int, DiagnosisEntry] = {}
+        # the power was off: a cause that stayed is a fault again, before and after which the firmware sees the same
+        for code in store.handle.axis.fault_held:
+            if code:
+                self.raised(int(code) & NUMBER_MASK)
 
     def raised(self, number: int) -> None:
         """The firmware raised a fault."""

@@ -7,6 +7,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
@@ -260,3 +261,27 @@ def test_a_controller_that_comes_back_finds_the_diagnosis_of_the_loss() -> None:
     line.connect()
     line.enable()
     assert len(station.records.diagnosis) == 0
+
+
+def test_a_cause_that_stays_over_a_power_cycle_is_told_again_and_goes_with_the_fault() -> None:
+    line = running(params="{P-1256: 2}")
+    (station,) = line.farm.stations
+    fault = line.add("drive-fault", params={"fault": "11-1", "hold": True})
+    line.run(0.1)
+    line.add("power-cycle", params={"off": "100ms"})
+    line.run(0.5)
+    line.connect()
+    assert faults(line) == ["11-1"]
+    assert [entry.ext_add_value for entry in station.records.diagnosis] == [0x0001000B]
+    line.faults.clear(fault.id, line.world.now)
+    line.enable()
+    assert len(station.records.diagnosis) == 0
+
+
+def test_people_read_the_manuals_way_to_write_a_fault() -> None:
+    line = running()
+    line.add("drive-fault", params={"fault": "11-1"})
+    line.run(0.5)
+    seen = drive_snapshot(line.farm, line.farm.stations[0], line.world.now)
+    assert seen["fault_counts"] == {"11-1": 1}
+    assert seen["last_fault"]["number"] == 11 | 1 << 16

@@ -1,4 +1,4 @@
-"""What a model's data makes the firmware do: no ramp for set points, waiting for telegrams, one fault of a situation."""
+"""What a model's data makes the firmware do: set points without ramp, waiting for telegrams, one fault a situation."""
 
 from __future__ import annotations
 

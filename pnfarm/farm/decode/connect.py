@@ -79,7 +79,9 @@ def _apis(blocks: Iterable[Block]) -> tuple[ExpectedApi, ...]:
 def _expected(apis: tuple[ExpectedApi, ...], device: bytes, shared: Shared) -> str:
     telegram = telegram_of(apis, shared.stations.model(device))
     if telegram is not None:
-        return f"telegram {telegram.number} (module 0x{telegram.module.ident:X})"
+        known = {module.ident for module in telegram.modules}
+        ident = next(api.module_ident for api in apis if api.module_ident in known)
+        return f"telegram {telegram.number} (module 0x{ident:X})"
     modules = [f"slot {api.slot} module 0x{api.module_ident:X}" for api in apis]
     shown = modules[:8] + ([f"and {len(modules) - 8} more"] if len(modules) > 8 else [])
     return ", ".join(dict.fromkeys(shown))
