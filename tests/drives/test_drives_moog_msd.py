@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import shutil
 from typing import TYPE_CHECKING
 
 import pytest
 from drives_kit import Drive, new_drive
 
-from pnfarm.drives.catalogue import as_json, model
+from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import fault_number, fault_words
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError
@@ -279,3 +281,46 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
     assert ask(msd, "07 01 00 03" + "10 20 03 D3 00 00" * 3) == (
         ask(msd, "07 01 00 02" + "10 20 03 D3 00 00" * 2).replace("07 01 00 02", "07 81 00 03") + " 44 01 00 15"
     )
+
+
+# a broken folder
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("parameters.csv", "1|0|1|2", "1|0|1", r"scale: '1\|0\|1' must have a value for each of 0\.\.3"),
+        ("parameters.csv", "1|0|1|2", "1|0|x|2", r"scale: .* no number"),
+        ("parameters.csv", ",4 10,", ",4 10 5,", r"default: '4 10 5' does not fit"),
+        ("parameters.csv", ",4 10,", ",4 70000,", r"default: '4 70000' does not fit"),
+        ("telegrams.toml", "ident = 0x0101,", "ident = 0x1002,", r"module ident 0x1002 stands twice"),
+        ("telegrams.toml", "301 = 1", "302 = 1", r"telegram 1, settings: no parameter 302"),
+        ("telegrams.toml", "301 = 1", "301 = 2", r"telegram 1, settings\.301: 2 is not within 0\.\.1"),
+        ("telegrams.toml", 'name = "Standard telegram 1, IRT", ', "", r"other_modules 2, name: missing"),
+        ("faults.csv", "32-3,", "32-300,", r"number: '32-300' is not a number, nor two"),
+        ("model.toml", 'value = "32-1"', 'value = "32-2"', r"communication_loss: names a fault"),
+        ("model.toml", "action_parameter = { value = 1283", "action_parameter = { value = 1282", r"communication_loss"),
+        ("model.toml", "32-3 = {", "32-4 = {", r"diagnosis\.32-4: there is no fault"),
+        ("model.toml", '"extended", ', '"verbose", ', r"diagnosis_coding\.modes"),
+        ("model.toml", "[1, 1, 1, 2]", "[1, 1, 1]", r"diagnosis_coding\.modes"),
+        ("model.toml", "mode_parameter = { value = 1256", "mode_parameter = { value = 1257", r"no parameter 1257"),
+        ("model.toml", "user_structure = { value = 1,", "user_structure = { value = 0,", r"user_structure: 0"),
+    ],
+)
+def test_a_mistake_in_the_data_is_named(tmp_path: Path, file: str, old: str, new: str, message: str) -> None:
+    folder = tmp_path / "model"
+    shutil.copytree(models()["moog-msd"].folder, folder)
+    path = folder / file
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        load_model(folder)
+
+
+def test_a_farm_file_changes_idents_of_the_first_module_and_may_not_give_one_twice() -> None:
+    changed = MSD.with_identity({"telegrams": {104: 0x100}, "access_point": 0xFFFE})
+    assert [module.ident for module in changed.telegrams[104].modules] == [0x100, 0x68, 0x168]
+    assert {module.submodules[0].ident for t in changed.telegrams.values() for module in t.modules} == {0xFFFE}
+    with pytest.raises(ConfigError, match="two modules have the same module ident"):
+        MSD.with_identity({"telegrams": {104: 0x0065}})

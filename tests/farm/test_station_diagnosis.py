@@ -1,0 +1,66 @@
+"""Which diagnosis a drive's fault becomes, by the data of its model."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.drives.catalogue import model
+from pnfarm.drives.store import ParameterStore
+from pnfarm.farm.station_diagnosis import FaultDiagnosis, fault_entry
+from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
+from pnfarm.table.axis import AXIS
+from pnfarm.table.image import IMAGE
+
+MSD = model("moog-msd")
+WATCHDOG, EXTERNAL, UNKNOWN = 32 | 1 << 16, 11 | 1 << 16, 99
+
+
+def store_of(drive) -> ParameterStore:
+    store = ParameterStore(drive, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
+    store.power_on()
+    return store
+
+
+def test_a_model_without_forms_of_its_own_tells_the_plain_one() -> None:
+    entry = fault_entry(store_of(replace(MSD, diagnosis_coding=None)), WATCHDOG)
+    assert entry is not None
+    assert (entry.place, entry.usi, entry.error_type) == ((0x3A00, 1, 1), 0x8000, 0x9008)
+
+
+@pytest.mark.parametrize(
+    "drive",
+    [replace(MSD, limits=replace(MSD.limits, alarms=False)), model("akd-profinet")],
+    ids=["alarms denied", "akd"],
+)
+def test_a_drive_without_alarms_tells_nothing(drive) -> None:
+    assert fault_entry(store_of(replace(drive, diagnosis_coding=None)), WATCHDOG) is None
+
+
+def test_a_fault_that_the_data_do_not_name_is_not_told() -> None:
+    assert fault_entry(store_of(replace(MSD, diagnosis_coding=None)), UNKNOWN) is None
+
+
+def test_the_makers_form_carries_fault_and_warning() -> None:
+    store = store_of(MSD)
+    store.set("P-1256", 3)
+    store.handle.axis.warning_code = 20 | 2 << 16
+    entry = fault_entry(store, EXTERNAL)
+    assert entry is not None
+    assert (entry.subslot, entry.usi, entry.data.hex()) == (2, 1, "0001000b00020014")
+
+
+def test_what_was_told_goes_as_it_came_even_if_the_form_changes_meanwhile() -> None:
+    store, diagnosis = store_of(MSD), DiagnosisStore()
+    told = FaultDiagnosis(store, diagnosis)
+    store.set("P-1256", 1)
+    told.raised(EXTERNAL)
+    told.raised(EXTERNAL)
+    store.set("P-1256", 2)
+    assert len(diagnosis) == 1
+    told.cleared()
+    told.cleared()
+    assert len(diagnosis) == 0
+    assert len(diagnosis.events()) == 2
