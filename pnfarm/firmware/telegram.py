@@ -69,9 +69,9 @@ def from_setpoints(axis: Any, image: Any) -> None:
     one that leaves them zero, keeps the drive's own ramps.
     """
     if axis.velocity_signal == VELOCITY_NSOLL_B:
-        axis.setpoint = signed32(image.received[NSOLL_B]) * axis.velocity_step_b
+        axis.setpoint = image.received[NSOLL_B] * axis.velocity_step_b
     elif axis.velocity_signal == VELOCITY_REF_SPEED:
-        axis.setpoint = signed32(image.received[REF_SPEED]) * axis.velocity_step
+        axis.setpoint = image.received[REF_SPEED] * axis.velocity_step
     else:
         axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
     up = image.received[DRV_ACC] & 0xFFFF
