@@ -7,8 +7,11 @@ Each model is also taken with other limits than its manual's, so that the limits
 from __future__ import annotations
 
 import hashlib
+import importlib.util
+import sys
 from dataclasses import replace
 from ipaddress import IPv4Address
+from pathlib import Path
 from uuid import UUID
 
 import pytest
@@ -506,3 +509,35 @@ def test_a_foreign_parser_reads_the_same_device(drive_model, tmp_path):
         assert [(s.api, s.submodule_ident, s.input_length, s.output_length) for s in module.submodules] == [
             (s.api, s.submodule_ident, s.input_bytes, s.output_bytes) for s in by_ident[module.module_ident].submodules
         ]
+
+
+def test_a_second_foreign_parser_reads_the_same_device(drive_model, tmp_path):
+    package = importlib.util.find_spec("profinet_mcp")
+    if package is None:
+        pytest.skip("needs the package industriagents-profinet-mcp")
+    # the parser's file alone: its package starts with a server that wants more packages
+    place = Path(package.submodule_search_locations[0]) / "gsd_parser.py"
+    spec = importlib.util.spec_from_file_location("foreign_gsd_parser", place)
+    foreign = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = foreign
+    spec.loader.exec_module(foreign)
+    path = tmp_path / file_name(drive_model)
+    path.write_text(emit_gsdml(describe_model(drive_model)), encoding="utf-8")
+    read = foreign.GSDParser().load(path)
+    device = describe_device(drive_model, MAC, strict=True)
+    identity = int(read.metadata["vendor_id"], 16), int(read.metadata["device_id"], 16)
+    assert identity == (device.vendor_id, device.device_id)
+    (dap,) = read.device_access_points
+    assert int(dap["module_ident_number"], 16) == device.dap.module_ident
+    own = [s.subslot for s in device.dap.submodules if s.subslot >= 0x8000]
+    assert [s["subslot_number"] for s in dap["system_submodules"]] == own
+    found = {
+        int(module["module_ident_number"], 16): {
+            int(s["submodule_ident_number"], 16): (s["input_bytes"], s["output_bytes"]) for s in module["submodules"]
+        }
+        for module in read.modules
+    }
+    assert found == {
+        m.module_ident: {s.submodule_ident: (s.input_bytes, s.output_bytes) for s in m.submodules}
+        for m in device.modules
+    }
