@@ -31,6 +31,7 @@ from pnfarm.protocols.profinet.rpc_events import (
     CallKey,
     CallReceived,
     Interface,
+    LateAnswers,
     RpcServerConfig,
     ServerEvent,
 )
@@ -137,7 +138,10 @@ class _Activity:
 
 
 class RpcServer:
-    """See the module's text.  ``address`` is the device's own, which the endpoint mapper tells; 0.0.0.0 is none yet."""
+    """See the module's text.  ``address`` is the device's own, which the endpoint mapper tells; 0.0.0.0 is none yet.
+
+    ``late``, when set, is asked about every answer of the application; one that is kept back leaves its call EXECUTING.
+    """
 
     def __init__(self, config: RpcServerConfig, address: IPv4Address = NO_ADDRESS) -> None:
         self.config = config
@@ -149,6 +153,8 @@ class RpcServer:
         self._activities: dict[tuple[IPv4Address, UUID], _Activity] = {}
         self._out: list[Datagram] = []
         self._events: list[ServerEvent] = []
+        self.late: LateAnswers | None = None
+        self._kept: list[tuple[int, CallKey, PnioStatus, bytes]] = []
 
     # --- the outside ---------------------------------------------------------------------------------------
 
@@ -191,8 +197,27 @@ class RpcServer:
         activity = self._open_call(call)
         if activity is None:
             return False
+        wait_ns = self.late.wait_ns(call, activity.request.opnum, now) if self.late is not None else 0
+        if wait_ns > 0:
+            self._kept.append((now + wait_ns, call, status, payload))
+            return True
+        return self._respond(activity, status, payload, now)
+
+    def release_answers(self, now: int) -> None:
+        """Let every answer go that is kept back."""
+        kept, self._kept = self._kept, []
+        for _, call, status, payload in kept:
+            self._answer_late(call, status, payload, now)
+
+    def _answer_late(self, call: CallKey, status: PnioStatus, payload: bytes, now: int) -> None:
+        activity = self._open_call(call)
+        sent = activity is not None and self._respond(activity, status, payload, now)
+        if self.late is not None:
+            self.late.left(call, sent=sent)
+
+    def _respond(self, activity: _Activity, status: PnioStatus, payload: bytes, now: int) -> bool:
         if len(payload) > min(activity.args_maximum, STUB_MAX - 24):
-            return self.fault(call, NcaStatus.OUT_ARGS_TOO_BIG, now)
+            return self.fault(activity.call, NcaStatus.OUT_ARGS_TOO_BIG, now)
         args = ResponseArgs(status, payload, activity.args_maximum)
         stub = emit_response_args(args, little_endian=activity.request.little_endian)
         self._answer(activity, PacketType.RESPONSE, stub, now)
@@ -215,9 +240,16 @@ class RpcServer:
         return events
 
     def next_deadline(self) -> int | None:
-        return min((activity.deadline for activity in self._activities.values()), default=None)
+        first = min((activity.deadline for activity in self._activities.values()), default=None)
+        if self._kept:
+            kept = min(entry[0] for entry in self._kept)
+            return kept if first is None else min(first, kept)
+        return first
 
     def handle_timeout(self, now: int) -> None:
+        for kept in [entry for entry in self._kept if entry[0] <= now]:
+            self._kept.remove(kept)
+            self._answer_late(*kept[1:], now)
         for activity in [row for row in self._activities.values() if row.deadline <= now]:
             if activity.state is not ServerState.REPLYING:
                 self._forget(activity, f"expired-{activity.state.name.lower()}")
