@@ -82,11 +82,15 @@ class CmTarget:
         self._diagnoses.put()
         self._settle(now)
 
-    def told_at_connect(self, slot: int, subslot: int | None, since: int, *, diagnosis: bool = False) -> bool:
+    def told_at_connect(
+        self, slot: int, subslot: int | None, since: int, standing: frozenset[int], *, diagnosis: bool = False
+    ) -> bool:
         for key, channels in self._station.ars.items():
             ar = self._station.cm.ar(key)
-            if ar is not None and channels.established and channels.connected_ns > since:
-                return _names(ar, slot, subslot, diagnosis=diagnosis)
+            # a drive that booted begins with the same keys
+            later = channels.connected_ns > since or key not in standing
+            if ar is not None and channels.established and later and _names(ar, slot, subslot, diagnosis=diagnosis):
+                return True
         return False
 
     # alarms

@@ -135,9 +135,7 @@ ALARM_KINDS = (
                 low=0,
                 high=Usi.MANUFACTURER_LAST,
             ),
-            "data": ParamSpec(
-                "octets", "What the manufacturer's coding carries; at most 128 octets.", default="", high=128
-            ),
+            "data": ParamSpec("octets", "What the manufacturer's coding carries.", default="", high=128),
         },
         takes=frozenset({"for", "cycles"}),
     ),

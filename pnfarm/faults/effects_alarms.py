@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window
@@ -53,12 +54,15 @@ class _Told(Effect):
         super().__init__(spec, target)
         self._tally = Tally()
         self._since = 0
+        self._standing: frozenset[int] = frozenset()
         self._mark = 0
         self._due: int | None = None
         self._listening = False
 
     def _occurred(self, now: int) -> None:
         """Call it before the drive does what is to be told."""
+        connection = self.target.connection()
+        self._standing = connection.keys if connection is not None else frozenset()
         self._since, self._mark = now, self.target.last_alarm
         self.target.listen(self._hear)
         self._listening = True
@@ -69,11 +73,13 @@ class _Told(Effect):
             self._confirm()
         del now
 
+    @abstractmethod
     def _is_about(self, event: AlarmConfirmed) -> bool:
-        raise NotImplementedError
+        """Whether this alarm told of the fault."""
 
+    @abstractmethod
     def _stands_in_diff(self) -> bool:
-        raise NotImplementedError
+        """Whether a ModuleDiffBlock tells of it."""
 
     def _confirm(self) -> None:
         self._tally.confirm()
@@ -128,7 +134,7 @@ class ModuleEffect(_Told):
         return event.alarm_type in _GONE and event.slot == change.slot and change.subslot in {None, event.subslot}
 
     def _stands_in_diff(self) -> bool:
-        return self.target.told_at_connect(self._change.slot, self._change.subslot, self._since)
+        return self.target.told_at_connect(self._change.slot, self._change.subslot, self._since, self._standing)
 
     def end(self, now: int) -> None:
         super().end(now)
@@ -160,7 +166,7 @@ class DiagnosisEffect(_Told):
 
     def _stands_in_diff(self) -> bool:
         _, slot, subslot = self._entry.place
-        return self.target.told_at_connect(slot, subslot, self._since, diagnosis=True)
+        return self.target.told_at_connect(slot, subslot, self._since, self._standing, diagnosis=True)
 
     def end(self, now: int) -> None:
         super().end(now)

@@ -43,7 +43,8 @@ class ParamSpec:
             case "word":
                 return ", ".join(self.words)
             case "octets":
-                return "octets in hexadecimal, such as 0a1bff or hex:0102"
+                most = "" if self.high is None else f", at most {self.high:g} octets"
+                return f"octets in hexadecimal, such as 0a1bff or hex:0102{most}"
             case "fault":
                 return "a number, name or cause of the drive's model, such as 702 or undervoltage"
             case _:
@@ -78,12 +79,15 @@ class ParamSpec:
 
     def _octets(self, value: Any) -> bytes:
         # digits alone come as a number from a command line or a YAML file, which loses leading zeros
-        if not isinstance(value, str) or (self.high is not None and len(value) > 2 * self.high):
+        if not isinstance(value, str):
             raise Problem(f"is {shown(value)}", self.allowed)
         try:
-            return bytes.fromhex(value.removeprefix("hex:"))
+            octets = bytes.fromhex(value.removeprefix("hex:"))
         except ValueError as exc:
             raise Problem(f"is {shown(value)}", self.allowed) from exc
+        if self.high is not None and len(octets) > self.high:
+            raise Problem(f"has {len(octets)} octets", self.allowed)
+        return octets
 
     def _number(self, value: Any) -> int | float:
         if isinstance(value, str):

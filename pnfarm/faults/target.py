@@ -282,8 +282,10 @@ class FaultTarget(Protocol):
         """Take it back: what the changes in force make of the slot as it was."""
         ...
 
-    def told_at_connect(self, slot: int, subslot: int | None, since: int, *, diagnosis: bool = False) -> bool:
-        """Whether an AR in DATA that was connected after ``since`` has a ModuleDiffBlock that names the place.
+    def told_at_connect(
+        self, slot: int, subslot: int | None, since: int, standing: frozenset[int], *, diagnosis: bool = False
+    ) -> bool:
+        """Whether an AR in DATA, later than ``since`` and those ``standing``, has a ModuleDiffBlock with the place.
 
         With ``diagnosis`` it must name a diagnosis of the submodule.
         """

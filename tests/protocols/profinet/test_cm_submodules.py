@@ -7,8 +7,12 @@ from dataclasses import replace
 import pytest
 from cm_controllers import TAKEOVER_ALLOWED, Controller, dap_only, drive_only, everything
 from cm_support import ADVANCED, DRIVE, DRIVE_API, LEGACY, Bench, telegram
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.description import Plugged, SlotState
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.errors import PnioStatus
 from pnfarm.protocols.profinet.events import (
     AlarmConfirmed,
@@ -234,6 +238,74 @@ def test_a_submodule_pulled_again_is_not_awaited_any_more():
     controller.pump()
     assert controller.prm_end_plug(sequence)[0].error_code2 == 7
     assert bench.cm.ars[0].pending == set()
+
+
+def test_a_slot_put_back_as_it_was_is_what_the_controller_expects_and_takes_its_parameters():
+    bench, controller = one_controller()
+    before = bench.plugged.state(1)
+    bench.cm.put(1, SlotState(None, held=True, pulled=before.module), 0)
+    assert places(controller.pump()) == [(AlarmType.PULL, DRIVE_API, 1, 0)]
+    bench.cm.put(1, before, 0)
+    assert bench.plugged.state(1) == before
+    alarms = controller.pump()
+    assert places(alarms) == [(AlarmType.PLUG, *PAP), (AlarmType.PLUG, *TELEGRAM)]
+    for alarm in alarms:
+        assert controller.prm_end_plug(alarm.sequence_number)[0].ok
+        assert bench.cm.application_ready(controller.key, 0, alarm.sequence_number)
+    controller.confirm_calls()
+    assert unusable(bench) == frozenset()
+
+
+def test_a_slot_put_as_it_is_tells_nobody_anything():
+    bench, controller = one_controller()
+    bench.cm.put(1, bench.plugged.state(1), 0)
+    assert controller.pump() == []
+    assert unusable(bench) == frozenset()
+
+
+def test_a_slot_that_is_free_again_follows_the_controller_that_stands():
+    bench = Bench()
+    other = bench.plugged.state(1)
+    bench.plugged.put(1, SlotState(None, held=True))
+    controller = Controller(bench, 1)
+    controller.establish()
+    bench.cm.put(1, other, 0)
+    assert (other.module.module_ident, bench.plugged.module(1).module_ident) == (0x101, 0x100)
+    assert {a.alarm_type for a in controller.pump()} == {AlarmType.PLUG}
+
+
+def test_diagnosis_goes_with_the_submodule_that_is_replaced_and_stays_with_the_others():
+    bench, _ = one_controller()
+    for key in (PAP, TELEGRAM):
+        bench.cm.diagnosis.add(DiagnosisEntry(*key, error_type=1))
+    module = bench.plugged.module(1)
+    bench.cm.put(1, SlotState(replace(module, submodules=module.submodules[:1]), held=True), 0)
+    assert [entry.place for entry in bench.cm.diagnosis] == [PAP]
+
+
+@given(st.lists(st.sampled_from(["pull", "pull 2", "plug", "plug other", "restore", "follow"]), max_size=6))
+def test_what_a_slot_was_can_be_put_back_after_anything(hands):
+    plugged = Plugged(DRIVE)
+    plugged.pull(1, 2)
+    state = plugged.state(1)
+    for hand in hands:
+        match hand:
+            case "pull":
+                plugged.pull(1)
+            case "pull 2":
+                plugged.pull(1, 2)
+            case "plug":
+                plugged.plug(1)
+            case "plug other":
+                plugged.plug(1, telegram(0x555, 0x70, 12, 12), substitute=True)
+            case "restore":
+                plugged.restore(1)
+            case "follow":
+                plugged.follow(1, 0x100)
+    plugged.put(1, state)
+    assert plugged.state(1) == state
+    plugged.plug(1)
+    assert plugged.state(1) == SlotState(DRIVE.default_module(1))
 
 
 # whose submodules they are
