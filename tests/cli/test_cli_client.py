@@ -284,7 +284,7 @@ def test_module_pull_names_a_slot_or_one_submodule_of_it(ask, farm, place, path)
         ("--telegram 9", {"telegram": 9, "substitute": False}),
         ("--telegram 0", {"telegram": 0, "substitute": False}),
         ("--module 0x12345678", {"module_ident": 0x12345678, "substitute": False}),
-        ("--module 7 --substitute", {"module_ident": 7, "substitute": True}),
+        ("--module 0xFFFFFFFF --substitute", {"module_ident": 0xFFFFFFFF, "substitute": True}),
     ],
 )
 def test_module_plug_sends_what_is_plugged(ask, farm, options, body):
@@ -302,7 +302,7 @@ def test_module_plug_sends_what_is_plugged(ask, farm, options, body):
         ("module pull axis-01 1.x", "'x' is no subslot"),
         ("module pull axis-01 -- -1", "'-1' is no slot"),
         ("module pull axis-01 1.0x10000", "'0x10000' is no subslot"),
-        ("module plug axis-01 one", "'one'"),
+        ("module plug axis-01 one", "'one' is no slot"),
         ("module plug axis-01 1 --module seven", "'seven' is no module ident"),
         ("module plug axis-01", "SLOT"),
     ],
