@@ -120,7 +120,7 @@ class StationTarget(CmTarget):
         crs = [cr for ar in cyclic.values() for _, cr in ar.providers]
         rows = [self._core.columns.ppm[row] for ar in cyclic.values() for row, _ in ar.providers]
         return Connection(
-            keys=frozenset(cyclic),
+            keys=frozenset(map(self._unique, cyclic)),
             established=any(ar.established for ar in cyclic.values()),
             cycle_ns=min(cr.cycle_ns for cr in crs),
             # which of the two a controller takes is its own affair; they are equal in practice

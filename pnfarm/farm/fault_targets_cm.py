@@ -36,6 +36,15 @@ class CmTarget:
         self._diagnoses = Diagnoses(station)
         self._slow = SlowAnswers(station)
         self._alarm_hooks: list[Callable[[AlarmConfirmed, int], None]] = []
+        self._cm = station.cm
+        self._boots = 0
+
+    def _unique(self, key: int) -> int:
+        """The key of an AR, other than that of any AR before: a drive that boots begins its keys anew."""
+        if self._station.cm is not self._cm:
+            self._cm = self._station.cm
+            self._boots += 1
+        return self._boots << 32 | key
 
     def _settle(self, now: int) -> None:
         self._core.settle(self._station, now)
@@ -83,13 +92,12 @@ class CmTarget:
         self._settle(now)
 
     def told_at_connect(
-        self, slot: int, subslot: int | None, since: int, standing: frozenset[int], *, diagnosis: bool = False
+        self, slot: int, subslot: int | None, standing: frozenset[int], *, diagnosis: bool = False
     ) -> bool:
         for key, channels in self._station.ars.items():
             ar = self._station.cm.ar(key)
-            # a drive that booted begins with the same keys
-            later = channels.connected_ns > since or key not in standing
-            if ar is not None and channels.established and later and _names(ar, slot, subslot, diagnosis=diagnosis):
+            later = ar is not None and channels.established and self._unique(key) not in standing
+            if ar is not None and later and _names(ar, slot, subslot, diagnosis=diagnosis):
                 return True
         return False
 

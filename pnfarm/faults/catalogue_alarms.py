@@ -36,7 +36,8 @@ def _slugs(tables: Iterable[Mapping[int, str]]) -> dict[str, int]:
     found: dict[str, int] = {}
     for table in tables:
         for code, words in table.items():
-            found.setdefault(re.sub("[^a-z0-9]+", "-", words.lower()).strip("-"), code)
+            plain = words.lower().replace("'s", "")
+            found.setdefault(re.sub("[^a-z0-9]+", "-", plain).strip("-"), code)
     return found
 
 

@@ -53,17 +53,16 @@ class _Told(Effect):
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
         super().__init__(spec, target)
         self._tally = Tally()
-        self._since = 0
         self._standing: frozenset[int] = frozenset()
         self._mark = 0
         self._due: int | None = None
         self._listening = False
 
-    def _occurred(self, now: int) -> None:
+    def _watch(self) -> None:
         """Call it before the drive does what is to be told."""
         connection = self.target.connection()
         self._standing = connection.keys if connection is not None else frozenset()
-        self._since, self._mark = now, self.target.last_alarm
+        self._mark = self.target.last_alarm
         self.target.listen(self._hear)
         self._listening = True
 
@@ -120,7 +119,7 @@ class ModuleEffect(_Told):
 
     def begin(self, window: Window, now: int) -> None:
         del window
-        self._occurred(now)
+        self._watch()
         try:
             self.target.change_module(self._change, now)
         except BaseException:
@@ -134,7 +133,7 @@ class ModuleEffect(_Told):
         return event.alarm_type in _GONE and event.slot == change.slot and change.subslot in {None, event.subslot}
 
     def _stands_in_diff(self) -> bool:
-        return self.target.told_at_connect(self._change.slot, self._change.subslot, self._since, self._standing)
+        return self.target.told_at_connect(self._change.slot, self._change.subslot, self._standing)
 
     def end(self, now: int) -> None:
         super().end(now)
@@ -151,7 +150,7 @@ class DiagnosisEffect(_Told):
 
     def begin(self, window: Window, now: int) -> None:
         del window
-        self._occurred(now)
+        self._watch()
         try:
             self.target.diagnose(self._entry, now)
         except BaseException:
@@ -166,7 +165,7 @@ class DiagnosisEffect(_Told):
 
     def _stands_in_diff(self) -> bool:
         _, slot, subslot = self._entry.place
-        return self.target.told_at_connect(slot, subslot, self._since, self._standing, diagnosis=True)
+        return self.target.told_at_connect(slot, subslot, self._standing, diagnosis=True)
 
     def end(self, now: int) -> None:
         super().end(now)

@@ -20,7 +20,8 @@ Way = Literal["in", "out", "both"]
 class ParamSpec:
     """One parameter of a kind.  ``words`` are names for numbers, or the only words of a ``word``.
 
-    Durations are given as ``500ms`` and read as nanoseconds.  ``required`` ones have no default.
+    Durations are given as ``500ms`` and read as nanoseconds.  ``high`` of octets is how many there may be.
+    ``required`` ones have no default.
     """
 
     type: ParamType
@@ -48,9 +49,9 @@ class ParamSpec:
             case "fault":
                 return "a number, name or cause of the drive's model, such as 702 or undervoltage"
             case _:
-                bounds = (
-                    f" from {self.low:g} to {self.high:g}" if self.low is not None and self.high is not None else ""
-                )
+                form = ".0f" if self.type == "whole number" else "g"
+                bounded = self.low is not None and self.high is not None
+                bounds = f" from {self.low:{form}} to {self.high:{form}}" if bounded else ""
                 named = f", or one of {', '.join(self.words)}" if self.words else ""
                 return f"a {self.type}{bounds}{named}"
 

@@ -67,8 +67,9 @@ NOTHING = Evidence()
 class Connection:
     """The drive's cyclic connection.
 
-    ``keys`` are its ARs', never used twice; ``established`` once data flows both ways.  ``watchdog_ns`` is after how
-    long without the drive's data the controller gives up; ``next_ns`` is when the drive's next cyclic frame is due.
+    ``keys`` are its ARs', never used twice, not even after a reboot; ``established`` once data flows both ways.
+    ``watchdog_ns`` is after how long without the drive's data the controller gives up; ``next_ns`` is when the drive's
+    next cyclic frame is due.
     """
 
     keys: frozenset[int]
@@ -283,9 +284,9 @@ class FaultTarget(Protocol):
         ...
 
     def told_at_connect(
-        self, slot: int, subslot: int | None, since: int, standing: frozenset[int], *, diagnosis: bool = False
+        self, slot: int, subslot: int | None, standing: frozenset[int], *, diagnosis: bool = False
     ) -> bool:
-        """Whether an AR in DATA, later than ``since`` and those ``standing``, has a ModuleDiffBlock with the place.
+        """Whether an AR in DATA, other than those of the keys ``standing``, has a ModuleDiffBlock with the place.
 
         With ``diagnosis`` it must name a diagnosis of the submodule.
         """

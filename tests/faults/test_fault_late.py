@@ -47,6 +47,18 @@ def test_watchdog_expire_waits_for_a_connection_and_comes_as_often_as_asked():
     line.connect()
 
 
+@pytest.mark.parametrize("kind", ["watchdog-expire", "ar-abort", "timeout", "alarm-unacknowledged"])
+def test_a_connection_after_a_reboot_is_another_one(line, kind):
+    fault = line.add(kind, count=2)
+    assert line.until(lambda: line.losses() == 1)
+    station(line).power_cycle(line.world.now)
+    line.farm.settle(station(line), line.world.now)
+    assert line.until(lambda: fault.state == "ended")
+    assert fault.evidence().activations == 2
+    line.enable()
+    assert at_rest(line)
+
+
 @pytest.mark.parametrize("kind", ["rpc-delay", "record-delay"])
 def test_a_record_takes_as_much_longer_as_asked_and_no_longer_than_the_fault(line, kind):
     assert timed_read(line) < 0.05
