@@ -534,8 +534,9 @@ class DriveStation:
         )
 
     def _tell_problem(self, key: int) -> None:
+        """In the DataStatus: is there a fault in one of the AR's submodules?"""
         ar = self.cm.ar(key)
-        if ar is not None:
+        if ar is not None and key in self.ars:
             self.channels.problem(key, there=self.cm.diagnosis.has_fault(ar.owned))
 
     def _set_points(self) -> set[tuple[int, int]]:
@@ -550,6 +551,8 @@ class DriveStation:
         self._follow_telegram()
         words = self.store.input_words(), self.store.output_words()
         self.channels.relay(key, unusable, *words, self._set_points())
+        # the diagnosis of what was pulled went with it
+        self._tell_problem(key)
         self.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def _close(self, key: int) -> None:

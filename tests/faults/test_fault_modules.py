@@ -286,6 +286,17 @@ def test_a_fault_shows_as_a_problem_in_the_data_status_and_maintenance_does_not(
     assert data_status(line) == STATUS_GOOD
 
 
+def test_a_problem_goes_with_its_submodule(line):
+    ill = line.add("diagnosis")
+    out = line.add("module-missing")
+    assert data_status(line) == STATUS_GOOD
+    line.clear(ill.id)
+    line.clear(out.id)
+    assert data_status(line) == STATUS_GOOD
+    line.add("diagnosis")
+    assert data_status(line) == STATUS_GOOD & ~STATUS_NO_PROBLEM
+
+
 def test_a_diagnosis_that_is_there_at_connect_stands_in_the_module_diff():
     early = FaultLine()
     fault = early.add("diagnosis")
