@@ -89,6 +89,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
+    from pnfarm.protocols.profinet.events import CmEvent
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
 __all__ = ["DriveStation", "StationServices"]
@@ -140,6 +141,8 @@ class DriveStation:
         self._reboot_due = False
         #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
+        #: Called with (event, now) for each event of context management, after the station took it.
+        self.cm_listeners: list[Callable[[CmEvent, int], None]] = []
         self._ready_due: list[tuple[int, int, int | None]] = []
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
@@ -478,6 +481,8 @@ class DriveStation:
         for event in events:
             self.records.log_book.note(event, now)
             self._handle_cm(event, now)
+            for listener in self.cm_listeners:
+                listener(event, now)
         texts = self.records.im.events()
         if texts:
             self._keep(now, "im", {_word(key): data for key, data in self.records.im.texts.items()})
@@ -581,12 +586,10 @@ class DriveStation:
     def _connected(self, event: ArConnected, now: int) -> None:
         if not event.iocrs:
             return
-        module = self.cm.plugged.module(self.description.modules[0].slot)
-        telegram = self.model.telegram_by_module(module.module_ident) if module else None
-        if telegram is not None:
-            self.store.plug_telegram(telegram.number)
+        self._follow_telegram()
         words = self.store.input_words(), self.store.output_words()
         ar = self.channels.open(event, *words, self._set_points(), now)
+        self._tell_problem(event.ar_key)
         self.store.watchdog_ns = ar.watchdog_ns
         self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, ar.cycle_ns // 4))
         self.note(
@@ -599,13 +602,18 @@ class DriveStation:
             watchdog_seconds=ar.watchdog_ns / 1e9,
         )
 
+    def _follow_telegram(self) -> None:
+        """The module that is plugged says which telegram the frames carry."""
+        module = self.cm.plugged.module(self.description.modules[0].slot)
+        telegram = self.model.telegram_by_module(module.module_ident) if module else None
+        if telegram is not None:
+            self.store.plug_telegram(telegram.number)
+
     def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
         """In the log in words; a fault also shows in the DataStatus of the frames ("problem")."""
         entry = change.entry
         for key in self.ars:
-            ar = self.cm.ar(key)
-            if ar is not None:
-                self.channels.problem(key, there=self.cm.diagnosis.has_fault(ar.owned))
+            self._tell_problem(key)
         appears = isinstance(change, DiagnosisAppeared)
         self.note(
             now,
@@ -617,6 +625,12 @@ class DriveStation:
             diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api),
         )
 
+    def _tell_problem(self, key: int) -> None:
+        """In the DataStatus: is there a fault in one of the AR's submodules?"""
+        ar = self.cm.ar(key)
+        if ar is not None and key in self.ars:
+            self.channels.problem(key, there=self.cm.diagnosis.has_fault(ar.owned))
+
     def _set_points(self) -> set[tuple[int, int]]:
         """(slot, subslot) of the submodules whose owner feeds the drive: those with outputs, else all of its slot."""
         slot = self.description.modules[0].slot
@@ -626,8 +640,11 @@ class DriveStation:
 
     def _submodules_changed(self, key: int, unusable: frozenset[ExpectedKey], now: int) -> None:
         """Something was pulled, plugged, taken over or released: its data are bad, or good again."""
+        self._follow_telegram()
         words = self.store.input_words(), self.store.output_words()
         self.channels.relay(key, unusable, *words, self._set_points())
+        # the diagnosis of what was pulled went with it
+        self._tell_problem(key)
         self.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def _close(self, key: int) -> None:
