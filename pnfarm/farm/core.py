@@ -338,9 +338,9 @@ class FarmCore:
                 # the connection went while the event waited
                 return None
             if kind == engine_row.FIRST_FRAME:
-                station.first_frame(row, when)
+                station.connections.first_frame(row, when)
             elif kind == engine_row.EXPIRED:
-                station.expired(row, value, now)
+                station.connections.expired(row, value, now)
             elif kind == engine_row.PROVIDER_CHANGED:
                 self.log.record(when, station.configured_name, "controller in run" if value else "controller in stop")
             else:

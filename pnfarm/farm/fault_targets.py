@@ -247,7 +247,7 @@ class StationTarget(CmTarget):
             if acts:
                 delay = wanted
                 break
-        self._station.ready_delay_ns = delay
+        self._station.connections.ready_delay_ns = delay
 
     def unhold_ready(self, rule: ReadyRule, now: int) -> None:
         self._ready_rules.remove(rule)
@@ -255,7 +255,7 @@ class StationTarget(CmTarget):
         if self._ready_rules:
             self._decide_ready()
             return
-        self._station.ready_delay_ns = 0
+        self._station.connections.ready_delay_ns = 0
         for key in self.waiting_for_ready():
             self._station.cm.application_ready(key, now)
         self._core.settle(self._station, now)

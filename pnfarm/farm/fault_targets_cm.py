@@ -63,7 +63,7 @@ class CmTarget:
             if ar.established and ar.consumers:
                 row, cr = ar.consumers[0]
                 # what the drive would say: silence for as long as its timer takes
-                self._station.expired(row, cr.data_hold_ns, now)
+                self._station.connections.expired(row, cr.data_hold_ns, now)
                 ended += key not in {a.key for a in self._station.cm.ars}
         self._settle(now)
         return ended
@@ -105,13 +105,13 @@ class CmTarget:
 
     def listen(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
         self._alarm_hooks.append(hook)
-        if self._hear not in self._station.cm_listeners:
-            self._station.cm_listeners.append(self._hear)
+        if self._hear not in self._station.connections.listeners:
+            self._station.connections.listeners.append(self._hear)
 
     def unlisten(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
         self._alarm_hooks.remove(hook)
         if not self._alarm_hooks:
-            self._station.cm_listeners.remove(self._hear)
+            self._station.connections.listeners.remove(self._hear)
 
     def _hear(self, event: CmEvent, now: int) -> None:
         if isinstance(event, AlarmConfirmed):

@@ -22,8 +22,10 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.factory_reset import clear_memory
+from pnfarm.farm.record_memory import record_word, records_of
 from pnfarm.farm.station_address import StationAddress
 from pnfarm.farm.station_channels import ArChannels, StationChannels
+from pnfarm.farm.station_connections import StationConnections
 from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
 from pnfarm.farm.station_snmp import PortTraffic, snmp_view
 from pnfarm.farm.station_snmp_neighbours import NeighbourRows
@@ -41,21 +43,6 @@ from pnfarm.protocols.profinet.dcp_rules import (
     Stored,
 )
 from pnfarm.protocols.profinet.description import Plugged
-from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
-from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.events import (
-    AlarmConfirmed,
-    ApplicationReadyConfirmed,
-    ArAborted,
-    ArConnected,
-    ArEstablished,
-    ArReleased,
-    ConnectRefused,
-    DiagnosisChanged,
-    PrmEndReceived,
-    RecordWritten,
-    SubmodulesChanged,
-)
 from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.pdev_checks import CheckFailed
 from pnfarm.protocols.profinet.record_store import DeviceRecords
@@ -65,8 +52,6 @@ from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceiv
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
 from pnfarm.protocols.profinet.snmp import SnmpAgent
-from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
-from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
@@ -87,9 +72,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
-    from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
-    from pnfarm.protocols.profinet.events import CmEvent
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
 __all__ = ["DriveStation", "StationServices"]
@@ -98,9 +81,6 @@ __all__ = ["DriveStation", "StationServices"]
 CALL_PORT = 49_152
 #: Octets that an answer of the controller may have.
 ARGS_MAXIMUM = 16_384
-#: Fastest firmware step; slower channels step four times a cycle.
-FASTEST_STEP_NS = 1_000_000
-SLOWEST_STEP_NS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,19 +111,12 @@ class DriveStation:
         self._services = services
         #: Frames dropped by reason, before any machine saw them.
         self.dropped: dict[str, int] = {}
-        self.connects = 0
-        self.aborts: dict[str, int] = {}
-        self.watchdog_expirations = 0
         self.fault_counts: dict[int, int] = {}
         self.channels = StationChannels(index, port, services.channels, services.impairments)
         self.signalled_ns: int | None = None
         #: A reset that restarts the drive was ordered, and its answer is still to go out.
         self._reboot_due = False
-        #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
-        self.ready_delay_ns: int | None = 0
-        #: Called with (event, now) for each event of context management, after the station took it.
-        self.cm_listeners: list[Callable[[CmEvent, int], None]] = []
-        self._ready_due: list[tuple[int, int, int | None]] = []
+        self.connections = StationConnections(self)
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
         self._kept: dict[str, Any] = {}
@@ -172,7 +145,7 @@ class DriveStation:
             ),
             self.config,
             kept,
-            keep=self._keep,
+            keep=self.keep,
             note=self.note,
         )
         self.dcp, self.ip = self.addressing.dcp, self.addressing.ip
@@ -208,7 +181,7 @@ class DriveStation:
             application=self.parameter_records,
             io_data=self.channels.io_data,
             pdev=self.neighbours.pdev,
-            texts=_records(kept.get("im")),
+            texts=records_of(kept.get("im")),
         )
         self.cm = CmDevice(
             self.description,
@@ -239,6 +212,21 @@ class DriveStation:
         return self.dcp, self.ip, self.rpc, self.client, self.cm, self.neighbours, self.snmp
 
     @property
+    def connects(self) -> int:
+        """Connections that came to data exchange since the farm started."""
+        return self.connections.connects
+
+    @property
+    def aborts(self) -> dict[str, int]:
+        """Connections that ended without a release, by reason."""
+        return self.connections.aborts
+
+    @property
+    def watchdog_expirations(self) -> int:
+        """Data hold timers that ran out."""
+        return self.connections.watchdog_expirations
+
+    @property
     def powered(self) -> bool:
         return bool(self.handle.axis.powered)
 
@@ -255,12 +243,12 @@ class DriveStation:
     def start(self, now: int) -> None:
         """The drive came on the wire."""
         self.dcp.link_up(now)
-        self.neighbours.pdev.restore(_records(self._kept.get("pdev")), now)
+        self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)
 
     def power_off(self, now: int) -> None:
         """Cut the supply: channels close, nothing is answered any more."""
         for key in list(self.ars):
-            self._close(key)
+            self.connections.close(key)
         if self.dcp.signalling:
             self.note(now, "signal ends")
         self.handle.axis.powered = 0
@@ -272,7 +260,7 @@ class DriveStation:
         self.dropped = self.discards()
         self._booted_ns = now
         self._build()
-        self._ready_due.clear()
+        self.connections.forget()
         self._calls.clear()
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
@@ -335,7 +323,7 @@ class DriveStation:
         if not self.powered:
             return None
         deadlines = [machine.next_deadline() for machine in self._machines]
-        deadlines += [entry[0] for entry in self._ready_due]
+        deadlines.append(self.connections.next_deadline())
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
@@ -345,9 +333,7 @@ class DriveStation:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
-        for entry in [e for e in self._ready_due if e[0] <= now]:
-            self._ready_due.remove(entry)
-            self.cm.application_ready(entry[1], now, entry[2])
+        self.connections.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
         """Carry events between the machines until nothing moves; the frames to send."""
@@ -480,72 +466,19 @@ class DriveStation:
         events = self.cm.events()
         for event in events:
             self.records.log_book.note(event, now)
-            self._handle_cm(event, now)
-            for listener in self.cm_listeners:
+            self.connections.take(event, now)
+            for listener in self.connections.listeners:
                 listener(event, now)
         texts = self.records.im.events()
         if texts:
-            self._keep(now, "im", {_word(key): data for key, data in self.records.im.texts.items()})
+            self.keep(now, "im", {record_word(key): data for key, data in self.records.im.texts.items()})
         return bool(responses or calls or changed or events)
-
-    def _handle_cm(self, event: object, now: int) -> None:
-        match event:
-            case ArConnected():
-                self._connected(event, now)
-            case ConnectRefused(ip, status, detail):
-                self.note(now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail)
-            case PrmEndReceived(key, sequence):
-                if self.ready_delay_ns is None:
-                    self.note(now, "application ready withheld")
-                elif self.ready_delay_ns == 0:
-                    self.cm.application_ready(key, now, sequence)
-                else:
-                    self._ready_due.append((now + self.ready_delay_ns, key, sequence))
-            case SubmodulesChanged(key, unusable):
-                self._submodules_changed(key, unusable, now)
-            case AlarmConfirmed():
-                self.note(
-                    now,
-                    "alarm acknowledged",
-                    level="info" if event.status.ok else "warning",
-                    alarm=alarm_type_words(event.alarm_type),
-                    slot=event.slot,
-                    subslot=event.subslot,
-                    status=describe_status(event.status),
-                )
-            case ApplicationReadyConfirmed():
-                pass
-            case ArEstablished(key):
-                ar = self.ars.get(key)
-                if ar is not None and not ar.established:
-                    ar.established = True
-                    self.connects += 1
-                    self.note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
-            case ArAborted(key, code1, code2, reason, by_peer):
-                self._lost(key)
-                self.aborts[reason] = self.aborts.get(reason, 0) + 1
-                self.note(
-                    now, "ar aborted", level="warning", reason=reason, code1=code1, code2=code2, by_controller=by_peer
-                )
-            case ArReleased(key):
-                self._close(key)
-                self.note(now, "ar released")
-            case DiagnosisChanged(change):
-                self._diagnosis_changed(change, now)
-            case RecordWritten(_, api, slot, subslot, index, data):
-                place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
-                self.note(now, "record written", level="debug", octets=len(data), **place)
-                self.addressing.record_written(index, data, now)
-                if self.neighbours.pdev.handles(slot, subslot, index):
-                    self._keep(
-                        now, "pdev", {_word(key): octets for key, octets in self.neighbours.pdev.written.items()}
-                    )
 
     def _pump_snmp(self, now: int) -> bool:
         events = self.snmp.events()
         for event in events:
             self.snmp_texts[event.which] = event.text
-            self._keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
+            self.keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
             self.note(now, "system text set", text=event.text, object=f"sys{event.which.name.capitalize()}")
         return bool(events)
 
@@ -568,7 +501,7 @@ class DriveStation:
         for event in events:
             match event:
                 case NonVolatileSaved():
-                    self._keep(now, "drive", self.store.snapshot())
+                    self.keep(now, "drive", self.store.snapshot())
                     self.note(now, "parameters saved")
                 case TelegramChanged(number):
                     self.channels.rewrite(self.store.input_words(), self.store.output_words())
@@ -580,106 +513,6 @@ class DriveStation:
                 case _:
                     pass
         return bool(events)
-
-    # -- channels ----------------------------------------------------------------------------------------------------
-
-    def _connected(self, event: ArConnected, now: int) -> None:
-        if not event.iocrs:
-            return
-        self._follow_telegram()
-        words = self.store.input_words(), self.store.output_words()
-        ar = self.channels.open(event, *words, self._set_points(), now)
-        self._tell_problem(event.ar_key)
-        self.store.watchdog_ns = ar.watchdog_ns
-        self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, ar.cycle_ns // 4))
-        self.note(
-            now,
-            "ar connected",
-            controller=event.initiator_name,
-            ip=str(event.initiator_ip),
-            telegram=self.store.telegram_number,
-            cycle_seconds=ar.cycle_ns / 1e9,
-            watchdog_seconds=ar.watchdog_ns / 1e9,
-        )
-
-    def _follow_telegram(self) -> None:
-        """The module that is plugged says which telegram the frames carry."""
-        module = self.cm.plugged.module(self.description.modules[0].slot)
-        telegram = self.model.telegram_by_module(module.module_ident) if module else None
-        if telegram is not None:
-            self.store.plug_telegram(telegram.number)
-
-    def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
-        """In the log in words; a fault also shows in the DataStatus of the frames ("problem")."""
-        entry = change.entry
-        for key in self.ars:
-            self._tell_problem(key)
-        appears = isinstance(change, DiagnosisAppeared)
-        self.note(
-            now,
-            "diagnosis appears" if appears else "diagnosis disappears",
-            level="warning" if appears else "info",
-            slot=entry.slot,
-            subslot=entry.subslot,
-            channel=entry.channel,
-            diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api),
-        )
-
-    def _tell_problem(self, key: int) -> None:
-        """In the DataStatus: is there a fault in one of the AR's submodules?"""
-        ar = self.cm.ar(key)
-        if ar is not None and key in self.ars:
-            self.channels.problem(key, there=self.cm.diagnosis.has_fault(ar.owned))
-
-    def _set_points(self) -> set[tuple[int, int]]:
-        """(slot, subslot) of the submodules whose owner feeds the drive: those with outputs, else all of its slot."""
-        slot = self.description.modules[0].slot
-        module = self.cm.plugged.module(slot)
-        submodules = module.submodules if module is not None else ()
-        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
-
-    def _submodules_changed(self, key: int, unusable: frozenset[ExpectedKey], now: int) -> None:
-        """Something was pulled, plugged, taken over or released: its data are bad, or good again."""
-        self._follow_telegram()
-        words = self.store.input_words(), self.store.output_words()
-        self.channels.relay(key, unusable, *words, self._set_points())
-        # the diagnosis of what was pulled went with it
-        self._tell_problem(key)
-        self.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
-
-    def _close(self, key: int) -> None:
-        ar = self.channels.close(key)
-        if ar is not None:
-            self.traffic.channels_closed(ar)
-        if ar is not None and not self.channels.any_cyclic:
-            self.handle.axis.step_ns = SLOWEST_STEP_NS
-            self.parameter_records.reset()
-
-    def _lost(self, key: int) -> None:
-        """An established connection ended without a release: the drive's own fault, unless it has it already."""
-        ar = self.ars.get(key)
-        if ar is None:
-            return
-        self._close(key)
-        code = int(self.handle.axis.loss_fault)
-        if ar.established and code and ar.consumers:
-            self.handle.push_command(CMD_RAISE_FAULT, code)
-
-    # -- the engine's events -----------------------------------------------------------------------------------------
-
-    def first_frame(self, row: int, now: int) -> None:
-        """Valid cyclic data arrived on this consumer for the first time."""
-        key = self.channels.of_consumer(row)
-        if key is not None:
-            self.cm.data_received(key, now)
-
-    def expired(self, row: int, silent_ns: int, now: int) -> None:
-        """The data hold timer of this consumer ran out."""
-        key = self.channels.of_consumer(row)
-        if key is not None:
-            self.watchdog_expirations += 1
-            self.note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)
-            self.cm.watchdog_expired(key, now)
 
     # -- faults ------------------------------------------------------------------------------------------------------
 
@@ -699,7 +532,7 @@ class DriveStation:
         """Into the log, under this drive's name."""
         self._services.log.record(now, self.configured_name, event, level=level, **data)
 
-    def _keep(self, now: int, key: str, value: Any) -> None:
+    def keep(self, now: int, key: str, value: Any) -> None:
         """Write one value of non-volatile memory through; None forgets it."""
         del now
         if value is None:
@@ -707,20 +540,6 @@ class DriveStation:
         else:
             self._kept[key] = value
         self._services.memory.save(self.configured_name, self._kept)
-
-
-def _word(key: tuple[int, int, int]) -> str:
-    """(slot, subslot, index) as non-volatile memory has it: its keys are words."""
-    return ".".join(map(str, key))
-
-
-def _records(kept: dict[str, bytes] | None) -> dict[tuple[int, int, int], bytes]:
-    """Records by (slot, subslot, index), out of non-volatile memory."""
-    found = {}
-    for word, data in (kept or {}).items():
-        slot, subslot, index = map(int, word.split("."))
-        found[slot, subslot, index] = data
-    return found
 
 
 def _raw(value: float | str | bool) -> int:

@@ -67,7 +67,7 @@ def at_rest(line) -> bool:
         slots == [SlotState(s.description.default_module(slot)) for slot in s.description.slots]
         and not len(s.cm.diagnosis)
         and s.rpc.late is None
-        and not s.cm_listeners
+        and not s.connections.listeners
         and not gate._rules
         and not gate._delays
         and gate.next_deadline() is None
@@ -248,7 +248,10 @@ def test_what_a_drive_cannot_do_is_told_and_nothing_has_changed(line, kind, para
     ("params", "told"),
     [
         ({}, "error (fault, appears)"),
-        ({"error": "wire-break", "channel": 3, "severity": "maintenance-required"}, "channel 3 wire break (maintenance required, appears)"),
+        (
+            {"error": "wire-break", "channel": 3, "severity": "maintenance-required"},
+            "channel 3 wire break (maintenance required, appears)",
+        ),
         ({"error": "feedback"}, "feedback (fault, appears)"),
         (
             {"coding": "extended", "error": "remote-mismatch", "ext": "no-peer-detected", "add-value": 7},
