@@ -13,7 +13,8 @@ from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, 
 from pnfarm.controller.snapshot import PHASES, snapshot_row
 from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 from pnfarm.errors import DecodeError
-from pnfarm.farm.core import Deadlines, uuid_source
+from pnfarm.farm.core import uuid_source
+from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.binding import channel_layout
 from pnfarm.protocols.profinet.cmctl import CmController

@@ -9,7 +9,7 @@ from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window
 from pnfarm.faults.gate import GateRule, acknowledging_nothing, is_alarm_answer, is_alarm_data
 from pnfarm.faults.target import ModuleChange, OwnAlarm
 from pnfarm.faults.words import FaultError, shown
-from pnfarm.protocols.profinet.diagnosis import DiagnosisAlarm, DiagnosisEntry
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmType
 from pnfarm.protocols.profinet.wire.diagnosis import (
     WHOLE_SUBMODULE,
@@ -160,7 +160,7 @@ class DiagnosisEffect(_Told):
         self.check(now)
 
     def _is_about(self, event: AlarmConfirmed) -> bool:
-        told = event.alarm_type != DiagnosisAlarm.DIAGNOSIS_DISAPPEARS
+        told = event.alarm_type != AlarmType.DIAGNOSIS_DISAPPEARS
         return told and (event.api, event.slot, event.subslot) == self._entry.place
 
     def _stands_in_diff(self) -> bool:
