@@ -398,6 +398,17 @@ def _description_file(facts: Mapping[str, Fact] | None, where: str) -> Descripti
     return file
 
 
+def _communication_loss(
+    facts: Mapping[str, Fact], faults: Mapping[int, Fault], parameters: Mapping[int, Parameter], where: str
+) -> CommunicationLoss:
+    loss: CommunicationLoss = _build(CommunicationLoss, facts, where)
+    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
+        raise ConfigError(f"{where}: names a fault or a parameter that is not there")
+    if type(loss.on_stop) is not bool or (loss.stop_parameter and "on_stop" in facts):
+        raise ConfigError(f"{where}.on_stop: true or false, of a drive without stop_parameter")
+    return loss
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -449,9 +460,7 @@ def load_model(folder: Path) -> Model:
     except (KeyError, TypeError) as exc:
         raise ConfigError(f"{path}, dap: {exc}") from exc
     limits = _limits(sections["limits"], f"{path}, limits")
-    loss: CommunicationLoss = _build(CommunicationLoss, sections["communication_loss"], f"{path}, communication_loss")
-    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys():
-        raise ConfigError(f"{path}, communication_loss: names a fault or a parameter that is not there")
+    loss = _communication_loss(sections["communication_loss"], faults, parameters, f"{path}, communication_loss")
     if _get(data, "default_telegram", str(path)) not in telegrams:
         raise ConfigError(f"{path}, default_telegram: there is no telegram {data['default_telegram']}")
     texts = {

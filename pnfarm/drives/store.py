@@ -359,9 +359,11 @@ class ParameterStore:
 
     def _apply_communication_loss(self) -> None:
         loss = self.model.communication_loss
-        code = self.model.faults[loss.fault].code if self.raw(loss.action_parameter) else 0
+        raised = not loss.action_parameter or self.raw(loss.action_parameter)
+        code = self.model.faults[loss.fault].code if raised else 0
+        on_stop = self.raw(loss.stop_parameter) >> loss.stop_bit & 1 if loss.stop_parameter else loss.on_stop
         self.handle.axis.loss_fault = code
-        self.handle.axis.stop_fault = code if self.raw(loss.stop_parameter) >> loss.stop_bit & 1 else 0
+        self.handle.axis.stop_fault = code if on_stop else 0
 
     def _write_signal(self, parameter: Parameter, value: int) -> None:
         """A set point by its PNU, unless the running cyclic channel brings it (MDI_ACC with telegram 352: allowed)."""

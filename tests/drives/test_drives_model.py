@@ -339,6 +339,13 @@ def folder(tmp_path: Path) -> Path:
         ("faults.csv", "fault,quick-stop", "fault,prayer", r"reaction"),
         ("faults.csv", "702,Fieldbus communication lost,fault", "702,Fieldbus communication lost,mood", r"kind"),
         ("faults.csv", "702,Fieldbus", "703,Fieldbus", r"communication_loss"),
+        ("model.toml", "action_parameter = { value = 2605", "action_parameter = { value = 9", r"parameter that is not"),
+        (
+            "model.toml",
+            "[communication_loss]",
+            '[communication_loss]\non_stop = { value = true, source = "x" }',
+            r"communication_loss\.on_stop",
+        ),
         ("model.toml", "vendor_id = {", "vendor = {", r"identity"),
         (
             "model.toml",
