@@ -43,7 +43,8 @@ _TYPES = {
     "Word": ParameterType.WORD,
     "DWord": ParameterType.DWORD,
 }
-#: Scales that are no plain factor: 2 to the minus n; times PN.ACCSCALING; positions by PN.POSSCALE and UNIT.PROTARY.
+#: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
+#: UNIT.PROTARY.
 _NAMED_SCALES = {"2^-n", "acceleration", "position"}
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
@@ -432,6 +433,12 @@ def _axis_values(facts: Mapping[str, Fact], writer: str, where: str) -> dict[str
     return {key: fact.value for key, fact in facts.items()}
 
 
+def _axis_parameters(parameters: Mapping[int, Parameter]) -> tuple[Parameter, ...]:
+    """Those that write the axis record; those in acceleration steps behind the one that sets the step."""
+    found = [p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable]
+    return tuple(sorted(found, key=lambda p: p.scale == "acceleration"))
+
+
 def load_model(folder: Path) -> Model:
     """Read and check a model's folder."""
     path = folder / "model.toml"
@@ -484,7 +491,7 @@ def load_model(folder: Path) -> Model:
         telegrams=telegrams,
         parameters=parameters,
         parameter_names=_names(parameters, data.get("parameter_names", {}), path),
-        axis_parameters=tuple(p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable),
+        axis_parameters=_axis_parameters(parameters),
         faults=faults,
         facts={f"{section}.{key}": fact for section, facts in sections.items() for key, fact in facts.items()},
     )

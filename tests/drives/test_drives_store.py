@@ -185,6 +185,12 @@ def test_acceleration_scaling_reaches_the_jog_ramps(akd: Drive) -> None:
     assert akd.store.read(1006) == [100]
 
 
+def test_a_kept_acceleration_scaling_is_in_force_at_the_jog_ramps_from_power_on(akd: Drive) -> None:
+    akd.store.commission({"PN.ACCSCALING": 100, 1006: 50})
+    akd.store.power_on()
+    assert (akd.axis.acceleration_step, akd.axis.jog_acceleration, akd.axis.jog_deceleration) == (100, 5000, 1300)
+
+
 def test_jog_set_points_are_signed(akd: Drive) -> None:
     akd.store.write(1004, 0, [163])
     akd.store.write(1005, 0, [-163])
