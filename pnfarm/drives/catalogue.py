@@ -182,6 +182,7 @@ def as_json(described: Model) -> dict[str, Any]:
         ],
         "limits": _with_sources(described, "limits", asdict(described.limits)),
         "motor": _fact_json(described, "motor"),
+        "firmware": _fact_json(described, "firmware"),
         "communication_loss": _fact_json(described, "communication_loss"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "description_file": _fact_json(described, "description_file"),

@@ -43,7 +43,8 @@ _TYPES = {
     "Word": ParameterType.WORD,
     "DWord": ParameterType.DWORD,
 }
-#: Scales that are no plain factor: 2 to the minus n; times PN.ACCSCALING; positions by PN.POSSCALE and UNIT.PROTARY.
+#: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
+#: UNIT.PROTARY.
 _NAMED_SCALES = {"2^-n", "acceleration", "position"}
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
@@ -398,6 +399,17 @@ def _description_file(facts: Mapping[str, Fact] | None, where: str) -> Descripti
     return file
 
 
+def _communication_loss(
+    facts: Mapping[str, Fact], faults: Mapping[int, Fault], parameters: Mapping[int, Parameter], where: str
+) -> CommunicationLoss:
+    loss: CommunicationLoss = _build(CommunicationLoss, facts, where)
+    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
+        raise ConfigError(f"{where}: names a fault or a parameter that is not there")
+    if type(loss.on_stop) is not bool or (loss.stop_parameter and "on_stop" in facts):
+        raise ConfigError(f"{where}.on_stop: true or false, of a drive without stop_parameter")
+    return loss
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -419,6 +431,12 @@ def _axis_values(facts: Mapping[str, Fact], writer: str, where: str) -> dict[str
         if field is None or field.writer != writer:
             raise ConfigError(f"{where}.{key}: the axis has no such field that the {writer} writes")
     return {key: fact.value for key, fact in facts.items()}
+
+
+def _axis_parameters(parameters: Mapping[int, Parameter]) -> tuple[Parameter, ...]:
+    """Those that write the axis record; those in acceleration steps behind the one that sets the step."""
+    found = [p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable]
+    return tuple(sorted(found, key=lambda p: p.scale == "acceleration"))
 
 
 def load_model(folder: Path) -> Model:
@@ -449,9 +467,7 @@ def load_model(folder: Path) -> Model:
     except (KeyError, TypeError) as exc:
         raise ConfigError(f"{path}, dap: {exc}") from exc
     limits = _limits(sections["limits"], f"{path}, limits")
-    loss: CommunicationLoss = _build(CommunicationLoss, sections["communication_loss"], f"{path}, communication_loss")
-    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys():
-        raise ConfigError(f"{path}, communication_loss: names a fault or a parameter that is not there")
+    loss = _communication_loss(sections["communication_loss"], faults, parameters, f"{path}, communication_loss")
     if _get(data, "default_telegram", str(path)) not in telegrams:
         raise ConfigError(f"{path}, default_telegram: there is no telegram {data['default_telegram']}")
     texts = {
@@ -475,7 +491,7 @@ def load_model(folder: Path) -> Model:
         telegrams=telegrams,
         parameters=parameters,
         parameter_names=_names(parameters, data.get("parameter_names", {}), path),
-        axis_parameters=tuple(p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable),
+        axis_parameters=_axis_parameters(parameters),
         faults=faults,
         facts={f"{section}.{key}": fact for section, facts in sections.items() for key, fact in facts.items()},
     )

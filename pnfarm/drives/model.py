@@ -105,12 +105,16 @@ class DescriptionFile:
 
 @dataclass(frozen=True, slots=True)
 class CommunicationLoss:
-    """The fault on lost cyclic data, and the parameters that govern it."""
+    """The fault on lost cyclic data, and the parameters that govern it; 0 is a drive without such a parameter.
+
+    Without ``stop_parameter``, ``on_stop`` says whether the fault is also raised when the controller goes to STOP.
+    """
 
     fault: int
-    action_parameter: int
-    stop_parameter: int
-    stop_bit: int
+    action_parameter: int = 0
+    stop_parameter: int = 0
+    stop_bit: int = 0
+    on_stop: bool = False
 
 
 @dataclass(frozen=True, slots=True)

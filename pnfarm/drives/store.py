@@ -38,7 +38,6 @@ TELEGRAM_SELECTION = 922
 FREE_TELEGRAM = 0
 SETPOINT_MAPPING = 915
 ACTUAL_MAPPING = 916
-ACCELERATION_SCALING = 3065
 POSITION_SCALING = 3014
 HOME_POSITION = 2205
 UNIT_ROTARY = 2393
@@ -226,7 +225,6 @@ class ParameterStore:
             setattr(axis, field, value)
         for parameter in self.model.axis_parameters:
             self._apply(parameter)
-        axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
         self._apply_communication_loss()
 
     def snapshot(self) -> dict[str, Any]:
@@ -330,7 +328,7 @@ class ParameterStore:
         return self.raw(target.pnu)
 
     def _factor(self, parameter: Parameter) -> float:
-        return float(self.raw(ACCELERATION_SCALING)) if parameter.scale == "acceleration" else parameter.factor
+        return float(self.handle.axis.acceleration_step) if parameter.scale == "acceleration" else parameter.factor
 
     def _position_units(self) -> float:
         """Raw numbers of a position parameter to one revolution (UNIT.PROTARY, PN.POSSCALE)."""
@@ -348,20 +346,21 @@ class ParameterStore:
     def _apply_written(self, parameter: Parameter) -> None:
         if parameter.behaviour is Behaviour.FIELD:
             self._apply(parameter)
-        elif parameter.pnu == ACCELERATION_SCALING:
-            self.handle.axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
-            for other in self.model.axis_parameters:
-                if other.scale == "acceleration":
-                    self._apply(other)
+            if parameter.argument == "acceleration_step":
+                for other in self.model.axis_parameters:
+                    if other.scale == "acceleration":
+                        self._apply(other)
         loss = self.model.communication_loss
         if parameter.pnu in {loss.action_parameter, loss.stop_parameter}:
             self._apply_communication_loss()
 
     def _apply_communication_loss(self) -> None:
         loss = self.model.communication_loss
-        code = self.model.faults[loss.fault].code if self.raw(loss.action_parameter) else 0
+        raised = not loss.action_parameter or self.raw(loss.action_parameter)
+        code = self.model.faults[loss.fault].code if raised else 0
+        on_stop = self.raw(loss.stop_parameter) >> loss.stop_bit & 1 if loss.stop_parameter else loss.on_stop
         self.handle.axis.loss_fault = code
-        self.handle.axis.stop_fault = code if self.raw(loss.stop_parameter) >> loss.stop_bit & 1 else 0
+        self.handle.axis.stop_fault = code if on_stop else 0
 
     def _write_signal(self, parameter: Parameter, value: int) -> None:
         """A set point by its PNU, unless the running cyclic channel brings it (MDI_ACC with telegram 352: allowed)."""

@@ -60,6 +60,7 @@ LIMITS = {
 #: What each model's file says, as a digest: a file that says something else needs another date (see the test).
 DIGESTS = {
     "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "dd734ba02db33156",
+    "GSDML-V2.35-pnfarm-akd-profinet-2012-20261121.xml": "4a2c371ffe30f95b",
 }
 
 
@@ -432,6 +433,20 @@ def test_hello_is_claimed_if_a_station_says_it(drive_model, heard):
 
 
 # the file itself
+
+
+def test_models_of_one_device_id_share_an_ident_only_where_it_means_the_same():
+    """A tool knows a family of devices by vendor and device id, its versions by their access points."""
+    access_points, parts = {}, {}
+    for name in NAMES:
+        gsdml, _ = described(model(name))
+        family = gsdml.vendor_id, gsdml.device_id
+        (dap,) = gsdml.daps
+        assert access_points.setdefault((*family, dap.ident), name) == name
+        for module in gsdml.modules:
+            data = [(s.ident, s.api, s.inputs, s.outputs) for s in module.submodules]
+            assert parts.setdefault((*family, module.ident), data) == data
+    assert len(access_points) == len(NAMES)
 
 
 def test_other_abilities_are_told_as_they_are():
