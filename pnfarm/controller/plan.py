@@ -61,6 +61,12 @@ class DevicePlan:
     records: tuple[ParameterRecord, ...]
     program: AxisProgram
     reconnect_after_ns: int | None
+    #: Whether I&M0 to I&M3 are read once the connection stands.
+    read_identification: bool = True
+    #: The one that is expected, empty for any.
+    serial_number: str = ""
+    #: A supervisor may take submodules over.
+    takeover_allowed: bool = False
 
 
 def velocity_step(model: Model, drive: DriveConfig) -> float:
@@ -151,6 +157,8 @@ def plan_devices(
                     acknowledge_after_ns=-1 if chosen.acknowledge_after_ns is None else chosen.acknowledge_after_ns,
                 ),
                 reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+                read_identification=section.identification,
+                takeover_allowed=section.takeover_allowed,
             )
         )
     return plans
