@@ -26,6 +26,8 @@ __all__ = ["BENCHMARKS", "Result", "command"]
 
 FARM_CPU, PEER_CPU = 0, 1
 PARENT, PEER = "pnbench0", "pnbench1"
+#: Two controllers behind one end of the wire.
+CALM, STORMY = "pnbcalm", "pnbstorm"
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +78,10 @@ class Child:
             text=True,
         )
         self._write(json.dumps({"cpu": cpu, **settings}))
-        if settings.get("interface_from_outside"):
+        interface = settings.get("interface_from_outside")
+        if interface:
             pid = self.answer()["pid"]
-            subprocess.run(["ip", "link", "set", PEER, "netns", str(pid)], check=True)
+            subprocess.run(["ip", "link", "set", str(interface), "netns", str(pid)], check=True)
             self._write("go")
 
     def _write(self, line: str) -> None:
@@ -285,6 +288,99 @@ def start(seconds: float) -> list[Result]:
     return [Result("start-64", value, "s", None, "<= 5", connected and value <= 5)]
 
 
+STORM_DRIVES = """
+  - name: {name}-{{n:04}}
+    count: {count}
+    model: akd-profinet
+    ip: {ip}/16
+    limits: lax
+"""
+STORM = """
+farm: {name}
+link: {{kind: macvlan, parent: {parent}}}
+api: off
+realtime: {{cpu: {cpu}}}
+drives:{drives}
+"""
+STORM_CONTROLLER = """
+controller:
+  name: {name}
+  ip: {ip}/16
+  interface: {interface}
+  cycle: {cycle}
+  watchdog_factor: {watchdog}
+  program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 100ms}}
+"""
+
+
+def _storm_files() -> tuple[str, str, str]:
+    """Of the farm, of the controller whose 64 drives run already, and of the one that connects 256."""
+    running = STORM_DRIVES.format(name="run", count=64, ip="10.64.0.11")
+    many = STORM_DRIVES.format(name="storm", count=256, ip="10.64.2.1")
+    farm = STORM.format(name="bench", parent=PARENT, cpu=FARM_CPU, drives=running + many)
+    calm = STORM.format(name="calm", parent=PARENT, cpu=PEER_CPU, drives=running) + STORM_CONTROLLER.format(
+        name="plc-calm", ip="10.64.255.250", interface=CALM, cycle="4ms", watchdog=400
+    )
+    storm = STORM.format(name="storm", parent=PARENT, cpu=FARM_CPU, drives=many) + STORM_CONTROLLER.format(
+        name="plc-storm", ip="10.64.255.251", interface=STORMY, cycle="16ms", watchdog=100
+    )
+    return farm, calm, storm
+
+
+def connect_storm(seconds: float) -> list[Result]:
+    """256 drives, from nothing to data both ways, farm and controller on one core; 64 others run at 4 ms meanwhile."""
+    from pnfarm.cli.bench_child import difference
+
+    farm_file, calm_file, storm_file = _storm_files()
+    with _wire(), ExitStack() as stack:
+        for name in (CALM, STORMY):
+            subprocess.run(["ip", "link", "add", "link", PEER, name, "type", "macvlan", "mode", "bridge"], check=True)
+        farm = Child("farm", FARM_CPU, file=farm_file)
+        stack.callback(farm.close)
+        farm.answer()
+        calm = Child("plc", PEER_CPU, file=calm_file, interface_from_outside=CALM)
+        stack.callback(calm.close)
+        calm.answer()
+        plc = Child("plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
+        stack.callback(plc.close)
+        plc.answer()
+        calm.ask("connected 60")
+        if not calm.answer()["connected"]:
+            raise InternalError("64 drives did not connect within 60 s")
+        time.sleep(2.0)
+        before = _marks(farm)
+        time.sleep(seconds)
+        begin = _marks(farm)
+        quiet = difference(before, begin)
+        start = time.monotonic()
+        plc.ask("connected 120")
+        connected = plc.answer()
+        took = time.monotonic() - start
+        storm = difference(begin, _marks(farm))
+        lost = _marks(calm)["expirations"]
+    if not connected["connected"]:
+        raise InternalError("256 drives did not connect within 120 s")
+    # what the 64 cost anyway does not belong to the connections
+    farm_ms = (storm["cpu"] - quiet["cpu"] / quiet["wall"] * storm["wall"]) / 256 * 1e3
+    plc_ms = connected["cpu"] / 256 * 1e3
+    p99, calm_p99 = _percentile(storm["lateness"], 0.99), _percentile(quiet["lateness"], 0.99)
+    lost += storm["expirations"]
+    ratio = p99 / calm_p99
+    return [
+        Result("connect-storm-256", took, "s", None, "<= 8", took <= 8),
+        Result("connect-storm-farm", farm_ms, "ms of CPU per connection", None, "<= 20", farm_ms <= 20),
+        Result("connect-storm-controller", plc_ms, "ms of CPU per connection", None, "<= 20", plc_ms <= 20),
+        Result("connect-storm-lateness-p99", p99, "us, 64 drives at 4 ms", None, "none", True),
+        Result("connect-storm-lateness-ratio", ratio, "during over before", None, "<= 2", ratio <= 2),
+        Result("connect-storm-expirations", lost, "of 64 connections", None, "0", lost == 0),
+    ]
+
+
+def _marks(child: Child) -> dict[str, Any]:
+    child.ask("mark")
+    return child.answer()
+
+
 def akd_1024(seconds: float) -> list[Result]:
     """1,024 AKDs at the 16 ms of their manual on one core."""
     with _line(1024, "16ms", 16) as (farm, plc):
@@ -324,6 +420,7 @@ BENCHMARKS: dict[str, tuple[Callable[[float], list[Result]], float]] = {
     "memory": (memory, 0.0),
     "flat": (flat, 10.0),
     "start": (start, 0.0),
+    "connect-storm": (connect_storm, 5.0),
     "akd-1024": (akd_1024, 10.0),
     "virtual": (virtual_64, 0.0),
 }
