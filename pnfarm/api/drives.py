@@ -58,7 +58,8 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
     @app.get(f"{PREFIX}/drives/{{name}}", tags=tags, summary="One drive", responses={200: {"model": Drive}})
     async def get_drive(name: str) -> Json:
         station = context.station(name)
-        return Json(context.view(station))
+        log = context.core.log.entries(station.configured_name)
+        return Json({**context.view(station), "events": [entry.as_dict() for entry in log]})
 
     @app.post(
         f"{PREFIX}/drives/{{name}}/power-cycle",

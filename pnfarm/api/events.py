@@ -53,6 +53,12 @@ async def event_stream(context: ApiContext, after: int, drive: str | None) -> As
     context.streams.add(tell)
     try:
         yield f"retry: {RETRY_MILLISECONDS}\n\n"
+        if drive is not None:
+            # a drive's own ring remembers what the farm's has lost to the events of others
+            oldest = next((entry.sequence for entry in context.core.log.entries(after=after)), 0)
+            kept = [entry for entry in context.core.log.entries(drive, after=after) if entry.sequence < oldest]
+            if kept:
+                yield "".join(message(entry) for entry in kept)
         while not context.closing:
             wake = anyio.Event()
             entries = context.core.log.entries(after=after)

@@ -61,6 +61,17 @@ class Controller(_Model):
     mac: str
 
 
+class Neighbour(_Model):
+    port: str = Field(description="The drive's own port.")
+    station: str = Field(description="Name of station, or MAC address, of the neighbour.")
+    chassis: str = Field(description="Chassis id.")
+    port_id: str = Field(description="The neighbour's port.")
+    system_name: str | None
+    mac: str
+    ip: str | None = Field(description="Management address.")
+    seen_seconds_ago: float
+
+
 class Drive(_Model):
     """One drive as it is now."""
 
@@ -70,6 +81,7 @@ class Drive(_Model):
     mac: str
     ip: str | None = Field(description="Address and prefix length.")
     gateway: str | None
+    ip_conflict: str | None = Field(description="MAC address of a station that uses the same IP address.")
     powered: bool
     state: str = Field(description="S1..S5 of the PROFIdrive state machine; boot, or off.")
     zsw1: str = Field(description="Status word 1, hexadecimal.")
@@ -92,6 +104,7 @@ class Drive(_Model):
     fault: DriveFault | None = Field(description="The first active fault.")
     faults: list[DriveFault] = Field(description="All active faults, oldest first.")
     last_fault: DriveFault | None = Field(description="The active fault, or the one acknowledged last.")
+    neighbours: list[Neighbour] = Field(description="Who is at the other end of the cable, by LLDP.")
     fault_counts: dict[str, int] = Field(description="By number.")
     warning: DriveFault | None
     setpoint_rpm: float
@@ -99,8 +112,13 @@ class Drive(_Model):
     position_revolutions: float
     current_amperes: float
     following_error_revolutions: float
+    signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")
     signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
     faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
+    events: list[dict[str, Any]] = Field(
+        default_factory=list,
+        description="What happened last, oldest first; of one drive only, not in a list of drives.",
+    )
 
 
 class Engine(_Model):

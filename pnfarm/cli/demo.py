@@ -49,10 +49,13 @@ def command(
     svg_file: Annotated[
         Path | None, typer.Option("--svg", metavar="FILE", help="Write a picture of the table.")
     ] = None,
+    pcap: Annotated[
+        Path | None, typer.Option("--pcap", metavar="FILE", help="Capture all frames of the drives, pcapng.")
+    ] = None,
 ) -> None:
     """Show a farm at work: drives, a controller, faults and recovery.  No root, no PLC."""
     begin = time.monotonic()
-    for file in (json_file, svg_file):
+    for file in (json_file, svg_file, pcap):
         _check_writable(file)
     where, why = _enter()
     _announce(where, why)
@@ -67,7 +70,7 @@ def command(
     else:
         _cable()
         text = FILE.format(link=f"{{kind: macvlan, parent: {PARENT}}}", drives=drives, where=f"interface: {PEER}")
-    demo = Demo(text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file)
+    demo = Demo(text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap)
     summary: dict[str, Any] = anyio.run(demo.run)
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")

@@ -18,6 +18,7 @@ from rich.text import Text
 
 from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.runtime import Plc
+from pnfarm.farm.capture import CaptureSettings, prepare
 from pnfarm.farm.config import parse_farm
 from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import Farm
@@ -46,8 +47,16 @@ class Demo:
     """``text`` is the farm file; ``begin`` is when the command started, for the time to the first connection."""
 
     def __init__(
-        self, text: str, *, in_memory: bool, seconds: float, begin: float, picture: Path | None = None
+        self,
+        text: str,
+        *,
+        in_memory: bool,
+        seconds: float,
+        begin: float,
+        picture: Path | None = None,
+        pcap: Path | None = None,
     ) -> None:
+        self._pcap = pcap
         self._picture_file = picture
         self._config = parse_farm(text)
         self._in_memory = in_memory
@@ -86,7 +95,8 @@ class Demo:
     async def _open(self, stack: AsyncExitStack) -> Callable[[], Awaitable[None]]:
         quiet = EventLog(quiet=True)
         if self._in_memory:
-            line = await VirtualLine.create(self._config, log=quiet, plc_log=EventLog(quiet=True))
+            line = await VirtualLine.create(self._config, log=quiet, plc_log=EventLog(quiet=True), pcap=self._pcap)
+            stack.push_async_callback(line.close)
             self._line, self._farm, self._plc = line, line.farm, line.plc
             self._faults = attach_faults(line.farm, line.world.clock)
             self._now = line.world.clock
@@ -96,7 +106,11 @@ class Demo:
                 line.world.run(1.0, until=lambda: self._plc.all_stopped)
 
             return release_in_memory
-        farm = await stack.enter_async_context(Farm(self._config, log=quiet))
+        capture = None
+        if self._pcap is not None:
+            capture = CaptureSettings(self._pcap)
+            prepare()
+        farm = await stack.enter_async_context(Farm(self._config, log=quiet, capture=capture))
         plc = await stack.enter_async_context(Plc(self._config, log=EventLog(quiet=True)))
         self._farm, self._plc, self._faults = farm.core, plc.core, farm.faults
         self._poke = farm.driver.poke

@@ -98,7 +98,8 @@ def summary(config: FarmConfig) -> str:
     models: dict[str, int] = {}
     for drive in drives:
         models[drive.model] = models.get(drive.model, 0) + 1
-    parts = [f"{counted(len(drives), 'drive')} ({', '.join(f'{count} {model}' for model, count in models.items())})"]
+    kinds = ", ".join(f"{count} {model}" for model, count in models.items())
+    parts = [f"{counted(len(drives), 'drive')} ({kinds})"] if drives else []
     if config.farm is not None:
         api = config.api
         parts.insert(0, f"farm {config.farm}")
@@ -106,6 +107,8 @@ def summary(config: FarmConfig) -> str:
         parts.append("no API" if api is None else f"API {api.host}:{api.port}")
     if config.controller is not None:
         parts.append(f"controller {config.controller.name}")
+        if config.controller.devices:
+            parts.append(f"{counted(len(config.controller.devices), 'device')} by GSDML file")
     return ", ".join(parts)
 
 

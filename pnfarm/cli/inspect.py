@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["inspect"]
 
+#: Of the events kept of one drive, so many stand below its table; `--events` shows all.
+LAST_EVENTS = 8
+
 
 def inspect(
     name: Annotated[
@@ -23,18 +26,26 @@ def inspect(
     events: Annotated[
         bool, typer.Option("--events", help="What happened, and what happens from now on, until Ctrl-C.")
     ] = False,
+    follow: Annotated[
+        bool, typer.Option("--follow/--no-follow", help="With --events of one drive: go on, or show what is kept.")
+    ] = True,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
     """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
     from pnfarm.cli.client import FarmClient
+    from pnfarm.errors import ConfigError
 
+    if not follow and (name is None or not events):
+        raise ConfigError("--no-follow shows the events kept of one drive: give its NAME and --events")
     with FarmClient(api, token) as farm:
         if name is not None:
             drive = farm.get("drives", name)
             name = str(drive["name"])
-        if events:
+        if events and not follow:
+            _follow(drive["events"], output)
+        elif events:
             _follow(farm.events(name), output)
         elif name is not None:
             _one(drive, output)
@@ -60,8 +71,16 @@ def _event_line(entry: dict[str, Any]) -> str:
     rest.pop("farm_seconds", None)
     moment = dt.datetime.fromtimestamp(rest.pop("time"), dt.UTC).astimezone()
     drive, event = rest.pop("drive") or "farm", rest.pop("event")
-    more = "  ".join(f"{key}={value}" for key, value in rest.items())
+    more = "  ".join(f"{key.removesuffix('_seconds')}={_data(key, value)}" for key, value in rest.items())
     return f"{moment:%H:%M:%S.%f} {drive:<16} {event}  {more}".rstrip()
+
+
+def _data(key: str, value: Any) -> str:
+    from pnfarm.cli.output import seconds
+
+    if key.endswith("_seconds") and isinstance(value, int | float):
+        return seconds(float(value))
+    return ("no", "yes")[value] if isinstance(value, bool) else str(value)
 
 
 def _all(view: dict[str, Any], output: Format) -> None:
@@ -106,12 +125,28 @@ def _last_fault(drive: dict[str, Any]) -> str:
 
 
 def _one(drive: dict[str, Any], output: Format) -> None:
-    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.cli.output import number, print_json, print_line, print_table
+    from pnfarm.farm.discard_words import discard_words
 
     if output is Format.JSON:
         print_json(drive)
         return
-    print_table(("FIELD", "~VALUE"), [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items()])
+    events = drive.pop("events", [])
+    discards = drive.get("frames_discarded") or {}
+    rows = [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items() if key != "frames_discarded"]
+    place = next((n for n, row in enumerate(rows) if row[0] == "frames received"), len(rows) - 1) + 1
+    if "frames_discarded" in drive:
+        rows[place:place] = [("frames discarded", number(sum(discards.values())))]
+    print_table(("FIELD", "~VALUE"), rows)
+    if discards:
+        print_line()
+        most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))
+        table = [(number(count), reason, discard_words(reason)) for reason, count in most]
+        print_table((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
+    if events:
+        print_line()
+        for entry in events[-LAST_EVENTS:]:
+            print_line(_event_line(entry))
 
 
 def _cell(key: str, value: Any) -> str:
@@ -128,6 +163,9 @@ def _cell(key: str, value: Any) -> str:
             return f"{value:.6g}"
         case {"number": _, "name": _}:
             return _fault_words(value)
+        case {"port_id": _, "chassis": _}:
+            where = " ".join(word for word in (value["mac"], value["ip"]) if word)
+            return f"{value['station']} {value['port_id']} ({where}) at {value['port']}"
         case dict():
             return ", ".join(f"{name} {inner}" for name, inner in value.items()) or "-"
         case list():

@@ -14,7 +14,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pnfarm import __version__
-from pnfarm.cli import doctor, fault, files, inspect, models, module, param, plc, scan, up
+from pnfarm.cli import (
+    decode,
+    doctor,
+    fault,
+    files,
+    gsdml,
+    inspect,
+    models,
+    module,
+    param,
+    plc,
+    scan,
+    up,
+)
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.cli.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 
@@ -78,7 +91,9 @@ app.add_typer(param.app, name="param", rich_help_panel="Running farm")
 app.add_typer(module.app, name="module", rich_help_panel="Running farm")
 app.command("plc", rich_help_panel="Controller")(plc.plc)
 app.command("scan", rich_help_panel="Controller")(scan.scan)
+app.command("decode", rich_help_panel="Reference")(decode.decode)
 app.command("models", rich_help_panel="Reference")(models.models)
+app.command("gsdml", rich_help_panel="Reference")(gsdml.gsdml)
 app.command("schema", rich_help_panel="Reference")(files.schema)
 app.command("doctor", rich_help_panel="This machine")(doctor.doctor)
 _own_module("bench")

@@ -65,7 +65,7 @@ def _print(found: dict[str, Any]) -> None:
             for key, value in values.items()
         ]
         print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
-    for section in ("motor", "communication_loss", "parameter_access"):
+    for section in ("motor", "communication_loss", "parameter_access", "description_file", "diagnosis"):
         if found[section]:
             print_line()
             rows = [

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import FarmFile, Format, settings
+from pnfarm.cli.settings import Format, settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,13 +26,27 @@ DRAW_SECONDS = 0.25
 
 
 def plc(
-    file: FarmFile,
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[FILE]", help="Farm file, *.pnfarm.yml; or --gsdml instead.", show_default=False),
+    ] = None,
     interface: Annotated[
         str | None,
         typer.Option(
             "--interface", "-i", metavar="IF", envvar="PNFARM_PLC_INTERFACE", help="Existing interface to stand on."
         ),
     ] = None,
+    gsdml: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Run one device by its GSDML file; needs --device, --ip and --interface."),
+    ] = None,
+    device: Annotated[str | None, typer.Option(metavar="NAME", help="That device's station name.")] = None,
+    ip: Annotated[str | None, typer.Option("--ip", metavar="ADDRESS/PREFIX", help="That device's address.")] = None,
+    dap: Annotated[str | None, typer.Option(metavar="ID", help="Its access point, where the file has several.")] = None,
+    module: Annotated[
+        list[str] | None, typer.Option(metavar="SLOT=ID", help="Module in a slot; several times for several slots.")
+    ] = None,
+    cycle: Annotated[str | None, typer.Option(help="Its cycle; left out, 16ms.")] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, help="Run so long, then release the drives; left out, until Ctrl-C.")
     ] = None,
@@ -44,16 +58,27 @@ def plc(
         typer.Option("--format", help="Print the summary at the end; left out: a live table on a terminal."),
     ] = None,
 ) -> None:
-    """Run the built-in controller against the file's drives, virtual or real, until Ctrl-C.
+    """Run the built-in controller against the file's drives and devices, virtual or real, until Ctrl-C.
 
     With --seconds the exit code is 1 when a drive never exchanged data.
     """
     import anyio
 
     from pnfarm.cli.files import read
+    from pnfarm.cli.one_device import one_device
     from pnfarm.cli.output import print_json, print_table
 
-    config = read(file)
+    if (file is None) == (gsdml is None):
+        raise typer.BadParameter("is needed, or --gsdml, and not both", param_hint="FILE")
+    if file is not None:
+        if any((device, ip, dap, module, cycle)):
+            raise typer.BadParameter("is for --gsdml; a file says it itself", param_hint="an option of a device")
+        config = read(file)
+    else:
+        assert gsdml is not None
+        config = one_device(
+            gsdml, device=device, ip=ip, interface=interface, dap=dap, modules=module or (), cycle=cycle
+        )
     rows, interrupted = anyio.run(_run, config, interface, seconds, output is None and _is_live())
     quiet = [row["name"] for row in rows if not row["connects"]]
     summary = {"ok": not quiet, "controller": config.controller.name if config.controller else "", "drives": rows}

@@ -1,4 +1,4 @@
-"""``pnfarm scan``: who is on this wire, asked by DCP."""
+"""``pnfarm scan``: who is on this wire, asked by DCP, and who speaks LLDP at its end."""
 
 from __future__ import annotations
 
@@ -12,11 +12,16 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered
+    from pnfarm.protocols.profinet.lldp import Neighbour
 
 __all__ = ["scan"]
 
 #: IEC 61158-6-10, coding of DeviceRoleDetails.
 _ROLES = ("device", "controller", "multidevice", "supervisor")
+#: PROFINET's LLDP interval and a little more: everybody has spoken by then.
+_LLDP_SECONDS = 6.0
+#: Speakers that are listened to at most.
+_MAXIMUM = 4096
 
 
 def scan(
@@ -25,18 +30,31 @@ def scan(
         typer.Option("--interface", "-i", metavar="IF", help="Network interface, such as eth1.", show_default=False),
     ],
     seconds: Annotated[float, typer.Option(min=0.1, max=60, help="How long to wait for answers.")] = 2.0,
+    lldp_seconds: Annotated[
+        float, typer.Option(min=0.1, max=120, help="How long to listen for LLDP in all.")
+    ] = _LLDP_SECONDS,
+    no_lldp: Annotated[bool, typer.Option("--no-lldp", help="Ask by DCP only.")] = False,
     output: FormatOption = Format.TABLE,
 ) -> None:
-    """Ask by DCP who is on the wire: name, type, addresses, ids, role."""
+    """Ask by DCP who is on the wire: name, type, addresses, ids, role; hear by LLDP who is at the wire's other end."""
     import anyio
 
-    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.cli.output import print_json
+    from pnfarm.controller.search import duplicate_names
 
-    found = [_answer(event) for event in anyio.run(_identify, interface, seconds)]
-    found.sort(key=lambda device: (device["name"] or "", device["mac"]))
+    answers, neighbours = anyio.run(_listen, interface, seconds, 0.0 if no_lldp else lldp_seconds)
+    for sentence in duplicate_names(answers):
+        typer.echo(sentence, err=True)
+    found = _join([_answer(event) for event in answers], [_heard(neighbour) for neighbour in neighbours])
     if output is Format.JSON:
         print_json(found)
         return
+    _print(found, interface, with_lldp=not no_lldp)
+
+
+def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> None:
+    from pnfarm.cli.output import print_line, print_table
+
     columns = ("NAME", "TYPE", "MAC", "IP", "VENDOR", "DEVICE", "~ROLE")
     rows = [
         (
@@ -49,11 +67,25 @@ def scan(
             " ".join(device["roles"]) or "-",
         )
         for device in found
+        if device["answers_dcp"]
     ]
     print_table(columns, rows)
+    if not with_lldp:
+        return
+    heard = [(device, neighbour) for device in found for neighbour in device["neighbours"]]
+    print_line("")
+    print_line(f"{interface}: {len(heard) or 'nobody'} heard by LLDP")
+    for place, (device, neighbour) in enumerate(heard):
+        branch = "└─" if place == len(heard) - 1 else "├─"
+        about = [neighbour["mac"], neighbour["ip"], device["type"] or neighbour["system_description"]]
+        more = "  ".join(word for word in about if word)
+        print_line(f"{branch} {neighbour['station']} {neighbour['port']}  {more}")
 
 
-async def _identify(interface: str, seconds: float) -> list[IdentifyAnswered]:
+async def _listen(
+    interface: str, seconds: float, lldp_seconds: float
+) -> tuple[list[IdentifyAnswered], tuple[Neighbour, ...]]:
+    """The answers to one Identify, and whoever spoke LLDP meanwhile and until ``lldp_seconds`` have passed."""
     import time
 
     import anyio
@@ -62,15 +94,19 @@ async def _identify(interface: str, seconds: float) -> list[IdentifyAnswered]:
     from pnfarm.links.base import PortSpec
     from pnfarm.links.interface import InterfaceLink
     from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, IdentifyFinished
-    from pnfarm.wire.ethernet import parse_ethernet
+    from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem
+    from pnfarm.wire.ethernet import ETHERTYPE_LLDP, parse_ethernet
 
     link = InterfaceLink(interface)
     answers: list[IdentifyAnswered] = []
     finished = anyio.Event()
+    began = time.monotonic()
     try:
         (port,) = await link.open([PortSpec("scan", bytes(6))])
         # two scans at once must not take each other's answers
         client = DcpClient(port.mac, first_xid=time.monotonic_ns() & 0x7FFF_FFFF | 1)
+        # it only listens: its to_send is never asked
+        listener = LldpPort(LocalSystem(port.mac), LocalPort(1, port.mac), maximum=_MAXIMUM)
 
         def take() -> None:
             for event in client.events():
@@ -82,9 +118,13 @@ async def _identify(interface: str, seconds: float) -> list[IdentifyAnswered]:
                     case _:
                         pass  # greetings of devices that start just now: they answer as well
 
-        def receive(_: int, frame: bytes, now: int) -> None:
+        def receive(_: int, data: bytes, now: int) -> None:
             try:
-                client.receive(parse_ethernet(frame), now)
+                frame = parse_ethernet(data)
+                if frame.ethertype == ETHERTYPE_LLDP:
+                    listener.receive(frame, now)
+                else:
+                    client.receive(frame, now)
             except DecodeError:
                 return  # somebody else's broken frame
             take()
@@ -101,10 +141,39 @@ async def _identify(interface: str, seconds: float) -> list[IdentifyAnswered]:
                     await finished.wait()
             client.handle_timeout(time.monotonic_ns())
             take()
+        await anyio.sleep(max(0.0, lldp_seconds - (time.monotonic() - began)))
     finally:
         with anyio.CancelScope(shield=True):
             await link.close()
-    return answers
+    return answers, listener.neighbours if lldp_seconds else ()
+
+
+def _join(devices: list[dict[str, Any]], heard: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Each device with what it said by LLDP, then those that speak LLDP and do not answer DCP, such as a switch."""
+    by_mac = {device["mac"]: device for device in devices}
+    for neighbour in heard:
+        known = by_mac.get(neighbour["chassis_mac"] or "") or by_mac.get(neighbour["mac"])
+        if known is None:
+            known = _device(neighbour["mac"], neighbour["station"], neighbour["ip"])
+            devices.append(known)
+            by_mac[neighbour["chassis_mac"] or neighbour["mac"]] = known
+        known["neighbours"].append(neighbour)
+    return sorted(devices, key=lambda device: (not device["answers_dcp"], device["name"] or "", device["mac"]))
+
+
+def _device(mac: str, name: str | None, ip: str | None) -> dict[str, Any]:
+    """Somebody who has not answered DCP."""
+    nothing = dict.fromkeys(("mask", "gateway", "vendor_id", "device_id", "role"))
+    return {
+        "name": name,
+        "type": None,
+        "mac": mac,
+        "ip": ip,
+        **nothing,
+        "roles": [],
+        "answers_dcp": False,
+        "neighbours": [],
+    }
 
 
 def _answer(event: IdentifyAnswered) -> dict[str, Any]:
@@ -117,10 +186,28 @@ def _answer(event: IdentifyAnswered) -> dict[str, Any]:
         "ip": _address(info.ip),
         "mask": _address(info.mask),
         "gateway": _address(info.gateway),
+        "ip_conflict": info.ip_conflict,
         "vendor_id": info.vendor_id,
         "device_id": info.device_id,
         "role": info.role,
         "roles": [word for bit, word in enumerate(_ROLES) if role >> bit & 1],
+        "answers_dcp": True,
+        "neighbours": [],
+    }
+
+
+def _heard(neighbour: Neighbour) -> dict[str, Any]:
+    return {
+        "station": neighbour.station_name,
+        "port": neighbour.port_name,
+        "chassis": neighbour.chassis.text,
+        "port_id": neighbour.port_id.text,
+        "system_name": neighbour.system_name or None,
+        "system_description": neighbour.system_description or None,
+        "mac": neighbour.mac.hex(":"),
+        "chassis_mac": neighbour.chassis_mac.hex(":") if neighbour.chassis_mac is not None else None,
+        "ip": str(neighbour.ip) if neighbour.ip is not None else None,
+        "time_to_live_seconds": neighbour.time_to_live,
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -12,6 +13,7 @@ from pnfarm.cli.settings import FarmFile, settings
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.farm.capture import CaptureSettings
     from pnfarm.farm.config import FarmConfig
     from pnfarm.farm.farm import Farm
 
@@ -19,6 +21,9 @@ __all__ = ["down", "up"]
 
 #: Rows of the table that a start shows; `pnfarm inspect` shows all.
 MAX_ROWS = 16
+
+#: Where the help shows the options of a capture.
+_PANEL = "Capture"
 
 #: Parameter of the command -> (key of the farm file, flag, environment).
 _SETTINGS: Mapping[str, tuple[str, str, str]] = {
@@ -101,12 +106,72 @@ def up(
             show_default=False,
         ),
     ] = None,
+    pcap: Annotated[
+        Path | None,
+        typer.Option(
+            "--pcap",
+            metavar="OUT",
+            envvar="PNFARM_UP_PCAP",
+            show_envvar=False,
+            help="Capture all frames of the drives into this pcapng file.",
+            rich_help_panel=_PANEL,
+        ),
+    ] = None,
+    pcap_drives: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pcap-drives",
+            metavar="GLOB",
+            envvar="PNFARM_UP_PCAP_DRIVES",
+            show_envvar=False,
+            help="Only of these drives; may stand several times.",
+            rich_help_panel=_PANEL,
+            show_default=False,
+        ),
+    ] = None,
+    pcap_only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pcap-only",
+            metavar="KIND",
+            envvar="PNFARM_UP_PCAP_ONLY",
+            show_envvar=False,
+            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, snmp, arp, icmp, other; may stand "
+            "several times.",
+            rich_help_panel=_PANEL,
+            show_default=False,
+        ),
+    ] = None,
+    pcap_size: Annotated[
+        str | None,
+        typer.Option(
+            "--pcap-size",
+            metavar="SIZE",
+            envvar="PNFARM_UP_PCAP_SIZE",
+            show_envvar=False,
+            help="A ring of files OUT_00001_DATE of this size each, such as 100MB.",
+            rich_help_panel=_PANEL,
+        ),
+    ] = None,
+    pcap_files: Annotated[
+        int | None,
+        typer.Option(
+            "--pcap-files",
+            metavar="N",
+            min=1,
+            envvar="PNFARM_UP_PCAP_FILES",
+            show_envvar=False,
+            help="Files of the ring that are kept; the oldest go.",
+            rich_help_panel=_PANEL,
+        ),
+    ] = None,
 ) -> None:
     """Run a farm in the foreground until Ctrl-C; its interfaces are removed whatever happens.
 
     What the file says gives way to the environment (PNFARM_UP_API, PNFARM_UP_API_TOKEN, PNFARM_UP_LINK_PARENT,
     PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO, PNFARM_UP_REALTIME_MLOCKALL), and that to
-    the options.
+    the options.  PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and
+    PNFARM_UP_PCAP_FILES stand for the options of a capture; several words have blanks between them.
     """
     import anyio
 
@@ -123,7 +188,27 @@ def up(
     }
     config = _overridden(context, read(file), given)
     check_impairments(config)
-    anyio.run(_run, config)
+    capture = capture_settings(pcap, pcap_drives, pcap_only, pcap_size, pcap_files)
+    anyio.run(_run, config, capture)
+
+
+def capture_settings(
+    path: Path | None,
+    drives: list[str] | None,
+    only: list[str] | None,
+    size: str | None,
+    files: int | None,
+) -> CaptureSettings | None:
+    """What the options of a capture ask for; raises :class:`~pnfarm.errors.ConfigError`."""
+    from pnfarm.errors import ConfigError
+    from pnfarm.farm.capture import CaptureSettings, parse_size
+
+    if path is None:
+        if drives or only or size is not None or files is not None:
+            raise ConfigError("say where the capture goes: --pcap OUT.pcapng")
+        return None
+    octets = None if size is None else parse_size(size)
+    return CaptureSettings(path, tuple(drives or ()), tuple(only or ()), octets, files)
 
 
 def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, Any]) -> FarmConfig:
@@ -151,15 +236,16 @@ def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-async def _run(config: FarmConfig) -> None:
+async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
     import anyio
 
     from pnfarm.api import serve_farm
     from pnfarm.api.server import listen
     from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
 
-    farm = Farm(config)
+    farm = Farm(config, capture=capture)
     if (section := config.api) is not None:
         # a taken port is told while the drives are still silent: another farm may have theirs on the wire
         farm.on_start.append(lambda _: listen(section.host, section.port).close())
@@ -167,6 +253,8 @@ async def _run(config: FarmConfig) -> None:
         try:
             with running:
                 await compile_ahead()
+                if capture is not None:
+                    prepare()
                 await farm.open()
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.controller.channels import SessionChannels
 from pnfarm.controller.identification import IdentificationReader
 from pnfarm.controller.records import READ_LENGTH, RecordJob, RecordJobs, RecordPlace
-from pnfarm.controller.search import Outcome, Search
+from pnfarm.controller.search import Duplicate, Outcome, Search
 from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
 from pnfarm.controller.snapshot import PHASES, snapshot_row
 from pnfarm.errors import ConfigError, DecodeError
@@ -39,8 +39,10 @@ from pnfarm.protocols.profinet.dcp_client import (
     GetFinished,
     HelloReceived,
 )
-from pnfarm.protocols.profinet.dcp_device import DcpDevice, DcpIdentity
+from pnfarm.protocols.profinet.dcp_device import DcpDevice
+from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, describe_status, pnio_error
+from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem, NeighbourAppeared, NeighbourChanged
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
@@ -57,7 +59,13 @@ from pnfarm.protocols.profinet.wire.rpc import (
 from pnfarm.table import engine_row, program
 from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
-from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import (
+    ETHERTYPE_LLDP,
+    ETHERTYPE_PROFINET,
+    EthernetFrame,
+    emit_ethernet,
+    parse_ethernet,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -94,6 +102,7 @@ class ControllerCore:
         vendor_id: int = 0xFFFF,
         device_id: int = 0x0001,
         tick_ns: int = 1_000_000,
+        lldp: bool = True,
     ) -> None:
         self.name = name
         self.link = link
@@ -118,7 +127,16 @@ class ControllerCore:
         self.ip = IpHost(port.mac, neighbours=max(256, 2 * count))
         self.ip.open_ports = {RPC_PORT, CALL_PORT}
         self.ip.set_address(ip)
-        self.rpc = RpcServer(RpcServerConfig(interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),)))
+        #: What the controller says of itself and knows of the other end of its cable; None without LLDP.
+        own = LocalSystem(port.mac, name, "pnfarm controller", ip.ip)
+        self.lldp = LldpPort(own, LocalPort(1, port.mac), maximum=max(16, 2 * count)) if lldp else None
+        self.rpc = RpcServer(
+            RpcServerConfig(
+                interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),),
+                # each drive calls ApplicationReady in an activity of its own; none shall cost another its kept answer
+                activities_max=max(32, 2 * count),
+            )
+        )
         self.client = RpcClient(self._uuids)
         self._search = Search(self.dcp, count)
         self._by_call: dict[int, DeviceSession] = {}
@@ -164,7 +182,10 @@ class ControllerCore:
         except DecodeError as exc:
             self._drop(exc.reason)
             return
-        if frame.ethertype != ETHERTYPE_PROFINET:
+        if frame.ethertype == ETHERTYPE_LLDP:
+            if self.lldp is None or not self.lldp.receive(frame, now):
+                return
+        elif frame.ethertype != ETHERTYPE_PROFINET:
             self.ip.receive(frame, now)
         elif len(frame.payload) < 2:
             self._drop("short")
@@ -192,16 +213,21 @@ class ControllerCore:
                 self._sign(session, Sign.TIME, now)
             if session.machine is not None:
                 session.machine.handle_timeout(now)
-        for machine in (self.dcp, self.dcp_self, self.ip, self.rpc, self.client):
+        for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
         self._settle(now)
 
     def next_deadline(self) -> int | None:
-        deadlines = [m.next_deadline() for m in (self.dcp, self.dcp_self, self.ip, self.rpc, self.client)]
+        deadlines = [machine.next_deadline() for machine in self._machines]
         deadlines.append(self._deadlines.first())
         return min((d for d in deadlines if d is not None), default=None)
+
+    @property
+    def _machines(self) -> tuple[DcpClient | DcpDevice | IpHost | RpcServer | RpcClient | LldpPort, ...]:
+        shared = (self.dcp, self.dcp_self, self.ip, self.rpc, self.client)
+        return shared if self.lldp is None else (*shared, self.lldp)
 
     def _drop(self, reason: str) -> None:
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
@@ -213,6 +239,8 @@ class ControllerCore:
         for session in self.sessions:
             self._touched[session.index] = session
             self._sign(session, Sign.RELEASE, now)
+        if self.lldp is not None:
+            self.lldp.shut_down(now)
         self._settle(now)
 
     @property
@@ -305,7 +333,7 @@ class ControllerCore:
             ArPlan(
                 vendor_id=plan.vendor_id,
                 device_id=plan.device_id,
-                instance=1,
+                instance=plan.instance,
                 controller_name=self.name,
                 controller_mac=self.port.mac,
                 controller_object_uuid=self._object_uuid,
@@ -317,6 +345,7 @@ class ControllerCore:
                 expected_blocks="per-slot",
                 activity_timeout_factor=ACTIVITY_TIMEOUT,
                 records=plan.records,
+                multiple_write=plan.multiple_write,
                 send_clock_factor=plan.send_clock_factor,
                 reduction_ratio=plan.reduction_ratio,
                 phase=session.index % plan.reduction_ratio + 1,
@@ -395,6 +424,23 @@ class ControllerCore:
             self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
         for frame in (*self.dcp.to_send(now), *self.dcp_self.to_send(now), *self.ip.to_send(now)):
             self.link.send(self.port.index, frame)
+        if self.lldp is not None:
+            self._settle_lldp(self.lldp, now)
+
+    def _settle_lldp(self, lldp: LldpPort, now: int) -> None:
+        for event in lldp.events():
+            words = {NeighbourAppeared: "neighbour appeared", NeighbourChanged: "neighbour changed"}
+            neighbour = event.neighbour
+            self.log.record(
+                now,
+                self.name,
+                words.get(type(event), "neighbour gone"),
+                neighbour=neighbour.station_name,
+                neighbour_port=neighbour.port_name,
+                mac=neighbour.mac.hex(":"),
+            )
+        for frame in lldp.to_send(now):
+            self.link.send(self.port.index, frame)
 
     def _pump_dcp(self, now: int) -> bool:
         events = self.dcp.events()
@@ -404,7 +450,11 @@ class ControllerCore:
             elif isinstance(event, GetFinished):
                 self._drop("unasked-get")
             for outcome in self._search.outcomes(event):
-                self._take_search(outcome, now)
+                if isinstance(outcome, Duplicate):
+                    name = outcome.session.plan.name
+                    self.log.record(now, name, "name given twice", level="warning", reason=str(outcome))
+                else:
+                    self._take_search(outcome, now)
         own = self.dcp_self.events()
         return bool(events or own)
 

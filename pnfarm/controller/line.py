@@ -14,10 +14,14 @@ from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec
+from pnfarm.links.pcap import PcapLink
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.farm.config import FarmConfig
+    from pnfarm.links.base import Link
     from pnfarm.links.memory import MemoryLink
 
 __all__ = ["VirtualLine"]
@@ -35,6 +39,10 @@ class VirtualLine:
         self.farm_link = farm_link
         self._plc = plc
 
+    async def close(self) -> None:
+        """Close the farm's link, and with it a capture."""
+        await self.farm.link.close()
+
     @property
     def plc(self) -> ControllerCore:
         """The controller; raises :class:`ConfigError` when the file has none."""
@@ -50,21 +58,34 @@ class VirtualLine:
         memory: NonVolatile | None = None,
         log: EventLog | None = None,
         plc_log: EventLog | None = None,
+        pcap: Path | None = None,
+        epoch_ns: int | None = None,
     ) -> VirtualLine:
-        """Power the drives on, and the controller where the file has one.  Nothing runs before ``world.run``."""
+        """Power the drives on, and the controller where the file has one.  Nothing runs before ``world.run``.
+
+        ``pcap`` captures all frames of the drives, stamped with the world's time plus ``epoch_ns`` (default: such that
+        the world begins now); :meth:`close` ends it.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
+        """
         drives = expand(config)
         world = VirtualWorld()
         link = world.link()
-        ports = await link.open([PortSpec(drive.name, drive.mac) for drive in drives])
+        whole: Link = link
+        if pcap is not None:
+            whole = PcapLink(
+                link, pcap, clock=world.clock, epoch_ns=epoch_ns, comment=f"pnfarm farm {config.farm or 'farm'}"
+            )
+            world.watch(whole.record)
+        ports = await whole.open([PortSpec(drive.name, drive.mac) for drive in drives])
         farm = FarmCore(
             config.farm or "farm",
             drives,
             model_of,
-            link,
+            whole,
             ports,
             memory=memory or VolatileMemory(),
             log=log or EventLog(quiet=True),
             seed=b"farm",
+            lldp=config.lldp,
         )
         world.join(farm, ports)
         farm.start(world.now)
@@ -76,9 +97,17 @@ class VirtualLine:
             raise ConfigError("a controller in memory needs `ip`, and no `interface`")
         plc_link = world.link()
         (port,) = await plc_link.open([PortSpec(section.name, mac)])
-        plans = plan_devices(section, drives, [model_of(drive) for drive in drives])
+        folder = config.path.parent if config.path is not None else None
+        plans = plan_devices(section, drives, [model_of(drive) for drive in drives], folder)
         plc = ControllerCore(
-            section.name, plans, plc_link, port, ip=section.ip, log=plc_log or EventLog(quiet=True), seed=b"plc"
+            section.name,
+            plans,
+            plc_link,
+            port,
+            ip=section.ip,
+            log=plc_log or EventLog(quiet=True),
+            seed=b"plc",
+            lldp=config.lldp,
         )
         world.join(plc, [port])
         plc.start(world.now)

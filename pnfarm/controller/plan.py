@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from ipaddress import IPv4Address, IPv4Interface
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from pnfarm.controller.gsdml import load_gsdml
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
+from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.table import program
 from pnfarm.table.axis import AXIS
 from pnfarm.table.image import IMAGE
@@ -21,7 +24,8 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
-    from pnfarm.farm.config_model import ControllerSection
+    from pnfarm.farm.config_model import ControllerSection, ForeignDevice
+    from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
 __all__ = ["AxisProgram", "DevicePlan", "plan_devices", "velocity_step"]
 
@@ -61,6 +65,8 @@ class DevicePlan:
     records: tuple[ParameterRecord, ...]
     program: AxisProgram
     reconnect_after_ns: int | None
+    instance: int = 1
+    multiple_write: bool = False
     #: Whether I&M0 to I&M3 are read once the connection stands.
     read_identification: bool = True
     #: The one that is expected, empty for any.
@@ -99,38 +105,107 @@ def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
     )
 
 
-def plan_devices(
-    section: ControllerSection, drives: Sequence[DriveConfig], models: Sequence[Model]
-) -> list[DevicePlan]:
-    """What the controller expects, drive by drive.
+class _Addresses:
+    """Gives those without an address the next free one of the controller's subnet."""
 
-    A drive without an address gets the next free one of the controller's subnet.  Raises :class:`ConfigError`.
+    def __init__(self, section: ControllerSection, drives: Sequence[DriveConfig]) -> None:
+        given = [section.ip, *(drive.ip for drive in drives), *(device.ip for device in section.devices)]
+        taken = {ip.ip for ip in given if ip is not None}
+        self._own = section.ip
+        hosts = section.ip.network.hosts() if section.ip else ()
+        self._free = (address for address in hosts if address not in taken)
+
+    def of(self, ip: IPv4Interface | None, name: str) -> IPv4Interface:
+        if ip is not None:
+            return ip
+        if self._own is None:
+            raise ConfigError(f"{name} has no ip and the controller has none to count from: give one of them")
+        address = next(self._free, None)
+        if address is None:
+            raise ConfigError(f"the controller's subnet {self._own.network} has no address left for {name}")
+        return IPv4Interface((address, self._own.network.prefixlen))
+
+
+def _records(section: ControllerSection, name: str) -> tuple[ParameterRecord, ...]:
+    """The file's records for this drive or device."""
+    return tuple(
+        ParameterRecord(r.api, r.slot, r.subslot, r.index, r.data)
+        for r in section.records
+        if r.on is None or any(glob == "all" or fnmatchcase(name, glob) for glob in r.on)
+    )
+
+
+def _plan_foreign(
+    section: ControllerSection, device: ForeignDevice, folder: Path, ip: IPv4Interface, known: dict[Path, Gsdml]
+) -> DevicePlan:
+    """A device by its GSDML file.
+
+    A record of the farm file takes the place of the same one of the GSDML file; others follow.
     """
-    taken = {drive.ip.ip for drive in drives if drive.ip is not None}
-    if section.ip is not None:
-        taken.add(section.ip.ip)
-    free = (address for address in (section.ip.network.hosts() if section.ip else ()) if address not in taken)
+    path = folder / device.gsdml
+    if path not in known:
+        known[path] = load_gsdml(path)
+    clock = clock_of(section, device.cycle_ns)
+    wanted = device.startup or (section.startup if "startup" in section.model_fields_set else None)
+    try:
+        planned = from_gsdml(
+            known[path],
+            dap=device.dap,
+            modules=device.modules,
+            submodules={
+                (slot, subslot): i for slot, items in device.submodules.items() for subslot, i in items.items()
+            },
+        )
+        planned.check_clock(clock.send_clock_factor, clock.reduction_ratio)
+        startup = planned.startup(wanted)
+    except ConfigError as exc:
+        raise ConfigError(f"device {device.name}, {path}: {exc}") from exc
+    records = {(r.api, r.slot, r.subslot, r.index): r for r in (*planned.records, *_records(section, device.name))}
+    return DevicePlan(
+        name=device.name,
+        model=planned.dap.info.name or planned.dap.id,
+        ip=ip,
+        gateway=device.gateway,
+        assign_ip=section.assign_ip,
+        vendor_id=planned.vendor_id,
+        device_id=planned.device_id,
+        submodules=planned.submodules,
+        output_words=(),
+        input_words=(),
+        velocity_step=1.0,
+        send_clock_factor=clock.send_clock_factor,
+        reduction_ratio=clock.reduction_ratio,
+        watchdog_factor=section.watchdog_factor,
+        startup=startup,
+        records=tuple(records.values()),
+        # nobody knows what its outputs mean: they stay zero
+        program=AxisProgram(
+            program.IDLE, enable=False, speed_rpm=0.0, period_ns=1_000_000_000, acknowledge_after_ns=-1
+        ),
+        reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        read_identification=section.identification,
+        takeover_allowed=section.takeover_allowed,
+        instance=planned.instance,
+        multiple_write=planned.multiple_write,
+    )
+
+
+def plan_devices(
+    section: ControllerSection, drives: Sequence[DriveConfig], models: Sequence[Model], folder: Path | None = None
+) -> list[DevicePlan]:
+    """What the controller expects, drive by drive and then device by device.
+
+    ``folder`` is what the GSDML files of the devices are relative to.  Who has no address gets the next free one of the
+    controller's subnet.  Raises :class:`ConfigError`.
+    """
+    addresses = _Addresses(section, drives)
     plans = []
     for drive, model in zip(drives, models, strict=True):
-        ip = drive.ip
-        if ip is None:
-            if section.ip is None:
-                raise ConfigError(
-                    f"drive {drive.name} has no ip and the controller has none to count from: give one of them"
-                )
-            address = next(free, None)
-            if address is None:
-                raise ConfigError(f"the controller's subnet {section.ip.network} has no address left for {drive.name}")
-            ip = IPv4Interface((address, section.ip.network.prefixlen))
+        ip = addresses.of(drive.ip, f"drive {drive.name}")
         telegram = drive.telegram if drive.telegram is not None else section.telegram
         number = model.default_telegram if telegram is None else telegram
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
-        records = tuple(
-            ParameterRecord(r.api, r.slot, r.subslot, r.index, r.data)
-            for r in section.records
-            if r.on is None or any(glob == "all" or fnmatchcase(drive.name, glob) for glob in r.on)
-        )
         plans.append(
             DevicePlan(
                 name=drive.name,
@@ -148,7 +223,7 @@ def plan_devices(
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,
                 startup=section.startup,
-                records=records,
+                records=_records(section, drive.name),
                 program=AxisProgram(
                     kind=KINDS[chosen.kind],
                     enable=chosen.enable and chosen.kind != "idle",
@@ -161,4 +236,8 @@ def plan_devices(
                 takeover_allowed=section.takeover_allowed,
             )
         )
+    known: dict[Path, Gsdml] = {}
+    for device in section.devices:
+        ip = addresses.of(device.ip, f"device {device.name}")
+        plans.append(_plan_foreign(section, device, folder or Path(), ip, known))
     return plans

@@ -89,7 +89,7 @@ class Plc:
         self._owner = f"{config.farm or 'farm'} {section.name}"
         self.link = link or _link(config, interface, self._owner)
         self._own_link = link is None
-        self._settings = settings or realtime_settings(config, len(self.drives))
+        self._settings = settings or realtime_settings(config, len(self.drives) + len(section.devices))
         self._lock = FarmLock(self._owner)
         self._driver: RealTimeDriver | None = None
         self._held: list[socket.socket] = []
@@ -116,10 +116,11 @@ class Plc:
         """Its own address; one beside the drives' when the file gives none."""
         if self.section.ip is not None:
             return self.section.ip
-        first = next((drive.ip for drive in self.drives if drive.ip is not None), None)
-        if first is None:
+        wanted = [*(drive.ip for drive in self.drives), *(device.ip for device in self.section.devices)]
+        given = [ip for ip in wanted if ip is not None]
+        if not given:
             raise ConfigError("neither the controller nor a drive has an ip; give `controller: {ip: 10.77.0.1/24}`")
-        taken = {drive.ip.ip for drive in self.drives if drive.ip is not None}
+        first, taken = given[0], {ip.ip for ip in given}
         for address in first.network.hosts():
             if address not in taken:
                 return IPv4Interface((address, first.network.prefixlen))
@@ -128,7 +129,9 @@ class Plc:
     async def open(self) -> None:
         """Take the port, start the engine, begin to look for the drives."""
         address = self._address()
-        plans = plan_devices(self.section, self.drives, [model_of(drive) for drive in self.drives])
+        models = [model_of(drive) for drive in self.drives]
+        folder = self.config.path.parent if self.config.path is not None else None
+        plans = plan_devices(self.section, self.drives, models, folder)
         self._lock.acquire()
         try:
             if self._own_link and self.link.kind != "interface":
@@ -137,7 +140,14 @@ class Plc:
             (port,) = await self.link.open([PortSpec(self.section.name, mac)])
             self._hold_ports(address)
             self._core = ControllerCore(
-                self.section.name, plans, self.link, port, ip=address, log=self.log, seed=os.urandom(16)
+                self.section.name,
+                plans,
+                self.link,
+                port,
+                ip=address,
+                log=self.log,
+                seed=os.urandom(16),
+                lldp=self.config.lldp,
             )
             self._driver = RealTimeDriver(self._core, self._settings)
             await self._driver.start()

@@ -1,12 +1,14 @@
 """Finding drives and giving them their addresses: the controller's use of DCP.
 
+The first station of a name is taken; who else answers to it within the search's time is told (:class:`Outcome`).
+
 A question by name reaches every station of the network, so that a thousand of them are a million copies.  Where
 many drives are sought in one instant, everybody is asked to answer once instead (a roll call).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.controller.session import DeviceSession, SessionState, Sign
@@ -14,11 +16,11 @@ from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, Id
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from pnfarm.protocols.profinet.dcp_client import DcpClientEvent
 
-__all__ = ["Outcome", "Search"]
+__all__ = ["Duplicate", "Outcome", "Search", "duplicate_names"]
 
 #: How long an Identify by name waits for its one answer.
 SEARCH_NS = 500_000_000
@@ -38,6 +40,39 @@ class Outcome:
     reason: str = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Duplicate:
+    """Another station answers to the name of a session's drive."""
+
+    session: DeviceSession
+    macs: tuple[bytes, ...]
+
+    def __str__(self) -> str:
+        return _twice(self.session.plan.name, self.macs)
+
+
+def _twice(name: str, macs: Iterable[bytes]) -> str:
+    stations = " and ".join(mac.hex(":") for mac in macs)
+    return f"the name {name} is given twice: {stations} answer to it; give each station a name of its own"
+
+
+def duplicate_names(answers: Iterable[IdentifyAnswered]) -> list[str]:
+    """A sentence for each name that more than one station answered with, in the order of the names."""
+    stations: dict[str, dict[bytes, None]] = {}
+    for answer in answers:
+        if answer.info.name:
+            stations.setdefault(answer.info.name, {})[answer.mac] = None
+    return [_twice(name, macs) for name, macs in sorted(stations.items()) if len(macs) > 1]
+
+
+@dataclass(slots=True)
+class _Asked:
+    """One question for one drive, and who answered it."""
+
+    session: DeviceSession
+    macs: list[bytes] = field(default_factory=list)
+
+
 class Search:
     """``stations`` is how many drives the controller has in all: it spreads the answers to a roll call."""
 
@@ -45,8 +80,9 @@ class Search:
         self._dcp = dcp
         self._stations = stations
         self._sought: list[DeviceSession] = []
-        self._by_xid: dict[int, DeviceSession] = {}
-        self._roll_calls: dict[int, dict[str, DeviceSession]] = {}
+        #: Questions by their Xid, and in each by the name that was asked for.
+        self._asked: dict[int, dict[str, _Asked]] = {}
+        self._addressed: dict[int, DeviceSession] = {}
 
     def seek(self, session: DeviceSession) -> None:
         """Look for this drive; the question goes out with :meth:`ask`."""
@@ -57,51 +93,45 @@ class Search:
         sought, self._sought = self._sought, []
         if len(sought) > ROLL_CALL:
             xid = self._dcp.identify(now=now, delay_factor=max(1, self._stations // ROLL_CALL_BURST))
-            self._roll_calls[xid] = {session.plan.name: session for session in sought}
+            self._asked[xid] = {session.plan.name: _Asked(session) for session in sought}
             return
         for session in sought:
-            xid = self._dcp.identify([NameBlock(session.plan.name)], now=now, window_ns=SEARCH_NS, expected=1)
-            self._by_xid[xid] = session
+            # not over with the first answer: a second station of that name answers as well
+            xid = self._dcp.identify([NameBlock(session.plan.name)], now=now, window_ns=SEARCH_NS)
+            self._asked[xid] = {session.plan.name: _Asked(session)}
 
     def address(self, session: DeviceSession, now: int) -> None:
         """Give a found drive its address, until its next power cycle."""
         xid = self._dcp.set_ip(session.mac, session.plan.ip, session.plan.gateway, permanent=False, now=now)
-        self._by_xid[xid] = session
+        self._addressed[xid] = session
 
-    def outcomes(self, event: DcpClientEvent) -> Iterator[Outcome]:
+    def outcomes(self, event: DcpClientEvent) -> Iterator[Outcome | Duplicate]:
         """What an event of the DCP client means, session by session."""
-        if not isinstance(event, (IdentifyAnswered, IdentifyFinished, SetFinished)):
-            return
-        called = self._roll_calls.get(event.xid)
-        if called is not None:
-            if isinstance(event, IdentifyAnswered):
-                session = called.get(event.info.name or "")
-                if session is not None:
-                    yield from self._found(session, event)
-            elif isinstance(event, IdentifyFinished):
-                del self._roll_calls[event.xid]
-                for session in called.values():
-                    yield from self._missed(session)
-            return
-        session = self._by_xid.get(event.xid)
-        if session is None:
-            return
-        if isinstance(event, IdentifyAnswered):
-            yield from self._found(session, event)
-            return
-        del self._by_xid[event.xid]
-        if isinstance(event, IdentifyFinished):
-            yield from self._missed(session)
-        elif event.error is not None:
-            yield Outcome(session, Sign.MISSED, reason=f"Set IP: {event.error}")
-        else:
-            yield Outcome(session, Sign.ADDRESSED)
+        match event:
+            case IdentifyAnswered():
+                sought = self._asked.get(event.xid, {})
+                # whoever answers to a question for one name means that name
+                asked = next(iter(sought.values())) if len(sought) == 1 else sought.get(event.info.name or "")
+                if asked is not None:
+                    yield from self._answered(asked, event)
+            case IdentifyFinished():
+                for asked in self._asked.pop(event.xid, {}).values():
+                    if not asked.macs and asked.session.state is SessionState.SEARCH:
+                        yield Outcome(asked.session, Sign.MISSED, reason="no station of this name answers")
+            case SetFinished():
+                session = self._addressed.pop(event.xid, None)
+                if session is not None and event.error is not None:
+                    yield Outcome(session, Sign.MISSED, reason=f"Set IP: {event.error}")
+                elif session is not None:
+                    yield Outcome(session, Sign.ADDRESSED)
+            case _:
+                pass
 
-    def _found(self, session: DeviceSession, event: IdentifyAnswered) -> Iterator[Outcome]:
-        if session.state is SessionState.SEARCH:
+    def _answered(self, asked: _Asked, event: IdentifyAnswered) -> Iterator[Outcome | Duplicate]:
+        asked.macs.append(event.mac)
+        session = asked.session
+        if len(asked.macs) > 1:
+            yield Duplicate(session, tuple(asked.macs))
+        elif session.state is SessionState.SEARCH:
             ready = not session.plan.assign_ip or event.info.ip == session.plan.ip.ip
             yield Outcome(session, Sign.FOUND_READY if ready else Sign.FOUND, event)
-
-    def _missed(self, session: DeviceSession) -> Iterator[Outcome]:
-        if session.state is SessionState.SEARCH:
-            yield Outcome(session, Sign.MISSED, reason="no station of this name answers")

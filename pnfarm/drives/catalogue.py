@@ -88,7 +88,10 @@ def _with_sources(described: Model, section: str, values: dict[str, Any]) -> dic
     """The values in force, and beside them where each comes from (``farm file`` where it was overridden)."""
     sources: dict[str, Any] = {}
     for key, value in values.items():
-        fact = described.facts[f"{section}.{key}"]
+        fact = described.facts.get(f"{section}.{key}")
+        if fact is None:
+            sources[key] = {"source": "default", "note": "the model's data does not say"}
+            continue
         overridden = value != fact.value
         sources[key] = {"source": "farm file" if overridden else fact.source, "note": "" if overridden else fact.note}
     return {**{key: _plain(value) for key, value in values.items()}, "sources": sources}
@@ -181,4 +184,6 @@ def as_json(described: Model) -> dict[str, Any]:
         "motor": _fact_json(described, "motor"),
         "communication_loss": _fact_json(described, "communication_loss"),
         "parameter_access": _fact_json(described, "parameter_access"),
+        "description_file": _fact_json(described, "description_file"),
+        "diagnosis": _fact_json(described, "diagnosis"),
     }

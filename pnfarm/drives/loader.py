@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import re
 import tomllib
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.computed import COMPUTED
@@ -16,6 +17,7 @@ from pnfarm.drives.model import (
     COMMANDS,
     REACTIONS,
     CommunicationLoss,
+    DescriptionFile,
     Fact,
     Fault,
     Identity,
@@ -373,6 +375,44 @@ def _build(kind: Any, facts: Mapping[str, Fact], where: str) -> Any:
         raise ConfigError(f"{where}: {exc}") from exc
 
 
+def _limits(facts: Mapping[str, Fact], where: str) -> Limits:
+    limits: Limits = _build(Limits, facts, where)
+    if type(limits.alarms) is not bool:
+        raise ConfigError(f"{where}.alarms: {limits.alarms!r} is neither true nor false")
+    if limits.max_cycle_ns and limits.max_cycle_ns < limits.min_cycle_ns:
+        raise ConfigError(f"{where}.max_cycle_ns: {limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
+    return limits
+
+
+def _description_file(facts: Mapping[str, Fact] | None, where: str) -> DescriptionFile | None:
+    if facts is None:
+        return None
+    file: DescriptionFile = _build(DescriptionFile, facts, where)
+    try:
+        datetime.strptime(str(file.date), "%Y%m%d")  # noqa: DTZ007  # a day, in no time zone
+    except ValueError:
+        raise ConfigError(f"{where}.date: {file.date!r} is no day such as 20261121") from None
+    for key in ("family", "info_text"):
+        if not isinstance(getattr(file, key), str) or not getattr(file, key):
+            raise ConfigError(f"{where}.{key}: {getattr(file, key)!r} is no text")
+    return file
+
+
+def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
+    """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
+    found: dict[int, int] = {}
+    for key, fact in facts.items():
+        number = _integer(key, where, key)
+        if number not in faults:
+            raise ConfigError(f"{where}.{key}: there is no fault {number}")
+        if not isinstance(fact.value, int) or not (0x0100 <= fact.value <= 0x7FFF or 0x9000 <= fact.value <= 0x9FFF):
+            raise ConfigError(f"{where}.{key}: {fact.value!r} is not within 0x0100..0x7FFF and 0x9000..0x9FFF")
+        found[number] = fact.value
+    if found and not limits.alarms:
+        raise ConfigError(f"{where}: a drive without alarms reports no diagnosis; it needs limits.alarms")
+    return found
+
+
 def _axis_values(facts: Mapping[str, Fact], writer: str, where: str) -> dict[str, float]:
     for key in facts:
         field = AXIS.fields.get(key)
@@ -387,8 +427,16 @@ def load_model(folder: Path) -> Model:
     data = read_toml(path)
     sections = {
         section: _facts(data, section, path)
-        for section in ("identity", "limits", "parameter_access", "communication_loss", "motor", "firmware")
+        for section in (
+            "identity",
+            "limits",
+            "parameter_access",
+            "communication_loss",
+            "motor",
+            "firmware",
+        )
     }
+    sections |= {key: _facts(data, key, path) for key in ("description_file", "diagnosis") if key in data}
     parameters = _parameters(folder / "parameters.csv")
     signals, telegrams = _telegrams(folder / "telegrams.toml", _get(data, "telegram_module", str(path)))
     faults = _faults(folder / "faults.csv")
@@ -400,6 +448,7 @@ def load_model(folder: Path) -> Model:
         )
     except (KeyError, TypeError) as exc:
         raise ConfigError(f"{path}, dap: {exc}") from exc
+    limits = _limits(sections["limits"], f"{path}, limits")
     loss: CommunicationLoss = _build(CommunicationLoss, sections["communication_loss"], f"{path}, communication_loss")
     if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys():
         raise ConfigError(f"{path}, communication_loss: names a fault or a parameter that is not there")
@@ -414,9 +463,11 @@ def load_model(folder: Path) -> Model:
         aliases=tuple(data.get("aliases", ())),
         default_telegram=data["default_telegram"],
         identity=_build(Identity, sections["identity"], f"{path}, identity"),
-        limits=_build(Limits, sections["limits"], f"{path}, limits"),
+        limits=limits,
         access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
         communication_loss=loss,
+        description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
+        diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         motor=_axis_values(sections["motor"], "station", f"{path}, motor"),
         firmware=_axis_values(sections["firmware"], "parameter", f"{path}, firmware"),
         dap=dap_module,

@@ -19,7 +19,17 @@ from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
 if TYPE_CHECKING:
     from pnfarm.drives.telegram import Signal, Telegram
 
-__all__ = ["COMMANDS", "CommunicationLoss", "Fact", "Fault", "Identity", "Limits", "Model", "ParameterAccess"]
+__all__ = [
+    "COMMANDS",
+    "CommunicationLoss",
+    "DescriptionFile",
+    "Fact",
+    "Fault",
+    "Identity",
+    "Limits",
+    "Model",
+    "ParameterAccess",
+]
 
 #: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
 COMMANDS = frozenset({"acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse"})
@@ -56,7 +66,11 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the manual denies: cycle in ns, counts, octets."""
+    """What the manual denies: cycle in ns, counts, octets.
+
+    A model may leave out the last ones: ``max_cycle_ns`` 0 is no slowest cycle, ``alarms`` False is a drive that sends
+    none.
+    """
 
     min_cycle_ns: int
     io_controllers: int
@@ -64,6 +78,8 @@ class Limits:
     max_parameters: int
     max_elements: int
     max_response: int
+    max_cycle_ns: int = 0
+    alarms: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +89,18 @@ class ParameterAccess:
     record_indexes: tuple[int, ...]
     axis: tuple[int, ...]
     change_response_values: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DescriptionFile:
+    """What only the file for engineering tools says of a drive.
+
+    ``date`` (yyyymmdd) is part of its name: a tool takes a file of the same name for the one that it has.
+    """
+
+    date: int
+    family: str
+    info_text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +149,9 @@ class Model:
     limits: Limits
     access: ParameterAccess
     communication_loss: CommunicationLoss
+    description_file: DescriptionFile | None
+    #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
+    diagnoses: Mapping[int, int]
     motor: Mapping[str, float]
     firmware: Mapping[str, float]
     dap: Module

@@ -171,6 +171,8 @@ def _build(
     if not isinstance(values, dict):
         report((), f"is {shown(values)}", "a mapping such as `farm: line-1` ...")
         raise FarmFileError(issues)
+    if "drives" not in values and (values.get("farm") is not None or not _names_devices(values)):
+        report(("drives",), "is missing", "a list of groups, each with name and model")
     config = None
     context = {FAULT_KINDS: known.fault_kinds}
     try:
@@ -193,6 +195,12 @@ def _build(
     if issues or config is None:
         raise FarmFileError(issues)
     return config.adopted(path, values, document, known)
+
+
+def _names_devices(values: dict[str, Any]) -> bool:
+    """Whether the controller has devices of its own, so that a file can do without drives."""
+    controller = values.get("controller")
+    return isinstance(controller, dict) and bool(controller.get("devices"))
 
 
 class _Partial(FarmSections):

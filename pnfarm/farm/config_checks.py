@@ -175,6 +175,7 @@ def _check_between(sections: FarmSections, known: Known, report: Report, numbers
             seen["mac", mac] = owner
         if controller.ip is not None:
             seen["ip", controller.ip.ip] = owner
+        _check_devices(controller, seen, report)
     reported: set[tuple[int, str, str]] = set()
     for drive in expand_sections(sections, known):
         group = sections.drives[drive.group]
@@ -194,6 +195,41 @@ def _check_between(sections: FarmSections, known: Known, report: Report, numbers
                 if field != "name":
                     what = f"{shown(drive.name)}: {what}"
                 report(("drives", drive.group, field), what, "each once in the farm")
+
+
+def _check_devices(
+    controller: ControllerSection, seen: dict[tuple[str, object], tuple[str, str]], report: Report
+) -> None:
+    """The devices that are described by files: each name and address once, each address a host's."""
+    for number, device in enumerate(controller.devices):
+        at: Location = ("controller", "devices", number)
+        if (wrong := check_station_name(device.name)) is not None:
+            what = f"{shown(device.name)} is no station name: {wrong}"
+            report((*at, "name"), what, "a-z, 0-9, - and . as PROFINET has it")
+        values: list[tuple[str, object, str]] = [("name", device.name, shown(device.name))]
+        if device.ip is not None:
+            values.append(("ip", device.ip.ip, str(device.ip.ip)))
+            network = device.ip.network
+            first, last = int(network.network_address) + 1, int(network.broadcast_address) - 1
+            if not first <= int(device.ip) <= last:
+                what = f"{device.ip.ip} is the network's or the broadcast address of {network}"
+                report((*at, "ip"), what, _hosts(first, last))
+        own = (f"controller.devices[{number}]", device.name)
+        for field, value, words in values:
+            owner = seen.setdefault((field, value), own)
+            if owner != own:
+                by = "the controller" if owner[0] == "the controller" else f"{shown(owner[1])} of {owner[0]}"
+                report((*at, field), f"{words} belongs to {by} already", "each once in the file")
+        try:
+            clock = clock_of(controller, device.cycle_ns)
+        except ValueError as error:
+            if device.cycle_ns is not None:
+                what = f"does not fit the controller's send clock: {error}"
+                report((*at, "cycle"), what, "a multiple of it by a power of two to 512")
+            continue
+        if clock.cycle_ns * controller.watchdog_factor > MAX_WATCHDOG_NS:
+            what = f"{controller.watchdog_factor} cycles of {format_duration(clock.cycle_ns)} are too long a watchdog"
+            report((*at, "cycle"), what, "a watchdog of at most 1.92s")
 
 
 def _check_controller(

@@ -42,7 +42,8 @@ def strip_tags(location: Location) -> Location:
     steps: list[str | int] = []
     after_tagged = False
     for step in location:
-        if not after_tagged:
+        # a wrong key of a mapping has its place and this word behind it
+        if not after_tagged and step != "[key]":
             steps.append(step)
         after_tagged = not after_tagged and step in _TAGGED
     return tuple(steps)

@@ -59,6 +59,7 @@ class DriveConfig:
     impair: tuple[Impairment, ...]
     telegram: int | None
     cycle_ns: int | None
+    hello: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +156,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 impair=tuple(group.impair),
                 telegram=group.telegram,
                 cycle_ns=group.cycle_ns,
+                hello=group.hello,
             )
             index += 1
 

@@ -48,6 +48,7 @@ __all__ = [
     "ControllerSection",
     "DriveGroup",
     "FarmSections",
+    "ForeignDevice",
     "Impairment",
     "Link",
     "Load",
@@ -284,6 +285,10 @@ class DriveGroup(_Section):
     )
     impair: list[Impairment] = Field(default_factory=list, description="Impairments from the start.")
     telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the model's.")
+    hello: bool = Field(
+        default=False,
+        description="Whether the drive says DCP Hello at power-on; a controller's fast start-up record overrides it.",
+    )
     cycle_ns: Cycle | None = Field(
         default=None, alias="cycle", description="Cycle at which the built-in controller runs these drives."
     )
@@ -315,6 +320,43 @@ class ParameterRecord(_Section):
     index: int = Field(ge=0, le=_U16, description="Record index, a number.")
     data: OctetString = Field(description="Octets in hexadecimal.")
     on: Globs | None = Field(default=None, description="Which drives; left out, all.")
+
+
+def _read_place(value: Any) -> int:
+    """A key: YAML's keys come as texts."""
+    text = str(value)
+    number = int(text) if re.fullmatch(r"[0-9]{1,5}", text) else -1
+    if re.fullmatch(r"0[xX][0-9a-fA-F]{1,4}", text):
+        number = int(text, 16)
+    if not 0 <= number <= _U16:
+        raise problem(f"{shown(value)} is no slot or subslot", "a number from 0 to 65535")
+    return number
+
+
+#: A slot or a subslot as the key of a mapping.
+_Place = Annotated[int, PlainValidator(_read_place), WithJsonSchema({"type": "integer", "minimum": 0, "maximum": _U16})]
+
+
+class ForeignDevice(_Section):
+    """A device that no model describes: its maker's GSDML file does."""
+
+    name: NamePattern = Field(description="Its station name.")
+    gsdml: str = Field(min_length=1, description="Its GSDML file, relative to this file.")
+    dap: str | None = Field(
+        default=None, description="ID of the access point; left out where the GSDML file has one only."
+    )
+    modules: dict[_Place, str | None] = Field(
+        default_factory=dict, description="Slot: ID of the module in it; null for an empty slot.", examples=[{1: "DI8"}]
+    )
+    submodules: dict[_Place, dict[_Place, str | None]] = Field(
+        default_factory=dict, description="Slot: mapping of subslot to the ID of the submodule in it."
+    )
+    ip: Cidr | None = Field(default=None, description="Its address; left out, the next free one of the controller's.")
+    gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
+    cycle_ns: Cycle | None = Field(default=None, alias="cycle", description="Its cycle; left out, the controller's.")
+    startup: Literal["legacy", "advanced"] | None = Field(
+        default=None, description="Start-up mode; left out, the controller's, or what the GSDML file knows."
+    )
 
 
 class Reconnect(_Section):
@@ -360,6 +402,9 @@ class ControllerSection(_Section):
     telegram: int = Field(default=1, ge=0, le=_U16, description="Telegram of drives whose group names none.")
     program: Program = Field(default_factory=Program)
     records: list[ParameterRecord] = Field(default_factory=list)
+    devices: list[ForeignDevice] = Field(
+        default_factory=list, max_length=MAX_DRIVES, description="Devices beside the drives, each by its GSDML file."
+    )
     reconnect: Annotated[Reconnect | None, BeforeValidator(_open_reconnect)] = Field(
         default_factory=Reconnect, description="`off`: stay disconnected."
     )
@@ -385,5 +430,12 @@ class FarmSections(_Section):
         examples=[DEFAULT_LISTEN, OFF],
     )
     realtime: Realtime = Field(default_factory=Realtime)
-    drives: list[DriveGroup] = Field(min_length=1, description="The drives, group by group.")
+    lldp: bool = Field(
+        default=True, description="Whether the drives, and the controller, tell their neighbours who they are (LLDP)."
+    )
+    drives: list[DriveGroup] = Field(
+        default_factory=list,
+        min_length=1,
+        description="The drives, group by group; left out only where the controller has `devices`.",
+    )
     controller: ControllerSection | None = Field(default=None, description="The built-in controller, for `pnfarm plc`.")

@@ -17,10 +17,13 @@ from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
+from pnfarm.links.base import unwrap
+from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
+from pnfarm.protocols.profinet.wire.lldp import parse_lldp
 from pnfarm.table import engine_row
 from pnfarm.table.axis import FIRMWARE_PROFIDRIVE
 from pnfarm.table.columns import Columns, allocate
@@ -35,10 +38,13 @@ if TYPE_CHECKING:
     from pnfarm.farm.event_log import EventLog
     from pnfarm.faults.manager import FaultManager
     from pnfarm.links.base import Link, Port
+    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
-#: Ethertype of ARP; ethertype and frame id of a DCP Identify request.
+#: Ethertypes of ARP and of LLDP; ethertype and frame id of DCP's Identify request and of its Hello.
 ARP = bytes.fromhex("0806")
+LLDP = bytes.fromhex("88cc")
 DCP_IDENTIFY = bytes.fromhex("8892fefe")
+DCP_GREETING = bytes.fromhex("8892fefc")
 
 __all__ = ["Deadlines", "FarmCore", "Node", "uuid_source"]
 
@@ -126,6 +132,7 @@ class FarmCore:
         log: EventLog,
         seed: bytes,
         tick_ns: int = 1_000_000,
+        lldp: bool = True,
     ) -> None:
         self.name = name
         self.link = link
@@ -147,6 +154,8 @@ class FarmCore:
         self._deadlines = Deadlines()
         #: The last Identify, what it says, and the name if it asks for one only.
         self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
+        #: The last LLDP frame and what it says, or why it says nothing.
+        self._lldp: tuple[bytes, Lldpdu | str] = (b"", "short")
         self._tail = 0
         #: Called with (station, kind, now, value) for each event of the engine, after the station took it.
         self.listeners: list[Callable[[DriveStation, int, int, int], None]] = []
@@ -159,14 +168,22 @@ class FarmCore:
             model.apply_motor(axis)
             _apply_load(axis, config)
             axis.step_ns = 4_000_000
-            services = StationServices(self.channels, self.impairments, memory, log, uuid_source(seed + port.mac))
+            uuids = uuid_source(seed + port.mac)
+            services = StationServices(self.channels, self.impairments, memory, log, uuids, lldp)
             station = DriveStation(config, model, index, port, AxisHandle(axis, image), services)
             axis.powered = 1
             axis.firmware = FIRMWARE_PROFIDRIVE
             self.stations.append(station)
             self._by_port[port.index] = station
             self._by_name[config.name] = station
+        #: Stations by their address as in an ARP packet, and the address that each is listed under.
+        self._by_ip: dict[bytes, list[DriveStation]] = {}
+        self._listed: list[bytes] = [b""] * count
+        for station in self.stations:
+            self._list_address(station)
         link.set_receiver(self.receive)
+        if isinstance(innermost := unwrap(link), MemoryLink):
+            innermost.set_audience(self._audience)
 
     def start(self, now: int) -> None:
         """Power on at ``now``: announce addresses."""
@@ -174,12 +191,14 @@ class FarmCore:
             axis.last_ns = now
             axis.boot_ns = now
         for station in self.stations:
+            station.start(now)
             self.settle(station, now)
 
     def stop(self, now: int) -> None:
         """Tell every controller that its drive goes: an ERR-RTA for each connection."""
         for station in self.stations:
             station.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
+            station.neighbours.lldp.shut_down(now)
             self.settle(station, now)
 
     def station(self, name: str) -> DriveStation:
@@ -195,6 +214,9 @@ class FarmCore:
         station = self._by_port.get(port)
         if station is None:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
+        if frame[12:14] == LLDP:
+            self._receive_lldp(station, frame, now)
+            return
         if frame and frame[0] & 1 and not self._concerns(station, frame):
             return
         if self.faults is not None:
@@ -204,17 +226,27 @@ class FarmCore:
         if self.faults is not None:
             self.faults.poke(station.configured_name, now)
 
+    def _receive_lldp(self, station: DriveStation, frame: bytes, now: int) -> None:
+        """Drives that share a cable all hear the same frame: it is parsed once, and mostly says nothing new."""
+        if frame is not self._lldp[0] and frame != self._lldp[0]:
+            self._lldp = (frame, _read_lldp(frame))
+        if station.hear_neighbour(frame, self._lldp[1], now):
+            self.settle(station, now)
+
     def _concerns(self, station: DriveStation, frame: bytes) -> bool:
         """Whether a group-addressed frame can mean anything to this station.
 
-        The link delivers each one to every drive: a thousand drives that are sought by name are a million
-        copies.  So an Identify is parsed once for all of them, and an ARP for somebody else goes no further.
+        A wire delivers each one to every drive: a thousand drives that are sought by name are a million
+        copies.  So an Identify is parsed once for all of them, and an ARP for somebody else or a Hello goes no further.
+        In memory the switch asks :meth:`_audience` and does not even make the copies.
         """
         if frame[12:14] == ARP:
             own = station.own_ip
-            if not own or own in {frame[28:32], frame[38:42]}:
+            if own and own in {frame[28:32], frame[38:42]}:
                 return True
             return station.passed_over("arp-for-another")
+        if frame[12:16] == DCP_GREETING:
+            return station.passed_over("hello")
         if frame[12:16] == DCP_IDENTIFY:
             if frame != self._identify[0]:
                 self._identify = (frame, *_read_identify(frame))
@@ -225,9 +257,33 @@ class FarmCore:
                 return station.passed_over("identify-for-another")
         return True
 
+    def _audience(self, frame: bytes) -> list[int] | None:
+        """The ports that a group-addressed frame can concern; None: all, :meth:`_concerns` tells."""
+        if frame[12:16] == DCP_GREETING:
+            return []
+        if frame[12:14] != ARP or len(frame) < 42:
+            return None
+        sender, target = frame[28:32], frame[38:42]
+        found = self._by_ip.get(target, [])
+        if sender != target:
+            found = found + self._by_ip.get(sender, [])
+        return [station.port.index for station in found]
+
+    def _list_address(self, station: DriveStation) -> None:
+        before, own = self._listed[station.index], station.own_ip
+        if own == before:
+            return
+        if before:
+            self._by_ip[before].remove(station)
+        if own:
+            self._by_ip.setdefault(own, []).append(station)
+        self._listed[station.index] = own
+
     def settle(self, station: DriveStation, now: int) -> None:
         """Let a station finish what an input began, send its frames, note when it wants to be called."""
-        for frame in station.pump(now):
+        frames = station.pump(now)
+        self._list_address(station)
+        for frame in frames:
             self.link.send(station.port.index, frame)
         self._deadlines.set(station.index, station.next_deadline())
 
@@ -318,6 +374,13 @@ def _read_identify(frame: bytes) -> tuple[DcpPdu | None, str | None]:
     if len(pdu.blocks) == 1 and isinstance(pdu.blocks[0], NameBlock):
         return pdu, pdu.blocks[0].name
     return pdu, None
+
+
+def _read_lldp(frame: bytes) -> Lldpdu | str:
+    try:
+        return parse_lldp(frame[14:])
+    except DecodeError as exc:
+        return exc.reason
 
 
 def _apply_load(axis: Any, config: DriveConfig) -> None:

@@ -8,6 +8,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import os
 import time
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError
+from pnfarm.farm.capture import CaptureSettings, FarmCapture
 from pnfarm.farm.config import FarmConfig, expand, load_farm
 from pnfarm.farm.config_known import catalogue
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
@@ -28,7 +31,7 @@ from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
 from pnfarm.faults.catalogue import KINDS
 from pnfarm.faults.plan import FaultSpec
-from pnfarm.links.base import PortSpec
+from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock
@@ -112,9 +115,19 @@ class DriveHandle:
 class Farm:
     """See the module's head.  Use as an asynchronous context manager, or ``open`` and ``close``."""
 
-    def __init__(self, config: FarmConfig, *, log: EventLog | None = None, link: Link | None = None) -> None:
+    def __init__(
+        self,
+        config: FarmConfig,
+        *,
+        log: EventLog | None = None,
+        link: Link | None = None,
+        capture: CaptureSettings | None = None,
+    ) -> None:
         self.config = config
         self.log = log or EventLog()
+        self._capture_settings = capture
+        #: The capture that runs, or ran.
+        self.capture: FarmCapture | None = None
         self.link = link or make_link(config)
         self.drives = expand(config)
         self._lock = FarmLock(config.farm or "farm", config.state_directory)
@@ -172,9 +185,12 @@ class Farm:
             raise ConfigError("the farm has no drives")
         self._lock.acquire()
         try:
+            self._make_capture()
             await remove_leftovers(self.config.farm or "farm")
             self._state = FarmState(self.config.state_directory)
             ports = await self.link.open([PortSpec(drive.name, drive.mac) for drive in self.drives])
+            if self.capture is not None:
+                self.capture.start(ports, far_end=isinstance(unwrap(self.link), TapLink))
             self._core = FarmCore(
                 self.config.farm or "farm",
                 self.drives,
@@ -184,6 +200,7 @@ class Farm:
                 memory=self._state,
                 log=self.log,
                 seed=os.urandom(16),
+                lldp=self.config.lldp,
             )
             faults = attach_faults(self._core, time.monotonic_ns)
             for action in self.on_start:
@@ -199,11 +216,29 @@ class Farm:
             await self.close()
             raise
 
+    def _make_capture(self) -> None:
+        """Before any interface is made, so that a file that cannot be written is told while the drives are silent."""
+        if self._capture_settings is None:
+            return
+        loop = asyncio.get_running_loop()
+
+        def note(event: str, **data: Any) -> None:
+            def record() -> None:
+                self.log.record(time.monotonic_ns(), "", event, **data)
+
+            with contextlib.suppress(RuntimeError):  # the loop is gone: nobody is left to be told
+                loop.call_soon_threadsafe(record)
+
+        names = [drive.name for drive in self.drives]
+        self.capture = FarmCapture(self._capture_settings, self.config.farm or "farm", names, note)
+
     def _report(self, now: int) -> None:
         engine = self.driver.engine
         granted = engine.report.granted if engine else []
         refused = engine.report.refused if engine else {}
         self.log.record(now, "", "farm started", drives=len(self.drives), link=self.link.kind, granted=granted)
+        if self.capture is not None:
+            self.log.record(now, "", "capture started", file=str(self.capture.path))
         for what, why in refused.items():
             self.log.record(now, "", "real-time option refused", level="warning", option=what, reason=why)
 
@@ -218,6 +253,8 @@ class Farm:
                 await self._driver.close()
         finally:
             try:
+                if self.capture is not None:
+                    await asyncio.to_thread(self.capture.stop)
                 await self.link.close()
             finally:
                 if self._state is not None:

@@ -182,9 +182,11 @@ class StationTarget:
 
     def pull_cable(self) -> None:
         self._carriers.pull(self._station.port.index, self.name)
+        self._station.neighbours.set_link(up=False)
 
     def plug_cable(self) -> None:
         self._carriers.plug(self._station.port.index, self.name)
+        self._station.neighbours.set_link(up=not self._carriers.is_pulled(self._station.port.index))
 
     @property
     def carrier_off(self) -> bool:

@@ -135,6 +135,7 @@ def drive_snapshot(
         "mac": format_mac(station.port.mac),
         "ip": str(address) if address is not None else None,
         "gateway": str(station.dcp.gateway) if station.dcp.gateway is not None else None,
+        "ip_conflict": format_mac(conflict) if (conflict := station.addressing.conflict_mac) is not None else None,
         "powered": powered,
         "state": _state_word(powered, state),
         "zsw1": f"0x{zsw1:04X}",
@@ -157,6 +158,7 @@ def drive_snapshot(
         "fault": _fault(station, codes[0]) if codes else None,
         "faults": [_fault(station, code) for code in codes],
         "last_fault": _last_fault(station),
+        "neighbours": _neighbours(station, now),
         "fault_counts": {str(number): count for number, count in sorted(station.fault_counts.items())},
         "warning": _fault(station, int(axis.warning_code)) if axis.warning_code else None,
         "setpoint_rpm": float(axis.setpoint),
@@ -164,6 +166,7 @@ def drive_snapshot(
         "position_revolutions": float(axis.position),
         "current_amperes": float(axis.current),
         "following_error_revolutions": float(axis.following_error),
+        "signalling": powered and station.dcp.signalling,
         "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
         "faults_injected": list(injected.get(station.configured_name, ())),
     }
@@ -213,6 +216,25 @@ def _frames(core: FarmCore, station: DriveStation) -> tuple[int, int, int]:
         for row, _ in ar.consumers:
             received += int(core.columns.cpm[row].received)
     return sent, suppressed, received
+
+
+def _neighbours(station: DriveStation, now: int) -> list[dict[str, Any]]:
+    """Who is at the other end of the drive's cable, as LLDP says it."""
+    if not station.powered:
+        return []
+    return [
+        {
+            "port": neighbour.port,
+            "station": neighbour.station_name,
+            "chassis": neighbour.chassis.text,
+            "port_id": neighbour.port_id.text,
+            "system_name": neighbour.system_name or None,
+            "mac": format_mac(neighbour.mac),
+            "ip": str(neighbour.ip) if neighbour.ip is not None else None,
+            "seen_seconds_ago": (now - neighbour.seen_ns) / 1e9,
+        }
+        for neighbour in station.neighbours.lldp.neighbours
+    ]
 
 
 def _fault(station: DriveStation, number: int) -> dict[str, Any]:

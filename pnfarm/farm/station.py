@@ -11,7 +11,6 @@ the frames.  What it decides itself is what lies between the machines:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.store import (
@@ -22,22 +21,28 @@ from pnfarm.drives.store import (
     TelegramChanged,
 )
 from pnfarm.errors import DecodeError, InternalError
+from pnfarm.farm.factory_reset import clear_memory
+from pnfarm.farm.station_address import StationAddress
 from pnfarm.farm.station_channels import ArChannels, StationChannels
-from pnfarm.protocols.ip.host import AddressConflict, DatagramReceived, IpHost
+from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
+from pnfarm.farm.station_snmp import PortTraffic, snmp_view
+from pnfarm.farm.station_snmp_neighbours import NeighbourRows
+from pnfarm.protocols.ip.host import DatagramReceived
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.cmdev import CmDevice
-from pnfarm.protocols.profinet.dcp_device import (
-    DcpDevice,
+from pnfarm.protocols.profinet.dcp_rules import (
+    AbortRequired,
     DcpIdentity,
     FactoryReset,
     IpSet,
     NameSet,
-    SignalRequested,
+    SignalBegan,
+    Stored,
 )
 from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
-from pnfarm.protocols.profinet.errors import RtaError, describe_status
+from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.events import (
     AlarmConfirmed,
     ApplicationReadyConfirmed,
@@ -51,17 +56,21 @@ from pnfarm.protocols.profinet.events import (
     RecordWritten,
     SubmodulesChanged,
 )
+from pnfarm.protocols.profinet.mib_view import SystemText
+from pnfarm.protocols.profinet.pdev_checks import CheckFailed
 from pnfarm.protocols.profinet.record_store import DeviceRecords
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceived, CallReturned, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
+from pnfarm.protocols.profinet.snmp import SnmpAgent
 from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
 from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
+from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
@@ -77,7 +86,10 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Port
+    from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.dcp_device import DcpDevice
+    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
 __all__ = ["DriveStation", "StationServices"]
 
@@ -99,6 +111,8 @@ class StationServices:
     memory: NonVolatile
     log: EventLog
     uuids: Callable[[], UUID]
+    #: Whether the drives speak LLDP.
+    lldp: bool = True
 
 
 class DriveStation:
@@ -122,12 +136,15 @@ class DriveStation:
         self.fault_counts: dict[int, int] = {}
         self.channels = StationChannels(index, port, services.channels, services.impairments)
         self.signalled_ns: int | None = None
+        #: A reset that restarts the drive was ordered, and its answer is still to go out.
+        self._reboot_due = False
         #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
         self._ready_due: list[tuple[int, int, int | None]] = []
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
         self._kept: dict[str, Any] = {}
+        self._booted_ns: int | None = None
         self._build()
 
     # -- life --------------------------------------------------------------------------------------------------------
@@ -137,11 +154,6 @@ class DriveStation:
         mac = self.port.mac
         kept = self._services.memory.load(self.configured_name) or {}
         self._kept = dict(kept)
-        name = kept.get("name", self.configured_name)
-        address, gateway = self.config.ip, self.config.gateway
-        if "ip" in kept:
-            address = IPv4Interface(kept["ip"]) if kept["ip"] else None
-            gateway = IPv4Address(kept["gateway"]) if kept.get("gateway") else None
         identity = self.model.identity
         self.store = ParameterStore(self.model, self.handle)
         self.store.restore(kept.get("drive"))
@@ -150,18 +162,20 @@ class DriveStation:
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
         self.parameter_records = ParameterRecords(self.store, slot, api)
-        self.dcp = DcpDevice(
+        self.addressing = StationAddress(
             mac,
             DcpIdentity(
                 identity.station_type, identity.vendor_id, identity.device_id, instance=(0, self.description.instance)
             ),
-            name=name,
-            address=address,
-            gateway=gateway,
+            self.config,
+            kept,
+            keep=self._keep,
+            note=self.note,
         )
-        self.ip = IpHost(mac)
-        self.ip.open_ports = {RPC_PORT, CALL_PORT}
-        self._set_address(address, gateway)
+        self.dcp, self.ip = self.addressing.dcp, self.addressing.ip
+        self.ip.open_ports = {RPC_PORT, CALL_PORT, SNMP_PORT}
+        self.neighbours = StationNeighbours(mac, self.index, self.description, enabled=self._services.lldp)
+        self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, 0)
         version = identity.software_version
         self._object_uuid = object_uuid(self.description.instance, identity.device_id, identity.vendor_id)
         self.rpc = RpcServer(
@@ -180,8 +194,8 @@ class DriveStation:
                 )
             )
         )
-        if address is not None:
-            self.rpc.set_address(address.ip)
+        if self.dcp.address is not None:
+            self.rpc.set_address(self.dcp.address.ip)
         self.client = RpcClient(self._services.uuids)
         plugged = Plugged(self.description)
         self.records = DeviceRecords(
@@ -190,21 +204,22 @@ class DriveStation:
             lambda: self.cm.ars,
             application=self.parameter_records,
             io_data=self.channels.io_data,
-            texts={_text_key(key): data for key, data in (kept.get("im") or {}).items()},
+            pdev=self.neighbours.pdev,
+            texts=_records(kept.get("im")),
         )
         self.cm = CmDevice(
             self.description,
             plugged,
             self.records,
             mac=mac,
-            station_name=name,
+            station_name=self.dcp.name,
             diagnosis=self.records.diagnosis,
         )
-
-    def _set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None) -> None:
-        self.ip.set_address(address, gateway)
-        #: The address as in an ARP packet, empty for none: looked at for every broadcast.
-        self.own_ip = address.ip.packed if address is not None else b""
+        #: What managers wrote; survives a power cycle.
+        self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
+        self.neighbour_rows = NeighbourRows()
+        self.snmp = SnmpAgent(lambda now: snmp_view(self, now))
+        self.traffic = PortTraffic(self._services.channels, self.channels, self.discards())
 
     @property
     def ars(self) -> dict[int, ArChannels]:
@@ -217,13 +232,34 @@ class DriveStation:
         return self.dcp.name
 
     @property
+    def _machines(self) -> tuple[DcpDevice, IpHost, RpcServer, RpcClient, CmDevice, StationNeighbours, SnmpAgent]:
+        return self.dcp, self.ip, self.rpc, self.client, self.cm, self.neighbours, self.snmp
+
+    @property
     def powered(self) -> bool:
         return bool(self.handle.axis.powered)
+
+    @property
+    def booted_ns(self) -> int:
+        """When it was powered on last."""
+        return int(self.handle.axis.boot_ns) if self._booted_ns is None else self._booted_ns
+
+    @property
+    def own_ip(self) -> bytes:
+        """The address as in an ARP packet, empty for none."""
+        return self.addressing.own_ip
+
+    def start(self, now: int) -> None:
+        """The drive came on the wire."""
+        self.dcp.link_up(now)
+        self.neighbours.pdev.restore(_records(self._kept.get("pdev")), now)
 
     def power_off(self, now: int) -> None:
         """Cut the supply: channels close, nothing is answered any more."""
         for key in list(self.ars):
             self._close(key)
+        if self.dcp.signalling:
+            self.note(now, "signal ends")
         self.handle.axis.powered = 0
         self.note(now, "power off")
 
@@ -231,12 +267,14 @@ class DriveStation:
         """Boot with what non-volatile memory holds."""
         # the machines are made anew; what they dropped stays counted
         self.dropped = self.discards()
+        self._booted_ns = now
         self._build()
         self._ready_due.clear()
         self._calls.clear()
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
         self.note(now, "power on")
+        self.start(now)
 
     def power_cycle(self, now: int) -> None:
         self.power_off(now)
@@ -248,6 +286,7 @@ class DriveStation:
         """One acyclic frame of this port."""
         if not self.powered:
             return
+        self.traffic.frame_received(data)
         try:
             frame = parse_ethernet(data)
         except DecodeError as exc:
@@ -262,12 +301,16 @@ class DriveStation:
         if len(frame.payload) < 2:
             self._drop("short")
         elif DCP_HELLO <= int.from_bytes(frame.payload[:2], "big") <= DCP_IDENTIFY_RESPONSE:
-            self.dcp.in_operation = self.channels.any_cyclic
+            self.dcp.in_operation = bool(self.cm.ars)
             self.dcp.receive(frame, now)
         elif frame.destination != self.port.mac:
             self._drop("other-destination")
         else:
             self.cm.receive_rta(frame.payload, frame.source, now)
+
+    def hear_neighbour(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
+        """An LLDP frame that was parsed once for all drives, or why it is none; whether anything is to be done now."""
+        return self.powered and self.neighbours.hear(frame, parsed, now)
 
     def passed_over(self, reason: str) -> bool:
         """Count a frame that was for others; always False."""
@@ -280,7 +323,7 @@ class DriveStation:
     def discards(self) -> dict[str, int]:
         """Every frame and PDU that was dropped, by reason, over all machines."""
         total = dict(self.dropped)
-        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+        for machine in self._machines:
             for reason, count in machine.dropped.items():
                 total[reason] = total.get(reason, 0) + count
         return total
@@ -288,14 +331,14 @@ class DriveStation:
     def next_deadline(self) -> int | None:
         if not self.powered:
             return None
-        deadlines = [m.next_deadline() for m in (self.dcp, self.ip, self.rpc, self.client, self.cm)]
+        deadlines = [machine.next_deadline() for machine in self._machines]
         deadlines += [entry[0] for entry in self._ready_due]
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
         if not self.powered:
             return
-        for machine in (self.dcp, self.ip, self.rpc, self.client, self.cm):
+        for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
@@ -307,21 +350,35 @@ class DriveStation:
         """Carry events between the machines until nothing moves; the frames to send."""
         if not self.powered:
             return []
+        # what is due becomes events here, and not only when the frames are fetched, behind the loop
+        self.dcp.handle_timeout(now)
+        self.ip.handle_timeout(now)
         moved = True
         while moved:
             moved = False
-            for step in (self._pump_dcp, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_drive):
+            for step in (
+                self._pump_dcp, self._pump_neighbours, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_snmp,
+                self._pump_drive,
+            ):  # fmt: skip
                 moved = step(now) or moved
-        for datagram in (*self.rpc.to_send(now), *self.client.to_send(now)):
+        for datagram in (*self.rpc.to_send(now), *self.client.to_send(now), *self.snmp.to_send(now)):
             self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
         frames = self._outbox
         self._outbox = []
         frames += self.dcp.to_send(now)
         frames += self.ip.to_send(now)
+        frames += self.neighbours.to_send(now)
         frames += [
             emit_ethernet(EthernetFrame(f.destination, self.port.mac, ETHERTYPE_PROFINET, f.payload, f.tag))
             for f in self.cm.rta_to_send()
         ]
+        if self._reboot_due:
+            # the answer to the reset is among the frames; what the new machines say follows at once
+            self._reboot_due = False
+            self.power_cycle(now)
+            frames += self.pump(now)
+        for frame in frames:
+            self.traffic.frame_sent(frame)
         return frames
 
     # -- between the machines ----------------------------------------------------------------------------------------
@@ -329,32 +386,40 @@ class DriveStation:
     def _pump_dcp(self, now: int) -> bool:
         events = self.dcp.events()
         for event in events:
+            self.addressing.take_dcp(event, now)
             match event:
-                case NameSet(name, permanent):
+                case NameSet(name):
                     self.cm.station_name = name
-                    self._keep(now, "name", name if permanent else "")
-                    self.note(now, "name set", name=name, permanent=permanent)
-                case IpSet(interface, gateway, permanent):
-                    self._set_address(interface, gateway)
-                    if interface is not None:
-                        self.rpc.set_address(interface.ip)
-                    self._keep(now, "ip", str(interface) if interface and permanent else "")
-                    self._keep(now, "gateway", str(gateway) if gateway and permanent else "")
-                    self.note(now, "address set", ip=str(interface or ""), permanent=permanent)
-                case SignalRequested():
+                case IpSet(interface) if interface is not None:
+                    self.rpc.set_address(interface.ip)
+                case SignalBegan():
                     self.signalled_ns = now
-                    self.note(now, "signal")
-                case FactoryReset(mode):
-                    self.note(now, "factory reset", mode=mode.name.lower())
-                    self.cm.abort_all(RtaError.RESET_TO_FACTORY, now)
-                    self._factory_reset(now)
+                case AbortRequired(reason):
+                    self.cm.abort_all(reason, now)
+                case FactoryReset():
+                    self._factory_reset(event, now)
+                case _:
+                    pass
+        if events:
+            self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, now)
         return bool(events)
 
-    def _factory_reset(self, now: int) -> None:
-        """All that the reset's mode cleared has events of its own; the parameters go back to the model's."""
-        self._keep(now, "drive", None)
-        self.store.restore(None)
-        self.store.power_on()
+    def _factory_reset(self, reset: FactoryReset, now: int) -> None:
+        """Forget what the reset's mode names, in the memory and in the machines; name and address have events."""
+        clear_memory(self._kept, reset.clears)
+        self._services.memory.save(self.configured_name, self._kept)
+        if Stored.APPLICATION in reset.clears:
+            self.store.restore(None)
+            self.store.power_on()
+        if Stored.IDENTIFICATION in reset.clears:
+            self.records.im.texts.clear()
+        if Stored.MANAGEMENT in reset.clears:
+            self.snmp_texts.clear()
+        if Stored.INTERFACE in reset.clears:
+            self.neighbours.pdev.forget(now)
+            self.addressing.forget_records(on=self.config.hello)
+        self._reboot_due = self._reboot_due or reset.reboots
+        self.note(now, "factory reset", mode=reset.mode.name.lower(), clears=sorted(reset.clears))
 
     def _pump_ip(self, now: int) -> bool:
         events = self.ip.events()
@@ -363,11 +428,12 @@ class DriveStation:
                 peer = Peer(event.source_ip, event.source_port)
                 if event.destination_port == RPC_PORT:
                     self.rpc.receive(peer, RPC_PORT, event.data, now, event.source_mac)
+                elif event.destination_port == SNMP_PORT:
+                    self.snmp.receive(peer, event.data, now)
                 else:
                     self.client.receive(peer, event.destination_port, event.data, now)
-            elif isinstance(event, AddressConflict):
-                self.dcp.ip_conflict = True
-                self.note(now, "address conflict", level="warning", ip=str(event.ip), mac=event.mac.hex(":"))
+            else:
+                self.addressing.take_ip(event, now)
         return bool(events)
 
     def _pump_rpc(self, now: int) -> bool:
@@ -400,7 +466,7 @@ class DriveStation:
                 Peer(call.peer_ip, call.port or RPC_PORT),
                 CALL_PORT,
                 UUID_PNIO_CONTROLLER,
-                self._object_uuid,
+                call.object_uuid,
                 call.opnum,
                 args_maximum=ARGS_MAXIMUM,
                 payload=call.payload,
@@ -414,8 +480,7 @@ class DriveStation:
             self._handle_cm(event, now)
         texts = self.records.im.events()
         if texts:
-            # keys of the memory are words
-            self._keep(now, "im", {".".join(map(str, key)): data for key, data in self.records.im.texts.items()})
+            self._keep(now, "im", {_word(key): data for key, data in self.records.im.texts.items()})
         return bool(responses or calls or changed or events)
 
     def _handle_cm(self, event: object, now: int) -> None:
@@ -465,6 +530,33 @@ class DriveStation:
             case RecordWritten(_, api, slot, subslot, index, data):
                 place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
                 self.note(now, "record written", level="debug", octets=len(data), **place)
+                self.addressing.record_written(index, data, now)
+                if self.neighbours.pdev.handles(slot, subslot, index):
+                    self._keep(
+                        now, "pdev", {_word(key): octets for key, octets in self.neighbours.pdev.written.items()}
+                    )
+
+    def _pump_snmp(self, now: int) -> bool:
+        events = self.snmp.events()
+        for event in events:
+            self.snmp_texts[event.which] = event.text
+            self._keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
+            self.note(now, "system text set", text=event.text, object=f"sys{event.which.name.capitalize()}")
+        return bool(events)
+
+    def _pump_neighbours(self, now: int) -> bool:
+        notes = self.neighbours.pump(now)
+        if notes:
+            self.dcp.aliases = self.neighbours.aliases
+        for note in notes:
+            self.note(now, note.event, level=note.level, **note.data)
+        for check in self.neighbours.checks():
+            entry = port_diagnosis(check)
+            if isinstance(check, CheckFailed):
+                self.cm.diagnosis.add(entry)
+            else:
+                self.cm.diagnosis.remove(entry)
+        return bool(notes)
 
     def _pump_drive(self, now: int) -> bool:
         events = self.store.events()
@@ -539,7 +631,10 @@ class DriveStation:
         self.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def _close(self, key: int) -> None:
-        if self.channels.close(key) is not None and not self.channels.any_cyclic:
+        ar = self.channels.close(key)
+        if ar is not None:
+            self.traffic.channels_closed(ar)
+        if ar is not None and not self.channels.any_cyclic:
             self.handle.axis.step_ns = SLOWEST_STEP_NS
             self.parameter_records.reset()
 
@@ -597,10 +692,18 @@ class DriveStation:
         self._services.memory.save(self.configured_name, self._kept)
 
 
-def _text_key(word: str) -> tuple[int, int, int]:
-    """``slot.subslot.index`` as non-volatile memory has it."""
-    slot, subslot, index = map(int, word.split("."))
-    return slot, subslot, index
+def _word(key: tuple[int, int, int]) -> str:
+    """(slot, subslot, index) as non-volatile memory has it: its keys are words."""
+    return ".".join(map(str, key))
+
+
+def _records(kept: dict[str, bytes] | None) -> dict[tuple[int, int, int], bytes]:
+    """Records by (slot, subslot, index), out of non-volatile memory."""
+    found = {}
+    for word, data in (kept or {}).items():
+        slot, subslot, index = map(int, word.split("."))
+        found[slot, subslot, index] = data
+    return found
 
 
 def _raw(value: float | str | bool) -> int:

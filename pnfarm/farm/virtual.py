@@ -6,22 +6,27 @@ Cyclic frames are exchanged inside compiled code; acyclic ones travel through th
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from pnfarm.engine.virtual import run_alone, run_virtual
+from pnfarm.engine.tick import next_due, receive, tick
+from pnfarm.engine.virtual import deliver, run_alone, run_virtual
 from pnfarm.errors import InternalError
 from pnfarm.links.memory import MemoryLink, MemorySwitch
 from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from pnfarm.farm.core import Node
     from pnfarm.links.base import Port
 
-__all__ = ["VirtualClock", "VirtualWorld"]
+__all__ = ["Seen", "VirtualClock", "VirtualWorld"]
+
+#: ``seen(port, frame, now, direction)``: a cyclic frame of the farm's, direction as the drive sees it.
+Seen = Callable[[int, bytes, int, Literal["in", "out"]], None]
 
 #: Where virtual time begins: not at zero, which means "never" in several columns.
 EPOCH_NS = 1_000_000_000_000
@@ -48,6 +53,8 @@ class VirtualWorld:
         self.switch = MemorySwitch()
         self._nodes: list[Node] = []
         self._addresses: list[tuple[np.ndarray, np.ndarray]] = []
+        self._ports: dict[bytes, int] = {}
+        self._seen: Seen | None = None
 
     @property
     def now(self) -> int:
@@ -65,8 +72,14 @@ class VirtualWorld:
         pairs = sorted((mac_to_int(port.mac), port.index) for port in ports)
         addresses = np.array([mac for mac, _ in pairs], np.int64)
         indexes = np.array([index for _, index in pairs], np.int32)
+        if not self._nodes:
+            self._ports = {port.mac: port.index for port in ports}
         self._nodes.append(node)
         self._addresses.append((addresses, indexes))
+
+    def watch(self, seen: Seen) -> None:
+        """Show each cyclic frame between the two nodes, with the same bytes and times as without; slower."""
+        self._seen = seen
 
     def run(self, seconds: float, *, until: Callable[[], bool] | None = None) -> bool:
         """Let time pass; stops early, and says True, once ``until`` holds (looked at whenever something happened)."""
@@ -92,7 +105,31 @@ class VirtualWorld:
         if len(self._nodes) == 1:
             return run_alone(self._nodes[0].columns, self.now, target)
         (farm, controller), (here, there) = self._nodes, self._addresses
+        if self._seen is not None:
+            return self._cyclic_seen(target, self._seen)
         return run_virtual(farm.columns, controller.columns, *here, *there, self.now, target)
+
+    def _cyclic_seen(self, target: int, seen: Seen) -> int:
+        """:func:`run_virtual`, step by step, with each frame shown on its way."""
+        (farm, controller), (here, there) = (node.columns for node in self._nodes), self._addresses
+        heads = int(farm.engine[0].event_head), int(controller.engine[0].event_head)
+        now, waiting = self.now, 0
+        while now < target and (int(farm.engine[0].event_head), int(controller.engine[0].event_head)) == heads:
+            now = min(int(next_due(farm, now)), int(next_due(controller, now)), target)
+            sent = tick(controller, waiting, now)
+            for row in controller.tx_row[:sent]:
+                frame = controller.frames[row, : int(controller.ppm[row].length)].tobytes()
+                if (port := self._ports.get(frame[:6])) is not None:
+                    seen(port, frame, now, "in")
+            arrived = deliver(controller, sent, farm, *here, now)
+            sent = tick(farm, arrived, now)
+            for row in farm.tx_row[:sent]:
+                provider = farm.ppm[row]
+                seen(int(provider.port), farm.frames[row, : int(provider.length)].tobytes(), now, "out")
+            waiting = deliver(farm, sent, controller, *there, now)
+        if waiting:
+            receive(controller, waiting)
+        return now
 
     def _settle(self) -> None:
         """Everything acyclic that belongs to this instant."""

@@ -41,6 +41,10 @@ class Carriers:
         self._pulled[port] -= 1
         self._follow(port, drive)
 
+    def is_pulled(self, port: int) -> bool:
+        """As somebody wants it."""
+        return self._pulled[port] > 0
+
     def is_off(self, port: int) -> bool:
         """As the link has confirmed it."""
         return self._off.get(port, False)

@@ -82,8 +82,8 @@ class LinkCounters:
     """Acyclic frames of one link since it was made; read, never reset.
 
     Reasons in ``dropped``: ``interface-down``, ``queue-full``, ``too-long``, ``unknown-port``,
-    ``cable-pulled``, ``other-vlan``, ``other-address``, ``receive-overflow``, ``refused`` (any other error of
-    the kernel's).
+    ``cable-pulled``, ``other-vlan``, ``other-address``, ``own-lldp`` (of a drive of the same link),
+    ``receive-overflow``, ``refused`` (any other error of the kernel's).
     """
 
     received: int = 0

@@ -45,6 +45,7 @@ _RETURN = 0x06
 _ANCILLARY = 0x1_0000_0000 - 0x1000
 _ANCILLARY_PACKET_TYPE = _ANCILLARY + 4
 _ANCILLARY_IFINDEX = _ANCILLARY + 8
+_ANCILLARY_MARK = _ANCILLARY + 20
 
 # linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.
 _LAST_PACKET_TYPE_FOR_US = 2
@@ -96,9 +97,15 @@ def _for_these_ports(lowest: int, highest: int) -> list[Instruction]:
     ]
 
 
-def ethertype_filter(lowest: int, highest: int) -> bytes:
-    """For a socket of one ethertype: all frames that came in for interfaces ``lowest`` to ``highest``."""
-    return assemble(_for_these_ports(lowest, highest))
+def ethertype_filter(lowest: int, highest: int, *, mark: int = 0) -> bytes:
+    """For a socket of one ethertype: all frames that came in for interfaces ``lowest`` to ``highest``.
+
+    Without those that carry ``mark`` (SO_MARK of the sending socket, which a veth and a bridge of one namespace keep).
+    """
+    instructions = _for_these_ports(lowest, highest)
+    if mark:
+        instructions += [_load_word(_ANCILLARY_MARK), Instruction(_JUMP_EQUAL, mark, _DROP, _ACCEPT)]
+    return assemble(instructions)
 
 
 def acyclic_filter(lowest: int, highest: int) -> bytes:

@@ -27,6 +27,8 @@ class PacketLink(ABC):
         self._counters = LinkCounters()
         self._sockets = PacketSockets(self._counters, clock)
         self._ports: dict[int, Port] = {}
+        #: Index of the interface that all ports share, None where each has a cable of its own.
+        self._shared: int | None = None
         self._touched = False
         self._looked_at = 0
 
@@ -44,7 +46,7 @@ class PacketLink(ABC):
         try:
             ports = await to_its_end(self._create, list(wanted))
             self._ports = {port.index: port for port in ports}
-            self._sockets.open(ports)
+            self._sockets.open(ports, shared=self._shared)
         except BaseException:
             await self.close()
             raise
@@ -84,9 +86,11 @@ class PacketLink(ABC):
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
         await to_its_end(self._set_carrier, self._port(port_index), up)
+        self._sockets.set_pulled(port_index, not up)
 
     async def set_mac(self, port_index: int, mac: bytes) -> None:
         await to_its_end(self._set_mac, self._port(port_index), mac)
+        self._sockets.set_mac(port_index, mac)
 
     def _port(self, index: int) -> Port:
         port = self._ports.get(index)

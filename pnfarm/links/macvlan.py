@@ -2,7 +2,7 @@
 
 Mode ``bridge``: drives of one farm hear each other, and the NIC's own traffic goes on as before.  The parent
 itself (an address that this host has on the NIC) and the drives do not hear each other: a controller on this
-host takes a macvlan of its own on the same parent.  The parent is never changed.
+host takes a macvlan of its own on the same parent.  The parent is never changed; it hears LLDP for all drives.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ class MacvlanLink(PacketLink):
     def _create(self, wanted: Sequence[PortSpec]) -> list[Port]:
         with Interfaces() as interfaces:
             ports = interfaces.create_macvlans(self._farm, self._parent, wanted)
+            self._shared = interfaces.find(self._parent, "parent interface").index
         self._made = {port.index for port in ports}
         return ports
 

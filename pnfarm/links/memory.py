@@ -1,10 +1,11 @@
 """A switch in memory: whole farms in one process and in virtual time.
 
 Ports know their addresses, so nothing is learnt: a unicast frame goes to the ports with that address, a
-broadcast or multicast to all others. A frame is handed over at the time it was sent plus the switch's
-latency, in the order of sending, when :meth:`MemorySwitch.deliver` is called for that time; frames sent while
-frames are delivered belong to the same call when they are due, so that a question and its answer pass in one
-instant.
+broadcast or multicast to all others, or where a link says whom it concerns (:meth:`MemoryLink.set_audience`) to
+those; only LLDP, which no switch forwards, crosses from one link to another and not between the ports of one, as if
+each link were a cable. A frame is handed over at the time it was sent plus the switch's latency, in the order of
+sending, when :meth:`MemorySwitch.deliver` is called for that time; frames sent while frames are delivered belong to
+the same call when they are due, so that a question and its answer pass in one instant.
 
 Cyclic frames are exchanged by the compiled engine inside its tables; these are the acyclic ones.
 """
@@ -12,15 +13,18 @@ Cyclic frames are exchanged by the compiled engine inside its tables; these are 
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from pnfarm.errors import InternalError
-from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Collection, Sequence
 
-__all__ = ["MemoryLink", "MemorySwitch"]
+__all__ = ["Audience", "MemoryLink", "MemorySwitch"]
+
+#: Of a link's ports, those that a broadcast or multicast frame can mean anything to; None for all.
+Audience: TypeAlias = "Callable[[bytes], Collection[int] | None]"
 
 #: Frames that one :meth:`MemorySwitch.deliver` takes at most: two stations may answer each other for ever.
 MAX_DELIVERIES = 1_000_000
@@ -48,12 +52,13 @@ class MemorySwitch:
         self._sockets: dict[int, _Socket] = {}
         self._by_mac: dict[bytes, list[int]] = {}
         self._next_index = 1
+        self._audiences: list[tuple[frozenset[int], Audience]] = []
         self._under_way: deque[tuple[int, int, bytes]] = deque()
 
     def attach(
         self, mac: bytes, receiver: Receiver | None = None, *, name: str = "", counters: LinkCounters | None = None
     ) -> Port:
-        """A new port.  ``counters`` may be shared by the ports of one link."""
+        """A new port.  ``counters`` are shared by the ports of one link, and say that they are of one link."""
         index = self._next_index
         self._next_index += 1
         socket = _Socket(mac, counters if counters is not None else LinkCounters())
@@ -113,10 +118,13 @@ class MemorySwitch:
             due, source_port, frame = self._under_way.popleft()
             destination = frame[:6]
             to_all = bool(destination and destination[0] & 1)
-            for index in list(self._sockets) if to_all else list(self._by_mac.get(destination, ())):
+            sender = self._sockets.get(source_port) if destination == MULTICAST_LLDP else None
+            for index in self._hearers(frame) if to_all else list(self._by_mac.get(destination, ())):
                 # a receiver earlier in this round may have taken the port away
                 socket = self._sockets.get(index)
                 if socket is None or index == source_port:
+                    continue
+                if sender is not None and socket.counters is sender.counters:
                     continue
                 if not socket.carrier:
                     socket.counters.dropped["cable-pulled"] += 1
@@ -128,6 +136,27 @@ class MemorySwitch:
         raise InternalError(
             f"stations exchanged {MAX_DELIVERIES} frames in one instant: do two of them answer each other for ever?"
         )
+
+    def set_audience(self, ports: Collection[int], audience: Audience | None) -> None:
+        """Ask ``audience`` which of ``ports`` a group-addressed frame goes to; None: to all of them again."""
+        self._audiences = [(of, ask) for of, ask in self._audiences if of.isdisjoint(ports)]
+        if audience is not None:
+            self._audiences.append((frozenset(ports), audience))
+
+    def _hearers(self, frame: bytes) -> list[int]:
+        """The ports that a group-addressed frame goes to, in the order in which they were attached."""
+        if not self._audiences:
+            return list(self._sockets)
+        chosen: set[int] = set()
+        asked: set[int] = set()
+        for ports, audience in self._audiences:
+            wanted = audience(frame)
+            if wanted is not None:
+                asked |= ports
+                chosen.update(wanted)
+        if not asked:
+            return list(self._sockets)
+        return sorted(chosen.intersection(asked).union(self._sockets.keys() - asked))
 
 
 class MemoryLink:
@@ -156,6 +185,7 @@ class MemoryLink:
         return ports
 
     async def close(self) -> None:
+        self._switch.set_audience(self._indexes, None)
         for index in self._indexes:
             self._switch.detach(index)
         self._indexes = set()
@@ -172,6 +202,10 @@ class MemoryLink:
 
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
+
+    def set_audience(self, audience: Audience) -> None:
+        """Say which ports a broadcast or multicast frame can concern, so that the others get no copy."""
+        self._switch.set_audience(self._indexes, audience)
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
         self._switch.set_carrier(port_index, up)

@@ -6,6 +6,11 @@ their filter (:mod:`pnfarm.links.bpf`) keeps the farm's interfaces, and the inde
 storm on one ethertype does not starve the event loop: what is left waits in the kernel's queue.
 
 A macvlan hears multicast only where somebody asked for it: the memberships are held by a socket here, and go with it.
+
+LLDP is between two ends of one cable.  Drives that share an interface (macvlans on a NIC) have one cable together: its
+LLDP is received once, on that interface, and handed to each of them; among themselves they hear nothing, as behind a
+real switch.  Drives with cables of their own (veth) hear what comes through, but not each other where a bridge forwards
+LLDP: the filter drops what carries the sending socket's mark, and what lost it on its way is dropped by its address.
 """
 
 from __future__ import annotations
@@ -47,12 +52,14 @@ _PACKET_STATISTICS = 6
 _PACKET_IGNORE_OUTGOING = 23
 _PACKET_MR_MULTICAST = 0
 _SO_RCVBUFFORCE = 33
+_SO_MARK = 36
 
 #: Frames taken per socket and wake-up of the event loop.
 BATCH = 64
 #: Octets of receive queue per socket: a DCP Identify reaches each of 1,024 drives as a copy of its own, 800 octets.
 RECEIVE_BUFFER = 16 * 1024 * 1024
-MULTICAST_GROUPS = (MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP)
+#: What every port of a link hears; LLDP has rules of its own.
+MULTICAST_GROUPS = (MULTICAST_DCP_IDENTIFY,)
 
 _SLOT = 2048
 _ADDRESS_SLOT = 32
@@ -181,51 +188,106 @@ class PacketSockets:
         self._profinet: socket.socket | None = None
         self._sender: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._macs: dict[int, bytes] = {}
+        self._pulled: set[int] = set()
 
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
 
-    def open(self, ports: Sequence[Port]) -> None:
-        """Open the sockets and watch them in the running event loop."""
+    def open(self, ports: Sequence[Port], *, shared: int | None = None) -> None:
+        """Open the sockets and watch them in the running event loop.
+
+        ``shared`` is the index of the interface that all ports have in common: their one cable.
+        """
         self._names = {port.index: port.name for port in ports}
+        self._macs = {port.index: port.mac for port in ports}
         lowest, highest = min(self._names), max(self._names)
         try:
             self._profinet = profinet = self._watch(ETHERTYPE_PROFINET, bpf.acyclic_filter(lowest, highest))
-            for ethertype in (ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP):
+            for ethertype in (ETHERTYPE_ARP, ETHERTYPE_IPV4):
                 self._watch(ethertype, bpf.ethertype_filter(lowest, highest))
             for index in self._names:
                 for group in MULTICAST_GROUPS:
                     _join(profinet, index, group)
             # protocol 0: this one never receives
             self._sender = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
+            self._open_lldp(self._sender, shared)
         except BaseException:
             self.close()
             raise
 
+    def _open_lldp(self, sender: socket.socket, shared: int | None) -> None:
+        if shared is not None:
+            sock = open_packet_socket(ETHERTYPE_LLDP, bpf.ethertype_filter(shared, shared), index=shared)
+            self._read_from(sock, self._hand_to_all)
+            _join(sock, shared, MULTICAST_LLDP)
+            return
+        mark = 0
+        if len(self._names) > 1:
+            wanted = int.from_bytes(os.urandom(4), "little") | 1
+            with contextlib.suppress(OSError):  # without CAP_NET_ADMIN siblings are told apart by their addresses only
+                sender.setsockopt(socket.SOL_SOCKET, _SO_MARK, struct.pack("=I", wanted))
+                mark = wanted
+        code = bpf.ethertype_filter(min(self._names), max(self._names), mark=mark)
+        sock = open_packet_socket(ETHERTYPE_LLDP, code, index=self._only_port)
+        self._read_from(sock, self._hand_to_strangers)
+        for index in self._names:
+            _join(sock, index, MULTICAST_LLDP)
+
     def _watch(self, ethertype: int, filter_code: bytes) -> socket.socket:
         sock = open_packet_socket(ethertype, filter_code, index=self._only_port)
+        return self._read_from(sock, self._hand_over)
+
+    def _read_from(self, sock: socket.socket, hand_over: Callable[[int, bytes | None, int], None]) -> socket.socket:
         self._sockets.append(sock)
         self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(sock.fileno(), self._reader_of(_BatchReader(sock, BATCH)))
+        self._loop.add_reader(sock.fileno(), self._reader_of(_BatchReader(sock, BATCH), hand_over))
         return sock
 
-    def _reader_of(self, reader: _BatchReader) -> Callable[[], None]:
-        counters, names = self._counters, self._names
-
+    def _reader_of(
+        self, reader: _BatchReader, hand_over: Callable[[int, bytes | None, int], None]
+    ) -> Callable[[], None]:
         def receive_batch() -> None:
             now = self._clock()
             for index, frame in reader.read():
-                # an interface of someone else may lie between the farm's first and last index
-                if index not in names:
-                    continue
-                if frame is None:
-                    counters.dropped["too-long"] += 1
-                    continue
-                counters.received += 1
-                if self._receiver is not None:
-                    self._receiver(index, frame, now)
+                hand_over(index, frame, now)
 
         return receive_batch
+
+    def _hand_over(self, index: int, frame: bytes | None, now: int) -> None:
+        # an interface of someone else may lie between the farm's first and last index
+        if index not in self._names:
+            return
+        if frame is None:
+            self._counters.dropped["too-long"] += 1
+            return
+        self._counters.received += 1
+        if self._receiver is not None:
+            self._receiver(index, frame, now)
+
+    def _hand_to_strangers(self, index: int, frame: bytes | None, now: int) -> None:
+        """An LLDP frame of a port's own cable."""
+        if frame is not None and frame[6:12] in self._macs.values():
+            self._counters.dropped["own-lldp"] += 1
+        else:
+            self._hand_over(index, frame, now)
+
+    def _hand_to_all(self, _shared: int, frame: bytes | None, now: int) -> None:
+        """An LLDP frame of the one cable that all ports have in common."""
+        for index in list(self._names):
+            if index not in self._pulled:
+                self._hand_over(index, frame, now)
+
+    def set_pulled(self, index: int, pulled: bool) -> None:
+        """A port without carrier hears no LLDP of a shared cable; everything else the kernel keeps from it."""
+        if pulled:
+            self._pulled.add(index)
+        else:
+            self._pulled.discard(index)
+
+    def set_mac(self, index: int, mac: bytes) -> None:
+        """The port's address is this now."""
+        self._macs[index] = mac
 
     def send(self, port_index: int, frame: bytes) -> None:
         """Send now or count why not."""
@@ -273,6 +335,8 @@ class PacketSockets:
             self._sender.close()
             self._sender = None
         self._names = {}
+        self._macs = {}
+        self._pulled.clear()
 
 
 def _join(sock: socket.socket, index: int, group: bytes) -> None:

@@ -1,9 +1,11 @@
-"""A wrapper of a link that writes every frame to a pcapng file, with the port's name and the direction.
+"""Captures in the format pcapng, and a wrapper of a link that writes every frame that passes.
 
-Acyclic frames are recorded as they pass; the engine's are handed in by :meth:`PcapLink.record`. Format:
-pcapng, draft-ietf-opsawg-pcapng: a section header, one interface description per port, enhanced packet blocks
-with nanosecond stamps. Wireshark shows the ports as interfaces. Directions in the file are the drive's:
-inbound is what it received.
+Format: pcapng, draft-ietf-opsawg-pcapng: a section header, one interface description per port, enhanced packet blocks
+with nanosecond stamps, interface statistics at the end.  Wireshark shows the ports as interfaces.  Directions in
+the file are the drive's: inbound is what it received.
+
+:class:`PcapLink` records acyclic frames as they pass, others (virtual time's cyclic ones) are handed in by
+:meth:`PcapLink.record`.  On interfaces of the kernel nothing is wrapped: see :mod:`pnfarm.links.packet_ring`.
 """
 
 from __future__ import annotations
@@ -20,19 +22,33 @@ if TYPE_CHECKING:
 
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
 
-__all__ = ["PcapLink", "PcapngWriter"]
+__all__ = [
+    "PcapLink",
+    "PcapngWriter",
+    "interface_description",
+    "interface_statistics",
+    "packet_block",
+    "section_header",
+]
 
 _SECTION_HEADER = 0x0A0D0D0A
 _INTERFACE_DESCRIPTION = 0x00000001
+_INTERFACE_STATISTICS = 0x00000005
 _ENHANCED_PACKET = 0x00000006
 _BYTE_ORDER_MAGIC = 0x1A2B3C4D
 _LINKTYPE_ETHERNET = 1
 
 _OPTION_END = 0
+_COMMENT = 1
 _SHB_USERAPPL = 4
 _IF_NAME = 2
+_IF_DESCRIPTION = 3
+_IF_MAC = 6
 _IF_TSRESOL = 9
 _EPB_FLAGS = 2
+_ISB_IFRECV = 4
+_ISB_OSDROP = 7
+_ISB_USRDELIV = 8
 
 _DIRECTION_BITS = {"in": 1, "out": 2}
 _FLUSH_NS = 1_000_000_000
@@ -42,9 +58,48 @@ def _option(code: int, value: bytes) -> bytes:
     return struct.pack("<HH", code, len(value)) + value + bytes(-len(value) % 4)
 
 
+def _text(code: int, text: str) -> bytes:
+    """A text option, none for no text; an option's length has 16 bits."""
+    return _option(code, text.encode()[:0xFFFC]) if text else b""
+
+
 def _block(kind: int, body: bytes) -> bytes:
     length = len(body) + 12
     return struct.pack("<II", kind, length) + body + struct.pack("<I", length)
+
+
+def section_header(comment: str = "") -> bytes:
+    """The block that begins a file; ``comment`` is shown by Wireshark and capinfos."""
+    options = _text(_COMMENT, comment) + _option(_SHB_USERAPPL, b"pnfarm") + _option(_OPTION_END, b"")
+    return _block(_SECTION_HEADER, struct.pack("<IHHq", _BYTE_ORDER_MAGIC, 1, 0, -1) + options)
+
+
+def interface_description(name: str, description: str = "", mac: bytes = b"") -> bytes:
+    """An interface with nanosecond stamps; they are numbered in the order of their blocks."""
+    options = _text(_IF_NAME, name) + _text(_IF_DESCRIPTION, description)
+    if mac:
+        options += _option(_IF_MAC, mac)
+    options += _option(_IF_TSRESOL, b"\x09") + _option(_OPTION_END, b"")
+    return _block(_INTERFACE_DESCRIPTION, struct.pack("<HHI", _LINKTYPE_ETHERNET, 0, 0) + options)
+
+
+def packet_block(interface: int, frame: bytes, wall_ns: int, direction: Literal["in", "out"]) -> bytes:
+    """One frame; ``wall_ns`` since 1970."""
+    head = struct.pack("<IIIII", interface, wall_ns >> 32, wall_ns & 0xFFFFFFFF, len(frame), len(frame))
+    options = _option(_EPB_FLAGS, struct.pack("<I", _DIRECTION_BITS[direction])) + _option(_OPTION_END, b"")
+    return _block(_ENHANCED_PACKET, head + frame + bytes(-len(frame) % 4) + options)
+
+
+def interface_statistics(interface: int, wall_ns: int, *, written: int, lost: int | None = None) -> bytes:
+    """What became of an interface's frames: ``written`` to the file, ``lost`` by the kernel (None: not told here)."""
+    body = struct.pack("<III", interface, wall_ns >> 32, wall_ns & 0xFFFFFFFF)
+    body += _option(_ISB_IFRECV, struct.pack("<Q", written + (lost or 0)))
+    if lost is not None:
+        body += _option(_ISB_OSDROP, struct.pack("<Q", lost))
+    return _block(
+        _INTERFACE_STATISTICS,
+        body + _option(_ISB_USRDELIV, struct.pack("<Q", written)) + _option(_OPTION_END, b""),
+    )
 
 
 class PcapngWriter:
@@ -54,7 +109,7 @@ class PcapngWriter:
     Raises :class:`~pnfarm.errors.EnvironmentError_` when the file cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, comment: str = "") -> None:
         self._path = path
         try:
             self._file: BinaryIO = path.open("wb")
@@ -62,25 +117,20 @@ class PcapngWriter:
             raise EnvironmentError_(f"capture {path} cannot be written: {exc.strerror}") from exc
         self._interfaces = 0
         self._flushed_ns = 0
-        options = _option(_SHB_USERAPPL, b"pnfarm") + _option(_OPTION_END, b"")
-        self._write(_block(_SECTION_HEADER, struct.pack("<IHHq", _BYTE_ORDER_MAGIC, 1, 0, -1) + options))
+        self._write(section_header(comment))
 
-    def add_interface(self, name: str) -> int:
+    def add_interface(self, name: str, description: str = "", mac: bytes = b"") -> int:
         """Describe an interface; the number to write its frames with."""
-        options = _option(_IF_NAME, name.encode()) + _option(_IF_TSRESOL, b"\x09") + _option(_OPTION_END, b"")
-        self._write(_block(_INTERFACE_DESCRIPTION, struct.pack("<HHI", _LINKTYPE_ETHERNET, 0, 0) + options))
+        self._write(interface_description(name, description, mac))
         self._interfaces += 1
         return self._interfaces - 1
 
     def write(self, interface: int, frame: bytes, wall_ns: int, direction: Literal["in", "out"]) -> None:
         """Append one frame."""
-        head = struct.pack("<IIIII", interface, wall_ns >> 32, wall_ns & 0xFFFFFFFF, len(frame), len(frame))
-        flags = struct.pack("<I", _DIRECTION_BITS[direction])
-        options = _option(_EPB_FLAGS, flags) + _option(_OPTION_END, b"")
         due = wall_ns - self._flushed_ns > _FLUSH_NS
         if due:
             self._flushed_ns = wall_ns
-        self._write(_block(_ENHANCED_PACKET, head + frame + bytes(-len(frame) % 4) + options), flush=due)
+        self._write(packet_block(interface, frame, wall_ns, direction), flush=due)
 
     def _write(self, block: bytes, *, flush: bool = False) -> None:
         try:
@@ -102,12 +152,18 @@ class PcapLink:
     """
 
     def __init__(
-        self, inner: Link, path: Path, *, clock: Clock = time.monotonic_ns, epoch_ns: int | None = None
+        self,
+        inner: Link,
+        path: Path,
+        *,
+        clock: Clock = time.monotonic_ns,
+        epoch_ns: int | None = None,
+        comment: str = "",
     ) -> None:
         self.inner = inner
         self._clock = clock
         self._epoch_ns = time.time_ns() - clock() if epoch_ns is None else epoch_ns
-        self._writer: PcapngWriter | None = PcapngWriter(path)
+        self._writer: PcapngWriter | None = PcapngWriter(path, comment)
         self._interfaces: dict[int, int] = {}
         self._receiver: Receiver | None = None
         self.failed: EnvironmentError_ | None = None
@@ -146,7 +202,7 @@ class PcapLink:
         ports = await self.inner.open(wanted)
         if self._writer is not None:
             for spec, port in zip(wanted, ports, strict=True):
-                self._interfaces[port.index] = self._writer.add_interface(f"{spec.station} ({port.name})")
+                self._interfaces[port.index] = self._writer.add_interface(spec.station, port.name, port.mac)
         return ports
 
     async def close(self) -> None:

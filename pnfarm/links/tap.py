@@ -24,6 +24,7 @@ from pnfarm.links.base import (
     ETHERTYPE_PROFINET,
     ETHERTYPE_VLAN,
     FIRST_ACYCLIC_FRAME_ID,
+    MULTICAST_LLDP,
     Clock,
     LinkCounters,
     Port,
@@ -183,6 +184,9 @@ class TapLink:
             counters.dropped["cable-pulled"] += 1
         elif frame is None:
             counters.dropped["other-vlan"] += 1
+        elif frame[:6] == MULTICAST_LLDP and frame[6:12] in self._macs.values():
+            # a bridge that forwards LLDP: behind a real switch drives do not hear each other
+            counters.dropped["own-lldp"] += 1
         elif not frame[0] & 1 and frame[:6] != self._macs[index]:
             counters.dropped["other-address"] += 1
         else:

@@ -20,8 +20,8 @@ __all__ = [
     "word_code",
 ]
 
-#: Slots in each direction of an image.
-SLOTS = 48
+#: Slots in each direction of an image; a word's code is one octet.
+SLOTS = 64
 
 #: A 16-bit signal.
 PART_WORD = 0

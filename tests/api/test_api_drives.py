@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+from types import SimpleNamespace
+
 import pytest
 from api_world import ApiWorld, assert_problem
 
+from pnfarm.api.events import event_stream
 from pnfarm.api.schemas import Drive, FarmView, ParameterValue
 from pnfarm.drives.parameter import ParameterErrorNumber
 
@@ -41,6 +45,39 @@ def test_running_drive_tells_state_controller_and_frames():
     assert "enable_operation" in drive.stw1_bits
     assert drive.velocity_rpm == pytest.approx(60, abs=0.3)
     assert drive.frames_sent > 30 < drive.frames_received
+
+
+def test_a_drive_tells_what_happened_to_it_last():
+    world = ApiWorld(2)
+    world.line.connect()
+    events = Drive.model_validate(world.get("/api/v1/drives/axis-01").json()).events
+    assert {event["drive"] for event in events} == {"axis-01"}
+    assert [event["event"] for event in events if event["event"].startswith("ar ")] == [
+        "ar connected",
+        "ar established",
+    ]
+    assert all(not drive["events"] for drive in world.get("/api/v1/drives").json()["drives"] if "events" in drive)
+
+
+def test_a_drives_stream_begins_with_what_its_own_ring_kept():
+    world = ApiWorld(2)
+    world.line.connect()
+    log = world.line.farm.log
+    for _ in range(5000):
+        log.record(0, "axis-02", "noise")
+    log.record(0, "axis-01", "news")
+
+    async def first(count: int) -> str:
+        context = SimpleNamespace(core=world.line.farm, streams=set(), closing=False)
+        stream = event_stream(context, 0, "axis-01")
+        try:
+            return "".join([await anext(stream) for _ in range(count)])
+        finally:
+            await stream.aclose()
+
+    told = asyncio.run(first(4))
+    assert told.index('"ar connected"') < told.index('"lost":') < told.index('"news"')
+    assert "noise" not in told
 
 
 def test_fault_of_a_drive_is_active_first_and_the_last_one_afterwards():

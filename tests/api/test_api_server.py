@@ -75,7 +75,7 @@ def test_events_stream_live_and_continue_where_a_client_was():
                 second = await stream.next_entry()
                 assert int(second["id"]) == int(first["id"]) + 1
                 assert first["data"]["sequence"] == int(first["id"])
-                assert {first["data"]["event"], second["data"]["event"]} == {"ar connected"}
+                assert {first["data"]["event"], second["data"]["event"]} == {"neighbour appeared"}
             # whoever was away gets what it missed, and only that
             headers = {"Last-Event-ID": first["id"]}
             async with client.stream("GET", "/api/v1/events", headers=headers) as response:

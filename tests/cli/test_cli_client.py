@@ -118,6 +118,22 @@ def test_inspect_of_one_drive_shows_every_field(ask, farm):
     assert json.loads(ask("inspect", "axis-01", "--format", "json").out) == DRIVE
 
 
+def test_inspect_of_one_drive_says_who_its_neighbour_is(ask, farm):
+    neighbour = {
+        "port": "port-001",
+        "station": "switch-1",
+        "chassis": "switch-1",
+        "port_id": "port-003",
+        "system_name": None,
+        "mac": "02:00:00:00:00:99",
+        "ip": None,
+        "seen_seconds_ago": 1.5,
+    }
+    farm.answer("GET", "drives/axis-01", DRIVE | {"neighbours": [neighbour]})
+    text = " ".join(ask("inspect", "axis-01").out.split())
+    assert "neighbours switch-1 port-003 (02:00:00:00:00:99) at port-001" in text
+
+
 def test_a_name_with_odd_letters_stays_one_name(ask, farm):
     farm.answer("GET", "drives/a%2Fb%20c", DRIVE)
     assert ask("inspect", "a/b c").code == 0
@@ -135,6 +151,32 @@ def test_events_are_lines_or_json_lines(ask, farm):
     assert "3 older events" in second
     lines = ask("inspect", "axis-01", "--events", "--format", "json").out.splitlines()
     assert [json.loads(line) for line in lines] == [ENTRY, {"lost": 3}]
+
+
+def test_discards_and_the_last_events_of_a_drive_stand_below_its_fields(ask, farm):
+    discards = {"arp-for-another": 1200, "old-counter": 3}
+    events = [{**ENTRY, "sequence": n, "event": "watchdog expired", "silent_seconds": 0.048} for n in range(12)]
+    farm.answer("GET", "drives/axis-01", {**DRIVE, "frames_discarded": discards, "events": events})
+    lines = ask("inspect", "axis-01").out.splitlines()
+    assert "frames discarded  1,203" in lines
+    assert lines[-12].split() == ["DISCARDED", "REASON", "WHAT", "IT", "MEANS"]
+    assert lines[-11].split(maxsplit=2) == ["1,200", "arp-for-another", "ARP request for another address"]
+    assert lines[-10].split(maxsplit=2)[2].startswith("cyclic frame whose cycle counter does not go on")
+    assert lines[-1].endswith("axis-01          watchdog expired  number=702  silent=48 ms")
+    assert sum("watchdog expired" in line for line in lines) == 8
+
+
+def test_the_events_that_are_kept_of_a_drive_are_shown_without_waiting(ask, farm):
+    farm.answer("GET", "drives/axis-01", {**DRIVE, "events": [ENTRY]})
+    (line,) = ask("inspect", "axis-01", "--events", "--no-follow").out.splitlines()
+    assert line.endswith("axis-01          fault  number=702")
+    assert json.loads(ask("inspect", "axis-01", "--events", "--no-follow", "--format", "json").out) == ENTRY
+
+
+def test_kept_events_are_those_of_one_drive(ask):
+    found = ask("inspect", "--events", "--no-follow")
+    assert found.code == 2
+    assert "give its NAME and --events" in found.err
 
 
 # -- fault

@@ -251,7 +251,8 @@ def test_scan_finds_the_drives(farm, process, network):
         for end in ("scan0", "scan1"):
             network("link", "set", end, "up")
         found = process("scan", "--interface", "scan0", "--seconds", "1", "--format", "json")
-        table = process("scan", "--interface", "scan0", "--seconds", "1")
+        table = process("scan", "--interface", "scan0", "--seconds", "1", "--no-lldp")
+        tree = process("scan", "--interface", "scan0", "--seconds", "1")
     finally:
         network("link", "del", "scan0")
     assert found.code == 0, found.err
@@ -262,6 +263,16 @@ def test_scan_finds_the_drives(farm, process, network):
     ]
     assert devices[0]["vendor_id"] == 0x0105
     assert table.out.splitlines()[1].split()[:2] == ["axis-01", "AKD"]
+    # the farm's own bridge lets LLDP through
+    assert [[(n["station"], n["port"], n["ip"]) for n in device["neighbours"]] for device in devices] == [
+        [("axis-01", "port-001", "10.77.0.11")],
+        [("axis-02", "port-001", "10.77.0.12")],
+    ]
+    assert all(device["answers_dcp"] for device in devices)
+    assert "LLDP" not in table.out
+    assert "scan0: 2 heard by LLDP" in tree.out
+    assert "├─ axis-01 port-001  " in tree.out
+    assert "└─ axis-02 port-001  " in tree.out
 
 
 def test_scan_of_an_interface_that_is_not_there(network, process):

@@ -3,7 +3,9 @@
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.controller.search import duplicate_names
 from pnfarm.controller.session import SessionState
+from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered, StationInfo
 
 
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
@@ -34,7 +36,7 @@ def test_a_drive_without_its_address_gets_it_from_the_controller_for_this_power_
     line = VirtualLine()
     station = line.farm.stations[0]
     station.dcp.address = None
-    station._set_address(None, None)
+    station.addressing.set_address(None, None)
     line.connect()
     assert str(station.ip.address) == "10.77.0.11/23"
     assert line.memory.load("axis-01")["ip"] == ""
@@ -52,6 +54,40 @@ def test_a_few_drives_are_asked_for_by_their_names():
     line.connect()
     for station in line.farm.stations:
         assert station.dropped["identify-for-another"] == 2
+
+
+@pytest.mark.parametrize("drives", [2, 20])
+def test_a_name_that_two_drives_have_is_told_with_both_and_the_first_is_run(drives):
+    line = VirtualLine(drives=drives)
+    twins = line.farm.stations[0], line.farm.stations[-1]
+    twins[1].dcp.name = "axis-01"
+    line.run(1.5)
+    entries = [entry for entry in line.plc_log.entries("axis-01") if entry.event == "name given twice"]
+    macs = [station.port.mac.hex(":") for station in twins]
+    assert entries[0].data["reason"] == (
+        f"the name axis-01 is given twice: {macs[0]} and {macs[1]} answer to it; give each station a name of its own"
+    )
+    assert line.plc.sessions[0].state is SessionState.DATA
+    assert line.plc.sessions[0].mac == twins[0].port.mac
+    assert line.plc.sessions[-1].measures.last_reason == "no station of this name answers"
+
+
+def test_names_given_twice_are_told_in_order_and_nameless_stations_are_none():
+    def answer(mac, name):
+        return IdentifyAnswered(1, bytes([2, 0, 0, 0, 0, mac]), StationInfo(name=name), ())
+
+    answers = [
+        answer(1, "b"),
+        answer(2, "a"),
+        answer(3, "b"),
+        answer(4, ""),
+        answer(5, ""),
+        answer(6, None),
+        answer(1, "b"),
+    ]
+    (sentence,) = duplicate_names(answers)
+    assert sentence.startswith("the name b is given twice: 02:00:00:00:00:01 and 02:00:00:00:00:03 answer to it")
+    assert [s.split()[2] for s in duplicate_names([*answers, answer(7, "a")])] == ["a", "b"]
 
 
 def test_connect_reconnect_reaction_and_recovery_are_measured():

@@ -28,9 +28,20 @@ def test_the_schema_is_plain_json_and_every_reference_leads_somewhere():
 
 def test_every_key_of_a_drive_is_there_as_the_file_writes_it():
     drive = farm_schema()["$defs"]["DriveGroup"]
-    assert {"name", "count", "model", "ip", "mac", "load", "limits", "identity", "params", "impair", "cycle"} <= drive[
-        "properties"
-    ].keys()
+    assert {
+        "name",
+        "count",
+        "model",
+        "ip",
+        "mac",
+        "load",
+        "limits",
+        "identity",
+        "params",
+        "impair",
+        "cycle",
+        "hello",
+    } <= drive["properties"].keys()
     assert "cycle_ns" not in drive["properties"]
     assert drive["required"] == ["name", "model"]
     assert drive["additionalProperties"] is False

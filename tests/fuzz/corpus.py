@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
 from uuid import UUID
@@ -16,10 +17,14 @@ from virtual_line import VirtualLine
 
 from pnfarm.drives.profiles.profidrive import base_mode
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.lldp import LocalPort, LocalSystem, local_lldpdu
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire import records
+from pnfarm.protocols.profinet.wire import lldp_tlvs as tlvs
+from pnfarm.protocols.profinet.wire import pdev, records, snmp
+from pnfarm.protocols.profinet.wire import pdev_blocks as wanted
+from pnfarm.protocols.profinet.wire.ber import emit_oid
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+from pnfarm.protocols.profinet.wire.blocks_any import Block, emit_block
 from pnfarm.protocols.profinet.wire.dcp import (
     SERVICE_GET,
     SERVICE_IDENTIFY,
@@ -53,19 +58,19 @@ from pnfarm.protocols.profinet.wire.epm import (
 )
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.iod import parse_read_response, parse_write_request
+from pnfarm.protocols.profinet.wire.lldp import Lldpdu, NameMode, emit_lldp
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
-    FackBody,
     Opnum,
     PacketType,
-    emit_fack,
     parse_request_args,
     parse_response_args,
     parse_rpc,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack
 from pnfarm.wire.arp import ArpPacket, emit_arp
-from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, parse_ethernet
 from pnfarm.wire.icmp import IcmpMessage, emit_icmp
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import parse_udp
@@ -185,6 +190,8 @@ def layers(frames: Iterable[bytes]) -> dict[str, list[bytes]]:
             frame_id = int.from_bytes(ether.payload[:2], "big")
             is_dcp = DCP_HELLO <= frame_id <= DCP_IDENTIFY_RESPONSE
             found["dcp" if is_dcp else "rta" if frame_id >= 0xFC00 else "rtc"][ether.payload] = None
+        elif ether.ethertype == ETHERTYPE_LLDP:
+            found["lldp"][ether.payload] = None
         elif ether.ethertype == 0x0806:
             found["arp"][ether.payload] = None
         elif ether.ethertype == 0x0800:
@@ -275,8 +282,88 @@ def unheard() -> Iterator[tuple[str, bytes]]:
     ):
         raw = split_blocks(emit_block(block))[0]
         yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
+    yield from _lldp()
+    for block in _pdev():
+        raw = split_blocks(emit_block(block))[0]
+        yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
+        yield "pdev", emit_block(block)
     for block_type, size in records.IM_TEXT_SIZES.items():
         yield f"block-{block_type:04x}", b"\1\0" + b"A" * size
+    yield from _managers()
+
+
+def _managers() -> Iterator[tuple[str, bytes]]:
+    """What SNMP managers ask of a drive."""
+    system, interfaces, lldp = (1, 3, 6, 1, 2, 1, 1), (1, 3, 6, 1, 2, 1, 2, 2, 1), (1, 0, 8802, 1, 1, 2, 1)
+    names = ((*system, 1, 0), (*system, 3, 0), (*interfaces, 10, 1), (*lldp, 3, 7, 1, 3, 1), (*lldp, 5, 3791), (0, 0))
+    texts = tuple(snmp.VarBind((*system, arc, 0), snmp.octets(b"here")) for arc in (4, 5, 6))
+    values = (
+        snmp.integer(-129), snmp.counter64(2**64 - 1), snmp.gauge32(2**32 - 1), snmp.time_ticks(10**9),
+        snmp.object_id(names[3]), snmp.Value(snmp.IP_ADDRESS, b"\12\0\0\1"), snmp.Value(snmp.END_OF_MIB_VIEW),
+    )  # fmt: skip
+    asked = tuple(snmp.VarBind(name) for name in names)
+    told = tuple(snmp.VarBind(names[0], value) for value in values)
+    for version in (snmp.VERSION_1, snmp.VERSION_2C):
+        for pdu in (
+            snmp.Pdu(snmp.GET, 1, varbinds=asked[:4]),
+            snmp.Pdu(snmp.GET_NEXT, 2**31 - 1, varbinds=asked),
+            snmp.Pdu(snmp.GET_BULK, -1, 1, 20, varbinds=asked),
+            snmp.Pdu(snmp.SET, 3, varbinds=texts),
+            snmp.Pdu(snmp.RESPONSE, 4, 2, 1, varbinds=told),
+            snmp.OtherPdu(0xA7, b"\2\1\5"),
+        ):
+            yield "snmp", snmp.emit_snmp(snmp.SnmpMessage(version, b"public" if version else b"private", pdu))
+    for name in names:
+        yield "oid", emit_oid(name)
+
+
+def _lldp() -> Iterator[tuple[str, bytes]]:
+    mac = bytes.fromhex("020000000099")
+    system = LocalSystem(mac, "switch-1", "SCALANCE X208", IPv4Address("10.77.0.2"))
+    for mode in NameMode:
+        for time_to_live in (20, 0):
+            pdu = local_lldpdu(replace(system, name_mode=mode), LocalPort(3, mac, "port 3"), time_to_live)
+            yield "lldp", emit_lldp(pdu)
+    more = (
+        tlvs.MeasuredDelays(1, 2, 3, 4, 5),
+        tlvs.PortAlias(b"left"),
+        tlvs.MrpPortStatus(UUID(int=5), 1),
+        tlvs.PtcpStatus(mac, UUID(int=6), UUID(int=7), 1 << 31, 2, 3, 4),
+        tlvs.MauTypeExtension(256),
+        tlvs.MrpInterconnectionPortStatus(1, 2, 3),
+        tlvs.RawTlv(127, b"\0\x80\xc2\1\0\1"),
+    )
+    yield "lldp", emit_lldp(Lldpdu(tlvs.ChassisId(4, mac), tlvs.PortId(3, mac), 120, more))
+
+
+def _pdev() -> Iterator[Block]:
+    checks = (
+        wanted.CheckPeers((wanted.ExpectedPeer(b"port-001", b"plc"),)),
+        wanted.CheckLineDelay(100),
+        wanted.CheckMauType(16),
+        wanted.CheckLinkState(0, 1),
+        wanted.CheckSyncDifference(3),
+        wanted.CheckMauTypeDifference(1),
+    )
+    adjusts = (
+        wanted.AdjustDomainBoundary(1),
+        wanted.AdjustDomainBoundary(1, 2),
+        wanted.AdjustMulticastBoundary(1),
+        wanted.AdjustMauType(16),
+        wanted.AdjustLinkState(0, 1),
+        wanted.AdjustPeerToPeerBoundary(1),
+        wanted.AdjustDcpBoundary(1),
+        wanted.AdjustPreambleLength(0),
+    )
+    yield pdev.PortDataCheck(0, 0x8001, checks)
+    yield pdev.PortDataCheck(0, 0x8001, checks[:1])
+    yield pdev.PortDataAdjust(0, 0x8001, adjusts)
+    yield pdev.PortDataReal(0, 0x8001, b"port-001", (pdev.PeerReal(b"port-003", b"switch", 0, bytes(6)),), 16)
+    yield pdev.PortStatistic(1, 2, 3, 4, 5, 6)
+    yield pdev.InterfaceDataReal(b"axis-01", bytes(6), *[IPv4Address("10.77.0.11")] * 3)
+    yield pdev.InterfaceAdjust(1)
+    inner = split_blocks(emit_block(pdev.PortStatistic()))
+    yield pdev.MultipleBlock(0, 0, 0x8001, inner * 2)
 
 
 def _dig_ip(payload: bytes, found: dict[str, dict[bytes, None]]) -> None:

@@ -16,16 +16,21 @@ from uuid import UUID
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.alarm import AlarmChannel, AlarmReceived, AlarmRefusedError
+from pnfarm.protocols.profinet.errors import RecordError
+from pnfarm.protocols.profinet.lldp import MAXIMUM_NEIGHBOURS
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.snmp import MAXIMUM_MESSAGE
 from pnfarm.protocols.profinet.wire.alarms import AlarmNotification, acknowledge, emit_alarm
 from pnfarm.protocols.profinet.wire.blocks import emit_raw_block, split_blocks
 from pnfarm.protocols.profinet.wire.dcp import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
+from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
+    Flags1,
     PacketType,
     PnioStatus,
     emit_request_args,
@@ -35,8 +40,28 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import CancelBody, emit_cancel
 from pnfarm.protocols.profinet.wire.rta import emit_rta, parse_rta
-from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.protocols.profinet.wire.snmp import (
+    GET,
+    GET_BULK,
+    GET_NEXT,
+    OCTET_STRING,
+    SET,
+    OtherPdu,
+    Value,
+    VarBind,
+    emit_snmp,
+    parse_snmp,
+)
+from pnfarm.wire.ethernet import (
+    ETHERTYPE_IPV4,
+    ETHERTYPE_LLDP,
+    ETHERTYPE_PROFINET,
+    EthernetFrame,
+    emit_ethernet,
+    parse_ethernet,
+)
 from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import emit_udp, parse_udp
 from tests.fuzz.corpus import Conversation
@@ -326,9 +351,32 @@ class RpcServerMachine(Machine):
     def next_input(self, rng):
         data = self.renewed(rng.choice(self.layers["rpc"]))
         try:
-            return deep_rpc(rng, data, self.layers["rpc"], rng.choice((4, 5, 6)))
+            return self.about_a_call(rng, deep_rpc(rng, data, self.layers["rpc"], rng.choice((4, 5, 6))))
         except (DecodeError, ValueError):
             return variation(rng, self.layers["rpc"])
+
+    def about_a_call(self, rng, data):
+        """Mostly for this drive's object, and often about one of a few calls, so that their states are met."""
+        pdu = parse_rpc(data)
+        if pdu.interface != UUID_EPM and rng.random() < 0.9:
+            endpoint = self.station.rpc.config.endpoints[0]
+            pdu = replace(pdu, interface=endpoint.interface, object_uuid=endpoint.object_uuid)
+        if rng.random() < 0.3:
+            pdu = replace(pdu, activity=UUID(int=rng.randrange(1, 4)), sequence=rng.randrange(3))
+        match rng.randrange(10):
+            case 0:
+                kinds = (PacketType.PING, PacketType.ACK, PacketType.CL_CANCEL)
+                pdu = replace(pdu, packet_type=rng.choice(kinds), body=b"")
+            case 1:
+                body = emit_cancel(CancelBody(rng.randrange(3)), little_endian=pdu.little_endian)
+                pdu = replace(pdu, packet_type=PacketType.CL_CANCEL, body=mutated(rng, body, [body]))
+            case 2:
+                flags = rng.choice((Flags1(0), Flags1.LAST_FRAGMENT)) | rng.choice((Flags1(0), Flags1.NO_FACK))
+                number = rng.choice((0, 0, 1, 2, 0xFFFF))
+                pdu = replace(pdu, flags1=int(Flags1.FRAGMENT | flags), fragment_number=number)
+            case _:
+                pass
+        return emit_rpc(pdu)
 
     def take(self, rng, data):
         self.station.rpc.receive(Peer(PEER, rng.choice((RPC_PORT, 49153))), RPC_PORT, data, self.now)
@@ -339,6 +387,18 @@ class RpcClientMachine(RpcServerMachine):
     """Answers to calls that are open: their activity and sequence put in."""
 
     name = "rpc-client"
+
+    def about_a_call(self, rng, data):
+        """Mostly answers, of which those that end a call are few."""
+        pdu = parse_rpc(data)
+        if rng.random() < 0.5:
+            kinds = (PacketType.WORKING, PacketType.NOCALL, PacketType.FACK, PacketType.RESPONSE, PacketType.CANCEL_ACK)
+            kind = rng.choice(kinds)
+            body = pdu.body if kind == PacketType.RESPONSE else mutated(rng, b"", self.layers["fack"])
+            flags = rng.choice((0, 2, 4, 6, 12, 14))
+            number = rng.choice((0, 0, 1, 2, 0xFFFF))
+            pdu = replace(pdu, packet_type=kind, flags1=flags, fragment_number=number, body=body)
+        return emit_rpc(pdu)
 
     def take(self, rng, data):
         client = self.station.client
@@ -360,6 +420,52 @@ class RpcClientMachine(RpcServerMachine):
                 pass  # rubbish goes in as it is
         client.receive(peer, 49152, data, self.now)
         self.answers += len(client.events())
+
+
+class SnmpAgentMachine(Machine):
+    """Messages of managers, some with their list of variables changed and the lengths around it right."""
+
+    name = "snmp-agent"
+
+    def next_input(self, rng):
+        data = rng.choice(self.layers["snmp"])
+        if rng.random() < 0.5:
+            return mutated(rng, data, self.layers["snmp"])
+        message = parse_snmp(data)
+        if isinstance(message.pdu, OtherPdu):
+            return emit_snmp(replace(message, version=rng.randrange(2), pdu=OtherPdu(rng.randrange(0xA0, 0xAA), data)))
+        varbinds = list(message.pdu.varbinds) * rng.choice((1, 1, 1, 5, 30))
+        rng.shuffle(varbinds)
+        names = [varbind.name for varbind in varbinds]
+        if varbinds and rng.random() < 0.8:
+            place = rng.randrange(len(varbinds))
+            name = (
+                *rng.choice(names)[: rng.randrange(2, 20)],
+                *(rng.choice((0, 1, 2, 127, 128, 2**32 - 1)),) * rng.randrange(3),
+            )
+            value = rng.choice(
+                (varbinds[place].value, Value(OCTET_STRING, random_octets(rng)[:300]), Value(0x4F, b"x"))
+            )
+            varbinds[place] = VarBind(name, value)
+        pdu = replace(
+            message.pdu,
+            tag=rng.choice((message.pdu.tag, GET, GET_NEXT, SET, GET_BULK)),
+            error_status=rng.choice((0, 0, 1, 5, -1, 2**31 - 1)),
+            error_index=rng.choice((0, 1, 10, 50, -1, 2**31 - 1)),
+            varbinds=tuple(varbinds),
+        )
+        community = rng.choice((b"public", b"private", b"private", b"no"))
+        return emit_snmp(replace(message, version=rng.randrange(2), community=community, pdu=pdu))
+
+    def take(self, rng, data):
+        self.station.snmp.receive(Peer(PEER, 40_000), data, self.now)
+        answers = self.station.snmp.to_send(self.now)
+        assert len(answers) <= 1
+        for answer in answers:
+            assert len(answer.data) <= MAXIMUM_MESSAGE
+            parse_snmp(answer.data)
+        self.answers += len(answers)
+        self.settle()
 
 
 class CmDeviceMachine(Machine):
@@ -477,7 +583,55 @@ class AlarmChannelMachine(Machine):
         return self.frames
 
 
+class LldpMachine(Machine):
+    """LLDPDUs, good ones and others, at the drive's port; through the farm, which parses for all drives."""
+
+    name = "lldp-port"
+
+    def next_input(self, rng):
+        return variation(rng, self.layers["lldp"])
+
+    def take(self, rng, data):
+        source = rng.choice((self.line.plc.port.mac, self.station.port.mac, rng.randbytes(6)))
+        frame = EthernetFrame(LLDP_MULTICAST, source, ETHERTYPE_LLDP, data)
+        before = self.station.neighbours.lldp.received
+        self.line.farm.receive(self.station.port.index, emit_ethernet(frame), self.now)
+        lldp = self.station.neighbours.lldp
+        assert len(lldp.neighbours) <= MAXIMUM_NEIGHBOURS
+        for neighbour in lldp.neighbours:  # whatever was heard can be shown
+            assert isinstance(f"{neighbour.alias} {neighbour.ip} {neighbour.system_name} {neighbour}", str)
+        self.answers += lldp.received > before
+
+
+class PdevMachine(Machine):
+    """Records of the physical device, written and read in every place."""
+
+    name = "physical-device"
+
+    def next_input(self, rng):
+        chosen = rng.choice(self.layers["pdev"])
+        return deep_blocks(rng, chosen, self.layers["pdev"], rng.choice((5, 6)))
+
+    def take(self, rng, data):
+        pdev = self.station.neighbours.pdev
+        fitting = {b"\x02\x00": (0x802B, 0x8001), b"\x02\x02": (0x802F, 0x8001), b"\x02\x50": (0x8071, 0x8000)}
+        index, subslot = fitting.get(data[:2], (0x802B, 0x8001))
+        slot = 0
+        if rng.random() < 0.2:
+            slot, subslot = rng.choice(((0, 0x8000), (0, 0x8001), (0, 1), (0, 0x8002), (1, 0x8001)))
+            index = rng.choice((0x802A, 0x802B, 0x802F, 0x8051, 0x8071, 0x8072, 0x8080, 0xF841, 0xF842))
+        refused = pdev.write(None, 0, slot, subslot, index, data, self.now)
+        self.answers += refused is None
+        for what in (index, 0x802A, 0xF841, 0xF842):
+            found = pdev.read(None, 0, slot, subslot, what, 65536, self.now)
+            assert isinstance(found, bytes | RecordError)
+        if refused is None:
+            assert pdev.read(None, 0, slot, subslot, index, 65536, self.now) == data
+        self.settle()
+
+
 MACHINES: tuple[type[Machine], ...] = (
     Station, Controller, DcpDeviceMachine, DcpClientMachine, IpHostMachine, RpcServerMachine, RpcClientMachine,
-    CmDeviceMachine, CmControllerMachine, AlarmChannelMachine,
+    SnmpAgentMachine, CmDeviceMachine, CmControllerMachine, AlarmChannelMachine,
+    LldpMachine, PdevMachine,
 )  # fmt: skip

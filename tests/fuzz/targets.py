@@ -16,7 +16,9 @@ from random import Random
 import pnfarm.drives.profiles.profidrive
 import pnfarm.protocols.profinet
 import pnfarm.wire
+from pnfarm.drives import catalogue
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.wire import alarms
 from pnfarm.protocols.profinet.wire.blocks import RawBlock
 from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS
@@ -28,12 +30,16 @@ __all__ = ["Parser", "parsers"]
 
 ROOTS = (pnfarm.wire, pnfarm.protocols.profinet, pnfarm.drives.profiles.profidrive)
 #: Texts that users write, not octets that peers send.
-NOT_PEERS = {"parse_mac"}
+NOT_PEERS = {"parse_mac", "parse_record", "parse_number", "parse_tokens", "parse_octets"}
 #: Arguments that are not octets, with the values to try.
 OPTIONS = {
     "little_endian": (True, False),
     "verify_checksum": (True, False),
     "usi": (0x1234, 0x8000, 0x8002, 0x8003, 0x8100),
+}
+#: What every call of a parser is given besides the octets.
+GIVEN = {
+    "description": describe_device(catalogue.model("akd-profinet"), bytes.fromhex("020000000001"), strict=True),
 }
 #: Which layers of the corpus suit a parser; others take what their name says, or any octets.
 LAYERS = {
@@ -43,6 +49,7 @@ LAYERS = {
     "parse_udp": ("udp",),
     "parse_icmp": ("icmp",),
     "parse_dcp": ("dcp",),
+    "parse_lldp": ("lldp",),
     "parse_rtc": ("rtc",),
     "parse_rta": ("rta",),
     "parse_rta_error": ("rta",),
@@ -56,6 +63,7 @@ LAYERS = {
     "parse_blocks": ("blocks", "record"),
     "split_blocks": ("blocks", "record"),
     "parse_raw_block": ("blocks", "record"),
+    "parse_fsu_data_adjust": ("record",),
     "parse_connect": ("request-0",),
     "parse_read_request": ("request-2", "request-5"),
     "parse_write_request": ("request-3",),
@@ -68,6 +76,9 @@ LAYERS = {
     "parse_handle": ("epm",),
     "parse_handle_freed": ("epm",),
     "parse_tower": ("tower",),
+    "parse_snmp": ("snmp",),
+    "parse_oid": ("oid",),
+    "parse_integer": ("oid",),
 }
 
 
@@ -134,6 +145,9 @@ def _calls(function, types):
         raise TypeError(f"{function.__module__}.{function.__name__} takes {first.annotation}: say how to feed it")
     options = [("", {})]
     for other in others:
+        if other.name in GIVEN:
+            options = [(text, {**given, other.name: GIVEN[other.name]}) for text, given in options]
+            continue
         if other.name not in OPTIONS:
             if other.default is inspect.Parameter.empty:
                 raise TypeError(f"{function.__module__}.{function.__name__} wants {other.name}: say what to give it")

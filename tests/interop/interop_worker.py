@@ -23,6 +23,7 @@ from pnfarm.farm import farm as farm_module
 from pnfarm.farm.config import load_farm
 from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import Farm
+from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.table.signals import WORD_NONE
 
 ANSWER_SECONDS = 10.0
@@ -105,7 +106,9 @@ class FarmWorker:
             "velocity_step": float(axis.velocity_step),
             "fault": int(axis.fault_code[0]) & 0xFFFFFF,
             "signalled": station.signalled_ns is not None,
+            "signalling": station.dcp.signalling,
             "discards": station.discards(),
+            "neighbours": drive_snapshot(self.farm.core, station, time.monotonic_ns())["neighbours"],
         }
 
     def do_drives(self):

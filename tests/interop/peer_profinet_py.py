@@ -11,6 +11,7 @@ import time
 import warnings
 
 from profinet import IOCRSetup, IOSlot, ProfinetDevice, dcp, scan
+from profinet.gsdml import load_gsdml
 from profinet.rpc import RPCCon, epm_lookup
 from profinet.util import ethernet_socket, get_mac
 
@@ -78,8 +79,10 @@ def acyclic(station):
     return found
 
 
-def slots():
-    """The drive as its description has it, telegram 1 in slot 1."""
+def slots(gsdml=None):
+    """The drive as its description has it, telegram 1 in slot 1; or as its GSDML file says."""
+    if gsdml is not None:
+        return load_gsdml(gsdml).build_io_slots({1: "TELEGRAM_1"})
     dap = {"slot": 0, "module_ident": 1}
     drive = {"slot": 1, "module_ident": 0x00010001, "api": PROFIDRIVE}
     return [
@@ -105,14 +108,14 @@ def wait(condition, seconds=3.0):
     return True
 
 
-def run(station, factor, ratio, seconds):
+def run(station, factor, ratio, seconds, gsdml=None):
     """A connection with cyclic data: up to S4 and turning, records beside it, then released."""
     factor, ratio, seconds = int(factor), int(ratio), float(seconds)
     device = by_name(station)
     # 1.6 s without a frame, near the most that the standard allows (1.92 s): a busy machine is not what this is about
     hold = int(1.6 / (factor * ratio * 31.25e-6))
     setup = IOCRSetup(
-        slots=slots(), send_clock_factor=factor, reduction_ratio=ratio, watchdog_factor=hold, data_hold_factor=hold
+        slots=slots(gsdml), send_clock_factor=factor, reduction_ratio=ratio, watchdog_factor=hold, data_hold_factor=hold
     )
     found = {"cycle_seconds": setup.cycle_time_us / 1e6}
     began = time.monotonic()

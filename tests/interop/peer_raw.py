@@ -18,7 +18,7 @@ from uuid import uuid4
 from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_control import control_response, emit_control_block
-from pnfarm.protocols.profinet.wire.dcp import DcpPdu, emit_dcp, frame_id_of
+from pnfarm.protocols.profinet.wire.dcp import DcpPdu, emit_dcp, frame_id_of, parse_dcp
 from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.epm import NIL_HANDLE, LookupRequest, emit_lookup_request, parse_lookup_response
 from pnfarm.protocols.profinet.wire.iod import (
@@ -142,6 +142,24 @@ def dcp(macs):
     ):
         ask(IDENTIFY, 5, [UnknownBlock(*option, value, None)], delay=1, most=len(macs))
     return answers
+
+
+def conflict(mac, address):
+    """Gives a drive an address that another station has; what the drive says of it then, as BlockInfo."""
+    frames = Frames()
+    destination = bytes.fromhex(mac.replace(":", ""))
+    suite = b"".join(socket.inet_aton(part) for part in (address, "255.255.252.0", "0.0.0.0"))
+    setting = DcpPdu(frame_id_of(4, 0), 4, 0, 1, (UnknownBlock(1, 2, suite, 0),))
+    frames.exchange(destination, emit_dcp(setting))
+    info = None
+    for xid in range(2, 22):
+        asked = DcpPdu(frame_id_of(3, 0), 3, 0, xid, (), (OptionId(1, 2),))
+        (answer,) = frames.exchange(destination, emit_dcp(asked))
+        info = parse_dcp(answer).blocks[0].info
+        if info & 0x80:
+            break
+        time.sleep(0.05)
+    return info
 
 
 def hold(mac):
@@ -346,6 +364,7 @@ def taken_call(own, seconds=2.0):
 
 VERBS = {
     "dcp": lambda *macs: dcp(macs),
+    "conflict": conflict,
     "hold": hold,
     "arp": arp,
     "lookup": lookup,

@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import time
 
 import pytest
 from interop_rig import running
 
 DRIVES = ["{name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/22, limits: lax}"]
 LIBRARIES = ("pnio_dcp", "profi_dcp")
+CONTROLLER = """
+controller:
+  name: plc
+  ip: 10.77.3.250/22
+  mac: 02:00:00:00:fa:01
+  link: {kind: macvlan, parent: plc0}
+  cycle: 16ms
+  watchdog_factor: 100
+  program: {kind: idle}
+"""
 NO_ERROR = "no error"
 COMMUNICATION, ALL = [0, 4], [0, 8]
 
@@ -80,6 +91,83 @@ def test_blink_flashes_the_lamp_of_that_drive_alone(client, drives):
     (result,) = client(["blink", drives.ask("drive", name="axis-02")["mac"]])
     assert result["ok"], result
     assert [drive["signalled"] for drive in drives.ask("drives")] == [False, True, False]
+    deadline = time.monotonic() + 6
+    while drives.ask("drive", name="axis-02")["signalling"]:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    events = [entry["event"] for entry in drives.ask("events", name="axis-02")]
+    assert [event for event in events if "signal" in event] == ["signal begins", "signal ends"]
+
+
+def test_wrong_addresses_are_refused_in_the_clients_own_words(client, drives):
+    mac = drives.ask("drive", name="axis-01")["mac"]
+    wrong = [
+        ["224.0.0.1", "255.255.252.0", "0.0.0.0"],
+        ["127.0.0.1", "255.255.252.0", "0.0.0.0"],
+        ["10.77.0.0", "255.255.252.0", "0.0.0.0"],
+        ["10.77.0.99", "255.0.252.0", "0.0.0.0"],
+        ["10.77.0.99", "255.255.252.0", "10.78.0.1"],
+    ]
+    results = client(*(["set_ip_address", mac, suite] for suite in wrong))
+    assert results == [{"ok": False, "message": "Code 03: Suboption not set"}] * len(wrong)
+    assert drives.ask("drive", name="axis-01")["ip"] == "10.77.0.11/22"
+
+
+def test_wrong_names_are_refused_in_the_clients_own_words(client, drives):
+    mac = drives.ask("drive", name="axis-01")["mac"]
+    wrong = ["port-001", "port-001-12345.axis", "a--b", "a..b", "x" * 64, "xn--axis", "a.-b"]
+    results = client(*(["set_name_of_station", mac, name] for name in wrong))
+    assert results == [{"ok": False, "message": "Code 03: Suboption not set"}] * len(wrong)
+    assert drives.ask("drive", name="axis-01")["name"] == "axis-01"
+
+
+def test_a_connected_drive_keeps_its_address_and_lets_go_for_another_name(client, drives, lab, tmp_path):
+    mac = drives.ask("drive", name="axis-01")["mac"]
+    folder = tmp_path / "plc"
+    folder.mkdir()
+    with running(lab, folder, DRIVES, rest=CONTROLLER, kind="plc", where="peer") as plc:
+        assert plc.ask("wait_connected", seconds=15)
+        refused, taken = client(
+            ["set_ip_address", mac, ["10.77.1.1", "255.255.252.0", "0.0.0.0"]], ["set_name_of_station", mac, "press-7"]
+        )
+    assert refused == {"ok": False, "message": "Code 06: In operation, SET not possible"}
+    assert taken["ok"], taken
+    drive = drives.ask("drive", name="axis-01")
+    assert (drive["name"], drive["ip"]) == ("press-7", "10.77.0.11/22")
+    assert any("DCP changed the station name" in reason for reason in drive["aborts"])
+
+
+def test_an_address_that_another_drive_has_is_told_and_not_used(client, drives):
+    first, second, _ = drives.ask("drives")
+    (result,) = client(["set_ip_address", second["mac"], ["10.77.0.11", "255.255.252.0", "0.0.0.0"], True])
+    assert result["ok"], result
+    deadline = time.monotonic() + 3
+    while drives.ask("drive", name="axis-02")["ip"]:
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    assert drives.ask("drive", name="axis-01")["ip"] == first["ip"]
+    # the client still reads the address that the drive shall have
+    assert client(["get_ip_address", second["mac"]]) == ["10.77.0.11"]
+
+
+def test_resets_that_a_drive_has_not_are_refused_in_the_clients_own_words(client, drives):
+    mac = drives.ask("drive", name="axis-01")["mac"]
+    engineering, restore, reserved = client(
+        ["reset_to_factory", mac, [0, 6]], ["reset_to_factory", mac, [0, 0x12]], ["reset_to_factory", mac, [0, 10]]
+    )
+    unsupported = "Code 02: Suboption unsupported or no DataSet available"
+    assert [result["message"] for result in (engineering, restore)] == [unsupported] * 2
+    assert reserved["message"] == "Code 03: Suboption not set"
+    assert drives.ask("drive", name="axis-01")["name"] == "axis-01"
+
+
+def test_a_reset_of_the_device_is_answered_before_the_drive_restarts(client, drives):
+    mac = drives.ask("drive", name="axis-01")["mac"]
+    (result,) = client(["reset_to_factory", mac, [0, 0x10]])
+    assert result["ok"], result
+    events = [entry["event"] for entry in drives.ask("events", name="axis-01")]
+    happened = [event for event in events if event in {"factory reset", "power off", "power on"}]
+    assert happened == ["factory reset", "power off", "power on"]
 
 
 def test_resets_clear_what_their_mode_says(client, drives):

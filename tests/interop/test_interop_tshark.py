@@ -10,7 +10,9 @@ from collections import Counter
 import pytest
 from interop_rig import HERE, Capture, needed, running, tshark_fields, tshark_tree
 
-DRIVES = ["{name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/22, limits: lax}"]
+from pnfarm.protocols.profinet.wire.fsu import FsHello, FsuDataAdjust, emit_fsu_data_adjust
+
+DRIVES = ["{name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/22, limits: lax, hello: true}"]
 PLC_MAC = "02:00:00:00:fa:01"
 CONTROLLER = """
 controller:
@@ -52,6 +54,8 @@ def records(plc):
             plc.ask("read", name="axis-01", index=index, api=api, slot=slot, subslot=subslot)
     plc.ask("write", name="axis-01", index=0xAFF1, api=0, slot=0, data="002100380100" + "41" * 54)
     plc.ask("write", name="axis-01", index=0x1234, data="00")
+    hello = emit_fsu_data_adjust(FsuDataAdjust((FsHello(1, 50, 2, 0),))).hex()
+    assert plc.ask("write", name="axis-01", index=0x8090, api=0, slot=0, subslot=0x8000, data=hello)["status"] == 0
     # no such parameter; a change that is refused; a description; a text; two parameters, one of them wrong
     for data in (
         "010100011001ffff0000", "0201000120000 3c40000", "0301000110000 3c40000", "0402000110010 3c40000 42010001",
@@ -94,6 +98,8 @@ def seen(lab, tmp_path_factory):
                 with plc.stopped():  # silence of the controller: the drives' data hold timers run out
                     time.sleep(0.6)
                 all_run(plc)
+        # 0x80: not used, because another has it
+        assert raw(lab, "conflict", macs[2], "10.77.0.11") == 0x80
         # last, because it leaves the drives without names and addresses
         lab.run("peer", sys.executable, HERE / "peer_raw.py", "dcp", *macs)
     return capture, {*macs, PLC_MAC}, set(macs)
@@ -133,6 +139,9 @@ def test_the_capture_holds_frames_of_every_kind(seen):
         "get answers": "pn_dcp.service_id==3 && pn_dcp.service_type==1",
         "set answers": "pn_dcp.service_id==4 && pn_dcp.service_type==1",
         "block errors": "pn_dcp.block_error>0",
+        "hellos": "pn_dcp.service_id==6",
+        "address conflicts": "pn_dcp.suboption_ip_block_info==0x80",
+        "arp probes": "arp.opcode==1 && arp.src.proto_ipv4==0.0.0.0",
         "cyclic frames": "pn_rt.ds && pn_rt.frame_id<0xfc00",
         "connect answers": "pn_io.opnum==0 && dcerpc.pkt_type==2",
         "release answers": "pn_io.opnum==1 && dcerpc.pkt_type==2",

@@ -110,6 +110,34 @@ def test_negative_latency_is_refused():
         MemorySwitch(latency_ns=-1)
 
 
+def test_a_link_says_whom_a_multicast_concerns(stations):
+    switch, a, b, c = stations
+    asked = []
+
+    def audience(octets):
+        asked.append(octets)
+        return [c.port.index] if octets[:6] == DCP else None
+
+    switch.set_audience([b.port.index, c.port.index], audience)
+    switch.send(a.port.index, frame(DCP, A), 0)
+    switch.send(a.port.index, frame(b"\xff" * 6, A), 0)
+    switch.send(a.port.index, frame(B, A), 0)
+    assert switch.deliver(0) == 1 + 2 + 1
+    assert [len(station.heard) for station in (b, c)] == [2, 2]
+    assert asked == [frame(DCP, A), frame(b"\xff" * 6, A)]
+    # a port that it does not speak for hears everything; one that is gone, or the sender, nothing
+    switch.send(b.port.index, frame(DCP, B), 1)
+    switch.send(c.port.index, frame(DCP, C), 1)
+    assert switch.deliver(1) == 2 + 1
+    switch.detach(c.port.index)
+    switch.send(b.port.index, frame(DCP, B), 2)
+    assert switch.deliver(2) == 1
+    switch.set_audience([b.port.index, c.port.index], None)
+    switch.send(a.port.index, frame(DCP, A), 3)
+    assert switch.deliver(3) == 1
+    assert len(b.heard) == 3
+
+
 def test_two_links_on_one_switch():
     asyncio.run(_two_links_on_one_switch())
 

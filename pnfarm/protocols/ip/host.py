@@ -6,8 +6,8 @@ it calls :meth:`IpHost.handle_timeout` at :meth:`IpHost.next_deadline`.
 
 Next hop of a datagram, first match: a broadcast or multicast address; the MAC address that a datagram of this
 peer came from (also when the peer is behind a router); ARP for the peer in the own subnet; ARP for the gateway.
-ARP asks three times, one second apart.  Conflicts are noticed and the address is defended as in RFC 5227:
-announced again, at most every ten seconds.
+ARP asks three times, one second apart.  Conflicts are noticed (:mod:`pnfarm.protocols.ip.claim`) and the address is
+defended as in RFC 5227: announced again, at most every ten seconds.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.ip.claim import AddressClaim, ClaimSign, ClaimState
 from pnfarm.protocols.ip.neighbours import CAPACITY, NeighbourTable
 from pnfarm.protocols.ip.reassembly import Reassembler
 from pnfarm.wire.arp import OPERATION_REPLY, OPERATION_REQUEST, ArpPacket, emit_arp, parse_arp
@@ -50,6 +51,8 @@ __all__ = [
     "QUEUE_LIMIT",
     "AddressConflict",
     "AddressProbed",
+    "AddressRefused",
+    "AddressSettled",
     "DatagramReceived",
     "IpEvent",
     "IpHost",
@@ -102,7 +105,22 @@ class AddressProbed:
     conflict_mac: bytes | None
 
 
-IpEvent = DatagramReceived | AddressConflict | AddressProbed
+@dataclass(frozen=True, slots=True)
+class AddressRefused:
+    """Another station had the claimed address first: it is not used until that station is gone."""
+
+    ip: IPv4Address
+    mac: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class AddressSettled:
+    """The conflict is over: nobody else uses the address any more, and the host does."""
+
+    ip: IPv4Address
+
+
+IpEvent = DatagramReceived | AddressConflict | AddressProbed | AddressRefused | AddressSettled
 
 
 @dataclass(slots=True)
@@ -135,6 +153,8 @@ class IpHost:
         self.dropped: Counter[str] = Counter()
         self._address: IPv4Interface | None = None
         self._gateway: IPv4Address | None = None
+        self._claim = AddressClaim(mac)
+        self._claimed: IPv4Interface | None = None
         self._neighbours = NeighbourTable(neighbours)
         self._reassembler = Reassembler(self.dropped)
         self._resolutions: dict[IPv4Address, _Resolution] = {}
@@ -151,22 +171,61 @@ class IpHost:
         return self._address
 
     @property
+    def wanted(self) -> IPv4Interface | None:
+        """The address that it has, or shall have once the station that has it now is gone."""
+        return self._claimed
+
+    @property
     def gateway(self) -> IPv4Address | None:
         """Router for everything outside of the subnet."""
         return self._gateway
 
     def set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None = None) -> None:
         """Take an address and announce it, or give it up (None). Datagrams still waiting for ARP are dropped."""
+        self._take(address, gateway)
+        # the two states that these signs lead to wait for nothing
+        self._follow(ClaimSign.GIVE_UP if address is None else ClaimSign.CONFIGURE, 0)
+
+    def claim_address(self, address: IPv4Interface, gateway: IPv4Address | None, now: int) -> None:
+        """Take an address that somebody gave, and ask whether another station has it: that one keeps it then."""
+        self._take(address, gateway)
+        self._follow(ClaimSign.CLAIM, now)
+
+    def _take(self, address: IPv4Interface | None, gateway: IPv4Address | None) -> None:
         self._drop_waiting(self._resolutions.values(), "address-changed")
         self._resolutions.clear()
         self._neighbours.clear()
         self._reassembler.clear()
         self._conflicts.clear()
         self._defended = None
-        self._address = address
+        self._address = self._claimed = address
         self._gateway = gateway
-        if address is not None:
-            self._announce(address.ip)
+        self._claim.ip = address.ip if address is not None else None
+
+    def _follow(self, sign: ClaimSign, now: int, mac: bytes = NIL) -> None:
+        """Tell the claim what happened, and do what it says; ``mac`` is who objected."""
+        action = self._claim.sign(sign, now)
+        ip = self._claim.ip
+        if ip is None:
+            return
+        match action:
+            case "ask":
+                self._send_arp(OPERATION_REQUEST, _UNSPECIFIED, NIL, ip, BROADCAST)
+            case "announce":
+                self._announce(ip)
+            case "defend":
+                self._conflict(ip, mac, now)
+            case "refuse":
+                self._drop_waiting(self._resolutions.values(), "address-refused")
+                self._resolutions.clear()
+                self._address = None
+                self._events.append(AddressRefused(ip, mac))
+            case "take":
+                self._address = self._claimed
+                self._announce(ip)
+                self._events.append(AddressSettled(ip))
+            case "settle":
+                self._events.append(AddressSettled(ip))
 
     def learn(self, ip: IPv4Address, mac: bytes, now: int) -> None:
         """Take a neighbour's MAC address from elsewhere (DCP told it), which saves asking everybody by ARP."""
@@ -219,12 +278,16 @@ class IpHost:
         """When :meth:`handle_timeout` has something to do, nanoseconds."""
         deadlines = [resolution.deadline for resolution in self._resolutions.values()]
         deadlines += [probe.deadline for probe in self._probes.values()]
+        if self._claim.deadline is not None:
+            deadlines.append(self._claim.deadline)
         oldest = self._reassembler.next_deadline()
         return min(deadlines if oldest is None else [*deadlines, oldest], default=None)
 
     def handle_timeout(self, now: int) -> None:
         """Ask again, or give up, whatever is due."""
         self._reassembler.handle_timeout(now)
+        if self._claim.deadline is not None and self._claim.deadline <= now:
+            self._follow(ClaimSign.QUIET, now)
         for ip, resolution in list(self._resolutions.items()):
             if resolution.deadline > now:
                 continue
@@ -261,11 +324,11 @@ class IpHost:
             self._finish_probe(sender_ip, sender_mac)
         elif sender_ip == _UNSPECIFIED and packet.target_ip in self._probes:
             self._finish_probe(packet.target_ip, sender_mac)  # two probe for the same address at once
+        if self._objects(packet):
+            self._follow(ClaimSign.OBJECTION, now, sender_mac)
+            return
         own = self._address.ip if self._address is not None else None
         if own is None:
-            return
-        if sender_ip == own:
-            self._conflict(own, sender_mac, now)
             return
         if sender_ip != _UNSPECIFIED:
             for_us = packet.target_ip == own or sender_ip in self._resolutions
@@ -273,6 +336,13 @@ class IpHost:
             self._resolved(sender_ip, sender_mac)
         if packet.operation == OPERATION_REQUEST and packet.target_ip == own:
             self._send_arp(OPERATION_REPLY, own, sender_mac, sender_ip, sender_mac)
+
+    def _objects(self, packet: ArpPacket) -> bool:
+        """Whether another station uses the address; or asks for it while the host, silent, asks as well."""
+        claim = self._claim
+        if packet.sender_ip != _UNSPECIFIED:
+            return packet.sender_ip == claim.ip
+        return claim.state is ClaimState.REPROBING and packet.target_ip == claim.ip
 
     def _conflict(self, own: IPv4Address, mac: bytes, now: int) -> None:
         reported = self._conflicts.get(mac)

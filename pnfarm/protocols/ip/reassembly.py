@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MAXIMUM_FRAGMENTS", "MAXIMUM_PACKETS", "TIMEOUT_NS", "Reassembler"]
 
-#: Packets in progress at a time; a further one displaces the oldest.
+#: Packets in progress at a time; a further one displaces the oldest of its own sender, or else of all.
 MAXIMUM_PACKETS = 4
 #: Fragments of one packet: 64 KiB in pieces of the smallest path MTU in use (576) and some.
 MAXIMUM_FRAGMENTS = 128
@@ -83,7 +83,8 @@ class Reassembler:
         partial = self._partials.get(key)
         if partial is None:
             if len(self._partials) >= MAXIMUM_PACKETS:
-                del self._partials[next(iter(self._partials))]
+                oldest = next(iter(self._partials))
+                del self._partials[next((known for known in self._partials if known[0] == packet.source), oldest)]
                 self._dropped["fragment-displaced"] += 1
             partial = self._partials[key] = _Partial(deadline=now + TIMEOUT_NS)
         if not partial.accept(packet.fragment_offset, packet.payload, last=not packet.more_fragments):

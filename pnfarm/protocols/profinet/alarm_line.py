@@ -232,7 +232,7 @@ class AlarmLine:
         """The only writer of the four states."""
         row = _TABLES[machine].get((getattr(self, machine), sign))
         if row is None:
-            self._drop(f"{machine}-{sign.name.lower().replace('_', '-')}")
+            self._drop(f"out-of-turn-{machine}-{sign.name.lower().replace('_', '-')}")
             return
         state, action = row
         setattr(self, machine, state)

@@ -90,6 +90,7 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
         limits=Limits(
             strict=strict,
             min_cycle_ns=model.limits.min_cycle_ns if strict else 0,
+            max_cycle_ns=model.limits.max_cycle_ns if strict else 0,
             max_ars=model.limits.io_controllers,
         ),
     )

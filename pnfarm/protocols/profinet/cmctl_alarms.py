@@ -14,7 +14,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.alarm import AlarmAcknowledged, AlarmChannel, AlarmFailed, AlarmReceived, PeerAborted
 from pnfarm.protocols.profinet.cmctl_events import AlarmIndicated
 from pnfarm.protocols.profinet.errors import OK
-from pnfarm.protocols.profinet.wire.alarms import describe_alarm
+from pnfarm.protocols.profinet.wire.alarm_words import alarm_in_words
 from pnfarm.protocols.profinet.wire.rta import parse_rta
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ class ControllerAlarms:
         for event in self._channel.events():
             match event:
                 case AlarmReceived(alarm):
-                    out.append(AlarmIndicated(alarm, describe_alarm(alarm)))
+                    out.append(AlarmIndicated(alarm, alarm_in_words(alarm)))
                     if self._plan.on_alarm == "acknowledge":
                         self._channel.acknowledge(alarm, now, OK)
                 case AlarmFailed() | PeerAborted():

@@ -94,7 +94,7 @@ __all__ = ["CmDevice", "OutgoingCall"]
 
 @dataclass(frozen=True, slots=True)
 class OutgoingCall:
-    """A call to the controller's interface; ``port`` is where an ARRPCBlock asked for it, None for the usual one.
+    """A call to the controller's object; ``port`` is where an ARRPCBlock asked for it, None for the usual one.
 
     ``token`` names the call in :meth:`CmDevice.call_returned`; ``sequence`` is the alarm that it follows, if any.
     """
@@ -102,6 +102,7 @@ class OutgoingCall:
     token: int
     ar_key: int
     peer_ip: IPv4Address
+    object_uuid: UUID
     opnum: int
     payload: bytes
     port: int | None = None
@@ -212,7 +213,7 @@ class CmDevice:
             case Opnum.CONTROL:
                 status, answer = self._control(payload, now)
             case Opnum.WRITE:
-                served = serve_write(payload, self._by_uuid, self._records, now)
+                served = serve_write(payload, self._by_uuid, self._records, now, args_maximum)
                 status, answer = served.status, served.payload
                 self._events += served.events
                 self._touch(served.ar, now)
@@ -507,6 +508,7 @@ class CmDevice:
             token=self._next_token,
             ar_key=ar.key,
             peer_ip=ar.peer_ip,
+            object_uuid=ar.request.initiator_object_uuid,
             opnum=Opnum.CONTROL,
             payload=emit_blocks(blocks),
             port=ar.initiator_rpc_port,

@@ -248,6 +248,11 @@ def _check_timing(iocr: IocrBlockReq, description: DeviceDescription) -> None:
             IocrField.REDUCTION_RATIO,
             f"a cycle of {cycle_ns / 1e6:g} ms is shorter than the device's {description.min_cycle_ns / 1e6:g} ms",
         )
+    if 0 < description.max_cycle_ns < cycle_ns:
+        refuse(
+            IocrField.REDUCTION_RATIO,
+            f"a cycle of {cycle_ns / 1e6:g} ms is longer than the device's {description.max_cycle_ns / 1e6:g} ms",
+        )
     if not 1 <= iocr.phase <= ratio:
         refuse(IocrField.PHASE, f"Phase {iocr.phase} at ReductionRatio {ratio}")
     if iocr.frame_send_offset != FRAME_SEND_OFFSET_ANY and (

@@ -60,6 +60,11 @@ def _undecodable(service: ErrorCode, exc: DecodeError) -> ServedCall:
     return ServedCall(pnio_error(service, ConnectFault.RECORD, field))
 
 
+def _fitting(answer: bytes, args_maximum: int) -> bytes:
+    """The header that goes with a refusal, left out where the caller takes less."""
+    return answer if len(answer) <= args_maximum else b""
+
+
 def _version_fault(service: ErrorCode, version: int) -> PnioStatus:
     """OK, or which half of a header's version is not 1.0."""
     if version == VERSION_1_0:
@@ -88,11 +93,17 @@ def _write_one(ar: Ar, write: RecordWrite, handler: RecordHandler, now: int) -> 
     return _write_response(h, OK), True
 
 
-def serve_write(payload: bytes, find_ar: Callable[[UUID], Ar | None], handler: RecordHandler, now: int) -> ServedCall:
+def serve_write(
+    payload: bytes,
+    find_ar: Callable[[UUID], Ar | None],
+    handler: RecordHandler,
+    now: int,
+    args_maximum: int = 0xFFFFFFFF,
+) -> ServedCall:
     """Write the record, or every record of a multiple write; one that fails does not stop the others.
 
     The call's own status is the single record's; a multiple write succeeds as a call and says in each header how
-    its record fared.
+    its record fared.  Nothing is written when ``args_maximum`` leaves no room to say so.
     """
     try:
         request = parse_write_request(payload)
@@ -100,11 +111,17 @@ def serve_write(payload: bytes, find_ar: Callable[[UUID], Ar | None], handler: R
         refused = _undecodable(ErrorCode.WRITE, exc).status
         # a refused write, too, answers with its header
         header = IodWriteResHeader(0, NIL_UUID, 0, 0, 0, 0, 0, 0, 0, refused)
-        return ServedCall(refused, emit_write_response((header,)))
+        return ServedCall(refused, _fitting(emit_write_response((header,)), args_maximum))
     ar = find_ar(request.header.ar_uuid)
     if ar is None:
         unknown = pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
-        return ServedCall(unknown, emit_write_response((_write_response(request.header, unknown),)))
+        answer = emit_write_response((_write_response(request.header, unknown),))
+        return ServedCall(unknown, _fitting(answer, args_maximum))
+    headers_due = len(request.writes) + request.multiple
+    if IOD_HEADER_SIZE * headers_due > args_maximum:
+        refused = pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
+        answer = emit_write_response((_write_response(request.header, refused),))
+        return ServedCall(refused, _fitting(answer, args_maximum), ar)
     headers, events = [], []
     for write in request.writes:
         header, written = _write_one(ar, write, handler, now)
@@ -168,5 +185,7 @@ def serve_read(
     touched = None if implicit else ar
     if isinstance(answer, RecordError):
         header = replace(header, additional_value1=answer.additional_value1, additional_value2=answer.additional_value2)
-        return ServedCall(answer.status(ErrorCode.READ), emit_read_response(header), touched)
+        return ServedCall(answer.status(ErrorCode.READ), _fitting(emit_read_response(header), args_maximum), touched)
+    if args_maximum < IOD_HEADER_SIZE:
+        return ServedCall(pnio_error(ErrorCode.READ, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID), b"", touched)
     return ServedCall(OK, emit_read_response(header, answer), touched)

@@ -27,26 +27,34 @@ from pnfarm.protocols.profinet.wire.dcp import (
     parse_dcp,
 )
 from pnfarm.protocols.profinet.wire.dcp_blocks import (
+    IP_CONFLICT,
     PERMANENT,
     AliasBlock,
     AllSelectorBlock,
     Block,
-    BlockError,
     DeviceIdBlock,
+    DeviceInitiativeBlock,
     DeviceInstanceBlock,
     DeviceOptionsBlock,
     DeviceRoleBlock,
     FactoryResetBlock,
+    FullIpSuiteBlock,
     IpParameterBlock,
+    MacBlock,
     NameBlock,
     OemDeviceIdBlock,
     OptionId,
     ResetMode,
     ResetToFactoryBlock,
     ResponseBlock,
+    RsiPropertiesBlock,
     SignalBlock,
+    StandardGatewayBlock,
+    StartBlock,
     StationTypeBlock,
+    StopBlock,
 )
+from pnfarm.protocols.profinet.wire.dcp_words import describe_block_error, describe_option
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:
@@ -54,6 +62,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "COLLECT_MARGIN_NS",
+    "READABLE",
     "RETRIES",
     "TIMEOUT_NS",
     "DcpClient",
@@ -75,14 +84,22 @@ COLLECT_MARGIN_NS = 400_000_000
 _DELAY_STEP_NS = 10**7
 
 _NONE = IPv4Address(0)
-_ERROR_TEXTS: dict[int, str] = {
-    BlockError.OPTION_NOT_SUPPORTED: "option not supported",
-    BlockError.SUBOPTION_NOT_SUPPORTED: "suboption not supported, or no data set available",
-    BlockError.SUBOPTION_NOT_SET: "suboption not set",
-    BlockError.RESOURCE_ERROR: "resource error",
-    BlockError.SET_NOT_POSSIBLE: "set not possible for local reasons",
-    BlockError.IN_OPERATION: "in operation, set not possible",
-}
+#: Every block that some device can be asked for by Get.
+READABLE: tuple[OptionId, ...] = (
+    MacBlock.ID,
+    IpParameterBlock.ID,
+    FullIpSuiteBlock.ID,
+    StationTypeBlock.ID,
+    NameBlock.ID,
+    DeviceIdBlock.ID,
+    DeviceRoleBlock.ID,
+    DeviceOptionsBlock.ID,
+    DeviceInstanceBlock.ID,
+    OemDeviceIdBlock.ID,
+    StandardGatewayBlock.ID,
+    RsiPropertiesBlock.ID,
+    DeviceInitiativeBlock.ID,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +119,16 @@ class StationInfo:
     gateway: IPv4Address | None = None
     ip_info: int | None = None
     options: tuple[OptionId, ...] = ()
+    mac: bytes | None = None
+    dns: tuple[IPv4Address, ...] = ()
+    standard_gateway: int | None = None
+    rsi_properties: int | None = None
+    says_hello: bool | None = None
+
+    @property
+    def ip_conflict(self) -> bool:
+        """Another station uses the same address, as far as the device knows."""
+        return bool((self.ip_info or 0) & IP_CONFLICT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +151,10 @@ class IdentifyFinished:
 
 @dataclass(frozen=True, slots=True)
 class GetFinished:
-    """A Get ended; ``error`` is a sentence when nobody answered or the device refused."""
+    """A Get ended; ``error`` is a sentence when nobody answered or the device refused.
+
+    ``blocks`` holds what was read also when some of it was refused.
+    """
 
     xid: int
     mac: bytes
@@ -190,6 +220,17 @@ def station_info(blocks: Iterable[Block]) -> StationInfo:
                 found["alias"] = alias
             case IpParameterBlock(address=ip, mask=mask, gateway=gateway, info=info):
                 found |= {"ip": ip, "mask": mask, "gateway": gateway, "ip_info": info}
+            case FullIpSuiteBlock(address=ip, mask=mask, gateway=gateway, dns=dns, info=info):
+                found |= {"ip": ip, "mask": mask, "gateway": gateway, "ip_info": info}
+                found["dns"] = tuple(server for server in dns if server != _NONE)
+            case MacBlock(mac=mac):
+                found["mac"] = mac
+            case StandardGatewayBlock(value=value):
+                found["standard_gateway"] = value
+            case RsiPropertiesBlock(properties=properties):
+                found["rsi_properties"] = properties
+            case DeviceInitiativeBlock(value=value):
+                found["says_hello"] = bool(value & 1)
             case DeviceOptionsBlock(options=options):
                 found["options"] = options
             case _:
@@ -198,8 +239,7 @@ def station_info(blocks: Iterable[Block]) -> StationInfo:
 
 
 def _error_text(block: ResponseBlock) -> str:
-    option, suboption = block.subject
-    return f"option {option}/{suboption}: " + _ERROR_TEXTS.get(block.error, f"error {block.error}")
+    return f"{describe_option(block.subject)}: {describe_block_error(block.error)}"
 
 
 class DcpClient:
@@ -245,6 +285,10 @@ class DcpClient:
         """Read blocks of one device. Returns the Xid."""
         return self._request(mac, SERVICE_GET, now, requested=tuple(options))
 
+    def read(self, mac: bytes, *, now: int) -> int:
+        """Read everything that a device can have; what it has not is refused block by block. Returns the Xid."""
+        return self.get(mac, READABLE, now=now)
+
     def set_blocks(self, mac: bytes, blocks: Iterable[Block], *, now: int) -> int:
         """Write blocks, each with its qualifier in ``info``. Returns the Xid."""
         return self._request(mac, SERVICE_SET, now, blocks=tuple(blocks))
@@ -267,6 +311,32 @@ class DcpClient:
         if interface is not None:
             address, mask, router = interface.ip, interface.netmask, gateway or interface.ip
         return self.set_blocks(mac, [IpParameterBlock(address, mask, router, PERMANENT * permanent)], now=now)
+
+    def set_ip_suite(
+        self,
+        mac: bytes,
+        interface: IPv4Interface | None,
+        gateway: IPv4Address | None = None,
+        dns: Iterable[IPv4Address] = (),
+        *,
+        permanent: bool = True,
+        now: int,
+    ) -> int:
+        """Like :meth:`set_ip`, with up to four name servers; :class:`ValueError` for more."""
+        address = mask = router = _NONE
+        if interface is not None:
+            address, mask, router = interface.ip, interface.netmask, gateway or interface.ip
+        servers = list(dns)
+        if len(servers) > 4:
+            raise ValueError(f"{len(servers)} name servers; there is room for four")
+        one, two, three, four = servers + [_NONE] * (4 - len(servers))
+        block = FullIpSuiteBlock(address, mask, router, (one, two, three, four), PERMANENT * permanent)
+        return self.set_blocks(mac, [block], now=now)
+
+    def set_together(self, mac: bytes, blocks: Iterable[Block], *, permanent: bool = True, now: int) -> int:
+        """Write blocks between a start and an end of transaction. Returns the Xid."""
+        qualifier = PERMANENT * permanent
+        return self.set_blocks(mac, [StartBlock(qualifier), *blocks, StopBlock(qualifier)], now=now)
 
     def signal(self, mac: bytes, *, now: int) -> int:
         """Let a device's lamp flash. Returns the Xid."""

@@ -4,26 +4,44 @@ One machine is one device.  A farm parses an Identify once and hands the PDU to 
 (:meth:`DcpDevice.receive_pdu`), or asks :func:`identify_matches` first.
 
 * Identify is answered when every filter of the request matches, with every block the device has, after a delay
-  that spreads the devices of a large network: (the last two octets of the MAC address mod ResponseDelayFactor)
-  times 10 ms.  Factors 0 and above 6400 are reserved and answered at once.
+  that spreads the devices of a large network (:func:`~pnfarm.protocols.profinet.dcp_rules.response_delay_ns`).
 * Get and Set come by unicast.  After one, the device listens to no other client for three seconds (client hold
   time), so that two engineering stations do not configure it at the same time.
-* Set takes over each block by itself and says for each what became of it.  Name and address are refused while an
-  application relation is up (``in_operation``), unless they are the ones the device has anyway.
+* Set takes over each block by itself and says for each what became of it.  While an application relation is up
+  (``in_operation``), CMINA says: another address is refused; another name, no name, or no address is taken over and
+  ends the relation (:class:`AbortRequired`); what the device has anyway is taken over and changes nothing.
+* Hello is sent at link-up where it is switched on, until somebody sets something or all are sent.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.dcp_rules import (
+    NO_DNS,
+    RESET_CLEARS,
+    AbortRequired,
+    DcpDeviceEvent,
+    DcpIdentity,
+    Dns,
+    FactoryReset,
+    HelloMode,
+    HelloSettings,
+    IpSet,
+    NameSet,
+    SignalBegan,
+    SignalEnded,
+    Stored,
+    check_ip_suite,
+    response_delay_ns,
+)
+from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp import (
     HELLO_MULTICAST,
     IDENTIFY_MULTICAST,
-    MAXIMUM_DELAY_FACTOR,
     SERVICE_GET,
     SERVICE_HELLO,
     SERVICE_IDENTIFY,
@@ -47,6 +65,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     OPTION_INITIATIVE,
     OPTION_IP,
     PERMANENT,
+    SIGNAL_FLASH_ONCE,
     AliasBlock,
     AllSelectorBlock,
     Block,
@@ -67,6 +86,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     ResetToFactoryBlock,
     ResponseBlock,
     SignalBlock,
+    StandardGatewayBlock,
     StartBlock,
     StationTypeBlock,
     StopBlock,
@@ -79,112 +99,25 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CLIENT_HOLD_NS",
-    "DELAY_STEP_NS",
+    "SIGNAL_NS",
     "DcpDevice",
-    "DcpDeviceEvent",
-    "DcpIdentity",
-    "FactoryReset",
-    "IpSet",
-    "NameSet",
-    "SignalRequested",
-    "check_ip_suite",
     "identify_matches",
-    "response_delay_ns",
 ]
 
 #: Client hold time (IEC 61158-5-10, 6.3.11.2.2).
 CLIENT_HOLD_NS = 3 * 10**9
-#: Unit of the response delay (IEC 61158-6-10, 4.3.1.3.5).
-DELAY_STEP_NS = 10**7
+#: How long the lamp flashes after a signal, at 1 Hz (IEC 61158-5-10, Control/Signal).
+SIGNAL_NS = 3 * 10**9
 #: Octets of blocks in one frame: 1500 less frame id and DCP header. What does not fit is left out and counted.
 MAXIMUM_BODY = 1488
+#: Results of one Set that fit in its answer, eight octets each.
+MAXIMUM_RESULTS = MAXIMUM_BODY // 8
 #: Answers to Identify that wait for their time.
 PENDING_LIMIT = 16
 
 _NONE = IPv4Address(0)
-_NO_DNS = (_NONE, _NONE, _NONE, _NONE)
 _OPTIONS = frozenset({OPTION_IP, OPTION_DEVICE, OPTION_DHCP, OPTION_CONTROL, OPTION_INITIATIVE, OPTION_ALL})
 _RESET_MODES = frozenset(mode.value for mode in ResetMode)
-_CLEARS_COMMUNICATION = frozenset(
-    {
-        ResetMode.COMMUNICATION,
-        ResetMode.ALL,
-        ResetMode.DEVICE,
-        ResetMode.DEVICE_AND_RESTORE,
-    }
-)
-
-
-@dataclass(frozen=True, slots=True)
-class DcpIdentity:
-    """What never changes about a device."""
-
-    station_type: str
-    vendor_id: int
-    device_id: int
-    instance: tuple[int, int] = (0, 1)
-    role: int = 1
-    oem: tuple[int, int] | None = None
-    #: The device sends Hello at power-on, and says so.
-    sends_hello: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class NameSet:
-    """The station name became ``name`` ("": none); a temporary one also deletes the stored one."""
-
-    name: str
-    permanent: bool
-
-
-@dataclass(frozen=True, slots=True)
-class IpSet:
-    """The address became ``interface`` (None: none); a temporary one also deletes the stored one."""
-
-    interface: IPv4Interface | None
-    gateway: IPv4Address | None
-    permanent: bool
-
-
-@dataclass(frozen=True, slots=True)
-class SignalRequested:
-    """Somebody wants to see the device's lamp flash."""
-
-
-@dataclass(frozen=True, slots=True)
-class FactoryReset:
-    """A reset was ordered; name and address are cleared by events of their own where ``mode`` asks for it."""
-
-    mode: ResetMode
-
-
-DcpDeviceEvent = NameSet | IpSet | SignalRequested | FactoryReset
-
-
-def response_delay_ns(mac: bytes, factor: int) -> int:
-    """How long a device with this MAC address waits before it answers an Identify."""
-    if not 0 < factor <= MAXIMUM_DELAY_FACTOR:
-        return 0
-    return int.from_bytes(mac[4:6], "big") % factor * DELAY_STEP_NS
-
-
-def check_ip_suite(address: IPv4Address, mask: IPv4Address, gateway: IPv4Address) -> str | None:
-    """What is wrong with an IP parameter block, as a sentence, or None (IEC 61158-6-10, 4.3.1.4.21).
-
-    All three 0.0.0.0 is right: no address.  The gateway is 0.0.0.0 or the own address for none.
-    """
-    host_mask = ~int(mask) & 0xFFFF_FFFF
-    if host_mask & (host_mask + 1):
-        return f"the mask {mask} has a gap"
-    if address == _NONE:
-        return None if mask == gateway == _NONE else "mask and gateway need an address"
-    if address.packed[0] in {0, 127} or address.packed[0] >= 224:
-        return f"{address} is no address for a device"
-    if int(address) & host_mask in {0, host_mask}:
-        return f"{address} with mask {mask} is a network's or a broadcast address"
-    if gateway != _NONE and (int(gateway) ^ int(address)) & int(mask):
-        return f"the gateway {gateway} lies outside of the subnet of {address}"
-    return None
 
 
 class DcpDevice:
@@ -201,6 +134,7 @@ class DcpDevice:
         name: str = "",
         address: IPv4Interface | None = None,
         gateway: IPv4Address | None = None,
+        dns: Dns = NO_DNS,
     ) -> None:
         self.mac = mac
         self.identity = identity
@@ -208,16 +142,22 @@ class DcpDevice:
         self.address = address
         #: None, or the own address, for no gateway.
         self.gateway = gateway
-        self.dns: tuple[IPv4Address, IPv4Address, IPv4Address, IPv4Address] = _NO_DNS
+        self.dns = dns
         #: The present name and address outlive a power cycle.
         self.name_permanent = True
         self.ip_permanent = True
         #: Another station uses the address: shown in the BlockInfo of the IP blocks.
         self.ip_conflict = False
+        #: The address is in use; False when it was left to another station that had it first.
+        self.ip_in_use = True
         #: ``<port>.<station name>`` of the neighbours, as LLDP learned them: what alias filters match.
         self.aliases: frozenset[str] = frozenset()
-        #: An application relation is up: name and address stay as they are.
+        #: An application relation is up.
         self.in_operation = False
+        #: Blocks that cannot be set for local reasons, such as a name that a switch on the device gives.
+        self.locked: frozenset[OptionId] = frozenset()
+        #: When to say Hello.
+        self.hello_settings = HelloSettings(HelloMode.OFF)
         #: Powered but mute: nothing is answered.
         self.silent = False
         #: What was not answered, by reason.
@@ -225,9 +165,16 @@ class DcpDevice:
         self._client: tuple[bytes, int] | None = None  # who is being listened to, until when
         self._transaction: int | None = None  # qualifier of the open one
         self._pending: list[tuple[int, bytes]] = []  # due time, frame; sorted
+        self._signal_end: int | None = None
+        self._hello: tuple[int, int] | None = None  # when the next one is due, how many are left
+        self._hello_xid = 0
         self._outbox: list[bytes] = []
         self._events: list[DcpDeviceEvent] = []
-        self._hello_xid = 0
+
+    @property
+    def signalling(self) -> bool:
+        """The lamp flashes."""
+        return self._signal_end is not None
 
     # -- the machine -------------------------------------------------------------------------------------------------
 
@@ -262,20 +209,11 @@ class DcpDevice:
         else:
             self._receive_get_set(source_mac, pdu, now)
 
-    def hello(self) -> None:
-        """Announce the device to everybody, as at power-on."""
-        blocks: list[Block] = [
-            NameBlock(self.name),
-            self._ip_parameter(),
-            DeviceIdBlock(self.identity.vendor_id, self.identity.device_id),
-            self._options(),
-            DeviceRoleBlock(self.identity.role),
-            DeviceInitiativeBlock(int(self.identity.sends_hello)),
-        ]
-        self._hello_xid = (self._hello_xid + 1) & 0xFFFF_FFFF
-        frame_id = frame_id_of(SERVICE_HELLO, TYPE_REQUEST)
-        pdu = DcpPdu(frame_id, SERVICE_HELLO, TYPE_REQUEST, self._hello_xid, tuple(blocks))
-        self._outbox.append(self._frame(HELLO_MULTICAST, pdu))
+    def link_up(self, now: int) -> None:
+        """The device came on the wire: it says Hello if it shall, and has a name and an address (CMINA)."""
+        settings = self.hello_settings
+        if settings.mode is not HelloMode.OFF and settings.count and self.name and self.address is not None:
+            self._hello = (now + settings.first_ns, settings.count)
 
     def to_send(self, now: int) -> list[bytes]:
         """Whole frames that must go out now, untagged."""
@@ -292,13 +230,42 @@ class DcpDevice:
         return events
 
     def next_deadline(self) -> int | None:
-        """When the next delayed answer is due, nanoseconds."""
-        return self._pending[0][0] if self._pending else None
+        """When the next delayed answer or Hello is due, or the lamp goes out, nanoseconds."""
+        if not self._pending and self._hello is None:
+            return self._signal_end
+        deadlines = [self._pending[0][0]] if self._pending else []
+        if self._hello is not None:
+            deadlines.append(self._hello[0])
+        if self._signal_end is not None:
+            deadlines.append(self._signal_end)
+        return min(deadlines)
 
     def handle_timeout(self, now: int) -> None:
-        """Release the answers whose time has come."""
+        """Release the answers whose time has come; say Hello; put the lamp out."""
         while self._pending and self._pending[0][0] <= now:
             self._outbox.append(self._pending.pop(0)[1])
+        if self._hello is not None and self._hello[0] <= now:
+            left = self._hello[1] - 1
+            self._hello = (now + self.hello_settings.interval_ns, left) if left else None
+            self._say_hello()
+        if self._signal_end is not None and self._signal_end <= now:
+            self._signal_end = None
+            self._events.append(SignalEnded())
+
+    def _say_hello(self) -> None:
+        # in the order of DCP-Hello-ReqPDU
+        blocks: list[Block] = [
+            NameBlock(self.name),
+            self._ip_parameter(),
+            DeviceIdBlock(self.identity.vendor_id, self.identity.device_id),
+        ]
+        if self.identity.oem is not None:
+            blocks.append(OemDeviceIdBlock(*self.identity.oem))
+        blocks += [self._options(), DeviceRoleBlock(self.identity.role), self._initiative()]
+        self._hello_xid = (self._hello_xid + 1) & 0xFFFF_FFFF
+        frame_id = frame_id_of(SERVICE_HELLO, TYPE_REQUEST)
+        pdu = DcpPdu(frame_id, SERVICE_HELLO, TYPE_REQUEST, self._hello_xid, tuple(blocks))
+        self._outbox.append(self._frame(HELLO_MULTICAST, pdu))
 
     # -- Identify ----------------------------------------------------------------------------------------------------
 
@@ -331,8 +298,8 @@ class DcpDevice:
         ]
         if identity.oem is not None:
             blocks.append(OemDeviceIdBlock(*identity.oem))
-        if identity.sends_hello:
-            blocks.append(DeviceInitiativeBlock(1))
+        if self.hello_settings.mode is not HelloMode.OFF:
+            blocks.append(self._initiative())
         return blocks
 
     # -- Get and Set -------------------------------------------------------------------------------------------------
@@ -341,7 +308,13 @@ class DcpDevice:
         if pdu.service_id == SERVICE_GET:
             blocks = tuple(self._get(option_id) for option_id in pdu.requested)
         elif pdu.service_id == SERVICE_SET:
-            blocks = tuple(ResponseBlock(block.option_id, self._set(block)) for block in pdu.blocks)
+            self._hello = None  # somebody has found the device
+            # a block whose result could not be told is not set either
+            if len(pdu.blocks) > MAXIMUM_RESULTS:
+                self.dropped["response-full"] += len(pdu.blocks) - MAXIMUM_RESULTS
+            blocks = tuple(
+                ResponseBlock(block.option_id, self._set(block, now)) for block in pdu.blocks[:MAXIMUM_RESULTS]
+            )
         else:
             self._outbox.append(self._response(source_mac, pdu, (), TYPE_NOT_SUPPORTED))
             return
@@ -353,27 +326,26 @@ class DcpDevice:
         block = getter(self) if getter else None
         return block or ResponseBlock(option_id, _unsupported(option_id))
 
-    def _set(self, block: Block) -> BlockError:
+    def _set(self, block: Block, now: int) -> BlockError:
+        if block.option_id in self.locked:
+            return BlockError.SET_NOT_POSSIBLE
         permanent = bool((block.info or 0) & PERMANENT)
         match block:
             case NameBlock(name=name):
                 return self._set_name(name, permanent=permanent)
             case IpParameterBlock(address=address, mask=mask, gateway=gateway):
-                return self._set_ip(address, mask, gateway, permanent=permanent)
-            case FullIpSuiteBlock(address=address, mask=mask, gateway=gateway):
-                error = self._set_ip(address, mask, gateway, permanent=permanent)
-                if error is BlockError.OK:
-                    self.dns = block.dns
-                return error
+                return self._set_ip(address, mask, gateway, self.dns, permanent=permanent)
+            case FullIpSuiteBlock(address=address, mask=mask, gateway=gateway, dns=dns):
+                return self._set_ip(address, mask, gateway, dns, permanent=permanent)
             case StartBlock(info=qualifier):
                 self._transaction = qualifier
                 return BlockError.OK
             case StopBlock(info=qualifier):
+                # there are peers that close a Set with this block and never opened one: nothing is left to end then
                 opened, self._transaction = self._transaction, None
-                return BlockError.OK if opened == qualifier else BlockError.SUBOPTION_NOT_SET
-            case SignalBlock():
-                self._events.append(SignalRequested())
-                return BlockError.OK
+                return BlockError.OK if opened in {None, qualifier} else BlockError.SUBOPTION_NOT_SET
+            case SignalBlock(value=value):
+                return self._signal(value, now)
             case FactoryResetBlock():
                 return self._reset(ResetMode.ALL)
             case ResetToFactoryBlock(mode=mode):
@@ -386,41 +358,65 @@ class DcpDevice:
     def _set_name(self, name: str, *, permanent: bool) -> BlockError:
         if name and check_station_name(name) is not None:
             return BlockError.SUBOPTION_NOT_SET
-        if name != self.name and self.in_operation:
-            return BlockError.IN_OPERATION
+        if name != self.name:
+            self._end_operation(RtaError.STATION_NAME_CHANGED)
         self._take_name(name, permanent=permanent)
         return BlockError.OK
 
-    def _set_ip(self, address: IPv4Address, mask: IPv4Address, gateway: IPv4Address, *, permanent: bool) -> BlockError:
+    def _set_ip(
+        self, address: IPv4Address, mask: IPv4Address, gateway: IPv4Address, dns: Dns, *, permanent: bool
+    ) -> BlockError:
         if check_ip_suite(address, mask, gateway) is not None:
             return BlockError.SUBOPTION_NOT_SET
         interface = None if address == _NONE else IPv4Interface((address.packed, int(mask).bit_count()))
         router = None if gateway == _NONE else gateway
-        if (interface, router) != (self.address, self.gateway) and self.in_operation:
-            return BlockError.IN_OPERATION
-        self._take_ip(interface, router, permanent=permanent)
+        if (interface, router) != (self.address, self.gateway):
+            if self.in_operation and interface is not None:
+                return BlockError.IN_OPERATION
+            self._end_operation(RtaError.IP_SUITE_CHANGED)
+        self._take_ip(interface, router, dns, permanent=permanent)
+        return BlockError.OK
+
+    def _signal(self, value: int, now: int) -> BlockError:
+        if value != SIGNAL_FLASH_ONCE:
+            return BlockError.SUBOPTION_NOT_SET
+        if self._signal_end is None:
+            self._events.append(SignalBegan())
+        self._signal_end = now + SIGNAL_NS
         return BlockError.OK
 
     def _reset(self, mode: int) -> BlockError:
         if mode not in _RESET_MODES:
             return BlockError.SUBOPTION_NOT_SET
-        self._events.append(FactoryReset(ResetMode(mode)))
-        if mode in _CLEARS_COMMUNICATION:
-            self.dns = _NO_DNS
+        reset = ResetMode(mode)
+        if reset not in self.identity.reset_modes:
+            return BlockError.SUBOPTION_NOT_SUPPORTED
+        self._end_operation(RtaError.RESET_TO_FACTORY)
+        clears = RESET_CLEARS[reset]
+        self._events.append(FactoryReset(reset, clears))
+        if Stored.COMMUNICATION in clears:
             self._take_name("", permanent=True)
-            self._take_ip(None, None, permanent=True)
+            self._take_ip(None, None, NO_DNS, permanent=True)
         return BlockError.OK
+
+    def _end_operation(self, reason: RtaError) -> None:
+        if self.in_operation:
+            self.in_operation = False
+            self._events.append(AbortRequired(reason))
 
     def _take_name(self, name: str, *, permanent: bool) -> None:
         if (name, permanent) != (self.name, self.name_permanent):
             self.name, self.name_permanent = name, permanent
             self._events.append(NameSet(name, permanent))
 
-    def _take_ip(self, interface: IPv4Interface | None, gateway: IPv4Address | None, *, permanent: bool) -> None:
-        if (interface, gateway, permanent) != (self.address, self.gateway, self.ip_permanent):
-            self.address, self.gateway, self.ip_permanent = interface, gateway, permanent
+    def _take_ip(
+        self, interface: IPv4Interface | None, gateway: IPv4Address | None, dns: Dns, *, permanent: bool
+    ) -> None:
+        before = (self.address, self.gateway, self.dns, self.ip_permanent)
+        if (interface, gateway, dns, permanent) != before:
+            self.address, self.gateway, self.dns, self.ip_permanent = interface, gateway, dns, permanent
             router = None if interface is not None and gateway == interface.ip else gateway
-            self._events.append(IpSet(interface, router, permanent))
+            self._events.append(IpSet(interface, router, permanent, dns))
 
     # -- blocks and frames -------------------------------------------------------------------------------------------
 
@@ -430,7 +426,8 @@ class DcpDevice:
         return self.address.ip, self.address.netmask, self.gateway or _NONE
 
     def _ip_info(self) -> int:
-        return (IP_NOT_SET if self.address is None else IP_SET) | IP_CONFLICT * self.ip_conflict
+        in_use = self.address is not None and self.ip_in_use
+        return (IP_SET if in_use else IP_NOT_SET) | IP_CONFLICT * self.ip_conflict
 
     def _ip_parameter(self) -> IpParameterBlock:
         return IpParameterBlock(*self._ip_values(), info=self._ip_info())
@@ -440,6 +437,9 @@ class DcpDevice:
 
     def _oem_device_id(self) -> OemDeviceIdBlock | None:
         return OemDeviceIdBlock(*self.identity.oem) if self.identity.oem is not None else None
+
+    def _initiative(self) -> DeviceInitiativeBlock:
+        return DeviceInitiativeBlock(int(self.hello_settings.mode is not HelloMode.OFF))
 
     def _options(self) -> DeviceOptionsBlock:
         known = [option_id for option_id in _GETTERS if option_id != OemDeviceIdBlock.ID or self.identity.oem]
@@ -452,7 +452,8 @@ class DcpDevice:
         room = MAXIMUM_BODY
         fitting: list[Block] = []
         for block in blocks:
-            room -= (6 + len(block.payload()) + 1) // 2 * 2  # option, length, info, padding
+            info = 0 if block.info is None else 2
+            room -= (4 + info + len(block.payload()) + 1) // 2 * 2  # option, length, info, value, padding
             if room < 0:
                 self.dropped["response-full"] += 1
             else:
@@ -478,7 +479,8 @@ _GETTERS: dict[OptionId, Callable[[DcpDevice], Block | None]] = {
     DeviceOptionsBlock.ID: DcpDevice._options,  # noqa: SLF001  # as above
     DeviceInstanceBlock.ID: lambda device: DeviceInstanceBlock(*device.identity.instance),
     OemDeviceIdBlock.ID: DcpDevice._oem_device_id,  # noqa: SLF001  # as above
-    DeviceInitiativeBlock.ID: lambda device: DeviceInitiativeBlock(int(device.identity.sends_hello)),
+    StandardGatewayBlock.ID: lambda _device: StandardGatewayBlock(0),
+    DeviceInitiativeBlock.ID: DcpDevice._initiative,  # noqa: SLF001  # as above
 }
 
 

@@ -87,13 +87,15 @@ class ImCarrier:
 class Limits:
     """What the device refuses at Connect.
 
-    ``min_cycle_ns``: shortest send cycle of a CR; 0 leaves it to ``min_device_interval``.  With ``strict`` False
-    neither is enforced.  ``max_ars`` counts IO controllers (more than one: a shared device), ``max_supervisor_ars``
-    supervisors with IO data, ``max_device_access_ars`` the acyclic ones beside them.
+    ``min_cycle_ns``: shortest send cycle of a CR; 0 leaves it to ``min_device_interval``.  ``max_cycle_ns``: longest
+    one; 0 is none.  With ``strict`` False none of them is enforced.  ``max_ars`` counts IO controllers (more than one:
+    a shared device), ``max_supervisor_ars`` supervisors with IO data, ``max_device_access_ars`` the acyclic ones beside
+    them.
     """
 
     strict: bool = True
     min_cycle_ns: int = 0
+    max_cycle_ns: int = 0
     max_ars: int = 1
     max_supervisor_ars: int = 1
     max_device_access_ars: int = 1
@@ -133,6 +135,11 @@ class DeviceDescription:
         if not self.limits.strict:
             return 0
         return max(self.limits.min_cycle_ns, self.min_device_interval * SEND_CLOCK_NS)
+
+    @property
+    def max_cycle_ns(self) -> int:
+        """Longest cycle that a CR may ask for; 0 when there is no such limit, or the limits are lax."""
+        return self.limits.max_cycle_ns if self.limits.strict else 0
 
     def module(self, slot: int, module_ident: int) -> ModuleDescription | None:
         """The module of that ident which ``slot`` can take."""

@@ -1,8 +1,8 @@
 """What a device's endpoint mapper answers: which interfaces it has and where.
 
-A client lists the endpoints one after the other: each answer carries one entry and a handle that says how far the list
-was read, until ``ept_s_not_registered`` ends it.  One entry at a time is what PROFINET's clients ask for and what every
-client may be given.  The handle carries the position itself, so that nothing is kept between two lookups.
+A client lists the endpoints: each answer carries as many entries as it asked for (PROFINET's clients ask for one) and a
+handle that says how far the list was read, until ``ept_s_not_registered`` and the nil handle end it.  The handle
+carries the position itself, so that nothing is kept between two lookups.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from uuid import UUID
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.epm import (
     EPM_VERSION,
+    MAX_ENTRIES,
     NIL_HANDLE,
     NOT_REGISTERED,
     EntryHandle,
@@ -82,10 +83,13 @@ class EndpointMapper:
         matches = [endpoint for endpoint in self._endpoints if _matches(endpoint, request)]
         if request.max_entries == 0 or position >= len(matches):
             return LookupResponse(NIL_HANDLE, (), request.max_entries, NOT_REGISTERED)
-        endpoint = matches[position]
+        asked = matches[position : position + min(request.max_entries, MAX_ENTRIES)]
+        entries = tuple(self._entry(endpoint) for endpoint in asked)
+        return LookupResponse(self._handle(position + len(entries)), entries, request.max_entries)
+
+    def _entry(self, endpoint: Endpoint) -> EptEntry:
         tower = Tower(endpoint.interface, endpoint.version, self._port, self.address)
-        entry = EptEntry(endpoint.object_uuid, tower, endpoint.annotation)
-        return LookupResponse(self._handle(position + 1), (entry,), request.max_entries)
+        return EptEntry(endpoint.object_uuid, tower, endpoint.annotation)
 
     def _handle(self, position: int) -> EntryHandle:
         return EntryHandle(0, UUID(fields=(position, 0, _HANDLE_VERSION, _HANDLE_VARIANT, 0, self._node)))

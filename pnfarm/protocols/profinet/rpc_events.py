@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.rpc_fragments import Peer
 
 __all__ = [
+    "TIMEOUT_FRAG_NS",
+    "TIMEOUT_IDLE_NS",
+    "TIMEOUT_PING_NS",
+    "TIMEOUT_RESEND_NS",
     "CallCancelled",
     "CallFailed",
     "CallKey",
@@ -28,6 +32,16 @@ __all__ = [
 ]
 
 _MS: Final = 1_000_000
+
+# C706 appendix K, default protocol machine values
+TIMEOUT_FRAG_NS: Final = 2_000 * _MS
+"""Wait for the fack that a fragment asked for, before the fragment goes out again."""
+TIMEOUT_IDLE_NS: Final = 300_000 * _MS
+"""How long a server remembers a client of which it hears nothing."""
+TIMEOUT_PING_NS: Final = 2_000 * _MS
+"""Wait between two pings."""
+TIMEOUT_RESEND_NS: Final = 2_000 * _MS
+"""Wait for the ack of an answer to a call that must not run twice, before the answer goes out again."""
 
 
 class CallKey(NamedTuple):
@@ -55,10 +69,16 @@ class CallReceived:
 
 @dataclass(frozen=True, slots=True)
 class CallCancelled:
-    """The client gave up a call that the application still holds; an answer to it may still be given."""
+    """The client gave up a call that the application still holds.
+
+    A cancelled call is still to be answered, be it with :attr:`NcaStatus.FAULT_CANCEL`.  An ``orphaned`` one is
+    beyond that: the client told so, began another call instead, or waited in vain for ``execution_ns``; an answer goes
+    nowhere.
+    """
 
     call: CallKey
     peer: Peer
+    orphaned: bool = False
 
 
 ServerEvent = CallReceived | CallCancelled
@@ -73,12 +93,21 @@ class Interface:
     version: int = 1
 
 
+def _check_fragments(octets: int) -> None:
+    """C706 12.5: the body of every fragment but the last is a multiple of 8; no peer must take more than BODY_MAX."""
+    if not 0 < octets <= BODY_MAX or octets % 8:
+        raise ValueError(f"fragments of {octets} octets: a multiple of 8 up to {BODY_MAX} is wanted")
+
+
 @dataclass(frozen=True, slots=True)
 class RpcServerConfig:
-    """What the server offers, and its bounds.
+    """What the server offers, its times and its bounds.
 
-    ``boot_time`` 0 means unknown and is never compared.  ``stale_ns``: how long after the last sign of an activity an
-    older sequence number counts as a late duplicate; afterwards it counts as a client that began anew.
+    An interface with ``endpoints`` takes calls for their object UUIDs only; one without takes any.  ``boot_time`` 0
+    means unknown and is never compared.  ``reply_ns``: how long an answer is kept for a client that asks again.
+    ``idle_ns``: how long the number of the last call is remembered after that.  ``stale_ns``: how long after the last
+    sign of an activity an older sequence number counts as a late duplicate; afterwards it counts as a client that
+    began anew.  The times that C706 has no value for are this implementation's.
     """
 
     interfaces: tuple[Interface, ...] = (Interface(UUID_PNIO_DEVICE),)
@@ -89,12 +118,17 @@ class RpcServerConfig:
     activities_max: int = 32
     calls_max: int = 16
     held_octets_max: int = 512 * 1024
-    fragment_retry_ns: int = 500 * _MS
+    fragment_retry_ns: int = TIMEOUT_FRAG_NS
     fragment_tries: int = 4
+    resend_ns: int = TIMEOUT_RESEND_NS
     reassembly_ns: int = 5_000 * _MS
     execution_ns: int = 60_000 * _MS
-    idle_ns: int = 30_000 * _MS
+    reply_ns: int = 30_000 * _MS
+    idle_ns: int = TIMEOUT_IDLE_NS
     stale_ns: int = 3_000 * _MS
+
+    def __post_init__(self) -> None:
+        _check_fragments(self.fragment_octets)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +151,8 @@ class CallFailed:
     """No answer that could be used.
 
     ``reason``: ``no-answer`` (all tries were silent), ``timeout`` (the call's time is up), ``nocall`` (the server
-    keeps losing the call), ``bad-response``, or ``reject`` and ``fault`` with the name of ``code``, such as
-    ``reject nca_unk_if``.
+    keeps losing the call), ``bad-response``, or ``reject`` and ``fault`` with the name of ``code`` and what it means,
+    such as ``reject nca_unk_if (no such interface, version or object)``.
     """
 
     call_id: int
@@ -132,11 +166,17 @@ ClientEvent = CallReturned | CallFailed
 
 @dataclass(frozen=True, slots=True)
 class RpcClientConfig:
-    """Timing: the first retry after ``retry_ns``, each further one after twice the time, ``tries`` sendings in all."""
+    """Timing: the first retry after ``retry_ns``, each further one after twice the time, ``tries`` sendings in all.
+
+    ``retry_ns`` is shorter than C706's TIMEOUT_PING, because a control network answers within milliseconds.
+    """
 
     retry_ns: int = 500 * _MS
     tries: int = 3
     timeout_ns: int = 10_000 * _MS
-    working_ping_ns: int = 2_000 * _MS
+    working_ping_ns: int = TIMEOUT_PING_NS
     idle_ns: int = 60_000 * _MS
     fragment_octets: int = BODY_MAX
+
+    def __post_init__(self) -> None:
+        _check_fragments(self.fragment_octets)

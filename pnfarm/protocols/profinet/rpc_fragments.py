@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from pnfarm.protocols.profinet.wire.rpc import (
+    ARGS_HEADER_LENGTH,
     BODY_MAX,
     FRAGMENT_NONE,
     HEADER_LENGTH,
-    FackBody,
     Flags1,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +36,7 @@ __all__ = [
     "is_newer",
 ]
 
-STUB_MAX: Final = 65536 + 24
+STUB_MAX: Final = 65536 + ARGS_HEADER_LENGTH
 """Octets of a whole stub: 64 KiB of blocks and the NDR header before them."""
 
 FRAGMENTS_MAX: Final = 256

@@ -5,12 +5,17 @@ connectionless server machine); what a datagram does depends on the row's state 
 number is new, the same or old:
 
 =========  ======================================================================================
-IDLE       no call, or the client acknowledged the last reply
+IDLE       no call, or nothing is kept of the last one but its number
 RECEIVING  fragments of a request are arriving
 EXECUTING  the application holds the call; a repeated request or a ping is answered *working*
-REPLYING   a fragmented reply is on its way and not acknowledged to its end
+ORPHANED   the client gave the call up: an answer goes nowhere, and the call does not run again
+REPLYING   a reply is on its way and not acknowledged to its end
 REPLIED    the reply is kept, and sent again when the request or a ping comes again
 =========  ======================================================================================
+
+A call runs once.  The exceptions are C706's: a call whose client marked it idempotent runs again when it comes again
+after its reply was acknowledged or is too old to be kept; any other is then rejected.  A client that begins its
+numbers anew is believed after a while (``stale_ns``), or when it calls another operation under the last number.
 
 Driven by datagrams, by :meth:`RpcServer.respond` and :meth:`RpcServer.fault`, and by time.  Everything that a stranger
 can make it keep is bounded: activities, open calls, and octets held in all.
@@ -19,12 +24,14 @@ can make it keep is bounded: activities, open calls, and octets held in all.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
-from enum import Enum, auto
+from dataclasses import replace
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, ClassVar, Final
+from typing import Final
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.rpc_activities import TRANSITIONS, Activity, ActivityTable, ServerState
+from pnfarm.protocols.profinet.rpc_activities import ServerEventKind as _Event
+from pnfarm.protocols.profinet.rpc_answers import answer_to, cancel_ack, fack, nocall, nocall_so_far, reject
 from pnfarm.protocols.profinet.rpc_endpoints import EndpointMapper
 from pnfarm.protocols.profinet.rpc_events import (
     CallCancelled,
@@ -40,13 +47,11 @@ from pnfarm.protocols.profinet.rpc_fragments import (
     FragmentSender,
     Peer,
     Reassembly,
-    fack_body,
     is_newer,
 )
+from pnfarm.protocols.profinet.rpc_offer import Offer, read_arguments
 from pnfarm.protocols.profinet.wire.rpc import (
-    BODY_MAX,
-    FRAGMENT_NONE,
-    NIL_UUID,
+    ARGS_HEADER_LENGTH,
     UUID_EPM,
     Flags1,
     NcaStatus,
@@ -55,20 +60,14 @@ from pnfarm.protocols.profinet.wire.rpc import (
     ResponseArgs,
     RpcPdu,
     args_length_invalid,
-    emit_fack,
     emit_response_args,
     emit_rpc,
     emit_status,
-    parse_fack,
-    parse_request_args,
     parse_rpc,
+    read_u32,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from uuid import UUID
-
-    _Action = Callable[["RpcServer", "_Activity", RpcPdu | None, int], None]
+from pnfarm.protocols.profinet.wire.rpc_bodies import parse_cancel, parse_fack
+from pnfarm.wire.octets import Reader
 
 __all__ = [
     "CallCancelled",
@@ -86,67 +85,16 @@ __all__ = [
 NO_ADDRESS: Final = IPv4Address(0)
 
 
-class ServerState(Enum):
-    """States of one activity."""
-
-    IDLE = auto()
-    RECEIVING = auto()
-    EXECUTING = auto()
-    REPLYING = auto()
-    REPLIED = auto()
-
-
-class _Event(Enum):
-    REQUEST_NEW = auto()
-    REQUEST_SAME = auto()
-    COMPLETED = auto()
-    ANSWERED = auto()
-    PING = auto()
-    FACK = auto()
-    ACK = auto()
-    CANCEL = auto()
-    DELIVERED = auto()
-    RETRY = auto()
-    GAVE_UP = auto()
-
-
-@dataclass(slots=True)
-class _Activity:
-    key: tuple[IPv4Address, UUID]
-    peer: Peer
-    local_port: int
-    request: RpcPdu
-    touched: int
-    state: ServerState = ServerState.IDLE
-    deadline: int = 0
-    reassembly: Reassembly = field(default_factory=lambda: Reassembly(STUB_MAX))
-    args_maximum: int = 0
-    source_mac: bytes | None = None
-    reply_type: int = PacketType.RESPONSE
-    reply: FragmentSender | None = None
-    serial: int = 0
-    tries: int = 0
-
-    @property
-    def call(self) -> CallKey:
-        return CallKey(*self.key, self.request.sequence)
-
-    @property
-    def held(self) -> int:
-        return self.reassembly.octets + (self.reply.octets if self.reply else 0)
-
-
 class RpcServer:
     """See the module's text.  ``address`` is the device's own, which the endpoint mapper tells; 0.0.0.0 is none yet."""
 
     def __init__(self, config: RpcServerConfig, address: IPv4Address = NO_ADDRESS) -> None:
         self.config = config
         self.dropped: Counter[str] = Counter()
-        self._interfaces = {interface.uuid: interface for interface in config.interfaces}
         self._mapper = EndpointMapper(config.endpoints, config.port, address) if config.endpoints else None
-        if self._mapper is not None:
-            self._interfaces[UUID_EPM] = Interface(UUID_EPM, self._mapper.opnums, self._mapper.version)
-        self._activities: dict[tuple[IPv4Address, UUID], _Activity] = {}
+        own = () if self._mapper is None else (Interface(UUID_EPM, self._mapper.opnums, self._mapper.version),)
+        self._offer = Offer((*config.interfaces, *own), config.endpoints, config.boot_time)
+        self._activities = ActivityTable(config.activities_max, config.held_octets_max, self.dropped)
         self._out: list[Datagram] = []
         self._events: list[ServerEvent] = []
 
@@ -164,6 +112,10 @@ class RpcServer:
         except DecodeError as exc:
             self.dropped[exc.reason] += 1
             return
+        if not peer.port:
+            # nothing could be answered
+            self.dropped["source-port-0"] += 1
+            return
         if pdu.flags1 & (Flags1.MAYBE | Flags1.BROADCAST):
             # PROFINET uses neither, and neither may be answered with a reject
             self.dropped["maybe-or-broadcast"] += 1
@@ -178,7 +130,7 @@ class RpcServer:
             case PacketType.ACK:
                 self._about_call(_Event.ACK, peer, local_port, pdu, now)
             case PacketType.CL_CANCEL:
-                self._about_call(_Event.CANCEL, peer, local_port, pdu, now)
+                self._about_call(_Event.CANCEL if pdu.body else _Event.ORPHAN, peer, local_port, pdu, now)
             case _:
                 self.dropped["unexpected-type"] += 1
 
@@ -191,8 +143,9 @@ class RpcServer:
         activity = self._open_call(call)
         if activity is None:
             return False
-        if len(payload) > min(activity.args_maximum, STUB_MAX - 24):
-            return self.fault(call, NcaStatus.OUT_ARGS_TOO_BIG, now)
+        if len(payload) > min(activity.args_maximum, STUB_MAX - ARGS_HEADER_LENGTH):
+            self._answer_status(activity, NcaStatus.OUT_ARGS_TOO_BIG, now)
+            return True
         args = ResponseArgs(status, payload, activity.args_maximum)
         stub = emit_response_args(args, little_endian=activity.request.little_endian)
         self._answer(activity, PacketType.RESPONSE, stub, now)
@@ -203,7 +156,7 @@ class RpcServer:
         activity = self._open_call(call)
         if activity is None:
             return False
-        self._answer(activity, PacketType.FAULT, emit_status(code, little_endian=activity.request.little_endian), now)
+        self._answer_status(activity, code, now)
         return True
 
     def to_send(self, now: int) -> list[Datagram]:  # noqa: ARG002  # the convention of all machines
@@ -215,44 +168,45 @@ class RpcServer:
         return events
 
     def next_deadline(self) -> int | None:
-        return min((activity.deadline for activity in self._activities.values()), default=None)
+        return self._activities.next_deadline()
 
     def handle_timeout(self, now: int) -> None:
-        for activity in [row for row in self._activities.values() if row.deadline <= now]:
-            if activity.state is not ServerState.REPLYING:
-                self._forget(activity, f"expired-{activity.state.name.lower()}")
-            elif activity.tries >= self.config.fragment_tries:
-                self._fire(activity, _Event.GAVE_UP, None, now)
-            else:
-                self._fire(activity, _Event.RETRY, None, now)
+        for activity in self._activities.due(now):
+            match activity.state:
+                case ServerState.IDLE | ServerState.RECEIVING:
+                    self._activities.forget(activity, f"expired-{activity.state.name.lower()}")
+                case ServerState.REPLYING if activity.tries < self.config.fragment_tries:
+                    self._fire(activity, _Event.RETRY, None, now)
+                case _:
+                    self.dropped[f"expired-{activity.state.name.lower()}"] += 1
+                    self._fire(activity, _Event.EXPIRED, None, now)
 
     @property
     def activities(self) -> dict[CallKey, ServerState]:
         """The last call of every remembered activity and how far it is."""
-        return {activity.call: activity.state for activity in self._activities.values()}
+        return {activity.call: activity.state for activity in self._activities}
 
     @property
     def held_octets(self) -> int:
         """Octets of unfinished requests and kept replies."""
-        return sum(activity.held for activity in self._activities.values())
+        return self._activities.held_octets
 
     # --- what a datagram means -----------------------------------------------------------------------------
 
     def _request(self, peer: Peer, local_port: int, pdu: RpcPdu, now: int, source_mac: bytes | None) -> None:
-        refusal = self._refusal(pdu)
+        refusal = self._offer.refusal(pdu)
         if refusal is not None:
             self._reject(peer, local_port, pdu, refusal)
             return
-        key = (peer.ip, pdu.activity)
-        activity = self._activities.get(key)
+        activity = self._activities.get((peer.ip, pdu.activity))
         if activity is None:
-            if not self._make_room(None):
+            activity = Activity((peer.ip, pdu.activity), peer, local_port, pdu, now)
+            if not self._activities.add(activity):
                 self._reject(peer, local_port, pdu, NcaStatus.SERVER_TOO_BUSY)
                 return
-            activity = self._activities[key] = _Activity(key, peer, local_port, pdu, now)
             event = _Event.REQUEST_NEW
         elif pdu.sequence == activity.request.sequence:
-            event = _Event.REQUEST_SAME
+            event = _Event.REQUEST_NEW if activity.runs_again(pdu) else _Event.REQUEST_SAME
         elif is_newer(pdu.sequence, activity.request.sequence) or now - activity.touched >= self.config.stale_ns:
             event = _Event.REQUEST_NEW
         else:
@@ -262,42 +216,37 @@ class RpcServer:
         activity.touched = now
         self._fire(activity, event, pdu, now)
 
-    def _refusal(self, pdu: RpcPdu) -> NcaStatus | None:
-        interface = self._interfaces.get(pdu.interface)
-        major, minor = pdu.interface_version & 0xFFFF, pdu.interface_version >> 16
-        if interface is None or major != interface.version or minor:
-            return NcaStatus.UNK_IF
-        if pdu.opnum not in interface.opnums:
-            return NcaStatus.OP_RNG_ERROR
-        if pdu.activity == NIL_UUID:
-            return NcaStatus.BAD_ACTID
-        if pdu.auth_protocol:
-            return NcaStatus.UNSUPPORTED_AUTHN_LEVEL
-        if pdu.trailer or len(pdu.body) > BODY_MAX:
-            return NcaStatus.PROTO_ERROR
-        if pdu.server_boot_time and self.config.boot_time and pdu.server_boot_time != self.config.boot_time:
-            return NcaStatus.WRONG_BOOT_TIME
-        return None
-
     def _about_call(self, event: _Event, peer: Peer, local_port: int, pdu: RpcPdu, now: int) -> None:
+        if self._offer.is_of_another_boot(pdu):
+            self._reject(peer, local_port, pdu, NcaStatus.WRONG_BOOT_TIME)
+            return
         activity = self._activities.get((peer.ip, pdu.activity))
+        newer = activity is None or is_newer(pdu.sequence, activity.request.sequence)
         if activity is not None and activity.request.sequence == pdu.sequence:
             activity.peer, activity.local_port = peer, local_port
             self._fire(activity, event, pdu, now)
-        elif event is _Event.PING:
-            self._send_to(peer, local_port, _answer_to(pdu, PacketType.NOCALL, fragment_number=FRAGMENT_NONE))
+        elif event is _Event.PING and newer:
+            self._send_to(peer, local_port, nocall(pdu))
+        elif event is _Event.ORPHAN and activity is not None and newer:
+            # the call that it gives up never arrived
+            self._send_to(peer, local_port, cancel_ack(pdu, None, accepting=False))
         else:
             self.dropped[f"no-call-for-{event.name.lower()}"] += 1
 
-    def _open_call(self, call: CallKey) -> _Activity | None:
+    def _open_call(self, call: CallKey) -> Activity | None:
         activity = self._activities.get((call.ip, call.activity))
         if activity is None or activity.state is not ServerState.EXECUTING or activity.call != call:
             self.dropped["late-answer"] += 1
             return None
         return activity
 
-    def _answer(self, activity: _Activity, reply_type: PacketType, stub: bytes, now: int) -> None:
-        if not self._make_room(activity, len(stub)):
+    def _answer_status(
+        self, activity: Activity, code: int, now: int, reply_type: PacketType = PacketType.FAULT
+    ) -> None:
+        self._answer(activity, reply_type, emit_status(code, little_endian=activity.request.little_endian), now)
+
+    def _answer(self, activity: Activity, reply_type: PacketType, stub: bytes, now: int) -> None:
+        if not self._activities.make_room(activity, len(stub)):
             # this call is the last that has a right to memory: what others keep was let go already
             self.dropped["held-octets"] += 1
             reply_type = PacketType.FAULT
@@ -308,45 +257,56 @@ class RpcServer:
 
     # --- the machine ---------------------------------------------------------------------------------------
 
-    def _fire(self, activity: _Activity, event: _Event, pdu: RpcPdu | None, now: int) -> None:
-        row = self._TRANSITIONS.get((activity.state, event))
+    def _fire(self, activity: Activity, event: _Event, pdu: RpcPdu | None, now: int) -> None:
+        row = TRANSITIONS.get((activity.state, event))
         if row is None:
             self.dropped[f"{event.name.lower().replace('_', '-')}-in-{activity.state.name.lower()}"] += 1
             return
         state, action = row
         self._enter(activity, state, now)
         if action is not None:
-            action(self, activity, pdu, now)
+            getattr(self, f"_do_{action}")(activity, pdu, now)
+        self._activities.settle(activity)
 
-    def _enter(self, activity: _Activity, state: ServerState, now: int) -> None:
-        """Write the state; the only place that does."""
-        if state is activity.state and state in {ServerState.EXECUTING, ServerState.REPLYING}:
+    def _enter(self, activity: Activity, state: ServerState, now: int) -> None:
+        """Let a row enter a state, and say how long it may stay; the only place that does."""
+        stays = state is activity.state
+        if stays and state in {ServerState.EXECUTING, ServerState.ORPHANED, ServerState.REPLYING}:
             return
-        activity.state = state
+        self._activities.move(activity, state)
         waits = {
             ServerState.IDLE: self.config.idle_ns,
             ServerState.RECEIVING: self.config.reassembly_ns,
             ServerState.EXECUTING: self.config.execution_ns,
+            ServerState.ORPHANED: self.config.execution_ns,
             ServerState.REPLYING: self.config.fragment_retry_ns,
-            ServerState.REPLIED: self.config.idle_ns,
+            ServerState.REPLIED: self.config.reply_ns,
         }
         activity.deadline = now + waits[state]
 
-    def _begin(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:
+    # receiving
+
+    def _do_begin(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         assert pdu is not None
-        activity.request = pdu
+        activity.request = replace(pdu, body=b"")
         activity.reassembly = Reassembly(STUB_MAX)
         activity.reply = None
         activity.serial = activity.tries = 0
-        self._collect(activity, pdu, now)
+        activity.cancelled = False
+        self._do_collect(activity, pdu, now)
 
-    def _collect(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:
+    def _do_begin_another(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
+        """The client does not wait for the call that the application holds."""
+        self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
+        self._do_begin(activity, pdu, now)
+
+    def _do_collect(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         assert pdu is not None
         if pdu.drep != activity.request.drep or pdu.opnum != activity.request.opnum:
             self.dropped["fragments-differ"] += 1
             return
-        if not self._make_room(activity, len(pdu.body)):
-            self._forget(activity, "held-octets")
+        if not self._activities.make_room(activity, len(pdu.body)):
+            self._activities.forget(activity, "held-octets")
             return
         number = pdu.fragment_number if pdu.is_fragment else 0
         reason = activity.reassembly.add(number, pdu.body, last=pdu.is_last)
@@ -354,33 +314,38 @@ class RpcServer:
             self.dropped[reason] += 1
         if reason == "too-long":
             self._reject(activity.peer, activity.local_port, pdu, NcaStatus.PROTO_ERROR)
-            self._forget(activity, "request-too-long")
-        elif activity.reassembly.complete:
+            self._activities.forget(activity, "request-too-long")
+            return
+        if pdu.wants_fack:
+            self._send(activity, fack(pdu, activity.reassembly.acknowledged))
+        if activity.reassembly.complete:
             self._fire(activity, _Event.COMPLETED, pdu, now)
-        elif pdu.wants_fack:
-            self._fack(activity, pdu)
 
-    def _indicate(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:
+    def _do_indicate(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         assert pdu is not None
         request = activity.request
+        activity.args_maximum = 0
         stub, activity.reassembly = activity.reassembly.stub(), Reassembly(STUB_MAX)
-        open_calls = sum(row.state is ServerState.EXECUTING for row in self._activities.values())
-        if open_calls > self.config.calls_max:
+        if self._activities.count(ServerState.EXECUTING) > self.config.calls_max:
             self._reject(activity.peer, activity.local_port, pdu, NcaStatus.SERVER_TOO_BUSY)
-            self._forget(activity, "calls-max")
+            self._activities.forget(activity, "calls-max")
             return
         if request.interface == UUID_EPM and self._mapper is not None:
             reply_type, answer = self._mapper.answer(request.opnum, stub, little_endian=request.little_endian)
             self._answer(activity, reply_type, answer, now)
             return
+        if len(stub) < ARGS_HEADER_LENGTH:
+            # not even the counts, so there is nothing that a response could be made of
+            self.dropped["args-short"] += 1
+            self._answer_status(activity, NcaStatus.PROTO_ERROR, now, PacketType.REJECT)
+            return
+        activity.args_maximum = read_u32(Reader(stub), little=request.little_endian)
         try:
-            args = parse_request_args(stub, little_endian=request.little_endian)
+            args = read_arguments(stub, little_endian=request.little_endian)
         except DecodeError as exc:
             self.dropped[f"args-{exc.reason}"] += 1
-            activity.args_maximum = 0
             self.respond(activity.call, args_length_invalid(request.opnum), b"", now)
             return
-        activity.args_maximum = args.args_maximum
         self._events.append(
             CallReceived(
                 activity.call,
@@ -395,57 +360,72 @@ class RpcServer:
             )
         )
 
-    def _working(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+    def _do_refuse_rerun(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+        """A call that must not run twice came again, and its reply is gone."""
         assert pdu is not None
-        self._send(activity, _answer_to(pdu, PacketType.WORKING))
+        if pdu.is_fragment and pdu.fragment_number:
+            self.dropped["rerun-fragment"] += 1
+        else:
+            self._reject(activity.peer, activity.local_port, pdu, NcaStatus.PROTO_ERROR)
 
-    def _nocall(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+    # executing
+
+    def _do_working(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
         assert pdu is not None
-        self._send(activity, _answer_to(pdu, PacketType.NOCALL, fragment_number=FRAGMENT_NONE))
+        self._send(activity, answer_to(pdu, PacketType.WORKING))
 
-    def _arrived(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        """Answer a ping during reassembly: no call yet, and this is what has arrived of it."""
+    def _do_nocall(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
         assert pdu is not None
-        body = emit_fack(fack_body(pdu.serial), little_endian=pdu.little_endian)
-        number = activity.reassembly.acknowledged
-        self._send(activity, _answer_to(pdu, PacketType.NOCALL, fragment_number=number, body=body))
+        self._send(activity, nocall(pdu))
 
-    def _fack(self, activity: _Activity, pdu: RpcPdu) -> None:
-        body = emit_fack(fack_body(pdu.serial), little_endian=pdu.little_endian)
-        number = activity.reassembly.acknowledged
-        self._send(activity, _answer_to(pdu, PacketType.FACK, fragment_number=number, body=body))
+    def _do_arrived(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+        """Answer a ping during reassembly."""
+        assert pdu is not None
+        self._send(activity, nocall_so_far(pdu, activity.reassembly.acknowledged))
 
-    def _reply(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:
+    def _do_abandon(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+        """The application never answered: tell the client, lest it sends a call again that may have run."""
+        self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
+        self._answer_status(activity, NcaStatus.FAULT_UNSPEC, now)
+
+    # replying
+
+    def _do_reply(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
         """Send the reply from its beginning: the first time, or because the request came again."""
         assert activity.reply is not None
         activity.reply.restart()
         activity.tries = 0
-        self._transmit(activity, pdu, now)
+        self._transmit(activity, now)
 
-    def _resume(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:
+    def _do_resume(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         assert activity.reply is not None
         activity.reply.rewind()
-        self._transmit(activity, pdu, now)
+        if pdu is not None:
+            # the client gave a sign
+            activity.tries = 0
+        self._transmit(activity, now)
 
-    def _transmit(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+    def _transmit(self, activity: Activity, now: int) -> None:
         sender = activity.reply
         assert sender is not None
         for fragment in sender.due():
             flags = fragment.flags1 if sender.fragmented else Flags1.NO_FACK | Flags1.LAST_FRAGMENT
             answer = replace(
-                _answer_to(activity.request, activity.reply_type, fragment_number=fragment.number, body=fragment.body),
+                answer_to(activity.request, activity.reply_type, fragment_number=fragment.number, body=fragment.body),
                 flags1=int(flags),
                 serial=activity.serial,
             )
             activity.serial = (activity.serial + 1) & 0xFFFF
             self._send(activity, answer)
+        activity.tries += 1
         if sender.fragmented:
-            activity.deadline = now + (self.config.fragment_retry_ns << min(activity.tries, self.config.fragment_tries))
-            activity.tries += 1
-        else:
+            activity.deadline = now + self.config.fragment_retry_ns
+        elif activity.idempotent:
             self._fire(activity, _Event.DELIVERED, None, now)
+        else:
+            activity.deadline = now + self.config.resend_ns
 
-    def _slide(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:
+    def _do_slide(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         assert pdu is not None
         assert activity.reply is not None
         try:
@@ -461,90 +441,58 @@ class RpcServer:
             self._fire(activity, _Event.DELIVERED, None, now)
             return
         activity.tries = 0
-        self._transmit(activity, pdu, now)
+        self._transmit(activity, now)
 
-    def _release(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+    def _do_release(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
         activity.reply = None
 
-    def _cancel(self, activity: _Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+    # cancelling: with a body a cl_cancel asks the application to end the call, without one it orphans the call
+
+    def _do_cancel(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+        """The application may still answer; it is told once, however often the cancel comes."""
+        if self._acknowledge_cancel(activity, pdu, accepting=True) and not activity.cancelled:
+            activity.cancelled = True
+            self._events.append(CallCancelled(activity.call, activity.peer))
+
+    def _do_cancel_unbegun(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
+        """The call never reaches the application."""
+        if self._acknowledge_cancel(activity, pdu, accepting=True):
+            activity.reassembly = Reassembly(STUB_MAX)
+            self._answer_status(activity, NcaStatus.FAULT_CANCEL, now)
+
+    def _do_cancel_late(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+        self._acknowledge_cancel(activity, pdu, accepting=False)
+
+    def _acknowledge_cancel(self, activity: Activity, pdu: RpcPdu | None, *, accepting: bool) -> bool:
         assert pdu is not None
-        self._events.append(CallCancelled(activity.call, activity.peer))
-        self._send(activity, _answer_to(pdu, PacketType.CANCEL_ACK))
+        try:
+            cancel = parse_cancel(pdu.body, little_endian=pdu.little_endian)
+        except DecodeError as exc:
+            self.dropped[f"cancel-{exc.reason}"] += 1
+            return False
+        self._send(activity, cancel_ack(pdu, cancel, accepting=accepting))
+        return True
 
-    # --- bounds --------------------------------------------------------------------------------------------
+    def _do_orphan(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+        assert pdu is not None
+        activity.reassembly, activity.reply = Reassembly(STUB_MAX), None
+        self._send(activity, cancel_ack(pdu, None, accepting=False))
 
-    def _make_room(self, keeper: _Activity | None, octets: int = 0) -> bool:
-        """Let go of what matters least until ``octets`` more, or one more activity, fit; False when they cannot."""
-
-        def fits() -> bool:
-            if keeper is None and len(self._activities) >= self.config.activities_max:
-                return False
-            return self.held_octets + octets <= self.config.held_octets_max
-
-        for state in (ServerState.IDLE, ServerState.REPLIED, ServerState.RECEIVING, ServerState.REPLYING):
-            if fits():
-                return True
-            rows = [row for row in self._activities.values() if row.state is state and row is not keeper]
-            for row in sorted(rows, key=lambda row: row.touched):
-                self._forget(row, "evicted")
-                if fits():
-                    return True
-        return fits()
-
-    def _forget(self, activity: _Activity, reason: str) -> None:
-        if self._activities.pop(activity.key, None) is not None:
-            self.dropped[reason] += 1
+    def _do_orphan_executing(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
+        self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
+        self._do_orphan(activity, pdu, now)
 
     # --- sending -------------------------------------------------------------------------------------------
 
     def _reject(self, peer: Peer, local_port: int, pdu: RpcPdu, status: NcaStatus) -> None:
         self.dropped[f"reject-{status.name.lower().replace('_', '-')}"] += 1
-        body = emit_status(status, little_endian=pdu.little_endian)
-        self._send_to(peer, local_port, _answer_to(pdu, PacketType.REJECT, body=body))
+        # a client that knows another boot time would not believe a reject with ours
+        self._send_to(peer, local_port, reject(pdu, status), stamp=status is not NcaStatus.WRONG_BOOT_TIME)
 
-    def _send(self, activity: _Activity, pdu: RpcPdu) -> None:
+    def _send(self, activity: Activity, pdu: RpcPdu) -> None:
         self._send_to(activity.peer, activity.local_port, pdu)
 
-    def _send_to(self, peer: Peer, local_port: int, pdu: RpcPdu) -> None:
-        stamped = replace(pdu, server_boot_time=self.config.boot_time or pdu.server_boot_time)
-        self._out.append(Datagram(local_port, peer, emit_rpc(stamped)))
-
-    _TRANSITIONS: ClassVar[dict[tuple[ServerState, _Event], tuple[ServerState, _Action | None]]] = {
-        (ServerState.IDLE, _Event.REQUEST_NEW): (ServerState.RECEIVING, _begin),
-        (ServerState.RECEIVING, _Event.REQUEST_NEW): (ServerState.RECEIVING, _begin),
-        (ServerState.RECEIVING, _Event.REQUEST_SAME): (ServerState.RECEIVING, _collect),
-        (ServerState.RECEIVING, _Event.COMPLETED): (ServerState.EXECUTING, _indicate),
-        (ServerState.RECEIVING, _Event.PING): (ServerState.RECEIVING, _arrived),
-        (ServerState.EXECUTING, _Event.REQUEST_NEW): (ServerState.RECEIVING, _begin),
-        (ServerState.EXECUTING, _Event.REQUEST_SAME): (ServerState.EXECUTING, _working),
-        (ServerState.EXECUTING, _Event.PING): (ServerState.EXECUTING, _working),
-        (ServerState.EXECUTING, _Event.CANCEL): (ServerState.EXECUTING, _cancel),
-        (ServerState.EXECUTING, _Event.ANSWERED): (ServerState.REPLYING, _reply),
-        (ServerState.REPLYING, _Event.REQUEST_NEW): (ServerState.RECEIVING, _begin),
-        (ServerState.REPLYING, _Event.REQUEST_SAME): (ServerState.REPLYING, _resume),
-        (ServerState.REPLYING, _Event.PING): (ServerState.REPLYING, _resume),
-        (ServerState.REPLYING, _Event.FACK): (ServerState.REPLYING, _slide),
-        (ServerState.REPLYING, _Event.RETRY): (ServerState.REPLYING, _resume),
-        (ServerState.REPLYING, _Event.DELIVERED): (ServerState.REPLIED, None),
-        (ServerState.REPLYING, _Event.GAVE_UP): (ServerState.REPLIED, None),
-        (ServerState.REPLYING, _Event.ACK): (ServerState.IDLE, _release),
-        (ServerState.REPLIED, _Event.REQUEST_NEW): (ServerState.RECEIVING, _begin),
-        (ServerState.REPLIED, _Event.REQUEST_SAME): (ServerState.REPLYING, _reply),
-        (ServerState.REPLIED, _Event.PING): (ServerState.REPLYING, _reply),
-        (ServerState.REPLIED, _Event.ACK): (ServerState.IDLE, _release),
-        (ServerState.IDLE, _Event.PING): (ServerState.IDLE, _nocall),
-    }
-
-
-def _answer_to(pdu: RpcPdu, packet_type: int, *, fragment_number: int = 0, body: bytes = b"") -> RpcPdu:
-    return replace(
-        pdu,
-        packet_type=int(packet_type),
-        flags1=0,
-        flags2=0,
-        fragment_number=fragment_number,
-        serial=0,
-        body=body,
-        trailer=b"",
-        auth_protocol=0,
-    )
+    def _send_to(self, peer: Peer, local_port: int, pdu: RpcPdu, *, stamp: bool = True) -> None:
+        if stamp and self.config.boot_time:
+            pdu = replace(pdu, server_boot_time=self.config.boot_time)
+        self._out.append(Datagram(local_port, peer, emit_rpc(pdu)))

@@ -7,6 +7,7 @@ from scapy.layers.inet import ICMP, IP, UDP
 from scapy.layers.l2 import ARP, Ether
 from scapy.packet import Raw
 
+from pnfarm.protocols.ip.claim import RECHECK_NS, SPREAD_NS, WAIT_NS, AddressClaim, ClaimSign, ClaimState
 from pnfarm.protocols.ip.host import (
     ARP_INTERVAL_NS,
     DEFEND_INTERVAL_NS,
@@ -14,6 +15,8 @@ from pnfarm.protocols.ip.host import (
     QUEUE_LIMIT,
     AddressConflict,
     AddressProbed,
+    AddressRefused,
+    AddressSettled,
     DatagramReceived,
     IpHost,
 )
@@ -345,6 +348,149 @@ def test_two_that_probe_for_the_same_address_both_find_a_conflict():
     join(one, two)
     assert one.events() == [AddressProbed(B, MAC_B)]
     assert two.events() == [AddressProbed(B, MAC_A)]
+
+
+# -- the right to an address -------------------------------------------------------------------------------------------
+
+
+def claiming(mac: bytes = MAC_A, now: int = 0) -> IpHost:
+    made = IpHost(mac)
+    made.claim_address(IPv4Interface("10.0.0.1/24"), None, now)
+    return made
+
+
+def questions(machine: IpHost, now: int = 0) -> list[tuple[str, str]]:
+    return [(frame[ARP].psrc, frame[ARP].pdst) for frame in sent(machine, now)]
+
+
+ASK, ANNOUNCE = ("0.0.0.0", "10.0.0.1"), ("10.0.0.1", "10.0.0.1")
+HELD_BY_B = from_b(ARP(op=2, hwsrc=format_mac(MAC_B), psrc="10.0.0.1", pdst="0.0.0.0"))
+
+
+def test_an_address_that_was_given_is_asked_for_used_at_once_and_announced_after_a_second():
+    machine = claiming()
+    assert questions(machine) == [ASK]
+    feed(machine, from_b(ARP(op=1, hwsrc=format_mac(MAC_B), psrc="10.0.0.2", pdst="10.0.0.1"), b"\xff" * 6))
+    assert [frame[ARP].op for frame in sent(machine)] == [2]
+    assert machine.next_deadline() == WAIT_NS
+    assert questions(machine, WAIT_NS) == [ANNOUNCE]
+    assert machine.next_deadline() is None
+    assert machine.events() == []
+
+
+def test_an_address_that_another_station_has_is_left_to_it():
+    machine = claiming()
+    machine.send(1, B, 2, b"", 0)
+    sent(machine)
+    feed(machine, HELD_BY_B)
+    assert machine.events() == [AddressRefused(A, MAC_B)]
+    assert machine.address is None
+    assert str(machine.wanted) == "10.0.0.1/24"
+    feed(machine, from_b(ARP(op=1, hwsrc=format_mac(MAC_B), psrc="10.0.0.2", pdst="10.0.0.1"), b"\xff" * 6))
+    feed(machine, from_b(IP(src="10.0.0.2", dst="10.0.0.1") / ICMP()))
+    assert sent(machine) == []
+    assert machine.dropped == {"address-refused": 1, "no-address": 1}
+
+
+def test_a_refused_address_is_asked_for_again_until_it_is_free():
+    machine = claiming()
+    feed(machine, HELD_BY_B)
+    sent(machine)
+    first = machine.next_deadline()
+    assert RECHECK_NS <= first < RECHECK_NS + SPREAD_NS
+    assert questions(machine, first) == [ASK]
+    feed(machine, HELD_BY_B, first + 1)
+    assert machine.address is None
+    second = machine.next_deadline()
+    assert questions(machine, second) == [ASK]
+    assert questions(machine, second + WAIT_NS) == [ANNOUNCE]
+    assert machine.events() == [AddressRefused(A, MAC_B), AddressSettled(A)]
+    assert str(machine.address) == "10.0.0.1/24"
+    assert machine.next_deadline() is None
+
+
+def test_a_scanner_that_asks_for_the_address_is_no_objection():
+    machine = claiming()
+    sent(machine)
+    feed(machine, from_b(ARP(op=1, hwsrc=format_mac(MAC_B), psrc="0.0.0.0", pdst="10.0.0.1"), b"\xff" * 6))
+    assert [frame[ARP].op for frame in sent(machine)] == [2]
+    assert machine.events() == []
+
+
+def test_a_conflict_ends_when_the_other_station_is_silent():
+    machine = host()
+    claim = from_b(ARP(op=1, hwsrc=format_mac(MAC_B), psrc="10.0.0.1", pdst="10.0.0.1"), b"\xff" * 6)
+    feed(machine, claim)
+    assert questions(machine) == [ANNOUNCE]
+    due = machine.next_deadline()
+    assert questions(machine, due) == [ASK]
+    feed(machine, HELD_BY_B, due + 1)
+    assert machine.events() == [AddressConflict(A, MAC_B), AddressConflict(A, MAC_B)]
+    due = machine.next_deadline()
+    assert [q for q in questions(machine, due) if q == ASK] == [ASK]
+    assert sent(machine, due + WAIT_NS) == []
+    assert machine.events() == [AddressSettled(A)]
+    assert machine.next_deadline() is None
+    assert str(machine.address) == "10.0.0.1/24"  # it was used all the time
+
+
+def test_two_that_are_given_one_address_do_not_both_get_it():
+    one, two = claiming(MAC_A), claiming(MAC_B)
+    join(one, two)
+    assert one.events() == [AddressRefused(A, MAC_B)]
+    assert two.events() == [AddressRefused(A, MAC_A)]
+    for now in range(0, 60 * SECOND, SECOND // 100):
+        join(one, two, now=now)
+    holders = [machine for machine in (one, two) if machine.address is not None]
+    assert len(holders) == 1
+    assert AddressSettled(A) in holders[0].events()
+
+
+def test_two_that_have_one_address_from_the_start_both_know_and_keep_it():
+    one, two = host(MAC_A, "10.0.0.1/24"), IpHost(MAC_B)
+    two.set_address(IPv4Interface("10.0.0.1/24"))
+    frames = 0
+    for now in range(0, 60 * SECOND, SECOND):
+        for _ in range(10):
+            moved = [
+                (origin, other, octets) for origin, other in ((one, two), (two, one)) for octets in origin.to_send(now)
+            ]
+            frames += len(moved)
+            for _, other, octets in moved:
+                other.receive(parse_ethernet(octets), now)
+    assert {type(event) for machine in (one, two) for event in machine.events()} == {AddressConflict}
+    assert frames < 40  # they do not shout at each other
+    two.set_address(None)
+    for now in range(60 * SECOND, 90 * SECOND, SECOND):
+        one.to_send(now)
+    assert AddressSettled(A) in one.events()
+
+
+def test_giving_up_a_claimed_address_ends_the_claim():
+    machine = claiming()
+    machine.set_address(None)
+    assert machine.next_deadline() is None
+    feed(machine, HELD_BY_B)
+    assert machine.events() == []
+
+
+def test_an_address_given_again_starts_anew():
+    machine = claiming()
+    feed(machine, HELD_BY_B)
+    machine.claim_address(IPv4Interface("10.0.0.7/24"), None, SECOND)
+    feed(machine, HELD_BY_B, SECOND)
+    assert machine.events() == [AddressRefused(A, MAC_B)]
+    assert str(machine.address) == "10.0.0.7/24"
+
+
+@given(st.lists(st.sampled_from(list(ClaimSign))))
+def test_every_claim_comes_to_rest_or_waits(signs):
+    claim = AddressClaim(MAC_A)
+    for now, sign in enumerate(signs):
+        claim.sign(sign, now)
+        waits = claim.state not in {ClaimState.NONE, ClaimState.BOUND}
+        assert (claim.deadline is not None) == waits
+        assert claim.deadline is None or claim.deadline > now
 
 
 # -- strangers ---------------------------------------------------------------------------------------------------------

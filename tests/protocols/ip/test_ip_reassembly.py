@@ -94,3 +94,37 @@ def test_any_pieces_are_survived_within_bounds(items):
         packet = piece(units * 8, data, more=more, identification=identification)
         reassembler.receive(packet, now)
         assert len(reassembler._partials) <= MAXIMUM_PACKETS
+
+
+def test_a_sender_of_many_pieces_displaces_its_own_packets():
+    dropped = Counter()
+    reassembler = Reassembler(dropped)
+    whole = b"first half" + b"      " + b"second half"
+    first, second = pieces_of(whole, 16)
+    reassembler.receive(first, 0)
+    for identification in range(50):
+        stranger = Ipv4Packet(B, A, 17, b"x" * 8, identification=identification, more_fragments=True)
+        reassembler.receive(stranger, identification)
+    assert dropped["fragment-displaced"] == 50 - (MAXIMUM_PACKETS - 1)
+    packet = reassembler.receive(second, 100)
+    assert packet is not None
+    assert packet.payload == whole
+
+
+def test_a_piece_within_another_gives_the_packet_up():
+    """The teardrop: a second piece that ends before the first one does."""
+    dropped = Counter()
+    reassembler = Reassembler(dropped)
+    reassembler.receive(piece(0, b"a" * 64, more=True), 0)
+    assert reassembler.receive(piece(24, b"b" * 4, more=False), 0) is None
+    assert dropped == {"fragment-overlap": 1}
+    assert reassembler.next_deadline() is None
+
+
+def test_the_octets_held_are_bounded():
+    reassembler = Reassembler(Counter())
+    for identification in range(100):
+        for index in range(MAXIMUM_FRAGMENTS):
+            reassembler.receive(piece(512 * index, b"x" * 512, more=True, identification=identification), 0)
+    held = sum(len(data) for partial in reassembler._partials.values() for _, data in partial.pieces)
+    assert held <= MAXIMUM_PACKETS * 65_535

@@ -368,7 +368,7 @@ def test_an_alarm_ack_that_nobody_asked_for_is_acknowledged_and_counted():
     device.receive(to_device(DATA, 0xFFFF, 0xFFFE, emit_alarm(acknowledge(alarm(2)))), 0)
     assert [pdu.pdu_type for pdu in sent(device)] == [ACK]
     assert device.events() == []
-    assert device.dropped == {"alpmi-alarm-ack-ind": 1}
+    assert device.dropped == {"out-of-turn-alpmi-alarm-ack-ind": 1}
 
 
 def test_an_alarm_ack_without_the_transport_acknowledgement_does_not_stop_the_timer():

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.dcp_client import (
     COLLECT_MARGIN_NS,
+    READABLE,
     RETRIES,
     TIMEOUT_NS,
     DcpClient,
@@ -16,24 +17,32 @@ from pnfarm.protocols.profinet.dcp_client import (
     SetFinished,
     station_info,
 )
-from pnfarm.protocols.profinet.dcp_device import (
-    DcpDevice,
+from pnfarm.protocols.profinet.dcp_device import DcpDevice
+from pnfarm.protocols.profinet.dcp_rules import (
+    RESET_CLEARS,
     DcpIdentity,
     FactoryReset,
+    HelloSettings,
     IpSet,
     NameSet,
-    SignalRequested,
+    SignalBegan,
 )
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, emit_dcp
 from pnfarm.protocols.profinet.wire.dcp_blocks import (
     AliasBlock,
     DeviceIdBlock,
+    DeviceInstanceBlock,
+    DeviceOptionsBlock,
+    DeviceRoleBlock,
     FactoryResetBlock,
     IpParameterBlock,
+    MacBlock,
     NameBlock,
+    OemDeviceIdBlock,
     OptionId,
     ResetMode,
     ResponseBlock,
+    StationTypeBlock,
 )
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
 
@@ -177,9 +186,9 @@ def test_signal_and_resets_arrive():
     client.factory_reset(machine.mac, now=0)
     join(client, [machine])
     assert machine.events()[:3] == [
-        SignalRequested(),
-        FactoryReset(ResetMode.APPLICATION),
-        FactoryReset(ResetMode.ALL),
+        SignalBegan(),
+        FactoryReset(ResetMode.APPLICATION, RESET_CLEARS[ResetMode.APPLICATION]),
+        FactoryReset(ResetMode.ALL, RESET_CLEARS[ResetMode.ALL]),
     ]
     assert [event.error for event in client.events()] == [None] * 3
 
@@ -187,13 +196,13 @@ def test_signal_and_resets_arrive():
 def test_a_refusal_is_told_in_words():
     client, (machine,) = DcpClient(PLC), farm(1)
     machine.in_operation = True
-    client.set_name(machine.mac, "other", now=0)
+    client.set_ip(machine.mac, IPv4Interface("10.0.0.99/24"), now=0)
     client.set_name(machine.mac, "Wrong", now=0)
     client.set_blocks(machine.mac, [FactoryResetBlock(), DeviceIdBlock(1, 2), AliasBlock("x")], now=0)
     join(client, [machine])
     first, second, third = client.events()
-    assert first.error == "option 2/2: in operation, set not possible"
-    assert second.error == "option 2/2: suboption not set"
+    assert first.error == "IP parameter (1/2): in operation, set not possible"
+    assert second.error == "name of station (2/2): suboption not set"
     assert third.error.count("suboption not supported") == 2
     assert [result.error for result in third.results] == [0, 2, 2]
 
@@ -210,7 +219,93 @@ def test_get_reads_blocks():
     client.get(machine.mac, [OptionId(0x80, 1)], now=0)
     join(client, [machine])
     (event,) = client.events()
-    assert event.error == "option 128/1: option not supported"
+    assert event.error == "manufacturer's option (128/1): option not supported"
+
+
+def test_everything_that_a_device_has_is_read_in_one_request():
+    client, (machine,) = DcpClient(PLC), farm(1)
+    machine.dns = tuple(IPv4Address(text) for text in ("10.0.0.53", "0.0.0.0", "10.0.0.54", "0.0.0.0"))
+    machine.ip_conflict = True
+    machine.hello_settings = HelloSettings()
+    client.read(machine.mac, now=0)
+    join(client, [machine])
+    (event,) = client.events()
+    assert event.error == "RSI properties (2/10): suboption not supported, or no data set available"
+    assert len(event.blocks) == len(READABLE)
+    info = station_info(event.blocks)
+    assert (info.mac, info.name, info.station_type, info.oem) == (machine.mac, "axis-01", "AKD", (1, 2))
+    assert info.dns == (IPv4Address("10.0.0.53"), IPv4Address("10.0.0.54"))
+    assert (info.standard_gateway, info.rsi_properties, info.says_hello, info.ip_conflict) == (0, None, True, True)
+
+
+def test_name_servers_go_with_the_full_suite():
+    client, (machine,) = DcpClient(PLC), farm(1)
+    server = IPv4Address("10.0.0.53")
+    client.set_ip_suite(machine.mac, IPv4Interface("10.0.0.77/24"), dns=[server], now=0)
+    join(client, [machine])
+    assert [event.error for event in client.events()] == [None]
+    assert machine.dns[0] == server
+    client.set_ip_suite(machine.mac, None, now=0)
+    join(client, [machine])
+    assert [event.error for event in client.events()] == [None]
+    assert (machine.address, int(machine.dns[0])) == (None, 0)
+    with pytest.raises(ValueError, match="5 name servers"):
+        client.set_ip_suite(machine.mac, None, dns=[server] * 5, now=0)
+
+
+def test_blocks_are_set_together_in_a_transaction():
+    client, (machine,) = DcpClient(PLC), farm(1)
+    client.set_together(machine.mac, [NameBlock("spindle", 1), DeviceIdBlock(1, 2)], now=0)
+    join(client, [machine])
+    (event,) = client.events()
+    assert [result.error for result in event.results] == [0, 0, 2, 0]
+    assert event.error == "device ID (2/3): suboption not supported, or no data set available"
+
+
+FILTERS = [
+    NameBlock("axis-01"),
+    AliasBlock("port-001.plc"),
+    StationTypeBlock("AKD"),
+    DeviceIdBlock(0x0105, 0x0203),
+    DeviceRoleBlock(1),
+    DeviceOptionsBlock((NameBlock.ID,)),
+    DeviceInstanceBlock(0, 1),
+    OemDeviceIdBlock(1, 2),
+    MacBlock(bytes([2, 0, 0, 0, 1, 1])),
+    IpParameterBlock(IPv4Address("10.0.0.1"), IPv4Address("255.255.255.0"), IPv4Address(0)),
+]
+
+
+@pytest.mark.parametrize("block", FILTERS, ids=repr)
+def test_every_filter_finds_its_device_by_multicast_and_by_unicast(block):
+    client, (machine,) = DcpClient(PLC), farm(1)
+    machine.aliases = frozenset({"port-001.plc"})
+    client.identify([block], now=0, expected=1)
+    client.identify([block], now=0, expected=1, destination=machine.mac)
+    client.identify([block, NameBlock("axis-02")], now=0, window_ns=5)
+    join(client, [machine])
+    client.handle_timeout(5)
+    assert [type(event) for event in client.events()] == [
+        IdentifyAnswered, IdentifyFinished, IdentifyAnswered, IdentifyFinished, IdentifyFinished,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("option_id", "error", "words"),
+    [
+        ((2, 2), 5, "name of station (2/2): set not possible for local reasons"),
+        ((3, 61), 4, "DHCP (3/61): resource error"),
+        ((9, 9), 1, "option (9/9): option not supported"),
+        ((0xFE, 3), 77, "manufacturer's option (254/3): error 77"),
+    ],
+)
+def test_numbers_are_told_in_words(option_id, error, words):
+    client = DcpClient(PLC)
+    mac = bytes([2, 0, 0, 0, 1, 1])
+    xid = client.set_name(mac, "spindle", now=0)
+    octets = emit_dcp(DcpPdu(0xFEFD, 4, 1, xid, (ResponseBlock(OptionId(*option_id), error),)))
+    client.receive(EthernetFrame(PLC, mac, ETHERTYPE_PROFINET, octets), 0)
+    assert [event.error for event in client.events()] == [words]
 
 
 def test_a_lost_request_is_repeated():
@@ -246,7 +341,7 @@ def test_an_unsupported_service_and_an_unknown_error_are_told():
         client.receive(EthernetFrame(PLC, machine.mac, ETHERTYPE_PROFINET, octets), 0)
     assert [event.error for event in client.events()] == [
         "the device does not support the service",
-        "option 2/2: error 99",
+        "name of station (2/2): error 99",
     ]
 
 
@@ -264,7 +359,8 @@ def test_an_answer_from_a_stranger_is_not_the_answer():
 
 def test_hello_is_heard():
     client, (machine,) = DcpClient(PLC), farm(1)
-    machine.hello()
+    machine.hello_settings = HelloSettings()
+    machine.link_up(0)
     join(client, [machine])
     (event,) = client.events()
     assert isinstance(event, HelloReceived)

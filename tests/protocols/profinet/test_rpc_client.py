@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pnfarm.protocols.profinet.rpc_calls import TRANSITIONS, ClientEventKind, ClientState
 from pnfarm.protocols.profinet.rpc_client import CallFailed, CallReturned, Peer, RpcClient, RpcClientConfig
 from pnfarm.protocols.profinet.wire.rpc import (
     BODY_MAX,
@@ -19,7 +20,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_EPM,
     UUID_PNIO_DEVICE,
-    FackBody,
     Flags1,
     NcaStatus,
     Opnum,
@@ -27,15 +27,14 @@ from pnfarm.protocols.profinet.wire.rpc import (
     PnioStatus,
     ResponseArgs,
     RpcPdu,
-    emit_fack,
     emit_response_args,
     emit_rpc,
     emit_status,
     object_uuid,
-    parse_fack,
     parse_request_args,
     parse_rpc,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack, parse_fack
 
 MS = 1_000_000
 PEER = Peer(IPv4Address("10.77.0.11"), RPC_PORT)
@@ -194,8 +193,8 @@ def test_a_server_that_keeps_losing_the_call_is_given_up():
 @pytest.mark.parametrize(
     ("kind", "status", "reason"),
     [
-        (PacketType.REJECT, NcaStatus.UNK_IF, "reject nca_unk_if"),
-        (PacketType.FAULT, NcaStatus.FAULT_UNSPEC, "fault nca_fault_unspec"),
+        (PacketType.REJECT, NcaStatus.UNK_IF, "reject nca_unk_if (no such interface, version or object)"),
+        (PacketType.FAULT, NcaStatus.FAULT_UNSPEC, "fault nca_fault_unspec (no reason is given)"),
         (PacketType.FAULT, 0x12345678, "fault 0x12345678"),
     ],
 )
@@ -369,15 +368,141 @@ def test_an_endless_answer_is_a_bad_response():
     assert caller.events() == [CallFailed(number, "bad-response", PEER)]
 
 
-def test_a_cancelled_call_ends_without_an_event():
+def test_a_cancelled_call_ends_without_an_event_and_is_orphaned_once():
     caller = client()
     number = call(caller)
     [asked] = sent(caller)
     caller.cancel(number, 0)
     caller.cancel(number, 0)
+    [orphan] = sent(caller)
+    assert (orphan.kind, orphan.activity, orphan.sequence, orphan.body) == (
+        PacketType.CL_CANCEL,
+        asked.activity,
+        asked.sequence,
+        b"",
+    )
+    put(caller, about(asked, PacketType.CANCEL_ACK))
     put(caller, reply(asked))
     assert caller.events() == []
     assert caller.open_calls == 0
+    assert caller.dropped == {"call-is-over": 2}
+
+
+def test_silence_is_met_with_the_request_and_a_ping_in_turns():
+    """Some servers ignore a request that they work on already, others know no pings."""
+    caller = client(tries=5)
+    call(caller)
+    kinds = [sent(caller)[0].kind]
+    while True:
+        _, again = wait(caller)
+        if not again:
+            break
+        kinds += [pdu.kind for pdu in again]
+    assert kinds == [PacketType.REQUEST, PacketType.REQUEST, PacketType.PING, PacketType.REQUEST, PacketType.PING]
+
+
+def test_a_server_that_ignores_repetitions_while_it_works_is_waited_for():
+    caller = client(timeout_ns=60_000 * MS)
+    number = call(caller)
+    [asked] = sent(caller)
+    now = 0
+    while now < 20_000:
+        now, [pdu] = wait(caller)
+        if pdu.kind == PacketType.PING:
+            put(caller, about(asked, PacketType.WORKING), now * MS)
+    put(caller, reply(asked), now * MS)
+    assert [event.call_id for event in caller.events()] == [number]
+
+
+def test_a_busy_server_is_asked_again_after_a_longer_and_longer_pause():
+    caller = client()
+    number = call(caller)
+    [asked] = sent(caller)
+    busy = about(asked, PacketType.REJECT, body=emit_status(NcaStatus.SERVER_TOO_BUSY, little_endian=True))
+    assert put(caller, busy) == []
+    at, [again] = wait(caller)
+    assert (at, again.kind, again.body) == (500, PacketType.REQUEST, asked.body)
+    assert put(caller, busy, at * MS) == []
+    at, [again] = wait(caller)
+    assert (at, again.kind) == (1_500, PacketType.REQUEST)
+    put(caller, busy, at * MS)
+    reason = "reject nca_server_too_busy (the server is busy)"
+    assert caller.events() == [CallFailed(number, reason, PEER, int(NcaStatus.SERVER_TOO_BUSY))]
+
+
+def test_a_long_request_to_a_busy_server_begins_anew():
+    caller = client()
+    call(caller, bytes(4096))
+    [first] = sent(caller)
+    put(caller, about(first, PacketType.FACK, fragment_number=0))
+    put(caller, about(first, PacketType.FACK, fragment_number=1))
+    busy = about(first, PacketType.REJECT, body=emit_status(NcaStatus.SERVER_TOO_BUSY, little_endian=True))
+    put(caller, busy, 100 * MS)
+    at, [again] = wait(caller)
+    assert (at, again.fragment_number, again.body) == (600, 0, first.body)
+    assert [pdu.fragment_number for pdu in put(caller, about(first, PacketType.FACK, fragment_number=0))] == [1]
+
+
+def test_a_busy_fault_is_no_promise_that_nothing_ran():
+    caller = client()
+    number = call(caller)
+    [asked] = sent(caller)
+    put(caller, about(asked, PacketType.FAULT, body=emit_status(NcaStatus.SERVER_TOO_BUSY, little_endian=True)))
+    [event] = caller.events()
+    assert (event.call_id, event.code) == (number, NcaStatus.SERVER_TOO_BUSY)
+
+
+def test_an_answer_longer_than_asked_for_is_a_bad_response():
+    for maximum, size, good in ((100, 100, True), (100, 101, False), (4_000, 4_001, False), (4_000, 4_000, True)):
+        caller = client()
+        call(caller, maximum=maximum)
+        for part in answer_parts(sent(caller)[0], size):
+            put(caller, part)
+        [event] = caller.events()
+        assert isinstance(event, CallReturned) is good
+        assert good or event.reason == "bad-response"
+
+
+def test_an_answer_from_port_0_is_of_nobody():
+    caller = client()
+    call(caller)
+    [asked] = sent(caller)
+    put(caller, reply(asked), peer=Peer(PEER.ip, 0))
+    assert caller.events() == []
+
+
+def test_every_row_of_the_table_names_an_action_that_exists():
+    for state, action in TRANSITIONS.values():
+        assert isinstance(state, ClientState)
+        assert action is None or callable(getattr(RpcClient, f"_do_{action}"))
+    assert {event for _, event in TRANSITIONS} == set(ClientEventKind) - {ClientEventKind.CANCEL_ACK}
+
+
+@pytest.mark.parametrize(
+    ("kind", "state", "answered"),
+    [
+        ("FACK", "WAITING", []),
+        ("FACK", "RECEIVING", []),
+        ("WORKING", "WAITING", []),
+        ("WORKING", "RECEIVING", []),
+        ("NOCALL", "WAITING", ["REQUEST"]),
+        ("NOCALL", "RECEIVING", ["REQUEST"]),
+        ("CANCEL_ACK", "WAITING", []),
+        ("REQUEST", "WAITING", []),
+        ("PING", "WAITING", []),
+        ("ACK", "WAITING", []),
+        ("CL_CANCEL", "WAITING", []),
+    ],
+)
+def test_each_pdu_that_does_not_end_a_call(kind, state, answered):
+    caller = client()
+    call(caller)
+    [asked] = sent(caller)
+    if state == "RECEIVING":
+        put(caller, answer_parts(asked, 5_000)[0])
+    again = put(caller, about(asked, PacketType[kind], fragment_number=FRAGMENT_NONE))
+    assert [PacketType(pdu.kind).name for pdu in again] == answered
+    assert (caller.open_calls, caller.events()) == (1, [])
 
 
 def test_unused_activities_are_forgotten():

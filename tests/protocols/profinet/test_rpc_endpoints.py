@@ -113,10 +113,24 @@ def test_a_tool_lists_the_mapper_and_then_the_device(little):
     assert second == EptEntry(OBJECT, Tower(UUID_PNIO_DEVICE, 1, 34964, ADDRESS), TEXT.rstrip("\0"))
 
 
-def test_an_answer_holds_one_entry_whatever_was_asked_for():
-    answer = Tool(mapper()).lookup(LookupRequest(max_entries=100))
-    assert len(answer.entries) == 1
-    assert answer.max_entries == 100
+@pytest.mark.parametrize("little", [False, True])
+def test_an_answer_holds_as_many_entries_as_were_asked_for(little):
+    tool = Tool(mapper(), little_endian=little)
+    answer = tool.lookup(LookupRequest(max_entries=100))
+    assert [entry.tower.interface for entry in answer.entries] == [UUID_EPM, UUID_PNIO_DEVICE]
+    assert (answer.max_entries, answer.status) == (100, 0)
+    # the listing goes on where it was, and so ends
+    end = tool.lookup(LookupRequest(handle=answer.handle, max_entries=100))
+    assert (end.entries, end.handle, end.status) == ((), NIL_HANDLE, NOT_REGISTERED)
+    for asked, held in ((1, 1), (2, 2), (0xFFFFFFFF, 2)):
+        assert len(tool.lookup(LookupRequest(max_entries=asked)).entries) == held
+
+
+def test_a_listing_may_change_its_step():
+    tool = Tool(mapper())
+    first = tool.lookup(LookupRequest(max_entries=1))
+    rest = tool.lookup(LookupRequest(handle=first.handle, max_entries=9))
+    assert [entry.tower.interface for entry in rest.entries] == [UUID_PNIO_DEVICE]
 
 
 def test_asking_for_no_entries_finds_none():

@@ -9,6 +9,7 @@ from uuid import UUID
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from rpc_support import ACTIVITY, MAC, MS, OBJECT, PEER, about, fragments, put, received, request, sent, server
 
 from pnfarm.protocols.profinet.rpc_server import (
     CallCancelled,
@@ -16,7 +17,6 @@ from pnfarm.protocols.profinet.rpc_server import (
     Interface,
     Peer,
     RpcServer,
-    RpcServerConfig,
     ServerState,
 )
 from pnfarm.protocols.profinet.wire.rpc import (
@@ -27,7 +27,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
     UUID_PNIO_CONTROLLER,
     UUID_PNIO_DEVICE,
-    FackBody,
     Flags1,
     NcaStatus,
     Opnum,
@@ -36,77 +35,20 @@ from pnfarm.protocols.profinet.wire.rpc import (
     RequestArgs,
     RpcPdu,
     drep,
-    emit_fack,
     emit_request_args,
     emit_rpc,
-    object_uuid,
-    parse_fack,
     parse_response_args,
-    parse_rpc,
     parse_status,
 )
-
-MS = 1_000_000
-ADDRESS = IPv4Address("10.77.0.11")
-PEER = Peer(IPv4Address("10.77.0.1"), 49155)
-OBJECT = object_uuid(1, 1, 0x0105)
-ACTIVITY = UUID("00000008-0000-1010-808e-000e8cb06c7e")
-MAC = bytes.fromhex("000e8cb06c7e")
-
-
-def server(**settings_) -> RpcServer:
-    return RpcServer(RpcServerConfig(**settings_), ADDRESS)
-
-
-def request(sequence=0, payload=b"blocks", *, opnum=Opnum.READ, maximum=65536, little=True, **fields) -> RpcPdu:
-    stub = emit_request_args(RequestArgs(maximum, payload), little_endian=little)
-    pdu = RpcPdu(
-        PacketType.REQUEST,
-        UUID_PNIO_DEVICE,
-        ACTIVITY,
-        OBJECT,
-        sequence=sequence,
-        opnum=opnum,
-        body=stub,
-        flags1=int(Flags1.IDEMPOTENT),
-        drep=drep(little_endian=little),
-    )
-    return replace(pdu, **fields)
-
-
-def about(pdu: RpcPdu, kind: PacketType, **fields) -> RpcPdu:
-    return replace(pdu, packet_type=int(kind), flags1=0, body=b"", **fields)
-
-
-def put(to: RpcServer, pdu: RpcPdu, now: int = 0, peer: Peer = PEER) -> list[RpcPdu]:
-    """Give the server one PDU and answer what it sends."""
-    to.receive(peer, RPC_PORT, emit_rpc(pdu), now, MAC)
-    return sent(to, now)
-
-
-def sent(to: RpcServer, now: int = 0) -> list[RpcPdu]:
-    datagrams = to.to_send(now)
-    assert all(datagram.local_port == RPC_PORT for datagram in datagrams)
-    return [parse_rpc(datagram.data) for datagram in datagrams]
-
-
-def received(to: RpcServer) -> CallReceived:
-    [event] = to.events()
-    assert isinstance(event, CallReceived)
-    return event
-
-
-def fragments(pdu: RpcPdu, size=BODY_MAX, flags=0) -> list[RpcPdu]:
-    bodies = [pdu.body[at : at + size] for at in range(0, len(pdu.body), size)]
-    return [
-        replace(
-            pdu,
-            body=body,
-            fragment_number=number,
-            flags1=int(Flags1.FRAGMENT | flags | (Flags1.LAST_FRAGMENT if number == len(bodies) - 1 else 0)),
-        )
-        for number, body in enumerate(bodies)
-    ]
+from pnfarm.protocols.profinet.wire.rpc_bodies import (
+    CancelAckBody,
+    CancelBody,
+    FackBody,
+    emit_cancel,
+    emit_fack,
+    parse_cancel_ack,
+    parse_fack,
+)
 
 
 @pytest.mark.parametrize("little", [False, True])
@@ -200,7 +142,7 @@ def test_an_older_sequence_number_after_a_pause_is_a_client_that_began_anew():
 def test_sequence_numbers_wrap():
     device = server()
     put(device, request(0xFFFFFFFF))
-    device.events()
+    device.respond(received(device).call, OK, b"", 0)
     put(device, request(0))
     assert received(device).call.sequence == 0
 
@@ -212,7 +154,9 @@ def test_an_answer_to_a_call_that_was_replaced_goes_nowhere():
     put(device, request(2))
     assert not device.respond(old, OK, b"", 0)
     assert sent(device) == []
-    assert device.respond(received(device).call, OK, b"", 0)
+    gone, new = device.events()
+    assert gone == CallCancelled(old, PEER, orphaned=True)
+    assert device.respond(new.call, OK, b"", 0)
     assert not device.fault(old, NcaStatus.FAULT_UNSPEC, 0)
 
 
@@ -298,10 +242,15 @@ def test_a_cancel_is_told_and_acknowledged():
     device = server()
     put(device, request())
     call = received(device).call
-    [answer] = put(device, about(request(), PacketType.CL_CANCEL))
-    assert answer.kind == PacketType.CANCEL_ACK
+    cancel = replace(about(request(), PacketType.CL_CANCEL), body=emit_cancel(CancelBody(1), little_endian=True))
+    for _ in range(2):
+        [answer] = put(device, cancel)
+        assert answer.kind == PacketType.CANCEL_ACK
+        assert parse_cancel_ack(answer.body, little_endian=True) == CancelAckBody(1, accepting=True)
     assert device.events() == [CallCancelled(call, PEER)]
-    assert put(device, about(request(9), PacketType.CL_CANCEL)) == []
+    assert put(device, replace(cancel, sequence=9)) == []
+    assert device.fault(call, NcaStatus.FAULT_CANCEL, 0)
+    assert [pdu.kind for pdu in sent(device)] == [PacketType.FAULT]
 
 
 def test_fragments_are_acknowledged_and_joined():
@@ -314,7 +263,8 @@ def test_fragments_are_acknowledged_and_joined():
         body = parse_fack(fack.body, little_endian=True)
         assert body is not None
         assert body.serial == number + 10
-    assert put(device, parts[-1]) == []
+    [fack] = put(device, parts[-1])
+    assert (fack.kind, fack.fragment_number) == (PacketType.FACK, len(parts) - 1)
     assert received(device).payload == payload
 
 
@@ -425,7 +375,7 @@ def test_a_fragment_without_acknowledgement_is_sent_again_and_then_given_up():
         again = sent(device)
         times += [now // MS] * len(again)
         assert all(part.fragment_number == 0 for part in again)
-    assert times == [500, 1500]
+    assert times == [500, 1000]
     # the answer is still there for a client that asks again
     assert put(device, request(), 9_000 * MS)[0].fragment_number == 0
 
@@ -441,12 +391,16 @@ def test_an_absurd_fack_changes_nothing():
 
 
 def test_idle_activities_are_forgotten():
-    device = server(idle_ns=30_000 * MS)
+    device = server(reply_ns=10_000 * MS, idle_ns=20_000 * MS)
     put(device, request())
     device.respond(received(device).call, OK, b"x", 0)
+    assert device.next_deadline() == 10_000 * MS
+    device.handle_timeout(10_000 * MS)
+    assert (device.held_octets, len(device.activities)) == (0, 1)
     assert device.next_deadline() == 30_000 * MS
     device.handle_timeout(30_000 * MS)
     assert device.next_deadline() is None
+    assert device.activities == {}
     assert device.held_octets == 0
     [answer] = put(device, about(request(), PacketType.PING))[-1:]
     assert answer.kind == PacketType.NOCALL
@@ -460,13 +414,18 @@ def test_half_a_request_is_forgotten():
     assert device.held_octets == 0
 
 
-def test_a_call_that_is_never_answered_is_forgotten():
+def test_a_call_that_is_never_answered_is_a_fault():
     device = server(execution_ns=60_000 * MS)
     put(device, request())
     call = received(device).call
     put(device, request(), 59_000 * MS)
     device.handle_timeout(60_000 * MS)
+    [answer] = sent(device)
+    assert parse_status(answer.body, little_endian=True) == NcaStatus.FAULT_UNSPEC
+    assert device.events() == [CallCancelled(call, PEER, orphaned=True)]
     assert not device.respond(call, OK, b"", 60_000 * MS)
+    # it may have run, so that a repetition gets what the client got already
+    assert [pdu.kind for pdu in put(device, request(), 61_000 * MS)] == [PacketType.FAULT]
 
 
 def test_too_many_open_calls_are_rejected_as_busy():
@@ -521,7 +480,7 @@ def test_an_answer_that_does_not_fit_into_memory_is_a_fault():
     assert parse_status(answer.body, little_endian=True) == NcaStatus.FAULT_REMOTE_NO_MEMORY
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     st.lists(
         st.one_of(
@@ -551,6 +510,12 @@ def test_any_datagrams_leave_the_server_able_to_serve(datagrams):
         for event in device.events():
             if isinstance(event, CallReceived) and event.call.sequence % 2:
                 device.respond(event.call, OK, bytes(event.call.sequence * 2_000), now)
+        # the sums that are kept are those of the rows
+        rows = list(device._activities)
+        assert device.held_octets == sum(row.held for row in rows)
+        assert device.next_deadline() == min((row.deadline for row in rows), default=None)
+        for state in ServerState:
+            assert device._activities.count(state) == sum(row.state is state for row in rows)
         now += 100 * MS
         device.handle_timeout(now)
         assert len(device.to_send(now)) <= 12

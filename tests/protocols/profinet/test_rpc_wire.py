@@ -20,7 +20,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     OK,
     UUID_PNIO_CONTROLLER,
     UUID_PNIO_DEVICE,
-    FackBody,
     Flags1,
     PacketType,
     PnioStatus,
@@ -28,19 +27,18 @@ from pnfarm.protocols.profinet.wire.rpc import (
     ResponseArgs,
     RpcPdu,
     args_length_invalid,
-    emit_fack,
     emit_request_args,
     emit_response_args,
     emit_rpc,
     emit_status,
     object_uuid,
-    parse_fack,
     parse_request_args,
     parse_response_args,
     parse_rpc,
     parse_status,
     status_name,
 )
+from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack, parse_fack
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"
 ACTIVITY = UUID("00000008-0000-1010-808e-000e8cb06c7e")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import blocks_control as control
 from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import diagnosis, iocr, log_book, records
+from pnfarm.protocols.profinet.wire import diagnosis, iocr, log_book, pdev, records
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
 
 if TYPE_CHECKING:
@@ -44,6 +44,13 @@ Block = (
     | records.SubstituteValue
     | diagnosis.DiagnosisData
     | log_book.LogData
+    | pdev.PortDataCheck
+    | pdev.PortDataAdjust
+    | pdev.PortDataReal
+    | pdev.PortStatistic
+    | pdev.InterfaceDataReal
+    | pdev.InterfaceAdjust
+    | pdev.MultipleBlock
     | RawBlock
 )
 
@@ -80,6 +87,7 @@ _PARSERS: dict[int, Callable[[RawBlock], Block]] = {
     BlockType.SUBSTITUTE_VALUE: records.parse_substitute_value,
     BlockType.DIAGNOSIS_DATA: diagnosis.parse_diagnosis_data,
     BlockType.LOG_DATA: log_book.parse_log_data,
+    **pdev.PARSERS,
 }
 
 _EMITTERS: dict[type, Callable[[Any], bytes]] = {
@@ -111,6 +119,13 @@ _EMITTERS: dict[type, Callable[[Any], bytes]] = {
     records.SubstituteValue: records.emit_substitute_value,
     diagnosis.DiagnosisData: diagnosis.emit_diagnosis_data,
     log_book.LogData: log_book.emit_log_data,
+    pdev.PortDataCheck: pdev.emit_port_data,
+    pdev.PortDataAdjust: pdev.emit_port_data,
+    pdev.PortDataReal: pdev.emit_port_data_real,
+    pdev.PortStatistic: pdev.emit_port_statistic,
+    pdev.InterfaceDataReal: pdev.emit_interface_data_real,
+    pdev.InterfaceAdjust: pdev.emit_interface_adjust,
+    pdev.MultipleBlock: pdev.emit_multiple_block,
     RawBlock: emit_raw_block,
 }
 

@@ -44,7 +44,9 @@ __all__ = [
     "ResetMode",
     "ResetToFactoryBlock",
     "ResponseBlock",
+    "RsiPropertiesBlock",
     "SignalBlock",
+    "StandardGatewayBlock",
     "StartBlock",
     "StationTypeBlock",
     "StopBlock",
@@ -294,6 +296,30 @@ class OemDeviceIdBlock(_Named):
 
 
 @dataclass(frozen=True, slots=True)
+class StandardGatewayBlock(_Named):
+    """Device properties / standard gateway: how "no gateway" is written; 0: as the device's own address."""
+
+    ID: ClassVar = OptionId(OPTION_DEVICE, 9)
+    value: int
+    info: int = 0
+
+    def payload(self) -> bytes:
+        return Writer().u16(self.value).getvalue()
+
+
+@dataclass(frozen=True, slots=True)
+class RsiPropertiesBlock(_Named):
+    """Device properties / RSI properties: a bit set; a device that is reached over RPC alone has no such block."""
+
+    ID: ClassVar = OptionId(OPTION_DEVICE, 10)
+    properties: int
+    info: int = 0
+
+    def payload(self) -> bytes:
+        return Writer().u16(self.properties).getvalue()
+
+
+@dataclass(frozen=True, slots=True)
 class DhcpBlock(Block):
     """DHCP: the suboption is the DHCP option's code, the value its octets."""
 
@@ -448,6 +474,8 @@ _SHAPES: dict[OptionId, Callable[[bytes, int], Block | None]] = {
     OemDeviceIdBlock.ID: lambda data, info: (
         OemDeviceIdBlock(_u16(data), _u16(data, 1), info) if len(data) == 4 else None
     ),
+    StandardGatewayBlock.ID: lambda data, info: StandardGatewayBlock(_u16(data), info) if len(data) == 2 else None,
+    RsiPropertiesBlock.ID: lambda data, info: RsiPropertiesBlock(_u16(data), info) if len(data) == 2 else None,
     StartBlock.ID: lambda data, info: None if data else StartBlock(info),
     StopBlock.ID: lambda data, info: None if data else StopBlock(info),
     SignalBlock.ID: lambda data, info: SignalBlock(_u16(data), info) if len(data) == 2 else None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from unicodedata import category
 
 __all__ = ["MAXIMUM_LABEL", "MAXIMUM_NAME", "check_station_name"]
 
@@ -12,8 +13,10 @@ MAXIMUM_LABEL = 63
 _LABEL = re.compile(r"[a-z0-9-]+")
 _PORT = re.compile(r"port-[0-9]{3}(?:-[0-9]{5})?")
 _ADDRESS = re.compile(r"[0-9]{1,3}(?:\.[0-9]{1,3}){3}")
-# Prefix of an internationalized label (RFC 5890), the one place where two hyphens may follow each other.
+# Prefix of an internationalized label (RFC 5890, A-label), the one kind in which two hyphens may follow each other.
 _ACE_PREFIX = "xn--"
+# Unicode's categories of the characters that such a label may have (RFC 5892, 2.1; capitals are folded before).
+_LETTERS_DIGITS = frozenset({"Ll", "Lo", "Lm", "Mn", "Mc", "Nd"})
 
 
 def check_station_name(name: str) -> str | None:
@@ -46,6 +49,21 @@ def _check_label(label: str) -> str | None:
         return f"the label {label!r} has other characters than a to z (lower case), 0 to 9 and '-'"
     if label.startswith("-") or label.endswith("-"):
         return f"the label {label!r} begins or ends with '-'"
-    if "--" in label.removeprefix(_ACE_PREFIX):
+    if label.startswith(_ACE_PREFIX):
+        return None if _is_a_label(label) else f"the label {label!r} begins with 'xn--' and is no Punycode (RFC 5890)"
+    if "--" in label:
         return f"the label {label!r} has two '-' in a row"
     return None
+
+
+def _is_a_label(label: str) -> bool:
+    """Whether the label stands for one with other characters than ASCII, and for that one alone (RFC 5890, 2.3.2.1)."""
+    code = label.removeprefix(_ACE_PREFIX).encode("ascii")
+    try:
+        text = code.decode("punycode")
+    except ValueError:
+        return False
+    if text.isascii() or text.startswith("-") or text.endswith("-"):
+        return False
+    allowed = all(character == "-" or category(character) in _LETTERS_DIGITS for character in text)
+    return allowed and text.encode("punycode") == code

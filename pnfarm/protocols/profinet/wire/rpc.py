@@ -19,6 +19,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
+    "ARGS_HEADER_LENGTH",
     "BODY_MAX",
     "DREP_BIG",
     "DREP_LITTLE",
@@ -32,7 +33,6 @@ __all__ = [
     "UUID_PNIO_DEVICE",
     "UUID_PNIO_PARAMETER_SERVER",
     "UUID_PNIO_SUPERVISOR",
-    "FackBody",
     "Flags1",
     "Flags2",
     "NcaStatus",
@@ -44,13 +44,11 @@ __all__ = [
     "RpcPdu",
     "args_length_invalid",
     "drep",
-    "emit_fack",
     "emit_request_args",
     "emit_response_args",
     "emit_rpc",
     "emit_status",
     "object_uuid",
-    "parse_fack",
     "parse_request_args",
     "parse_response_args",
     "parse_rpc",
@@ -379,6 +377,10 @@ def args_length_invalid(opnum: int) -> PnioStatus:
 # --- NDR arguments (IEC 61158-6-10, 4.10.3.2: NDRDataRequest, NDRDataResponse) -------------------------------
 
 
+ARGS_HEADER_LENGTH: Final = 20
+"""Octets before the blocks: ArgsMaximum or the status, ArgsLength, MaximumCount, Offset, ActualCount."""
+
+
 @dataclass(frozen=True, slots=True)
 class RequestArgs:
     """Arguments of a request: how long the answer may be, and the blocks.
@@ -472,60 +474,4 @@ def parse_status(body: bytes, *, little_endian: bool) -> int:
 def emit_status(status: int, *, little_endian: bool) -> bytes:
     writer = Writer()
     write_u32(writer, status, little=little_endian)
-    return writer.getvalue()
-
-
-# --- body of fack, and of a nocall that tells what has arrived (C706 12.5.3.4) --------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class FackBody:
-    """What a receiver of fragments says about itself; versions 0 and 1 share this layout.
-
-    ``window_size`` is in units of 1024 octets, ``max_tsdu`` and ``max_fragment_size`` in octets; ``serial`` is the
-    serial number of the PDU that asked.
-    """
-
-    window_size: int
-    max_tsdu: int
-    max_fragment_size: int
-    serial: int
-    selective: tuple[int, ...] = ()
-    version: int = 1
-
-
-def parse_fack(body: bytes, *, little_endian: bool) -> FackBody | None:
-    """Read the body; ``None`` when it is empty, as several peers send it.
-
-    Raises :class:`DecodeError` (``short``, ``bad-version``, ``trailing``).
-    """
-    if not body:
-        return None
-    reader = Reader(body)
-    version = reader.u8()
-    if version > 1:
-        raise DecodeError("bad-version", f"fack body version {version}, 0 and 1 are known")
-    reader.skip(1)
-    window = read_u16(reader, little=little_endian)
-    max_tsdu, max_fragment = read_u32(reader, little=little_endian), read_u32(reader, little=little_endian)
-    serial, count = read_u16(reader, little=little_endian), read_u16(reader, little=little_endian)
-    if count * 4 > reader.remaining:
-        raise DecodeError("short", f"{count} selective acknowledgement words, {reader.remaining} octets left")
-    selective = tuple(read_u32(reader, little=little_endian) for _ in range(count))
-    # one stack always sends a single word of selective acknowledgement and counts it as none
-    if reader.remaining not in {0, 4}:
-        reader.expect_end()
-    return FackBody(window, max_tsdu, max_fragment, serial, selective, version)
-
-
-def emit_fack(fack: FackBody, *, little_endian: bool) -> bytes:
-    writer = Writer()
-    writer.u8(fack.version).u8(0)
-    write_u16(writer, fack.window_size, little=little_endian)
-    write_u32(writer, fack.max_tsdu, little=little_endian)
-    write_u32(writer, fack.max_fragment_size, little=little_endian)
-    write_u16(writer, fack.serial, little=little_endian)
-    write_u16(writer, len(fack.selective), little=little_endian)
-    for word in fack.selective:
-        write_u32(writer, word, little=little_endian)
     return writer.getvalue()

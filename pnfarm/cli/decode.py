@@ -1,0 +1,217 @@
+"""``pnfarm decode``: what is in a capture, in words an engineer knows."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from pnfarm.farm.decode.decoder import Decoder, Line
+    from pnfarm.farm.decode.packet import Shared
+
+__all__ = ["DecodeFormat", "decode"]
+
+
+class DecodeFormat(StrEnum):
+    """How the lines are printed: JSON is one object a line."""
+
+    TEXT = "text"
+    JSON = "json"
+
+
+def decode(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Capture, pcap or pcapng.", show_default=False)],
+    drive: Annotated[
+        list[str] | None,
+        typer.Option("--drive", metavar="NAME|MAC", help="Only of these stations.", show_default=False),
+    ] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="KIND",
+            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, snmp, arp, icmp, other.",
+            show_default=False,
+        ),
+    ] = None,
+    summary: Annotated[bool, typer.Option("--summary", help="One paragraph for each two stations, no lines.")] = False,
+    farm: Annotated[
+        Path | None,
+        typer.Option(
+            "--farm",
+            metavar="FILE",
+            help="Farm file: names and layouts where no Connect was captured.",
+            show_default=False,
+        ),
+    ] = None,
+    gap: Annotated[float, typer.Option("--gap", metavar="CYCLES", min=1.0, help="Longest silence not told.")] = 3.0,
+    every_frame: Annotated[bool, typer.Option("--every-frame", help="A line for each cyclic frame.")] = False,
+    output: Annotated[DecodeFormat, typer.Option("--format", help="How to print it.")] = DecodeFormat.TEXT,
+) -> None:
+    """Tell what is in a capture: connections, records, DCP, alarms, and what changed in the cyclic data."""
+    from pnfarm.errors import ConfigError
+    from pnfarm.farm.decode.decoder import Decoder
+    from pnfarm.farm.decode.reading import FrameReader
+    from pnfarm.links.bpf_capture import KINDS, atoms_of
+
+    for word in only or ():
+        if word not in KINDS:
+            raise ConfigError(f"there is no kind of frame {word!r}; there are {', '.join(KINDS)}")
+    kinds = atoms_of(only or ()) - (frozenset() if only else {"other"})
+    decoder = Decoder(gap_cycles=gap, every_frame=every_frame)
+    if farm is not None:
+        _know(farm, decoder.shared)
+    wanted = _wanted(drive or (), decoder)
+    reader = FrameReader(file)
+    # a line is written when it is known; whoever reads along from a pipe gets it in time enough
+    write = sys.stdout.write
+    for frame in reader:
+        for line in decoder.feed(frame):
+            if not summary and line.family in kinds and wanted(line):
+                write(_text(line, decoder) if output is DecodeFormat.TEXT else f"{json.dumps(decoder.as_dict(line))}\n")
+    if summary:
+        _summary(decoder, drive or (), output)
+    if reader.complaint is not None:
+        sys.stderr.write(f"{file}: the file cannot be read to its end: {reader.complaint}\n")
+    if reader.foreign:
+        sys.stderr.write(f"{file}: {reader.foreign} packets are no Ethernet frames and were left out\n")
+
+
+def _mac(text: str) -> bytes | None:
+    from pnfarm.wire.mac import parse_mac
+
+    try:
+        return parse_mac(text)
+    except ValueError:
+        return None
+
+
+def _wanted(stations: Iterable[str], decoder: Decoder) -> Callable[[Line], bool]:
+    """Whether a line is of the stations that were asked for; names count as soon as they are known."""
+    macs = {mac for text in stations if (mac := _mac(text)) is not None}
+    names = {text for text in stations if _mac(text) is None}
+    if not macs and not names:
+        return lambda _: True
+
+    def wanted(line: Line) -> bool:
+        ends = (line.source, line.destination)
+        return any(mac in macs or (bool(names) and decoder.name(mac) in names) for mac in ends)
+
+    return wanted
+
+
+def _text(line: Line, decoder: Decoder) -> str:
+    seconds, rest = divmod(line.time_ns, 1_000_000_000)
+    moment = dt.datetime.fromtimestamp(seconds, dt.UTC).astimezone()
+    said = line.said
+    return (
+        f"{moment:%H:%M:%S}.{rest // 1000:06} {decoder.name(line.source)} -> {decoder.name(line.destination)} "
+        f"{said.what} {said.text}".rstrip()
+        + "\n"
+    )
+
+
+def _know(path: Path, shared: Shared) -> None:
+    """Names, models and planned layouts of a farm file."""
+    from pnfarm.cli.files import read
+    from pnfarm.controller.plan import plan_devices
+    from pnfarm.farm.config import controller_mac, expand
+    from pnfarm.farm.decode.channels import make_template
+    from pnfarm.farm.farm import model_of
+    from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
+    from pnfarm.protocols.profinet.wire.rpc import NIL_UUID
+
+    config = read(path)
+    drives = expand(config)
+    models = [model_of(drive) for drive in drives]
+    for drive, model in zip(drives, models, strict=True):
+        shared.stations.learn(drive.mac, name=drive.name, ip=drive.ip.ip if drive.ip else None, model=model)
+    section = config.controller
+    if section is None:
+        return
+    mac = controller_mac(config)
+    if mac is not None:
+        shared.stations.learn(mac, name=section.name, ip=section.ip.ip if section.ip else None)
+    for drive, model, plan in zip(drives, models, plan_devices(section, drives, models), strict=True):
+        telegram = next(
+            (t for t in model.telegrams.values() if t.module.ident in {s.module_ident for s in plan.submodules}), None
+        )
+        frames = plan_frames(
+            ArPlan(
+                vendor_id=plan.vendor_id,
+                device_id=plan.device_id,
+                instance=1,
+                controller_name=section.name,
+                controller_mac=mac or bytes(6),
+                controller_object_uuid=NIL_UUID,
+                ar_uuid=NIL_UUID,
+                session_key=0,
+                submodules=plan.submodules,
+                send_clock_factor=plan.send_clock_factor,
+                reduction_ratio=plan.reduction_ratio,
+                watchdog_factor=plan.watchdog_factor,
+            )
+        )
+        for layout in frames:
+            shared.templates[drive.mac, layout.is_input] = make_template(layout, telegram)
+
+
+# -- the summary
+
+
+def _summary(decoder: Decoder, stations: Iterable[str], output: DecodeFormat) -> None:
+    from pnfarm.cli.output import print_json, print_line
+
+    talks = decoder.conversations.as_list(decoder.shared)
+    asked = {mac.hex(":") if (mac := _mac(text)) is not None else text for text in stations}
+    names = {decoder.name(mac) if (mac := _mac(text)) is not None else text for text in stations}
+    if asked:
+        talks = [talk for talk in talks if (names | asked) & set(talk["between"])]
+    if output is DecodeFormat.JSON:
+        print_json({"conversations": talks})
+        return
+    for talk in talks:
+        for text in _paragraph(talk):
+            print_line(text)
+
+
+_COUNTERS = (
+    ("connects", "connects"), ("refused", "refused"), ("releases", "releases"), ("aborts", "aborts"),
+    ("watchdogs", "watchdogs expired"), ("alarms", "alarms"), ("writes", "writes"), ("reads", "reads"),
+    ("record errors", "records refused"), ("faults", "RPC faults"), ("repeated", "calls repeated"),
+    ("malformed", "malformed"),
+)  # fmt: skip
+
+
+def _paragraph(talk: dict[str, Any]) -> Iterable[str]:
+    from pnfarm.cli.output import seconds
+
+    families = ", ".join(f"{count} {kind}" for kind, count in talk["families"].items())
+    yield f"{' <-> '.join(talk['between'])}: {talk['frames']} frames in {talk['seconds']:.3f} s ({families})"
+    for channel in talk["cyclic"]:
+        telegram = f", telegram {channel['telegram']}" if channel["telegram"] is not None else ""
+        intervals = [seconds(channel[f"interval_{which}_seconds"]) or "-" for which in ("min", "mean", "max")]
+        yield (
+            f"  cyclic from {channel['from']} {channel['frame_id']}{telegram}: {channel['frames']} frames, "
+            f"cycle {seconds(channel['cycle_seconds']) or 'unknown'}, min/mean/max {' / '.join(intervals)}"
+        )
+        if channel["gaps"] or channel["counter_jumps"] or channel["frames_missing"]:
+            yield (
+                f"    {channel['gaps']} gaps (longest {seconds(channel['longest_gap_seconds']) or '-'}), "
+                f"{channel['frames_missing']} frames missing, {channel['counter_jumps']} jumps of the cycle counter, "
+                f"{channel['watchdog_gaps']} silences longer than the watchdog"
+            )
+    counted = [f"{talk['counts'][key]} {words}" for key, words in _COUNTERS if talk["counts"].get(key)]
+    if counted:
+        yield f"  {', '.join(counted)}"
+    for key in ("refused", "aborts", "record errors", "faults", "malformed"):
+        for reason, count in talk["reasons"].get(key, {}).items():
+            yield f"    {key}: {f'{count} x ' if count > 1 else ''}{reason}"

@@ -1,0 +1,54 @@
+"""A farm file made of options: the built-in controller and one device that its GSDML file describes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.farm.config import FarmConfig
+
+__all__ = ["one_device"]
+
+#: What messages name as the file.
+ORIGIN = Path("options")
+
+
+def _places(modules: Sequence[str]) -> dict[str, str | None]:
+    """``SLOT=ID`` options; an ID left empty leaves the slot empty."""
+    places: dict[str, str | None] = {}
+    for option in modules:
+        slot, equals, target = option.partition("=")
+        if not slot or not equals:
+            raise typer.BadParameter(f"{option!r} is not like 1=MODULE", param_hint="--module")
+        if slot in places:
+            raise typer.BadParameter(f"slot {slot} is given twice", param_hint="--module")
+        places[slot] = target or None
+    return places
+
+
+def one_device(
+    gsdml: Path,
+    *,
+    device: str | None,
+    ip: str | None,
+    interface: str | None,
+    dap: str | None,
+    modules: Sequence[str],
+    cycle: str | None,
+) -> FarmConfig:
+    """The file, checked as any other.  Raises the framework's usage error, or :class:`FarmFileError`."""
+    from pnfarm.farm.config import parse_farm
+
+    for name, value in (("--device", device), ("--ip", ip), ("--interface", interface)):
+        if value is None:
+            raise typer.BadParameter("is needed beside --gsdml", param_hint=name)
+    own: dict[str, Any] = {"name": device, "gsdml": str(gsdml), "ip": ip, "modules": _places(modules)}
+    own |= {key: value for key, value in (("dap", dap), ("cycle", cycle)) if value is not None}
+    text = json.dumps({"controller": {"interface": interface, "devices": [own]}}, indent=1)
+    return parse_farm(text, ORIGIN)

@@ -1,0 +1,29 @@
+"""GSDML files from disk."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pnfarm.protocols.profinet.gsdml.document import Gsdml
+
+__all__ = ["load_gsdml"]
+
+
+def load_gsdml(path: Path) -> Gsdml:
+    """Read a file; :class:`ConfigError` with its name, and what is wrong where, if it is no GSDML file."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_OCTETS + 1)
+    except OSError as exc:
+        raise ConfigError(f"the GSDML file {path} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+    try:
+        return parse_gsdml(data)
+    except DecodeError as exc:
+        raise ConfigError(f"{path}, {exc.detail or exc.reason}") from exc

@@ -1,0 +1,243 @@
+"""A capture of a running farm: all frames of its drives, cyclic and acyclic, both ways, into pcapng files.
+
+Theory: the engine's frames never leave compiled code, so nothing that wraps a link can see them.  A packet socket of
+its own (:mod:`pnfarm.links.packet_ring`) sees them at the drives' interfaces, and a thread of low priority writes them
+down.  Nothing of the farm waits for it: what the thread cannot keep up with is dropped by the kernel and counted here;
+without a capture nothing of this exists.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnfarm.engine.capture import ROOM_FACTOR, pack_block
+from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
+from pnfarm.links.bpf_capture import KINDS, atoms_of, capture_filter
+from pnfarm.links.packet_ring import BLOCK, RETIRE_MS, PacketRing
+from pnfarm.links.pcap import interface_description, interface_statistics, section_header
+from pnfarm.links.pcap_files import CaptureFiles
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pnfarm.links.base import Port
+
+__all__ = ["CaptureSettings", "FarmCapture", "parse_size", "prepare"]
+
+#: Octets of a file of the ring, where only their number was given; files kept, where only the size was.
+DEFAULT_SIZE = 100_000_000
+DEFAULT_FILES = 10
+MINIMUM_SIZE = 1_000_000
+#: How long the thread waits for frames before it looks at other things.
+LOOK_MS = 200
+#: How often lost frames are told.
+TELL_SECONDS = 10.0
+#: So much nicer than the farm is the thread that writes.
+NICENESS = 5
+
+_SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)(i?)B?", re.IGNORECASE)
+_POWERS = {"": 0, "k": 1, "m": 2, "g": 3}
+
+#: ``note(event, **data)``: what the capture has to say, for the farm's log.
+Note = Callable[..., None]
+
+
+def parse_size(text: str, *, minimum: int = MINIMUM_SIZE) -> int:
+    """Octets of ``100MB``, ``64MiB``, ``2G``; raises :class:`ConfigError`."""
+    found = _SIZE.fullmatch(text.strip())
+    if found is None:
+        raise ConfigError(f"{text!r} is no size; give for example 100MB, 64MiB or 2GB")
+    number, power, binary = found.groups()
+    size = round(float(number) * float(1024 if binary else 1000) ** _POWERS[power.lower()])
+    if size < minimum:
+        raise ConfigError(f"a file of {text} is too small for a capture; give at least {minimum // 1_000_000}MB")
+    return size
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureSettings:
+    """``drives`` globs over their names, all for none; ``only`` words of :data:`KINDS`, all frames for none.
+
+    With ``size`` (octets) or ``files`` a ring of files, else one file.  Raises :class:`ConfigError`.
+    """
+
+    path: Path
+    drives: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    size: int | None = None
+    files: int | None = None
+
+    def __post_init__(self) -> None:
+        for word in self.only:
+            if word not in KINDS:
+                raise ConfigError(f"there is no kind of frame {word!r}; there are {', '.join(KINDS)}")
+        if self.files is not None and self.files < 1:
+            raise ConfigError(f"a ring of {self.files} files holds nothing; give 1 or more")
+
+    @property
+    def ring(self) -> tuple[int | None, int | None]:
+        """Octets of a file and files kept; two None for one file without bound."""
+        if self.size is None and self.files is None:
+            return None, None
+        return self.size or DEFAULT_SIZE, self.files or DEFAULT_FILES
+
+    def chosen(self, names: Sequence[str]) -> list[int]:
+        """Places of the drives that are captured; raises :class:`ConfigError` for a glob that no drive has."""
+        for glob in self.drives:
+            if not any(fnmatchcase(name, glob) for name in names):
+                raise ConfigError(f"no drive of the farm is called {glob!r}; `pnfarm validate` lists them")
+        return [
+            place
+            for place, name in enumerate(names)
+            if not self.drives or any(fnmatchcase(name, glob) for glob in self.drives)
+        ]
+
+
+class FarmCapture:
+    """Made before the farm's interfaces, so that a file that cannot be written is told before the drives speak.
+
+    ``note`` is called in the capture's thread.  Raises what :class:`CaptureSettings` and
+    :class:`~pnfarm.links.pcap_files.CaptureFiles` raise.
+    """
+
+    def __init__(self, settings: CaptureSettings, farm: str, names: Sequence[str], note: Note) -> None:
+        self.settings = settings
+        self._names = list(names)
+        self._places = settings.chosen(names)
+        self._note = note
+        size, files = settings.ring
+        kinds = f", only {' '.join(settings.only)}" if settings.only else ""
+        self._files = CaptureFiles(settings.path, section_header(f"pnfarm farm {farm}{kinds}"), size=size, files=files)
+        self._files.tail = self._tail
+        self._ring: PacketRing | None = None
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+        #: Frames of each captured drive that were written; the last place: frames that the kernel's ring garbled.
+        self._counts = np.zeros(len(self._places) + 1, np.int64)
+        #: Frames that the kernel dropped because the writer did not keep up.
+        self.lost = 0
+        #: Why the capture ended before its time.
+        self.failed: EnvironmentError_ | None = None
+
+    @property
+    def frames(self) -> int:
+        """Frames written."""
+        return int(self._counts[:-1].sum())
+
+    @property
+    def path(self) -> Path:
+        """The file that is being written, or was last."""
+        return self._files.current
+
+    def start(self, ports: Sequence[Port], *, far_end: bool = False) -> None:
+        """Capture the chosen ones of ``ports``, in the order of the names given before.
+
+        ``far_end``: the interfaces are the other ends of the drives' cables, as with a TAP.
+        Raises :class:`~pnfarm.errors.EnvironmentError_`.
+        """
+        if self._thread is not None:
+            raise InternalError("this capture runs already")
+        chosen = [ports[place] for place in self._places]
+        self._files.extend_head(
+            b"".join(
+                interface_description(self._names[place], f"interface {port.name}", port.mac)
+                for place, port in zip(self._places, chosen, strict=True)
+            )
+        )
+        indexes = [port.index for port in chosen]
+        numbers = np.full(max(indexes) - min(indexes) + 1, -1, np.int32)
+        for number, index in enumerate(indexes):
+            numbers[index - min(indexes)] = number
+        atoms = atoms_of(self.settings.only)
+        self._ring = PacketRing(capture_filter(indexes, atoms, others=far_end))
+        self._thread = threading.Thread(
+            target=self._run, args=(self._ring, numbers, min(indexes), far_end), name="capture", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Write what has been seen so far and close the file.  Takes some tenths of a second; harmless twice."""
+        if self._thread is None:
+            self._files.abandon()
+            return
+        self._stop.set()
+        self._thread.join()
+        self._thread = None
+        self._ring = None
+
+    # -- the thread --------------------------------------------------------------------------------------------------
+
+    def _run(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
+        # it gives way to the event loop's thread and to the engine's, and preempts neither when frames wake it
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        try:
+            self._record(ring, numbers, lowest, far_end)
+            self._files.close()
+        except EnvironmentError_ as exc:
+            self.failed = exc
+            self._files.abandon()
+        except Exception as exc:  # noqa: BLE001 - the farm runs on without its capture, and says why
+            self.failed = EnvironmentError_(f"the capture failed: {type(exc).__name__}: {exc}")
+            self._files.abandon()
+        finally:
+            ring.close()
+        told: dict[str, Any] = {"file": str(self.path), "frames": self.frames, "lost": self.lost}
+        if self.failed is not None:
+            self._note("capture failed", level="error", reason=str(self.failed), **told)
+        else:
+            self._note("capture ended", **told)
+
+    def _record(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
+        memory = np.frombuffer(ring.memory, np.uint8)
+        words = memory.view(np.int32)
+        out = np.zeros(BLOCK * ROOM_FACTOR, np.uint8)
+        out_words, view = out.view(np.uint32), memoryview(out.data)
+        try:
+            told_lost, told_at = 0, time.monotonic()
+            end: float | None = None
+            while end is None or time.monotonic() < end:
+                ring.wait(LOOK_MS if end is None else RETIRE_MS)
+                for start in ring.take():
+                    length = pack_block(memory, words, start, numbers, lowest, far_end, out, out_words, self._counts)
+                    if length:
+                        self._files.write(view[:length])
+                self.lost += ring.lost()
+                if self.lost > told_lost and time.monotonic() - told_at >= TELL_SECONDS:
+                    self._note("capture lost frames", level="warning", lost=self.lost - told_lost)
+                    told_lost, told_at = self.lost, time.monotonic()
+                if end is None and self._stop.is_set():
+                    # what came in until now is handed over when its block retires
+                    end = time.monotonic() + 3 * RETIRE_MS / 1000
+        finally:
+            del memory, words
+
+    def _tail(self) -> bytes:
+        """Statistics, the kernel's losses once, with the first interface: it counts them for all together."""
+        now = time.time_ns()
+        return b"".join(
+            interface_statistics(
+                number, now, written=int(self._counts[number]), lost=self.lost if number == 0 else None
+            )
+            for number in range(len(self._places))
+        )
+
+
+def prepare() -> None:
+    """Compile what a capture needs, before the drives speak."""
+    none = np.zeros(64, np.uint8)
+    out = np.zeros(64, np.uint8)
+    numbers, counts = np.zeros(0, np.int32), np.zeros(1, np.int64)
+    pack_block(none, none.view(np.int32), 0, numbers, 0, False, out, out.view(np.uint32), counts)

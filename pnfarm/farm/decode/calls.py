@@ -1,0 +1,266 @@
+"""Remote procedure calls in words: Connect, Write, Read, Control, Release and what carries them.
+
+A response names neither its service nor its record, so every request is remembered by activity and sequence number, a
+bounded number of them.  Fragments are put together first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pnfarm.farm.decode.connect import connect_request, connect_response
+from pnfarm.farm.decode.packet import Said
+from pnfarm.farm.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
+from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
+from pnfarm.protocols.profinet.wire.blocks import BlockType
+from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
+from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock
+from pnfarm.protocols.profinet.wire.iod import (
+    IodReadReqHeader,
+    IodReadResHeader,
+    IodWriteReqHeader,
+    IodWriteResHeader,
+    WriteRequest,
+    parse_read_request,
+    parse_read_response,
+    parse_write_request,
+    parse_write_response,
+)
+from pnfarm.protocols.profinet.wire.rpc import (
+    UUID_EPM,
+    Opnum,
+    PacketType,
+    PnioStatus,
+    RpcPdu,
+    parse_request_args,
+    parse_response_args,
+    parse_rpc,
+    parse_status,
+    status_name,
+)
+from pnfarm.wire.ipv4 import PROTOCOL_UDP, Ipv4Packet, parse_ipv4
+from pnfarm.wire.udp import parse_udp
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from pnfarm.farm.decode.packet import Packet, Shared
+    from pnfarm.protocols.profinet.wire.blocks_any import Block
+
+__all__ = ["Call", "ip_packet", "rpc"]
+
+_RPC_VERSION = 4
+_SERVICES = {
+    Opnum.CONNECT: "Connect",
+    Opnum.RELEASE: "Release",
+    Opnum.READ: "Read",
+    Opnum.WRITE: "Write",
+    Opnum.CONTROL: "Control",
+    Opnum.READ_IMPLICIT: "ReadImplicit",
+}
+_CONTROLS = {
+    BlockType.PRM_END_REQ: "PrmEnd",
+    BlockType.PRM_END_PLUG_REQ: "PrmEnd (plug)",
+    BlockType.APPLICATION_READY_REQ: "ApplicationReady",
+    BlockType.APPLICATION_READY_PLUG_REQ: "ApplicationReady (plug)",
+    BlockType.READY_FOR_COMPANION_REQ: "ReadyForCompanion",
+    BlockType.READY_FOR_RT_CLASS_3_REQ: "ReadyForRTClass3",
+    BlockType.PRM_BEGIN_REQ: "PrmBegin",
+    BlockType.RELEASE_REQ: "Release",
+}
+_DIRECTIONS: dict[int, str] = {PacketType.REQUEST: "req", PacketType.RESPONSE: "res"}
+#: Records of a multiple write that are shown.
+MOST_RECORDS = 8
+_RESPONSE_BIT = 0x8000
+
+
+@dataclass(slots=True)
+class Call:
+    """A request and what its response needs to be understood.  ``client`` and ``server`` are addresses."""
+
+    service: str
+    opnum: int
+    client: bytes
+    server: bytes
+    answered: bool = False
+    blocks: tuple[Block, ...] = ()
+    write: WriteRequest | None = None
+    parts: dict[bool, Reassembly] = field(default_factory=dict)
+
+
+def ip_packet(packet: Packet, shared: Shared) -> Ipv4Packet | None:
+    """The whole IP packet that a frame completes; None while fragments of it are missing."""
+    ip = parse_ipv4(packet.payload)
+    shared.stations.learn(packet.source, ip=ip.source)
+    if not (ip.more_fragments or ip.fragment_offset):
+        return ip
+    return shared.fragments.receive(ip, packet.time_ns)
+
+
+def rpc(packet: Packet, shared: Shared) -> Iterator[Said]:
+    """One UDP datagram; :class:`DecodeError` where it is no call."""
+    ip = ip_packet(packet, shared)
+    if ip is None:
+        return
+    if ip.protocol != PROTOCOL_UDP:
+        yield Said("IP", f"protocol {ip.protocol}")
+        return
+    datagram = parse_udp(ip.payload)
+    if not datagram.data or datagram.data[0] != _RPC_VERSION:
+        yield Said("UDP", f"port {datagram.source_port} -> {datagram.destination_port}, {len(datagram.data)} octets")
+        return
+    pdu = parse_rpc(datagram.data)
+    if pdu.interface == UUID_EPM:
+        direction = _DIRECTIONS.get(pdu.kind, "")
+        yield Said(f"Lookup.{direction}" if direction else "Lookup", "of the endpoint mapper")
+        return
+    yield from _pdu(pdu, packet, shared)
+
+
+def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Said]:
+    key = (pdu.activity, pdu.sequence)
+    call = shared.calls.get(key)
+    service = _SERVICES.get(Opnum(pdu.opnum), "") if pdu.opnum <= max(Opnum) else f"operation {pdu.opnum}"
+    match pdu.kind:
+        case PacketType.REQUEST:
+            if call is None:
+                call = shared.calls[key] = Call(service, pdu.opnum, packet.source, packet.destination)
+            elif call.answered or ((call.blocks or call.write) and not pdu.is_fragment):
+                yield Said(f"{service}.req", "again", {}, {"repeated": ""})
+                return
+            stub = _whole(pdu, call, request=True)
+            if stub is not None:
+                yield from _request(stub, pdu, call, packet, shared)
+        case PacketType.RESPONSE:
+            if call is None:
+                yield Said(f"{service}.res", "its request is not in the capture")
+                return
+            stub = _whole(pdu, call, request=False)
+            if stub is not None:
+                call.answered = True
+                yield from _response(stub, pdu, call, shared)
+        case PacketType.FAULT | PacketType.REJECT:
+            status = status_name(parse_status(pdu.body, little_endian=pdu.little_endian))
+            name = PacketType(pdu.kind).name.lower()
+            yield Said(f"RPC {name}", f"of {service}: {status}", {}, {"faults": f"{name} {status}"})
+        case PacketType.FACK | PacketType.ACK:
+            return
+        case _:
+            name = PacketType(pdu.kind).name.lower() if pdu.kind <= max(PacketType) else f"type {pdu.kind}"
+            yield Said(f"RPC {name}", f"of {service}")
+
+
+def _whole(pdu: RpcPdu, call: Call, *, request: bool) -> bytes | None:
+    if not pdu.is_fragment:
+        return pdu.body
+    parts = call.parts.setdefault(request, Reassembly(STUB_MAX))
+    if parts.complete:
+        return None
+    parts.add(pdu.fragment_number, pdu.body, last=pdu.is_last)
+    return parts.stub() if parts.complete else None
+
+
+# -- requests
+
+
+def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Shared) -> Iterator[Said]:
+    payload = parse_request_args(stub, little_endian=pdu.little_endian).payload
+    what = f"{call.service}.req"
+    match pdu.opnum:
+        case Opnum.WRITE:
+            call.write = parse_write_request(payload)
+            yield Said(what, _write(call.write, packet.destination, shared), {}, {"writes": ""})
+        case Opnum.READ | Opnum.READ_IMPLICIT:
+            header = parse_read_request(payload)
+            yield Said(what, _place(header), _where(header), {"reads": ""})
+        case Opnum.CONNECT:
+            call.blocks = parse_blocks(payload)
+            yield connect_request(call.blocks, pdu, packet, shared)
+        case _:
+            call.blocks = parse_blocks(payload)
+            yield Said(*_control(call.blocks, call.service, "req"))
+
+
+def _write(write: WriteRequest, device: bytes, shared: Shared) -> str:
+    texts = [_record(record.header, record.data, device, shared) for record in write.writes]
+    if not write.multiple:
+        return texts[0]
+    more = f"; and {len(texts) - MOST_RECORDS} more" if len(texts) > MOST_RECORDS else ""
+    return f"{len(texts)} records: {'; '.join(texts[:MOST_RECORDS])}{more}"
+
+
+def _record(header: IodWriteReqHeader, data: bytes, device: bytes, shared: Shared) -> str:
+    if header.index in BASE_MODE_INDEXES:
+        shared.parameter_requests[device, header.slot, header.subslot, header.index] = data
+        return f"{_place(header)}: {parameter_request(data, shared.stations.model(device))}"
+    shown = data[:16].hex(" ") + (" ..." if len(data) > 16 else "")
+    return f"{_place(header)}, {len(data)} octets{': ' if data else ''}{shown}"
+
+
+def _place(header: IodWriteReqHeader | IodWriteResHeader | IodReadReqHeader | IodReadResHeader) -> str:
+    api = f"API 0x{header.api:04X} " if header.api else ""
+    return f"{api}slot {header.slot} subslot 0x{header.subslot:04X} index {index_words(header.index)}"
+
+
+def _where(header: IodReadReqHeader | IodReadResHeader) -> Mapping[str, int]:
+    return {"api": header.api, "slot": header.slot, "subslot": header.subslot, "index": header.index}
+
+
+def _control(
+    blocks: tuple[Block, ...], service: str, direction: str
+) -> tuple[str, str, dict[str, int], dict[str, str]]:
+    block = next((b for b in blocks if isinstance(b, ControlBlock)), None)
+    if block is None:
+        return f"{service}.{direction}", f"{len(blocks)} blocks", {}, {}
+    kind = block.block_type & ~_RESPONSE_BIT
+    name = _CONTROLS.get(BlockType(kind), service)
+    counts = {"releases": ""} if name == "Release" and direction == "req" else {}
+    return f"{name}.{direction}", f"AR {str(block.ar_uuid)[:8]}", {"session": block.session_key}, counts
+
+
+# -- responses
+
+
+def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[Said]:
+    args = parse_response_args(stub, little_endian=pdu.little_endian)
+    what = f"{call.service}.res"
+    if not args.status.ok:
+        yield _refused(what, args.status, call)
+        return
+    match call.opnum:
+        case Opnum.WRITE:
+            yield _written(what, parse_write_response(args.payload), call)
+        case Opnum.READ | Opnum.READ_IMPLICIT:
+            read = parse_read_response(args.payload)
+            yield Said(what, _read(read.header, read.data, call, shared), _where(read.header))
+        case Opnum.CONNECT:
+            yield connect_response(call.blocks, parse_blocks(args.payload), call.client, call.server, shared)
+        case _:
+            what, text, details, _ = _control(parse_blocks(args.payload), call.service, "res")
+            yield Said(what, f"OK, {text}", details)
+
+
+def _refused(what: str, status: PnioStatus, call: Call) -> Said:
+    words = describe_status(status)
+    counter = "refused" if call.opnum == Opnum.CONNECT else "record errors"
+    return Said(what, words, {"status": f"0x{int(status):08X}"}, {counter: words})
+
+
+def _written(what: str, headers: tuple[IodWriteResHeader, ...], call: Call) -> Said:
+    records = headers[1:] if call.write is not None and call.write.multiple else headers
+    bad = [f"{_place(h)}: {describe_status(h.status)}" for h in records if not h.status.ok]
+    if bad:
+        return Said(what, "; ".join(bad[:MOST_RECORDS]), {}, {"record errors": bad[0]})
+    count = f"{len(records)} records" if len(records) > 1 else _place(records[0]) if records else ""
+    return Said(what, f"OK, {count}".rstrip(", "))
+
+
+def _read(header: IodReadResHeader, data: bytes, call: Call, shared: Shared) -> str:
+    place = _place(header)
+    if header.index in BASE_MODE_INDEXES:
+        asked = shared.parameter_requests.get((call.server, header.slot, header.subslot, header.index))
+        return f"{place}: {parameter_response(data, asked, shared.stations.model(call.server))}"
+    shown = data[:16].hex(" ") + (" ..." if len(data) > 16 else "")
+    return f"OK, {place}, {len(data)} octets{': ' if data else ''}{shown}"

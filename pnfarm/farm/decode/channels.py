@@ -1,0 +1,138 @@
+"""Cyclic channels as a capture's Connect, or a farm file, lays them out, and what is known of each so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.protocols.profinet.wire.iocr import IocrType
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.telegram import Telegram
+    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedApi
+
+__all__ = ["Channel", "Template", "make_template", "telegram_of"]
+
+#: PROFIdrive's API: its telegrams begin with STW1 and ZSW1 (PROFIdrive 4.x, standard telegrams).
+PROFIDRIVE_API = 0x3A00
+
+
+@dataclass(frozen=True, slots=True)
+class Template:
+    """How to read one channel's frames.
+
+    ``words`` are (name, octet in the C_SDU, octets); ``statuses`` (``IOPS`` or ``IOCS``, slot, subslot, octet).
+    """
+
+    layout: IocrLayout
+    telegram: int | None
+    words: tuple[tuple[str, int, int], ...]
+    statuses: tuple[tuple[str, int, int, int], ...]
+
+    @property
+    def control(self) -> int | None:
+        """Where STW1 or ZSW1 stands."""
+        return next((offset for name, offset, _ in self.words if name in {"STW1", "ZSW1"}), None)
+
+    @property
+    def second(self) -> tuple[str, int] | None:
+        """Name and place of STW2 or ZSW2."""
+        return next(((name, offset) for name, offset, _ in self.words if name in {"STW2", "ZSW2"}), None)
+
+
+class Channel:
+    """One direction of a connection; times in nanoseconds."""
+
+    __slots__ = (
+        "begun", "counter", "cycle_ns", "data", "frame_id", "frames", "gap_ns", "gaps", "hold_ns", "interval_count",
+        "jumps", "last_ns", "longest_ns", "missing", "partner", "received", "sent_by_device", "shortest_ns", "status",
+        "step", "template", "told", "total_ns", "watchdogs",
+    )  # fmt: skip
+
+    def __init__(self, frame_id: int, template: Template | None) -> None:
+        self.frame_id = frame_id
+        self.template = template
+        layout = template.layout if template is not None else None
+        self.cycle_ns = layout.cycle_ns if layout is not None else 0
+        self.hold_ns = layout.data_hold_ns if layout is not None else 0
+        self.step = self.cycle_ns // 31_250
+        #: None while it is not known, because the Connect is not in the capture.
+        self.sent_by_device: bool | None = layout.iocr_type == IocrType.INPUT if layout is not None else None
+        self.partner: Channel | None = None
+        self.begun = False
+        self.last_ns = 0
+        self.counter = 0
+        self.data = b""
+        self.status = 0
+        self.frames = 0
+        self.interval_count = 0
+        self.total_ns = 0
+        self.shortest_ns = 0
+        self.longest_ns = 0
+        self.gaps = 0
+        self.gap_ns = 0
+        self.missing = 0
+        self.jumps = 0
+        self.watchdogs = 0
+        self.received = 0
+        #: Lines that were written, by kind.
+        self.told: dict[str, int] = {}
+
+    def inherit(self, before: Channel) -> None:
+        """Go on with the sums of the channel that had these addresses and this frame id in an earlier connection."""
+        for name in (
+            "frames", "interval_count", "total_ns", "shortest_ns", "longest_ns", "gaps", "gap_ns", "missing", "jumps",
+            "watchdogs",
+        ):  # fmt: skip
+            setattr(self, name, getattr(before, name))
+
+    def word(self, offset: int) -> int:
+        """A word of the last frame."""
+        return int.from_bytes(self.data[offset : offset + 2], "big")
+
+
+def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegram | None:
+    """The telegram whose module a Connect expects of a drive of this model."""
+    if model is None:
+        return None
+    found = (model.telegram_by_module(api.module_ident) for api in expected)
+    return next((telegram for telegram in found if telegram is not None), None)
+
+
+def make_template(layout: IocrLayout, telegram: Telegram | None) -> Template:
+    """Names for the places of ``layout``; without a telegram only what PROFIdrive says of every one."""
+    words: list[tuple[str, int, int]] = []
+    is_input = layout.is_input
+    first = "ZSW1" if is_input else "STW1"
+    place = None
+    if telegram is not None:
+        holder = next((s for s in telegram.module.submodules if (s.input_bytes if is_input else s.output_bytes)), None)
+        place = layout.data_of(holder.slot, holder.subslot) if holder is not None else None
+        signals = telegram.input if is_input else telegram.output
+        if place is not None:
+            words = list(_words((s.name if s is not None else "" for s in signals), place.data_offset))
+            words = [word for word in words if word[1] + word[2] <= place.data_offset + place.data_length]
+    if place is None:
+        place = next((d for d in layout.data if d.api == PROFIDRIVE_API and d.data_length >= 2), None)
+        if place is not None:
+            count = place.data_length // 2
+            words = [(first if n == 0 else f"word {n + 1}", place.data_offset + 2 * n, 2) for n in range(count)]
+    statuses = [("IOPS", d.slot, d.subslot, d.iops_offset) for d in layout.data]
+    statuses += [("IOCS", c.slot, c.subslot, c.iocs_offset) for c in layout.iocs]
+    return Template(layout, telegram.number if telegram is not None else None, tuple(words), tuple(statuses))
+
+
+def _words(names: Iterable[str], offset: int) -> Iterable[tuple[str, int, int]]:
+    """Consecutive words of one name are one double word."""
+    found: list[tuple[str, int, int]] = []
+    for name in names:
+        if found and name and found[-1][0] == name and found[-1][2] == 2:
+            found[-1] = (name, found[-1][1], 4)
+        elif name:
+            found.append((name, offset, 2))
+        offset += 2
+    return found

@@ -1,0 +1,151 @@
+"""Connect in words, and what it says of the frames that follow it: their layout, their cycle, their watchdog."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.farm.decode.channels import Channel, make_template, telegram_of
+from pnfarm.farm.decode.packet import Said
+from pnfarm.protocols.profinet.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
+from pnfarm.protocols.profinet.wire.blocks_connect import (
+    ArBlockReq,
+    ArBlockRes,
+    ArProperties,
+    ArServerBlock,
+    ArType,
+)
+from pnfarm.protocols.profinet.wire.blocks_expected import (
+    ExpectedApi,
+    ExpectedSubmoduleBlockReq,
+    IdentInfo,
+    ModuleDiffBlock,
+    ModuleState,
+)
+from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockReq, IocrBlockRes, IocrType
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pnfarm.farm.decode.packet import Packet, Shared
+    from pnfarm.protocols.profinet.wire.blocks_any import Block
+    from pnfarm.protocols.profinet.wire.rpc import RpcPdu
+
+__all__ = ["connect_request", "connect_response"]
+
+#: Time that SendClockFactor counts.
+_SEND_CLOCK_NS = 31_250
+_AR_TYPES = {
+    ArType.IOCAR_SINGLE: "",
+    ArType.IOSAR: "supervisor ",
+    ArType.IOCAR_SINGLE_RT_CLASS_3: "RT class 3 ",
+    ArType.IOCAR_SR: "redundant ",
+}
+_DIRECTIONS = {IocrType.INPUT: "input", IocrType.OUTPUT: "output"}
+
+
+def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shared: Shared) -> Said:
+    """What the controller wants."""
+    ar = next((b for b in blocks if isinstance(b, ArBlockReq)), None)
+    if ar is None:
+        return Said("Connect.req", "without an AR block", {}, {"connects": ""})
+    shared.stations.learn(packet.source, name=ar.station_name.decode("latin-1"))
+    # the object UUID ends in instance, device and vendor (IEC 61158-6-10, 4.10.3.2)
+    node = pdu.object_uuid.bytes[10:]
+    shared.stations.learn_ident(packet.destination, int.from_bytes(node[4:6], "big"), int.from_bytes(node[2:4], "big"))
+    startup = "advanced" if ar.properties & ArProperties.STARTUP_MODE_ADVANCED else "legacy"
+    kind = _AR_TYPES.get(ArType(ar.ar_type), "") if ar.ar_type in list(ArType) else f"type 0x{ar.ar_type:04X} "
+    parts = [f"{kind}AR {str(ar.ar_uuid)[:8]}, {startup} start-up"]
+    iocrs = [b for b in blocks if isinstance(b, IocrBlockReq)]
+    parts += dict.fromkeys(_cycle(iocr) for iocr in iocrs)
+    parts.append(_expected(_apis(blocks), packet.destination, shared))
+    parts += [
+        f"{_DIRECTIONS[IocrType(c.iocr_type)]} frame id 0x{c.frame_id:04X}"
+        for c in iocrs
+        if c.frame_id != FRAME_ID_ASSIGN and c.iocr_type in _DIRECTIONS
+    ]
+    details = {"ar": str(ar.ar_uuid), "session": ar.session_key, "startup": startup}
+    return Said("Connect.req", ", ".join(part for part in parts if part), details, {"connects": ""})
+
+
+def _cycle(iocr: IocrBlockReq) -> str:
+    cycle_ns = _SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio
+    return f"cycle {cycle_ns / 1e6:g} ms, watchdog {iocr.watchdog_factor} x"
+
+
+def _apis(blocks: Iterable[Block]) -> tuple[ExpectedApi, ...]:
+    return tuple(api for b in blocks if isinstance(b, ExpectedSubmoduleBlockReq) for api in b.apis)
+
+
+def _expected(apis: tuple[ExpectedApi, ...], device: bytes, shared: Shared) -> str:
+    telegram = telegram_of(apis, shared.stations.model(device))
+    if telegram is not None:
+        return f"telegram {telegram.number} (module 0x{telegram.module.ident:X})"
+    modules = [f"slot {api.slot} module 0x{api.module_ident:X}" for api in apis]
+    shown = modules[:8] + ([f"and {len(modules) - 8} more"] if len(modules) > 8 else [])
+    return ", ".join(dict.fromkeys(shown))
+
+
+def connect_response(
+    request: tuple[Block, ...], answer: tuple[Block, ...], controller: bytes, device: bytes, shared: Shared
+) -> Said:
+    """What the device grants; from here on the cyclic frames can be read."""
+    texts = ["OK"]
+    for block in answer:
+        match block:
+            case ArServerBlock(name):
+                shared.stations.learn(device, name=name.decode("latin-1"))
+            case ArBlockRes():
+                if block.responder_mac != device:
+                    texts.append(f"from MAC {block.responder_mac.hex(':')}")
+            case ModuleDiffBlock():
+                texts.append(_diff(block))
+    layouts: list[IocrLayout] = []
+    problems: list[str] = []
+    expected = expected_submodules(_apis(request))
+    given = {b.iocr_reference: b.frame_id for b in answer if isinstance(b, IocrBlockRes)}
+    for iocr in (b for b in request if isinstance(b, IocrBlockReq)):
+        try:
+            layouts.append(compute_layout(iocr, expected, given.get(iocr.iocr_reference)))
+        except LayoutError as exc:
+            problems.append(f"layout of CR {iocr.iocr_reference} cannot be: {exc.detail}")
+    texts += [f"{_DIRECTIONS[IocrType(c.iocr_type)]} frame id 0x{c.frame_id:04X}" for c in layouts]
+    _open(layouts, _apis(request), controller, device, shared)
+    return Said("Connect.res", ", ".join([*texts, *problems]))
+
+
+def _open(
+    layouts: list[IocrLayout], apis: tuple[ExpectedApi, ...], controller: bytes, device: bytes, shared: Shared
+) -> None:
+    telegram = telegram_of(apis, shared.stations.model(device))
+    opened: dict[bool, Channel] = {}
+    for layout in layouts:
+        to, source = (controller, device) if layout.is_input else (device, controller)
+        channel = Channel(layout.frame_id, make_template(layout, telegram))
+        before = shared.channels.get((to, source, layout.frame_id))
+        if before is not None:
+            channel.inherit(before)
+        shared.channels[to, source, layout.frame_id] = channel
+        opened[layout.is_input] = channel
+    if len(opened) == 2:
+        opened[True].partner, opened[False].partner = opened[False], opened[True]
+
+
+def _diff(block: ModuleDiffBlock) -> str:
+    texts = []
+    for api in block.apis:
+        for module in api.modules:
+            if module.state != ModuleState.PROPER_MODULE:
+                texts.append(f"slot {module.slot} {_enum(ModuleState, module.state)}")
+            texts += [
+                f"slot {module.slot} subslot 0x{sub.subslot:04X} {_enum(IdentInfo, sub.ident_info)}"
+                for sub in module.submodules
+                if sub.ident_info != IdentInfo.OK
+            ]
+    return f"module difference: {', '.join(texts) or 'states only'}"
+
+
+def _enum(kind: type[ModuleState | IdentInfo], value: int) -> str:
+    try:
+        return kind(value).name.lower().replace("_", " ")
+    except ValueError:
+        return f"state {value}"

@@ -1,0 +1,283 @@
+"""Cyclic frames: only what changes is worth a line, unless every frame is wanted.
+
+Worth a line: the first frame, bits of STW1 and ZSW1 with the drive's state (PROFIdrive 4.x, general state machine; bits
+8 and 10 of ZSW1 follow the speed and are left out), provider and consumer status, data status, a silence longer than so
+many cycles, a cycle counter that does not go on.  Sums for the summary are kept in the channel.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.farm.decode.channels import Channel
+from pnfarm.farm.decode.packet import Said
+from pnfarm.farm.snapshot import STW1_BITS, ZSW1_BITS
+from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
+from pnfarm.protocols.profinet.wire.rtc import (
+    IOXS_BAD_BY_CONTROLLER,
+    IOXS_BAD_BY_DEVICE,
+    IOXS_BAD_BY_SLOT,
+    IOXS_BAD_BY_SUBSLOT,
+    STATUS_LENGTH,
+    DataStatus,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.farm.decode.packet import Packet, Shared
+
+__all__ = ["cyclic", "drive_state", "status_words"]
+
+#: Bits of ZSW1 that are worth a line, and of STW2 and ZSW2, whose upper four count the sign of life.
+ZSW1_MASK = 0x02FF
+SECOND_MASK = 0x0FFF
+STATE_MASK = 0x0047
+FAULT_PRESENT = 0x0008
+#: Lines of one kind for one channel; what comes after them is counted only.
+MOST_LINES = 50
+#: The cycle counter goes round in this time, so that a longer silence leaves it anywhere.
+COUNTER_ROUND_NS = 65_536 * 31_250
+
+_STATES = {
+    0x40: "S1 switching on inhibited",
+    0x01: "S2 ready for switching on",
+    0x03: "S3 switched on",
+    0x07: "S4 operation",
+}
+_STATUS_BITS = (
+    (DataStatus.PRIMARY, "primary", "backup"),
+    (DataStatus.REDUNDANCY, "redundancy bit set", "redundancy bit clear"),
+    (DataStatus.VALID, "data valid", "data invalid"),
+    (DataStatus.RUN, "run", "stop"),
+    (DataStatus.NO_PROBLEM, "no problem", "station problem"),
+    (DataStatus.IGNORE, "to be ignored", "not to be ignored"),
+)
+_IOXS = {
+    IOXS_BAD_BY_SUBSLOT: "bad (subslot)",
+    IOXS_BAD_BY_SLOT: "bad (slot)",
+    IOXS_BAD_BY_DEVICE: "bad (device)",
+    IOXS_BAD_BY_CONTROLLER: "bad (controller)",
+}
+
+
+def drive_state(zsw1: int, stw1: int | None) -> str:
+    """The drive's state; S5 looks like S3 or S4 in ZSW1 and is told by its cause, the control word or a fault."""
+    state = _STATES.get(zsw1 & STATE_MASK, "")
+    stopping = bool(zsw1 & FAULT_PRESENT) or (stw1 is not None and stw1 & 0x05 != 0x05)
+    if zsw1 & 0x03 == 0x03 and stopping:
+        return "S5 switching off"
+    return state
+
+
+def status_words(status: int, before: int | None = None) -> str:
+    """The data status in words; with ``before`` only what changed."""
+    if before is None and status == DataStatus.GOOD:
+        return "data good"
+    # bits that are clear in normal operation go without saying
+    quiet = 0 if before is not None else ~status & (DataStatus.REDUNDANCY | DataStatus.IGNORE)
+    changed = (0xFF if before is None else status ^ before) & ~quiet
+    return ", ".join(yes if status & bit else no for bit, yes, no in _STATUS_BITS if changed & bit)
+
+
+def _ioxs(value: int) -> str:
+    return "good" if value & 0x80 else _IOXS.get(value & 0x60, f"0x{value:02X}")
+
+
+def cyclic(packet: Packet, shared: Shared) -> Iterator[Said]:
+    """One cyclic frame; most say nothing."""
+    payload = packet.payload
+    frame_id = payload[0] << 8 | payload[1]
+    if frame_id < 0x0100 or len(payload) < 2 + STATUS_LENGTH:
+        if shared.every_frame:
+            yield Said(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)
+        return
+    key = (packet.destination, packet.source, frame_id)
+    channel = shared.channels.get(key)
+    if channel is None:
+        channel = shared.channels[key] = _foreign(packet, frame_id, shared)
+    template = channel.template
+    size = template.layout.data_length if template is not None else len(payload) - 2 - STATUS_LENGTH
+    if len(payload) < 2 + size + STATUS_LENGTH:
+        yield from _limited(channel, "wrong length", f"{len(payload) - 2} octets where {size + STATUS_LENGTH} belong")
+        return
+    data = payload[2 : 2 + size]
+    counter = payload[2 + size] << 8 | payload[3 + size]
+    status = payload[4 + size]
+    if channel.begun:
+        yield from _time(channel, packet.time_ns, counter, shared)
+        if status != channel.status:
+            yield from _limited(
+                channel,
+                "DataStatus",
+                f"0x{channel.status:02X} -> 0x{status:02X}: {status_words(status, channel.status)}",
+                before=channel.status, after=status,
+            )  # fmt: skip
+        if template is not None and data != channel.data:
+            yield from _changes(channel, channel.data, data)
+    channel.frames += 1
+    first, channel.begun = not channel.begun, True
+    channel.last_ns, channel.counter, channel.data, channel.status = packet.time_ns, counter, data, status
+    if first:
+        yield Said("cyclic data begin", _first(channel, size), {"frame_id": frame_id, "octets": size})
+    elif shared.every_frame:
+        yield Said("cyclic", f"0x{frame_id:04X} counter {counter} {_values(channel)}".rstrip(), {"frame_id": frame_id})
+
+
+def _foreign(packet: Packet, frame_id: int, shared: Shared) -> Channel:
+    """A channel whose Connect was not seen: the farm file may know its layout."""
+    for drive, is_input in ((packet.source, True), (packet.destination, False)):
+        template = shared.templates.get((drive, is_input))
+        if template is not None and len(packet.payload) >= 2 + template.layout.data_length + STATUS_LENGTH:
+            channel = Channel(frame_id, template)
+            for (to, source, _), other in shared.channels.items():
+                if (to, source) == (packet.source, packet.destination) and other.partner is None:
+                    channel.partner, other.partner = other, channel
+            return channel
+    return Channel(frame_id, None)
+
+
+def _first(channel: Channel, size: int) -> str:
+    parts = [f"frame id 0x{channel.frame_id:04X}", f"{size} octets"]
+    template = channel.template
+    if template is None:
+        return ", ".join([*parts, f"{status_words(channel.status)}; layout unknown, no Connect in the capture"])
+    parts.append(f"cycle {channel.cycle_ns / 1e6:g} ms")
+    if template.telegram is not None:
+        parts.append(f"telegram {template.telegram}")
+    return ", ".join([*parts, status_words(channel.status)]) + (f"; {_values(channel)}" if template.words else "")
+
+
+def _values(channel: Channel) -> str:
+    """The telegram's words of the last frame."""
+    template = channel.template
+    if template is None:
+        return channel.data.hex()
+    texts = []
+    for name, offset, width in template.words:
+        value = int.from_bytes(channel.data[offset : offset + width], "big")
+        is_bits = name.startswith(("STW", "ZSW", "word"))
+        signed = value - (1 << 8 * width) if value >> (8 * width - 1) else value
+        texts.append(f"{name} 0x{value:0{2 * width}X}" if is_bits else f"{name} {signed}")
+    return " ".join(texts)
+
+
+def _limited(channel: Channel, what: str, text: str, **details: object) -> Iterator[Said]:
+    told = channel.told.get(what, 0) + 1
+    channel.told[what] = told
+    if told < MOST_LINES:
+        yield Said(what, text, details)
+    elif told == MOST_LINES:
+        yield Said(what, f"{text}; further ones on this channel are not shown", details)
+
+
+def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[Said]:
+    """Interval and cycle counter."""
+    passed = now - channel.last_ns
+    ahead = (counter - channel.counter) & 0xFFFF
+    if passed >= 0:
+        if not channel.interval_count or passed < channel.shortest_ns:
+            channel.shortest_ns = passed
+        channel.longest_ns = max(channel.longest_ns, passed)
+        channel.total_ns += passed
+        channel.interval_count += 1
+    if not channel.step:
+        # without a Connect: two equal steps of the counter give the cycle
+        if ahead and ahead == channel.received:
+            channel.step, channel.cycle_ns = ahead, ahead * 31_250
+        channel.received = ahead
+        return
+    step = channel.step
+    late = passed > shared.gap_cycles * channel.cycle_ns
+    missing = 0
+    whole, rest = divmod(ahead, step)
+    if passed < COUNTER_ROUND_NS // 2 and (
+        rest or not whole or abs(whole * channel.cycle_ns - passed) > _slack(channel)
+    ):
+        channel.jumps += 1
+        back = ahead > 0x8000
+        words = (
+            "stays" if not ahead else f"{'-' if back else '+'}{0x10000 - ahead if back else ahead}, +{step} expected"
+        )
+        yield from _limited(
+            channel,
+            "cycle counter",
+            f"{channel.counter} -> {counter} ({words})",
+            before=channel.counter, after=counter, expected_step=step,
+        )  # fmt: skip
+    elif whole > 1 and passed < COUNTER_ROUND_NS // 2:
+        missing = whole - 1
+        channel.missing += missing
+    if late:
+        channel.gaps += 1
+        channel.gap_ns = max(channel.gap_ns, passed)
+        cycles = f"{passed / channel.cycle_ns:.1f} cycles of {channel.cycle_ns / 1e6:g} ms"
+        text = f"{passed / 1e6:.3f} ms without a frame ({cycles})"
+        if missing:
+            text += f", {missing} frames missing by the cycle counter"
+        if channel.hold_ns and passed > channel.hold_ns:
+            channel.watchdogs += 1
+            text += f"; longer than the watchdog of {channel.hold_ns / 1e6:g} ms"
+        yield from _limited(channel, "gap", text, seconds=passed / 1e9, missing=missing)
+
+
+def _slack(channel: Channel) -> int:
+    """How far frames may come from where their counter says: a late sender, and frames of a burst after it."""
+    return max(20 * channel.cycle_ns, 100_000_000)
+
+
+def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Said]:
+    template = channel.template
+    if template is None:
+        return
+    control = template.control
+    if control is not None and before[control : control + 2] != after[control : control + 2]:
+        old, new = (int.from_bytes(data[control : control + 2], "big") for data in (before, after))
+        text = _zsw1(channel, old, new) if template.layout.is_input else _stw1(old, new)
+        if text:
+            name = "ZSW1" if template.layout.is_input else "STW1"
+            yield from _limited(channel, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
+    second = template.second
+    if second is not None:
+        name, place = second
+        old, new = (int.from_bytes(data[place : place + 2], "big") for data in (before, after))
+        if (old ^ new) & SECOND_MASK:
+            text = _bits(old, new, (), SECOND_MASK)
+            yield from _limited(channel, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
+    changed: dict[tuple[str, int, int], list[str]] = {}
+    for kind, slot, subslot, offset in template.statuses:
+        if before[offset] != after[offset]:
+            changed.setdefault((kind, before[offset], after[offset]), []).append(f"{slot}/0x{subslot:04X}")
+    for (kind, old, new), places in changed.items():
+        every = len(places) == sum(1 for status in template.statuses if status[0] == kind)
+        of = "all" if every else f"slot/subslot {', '.join(places)}"
+        yield from _limited(channel, kind, f"of {of} {_ioxs(old)} -> {_ioxs(new)}", before=old, after=new)
+
+
+def _stw1(old: int, new: int) -> str:
+    return _bits(old, new, STW1_BITS, 0xFFFF)
+
+
+def _zsw1(channel: Channel, old: int, new: int) -> str:
+    changed = (old ^ new) & ZSW1_MASK
+    if not changed:
+        return ""
+    partner = channel.partner
+    stw1 = None
+    if partner is not None and partner.begun and partner.template is not None and partner.template.control is not None:
+        stw1 = partner.word(partner.template.control)
+    texts = []
+    if changed & STATE_MASK:
+        was, now = drive_state(old, stw1), drive_state(new, stw1)
+        texts.append(f"{was.partition(' ')[0] or '?'} -> {now or '?'}")
+    rest = _bits(old, new, ZSW1_BITS, ZSW1_MASK & ~STATE_MASK)
+    return "; ".join([*texts, *([rest] if rest else [])])
+
+
+def _bits(old: int, new: int, names: tuple[str, ...], mask: int) -> str:
+    texts = []
+    for bit in range(16):
+        if (old ^ new) & mask & 1 << bit:
+            name = names[bit].replace("_", " ") if bit < len(names) else f"bit {bit}"
+            texts.append(f"{name} {'set' if new & 1 << bit else 'reset'}")
+    return ", ".join(texts)

@@ -1,0 +1,153 @@
+"""The frames of a capture file, one after the other: pcap and pcapng, plain or gzip, read by scapy."""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import logging
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
+
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+__all__ = ["CapturedFrame", "FrameReader"]
+
+_LINKTYPE_ETHERNET = 1
+_MAGICS = {
+    bytes.fromhex("a1b2c3d4"), bytes.fromhex("d4c3b2a1"), bytes.fromhex("a1b23c4d"), bytes.fromhex("4d3cb2a1"),
+    bytes.fromhex("0a0d0d0a"),
+}  # fmt: skip
+_GZIP = b"\x1f\x8b"
+
+
+@dataclass(frozen=True, slots=True)
+class CapturedFrame:
+    """``time_ns`` since 1970; ``direction`` 1 inbound, 2 outbound, None unknown; ``cut`` octets are missing."""
+
+    number: int
+    time_ns: int
+    data: bytes
+    interface: str | None = None
+    direction: int | None = None
+    cut: int = 0
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Scapy tells some of what it cannot read by warnings; the reader tells it itself."""
+    logger = logging.getLogger("scapy.runtime")
+    kept, logger.disabled = logger.disabled, True
+    try:
+        yield
+    finally:
+        logger.disabled = kept
+
+
+class _Unpacked(gzip.GzipFile):
+    """A packed file that closes what it reads from."""
+
+    def __init__(self, packed: BinaryIO) -> None:
+        super().__init__(fileobj=packed, mode="rb")
+        self._packed = packed
+
+    def close(self) -> None:
+        super().close()
+        self._packed.close()
+
+
+class FrameReader:
+    """Iterate over it; holds one frame at a time.
+
+    Raises :class:`~pnfarm.errors.ConfigError` for a file that is not there or is no capture of Ethernet frames.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        #: What was wrong with the file's end, once it is reached.
+        self.complaint: str | None = None
+        #: Packets that are no Ethernet frames.
+        self.foreign = 0
+        self.frames = 0
+        self._open().close()
+
+    def _open(self) -> BinaryIO:
+        """The file at its beginning, unpacked; raises :class:`~pnfarm.errors.ConfigError` where it is no capture."""
+        try:
+            file: BinaryIO = self._path.open("rb")
+            try:
+                if file.read(2) == _GZIP:
+                    file.seek(0)
+                    file = cast("BinaryIO", _Unpacked(file))
+                file.seek(0)
+                magic = file.read(4)
+                file.seek(0)
+            except BaseException:
+                file.close()
+                raise
+        except (OSError, EOFError, zlib.error) as exc:
+            why = getattr(exc, "strerror", None) or str(exc)
+            raise ConfigError(f"{self._path} cannot be read: {why}") from exc
+        if magic not in _MAGICS:
+            file.close()
+            raise ConfigError(f"{self._path} is no capture: give a pcap or pcapng file")
+        return file
+
+    def __iter__(self) -> Iterator[CapturedFrame]:
+        from scapy.error import Scapy_Exception  # noqa: PLC0415 - half a second, for whoever reads a capture
+        from scapy.utils import RawPcapReader  # noqa: PLC0415 - the same
+
+        with self._open() as file, _quiet():
+            try:
+                reader: Any = RawPcapReader(file)
+            except (Scapy_Exception, OSError, EOFError, zlib.error) as exc:
+                raise ConfigError(f"{self._path} is no capture: {str(exc).strip(' !')}") from exc
+            yield from self._packets(reader, file)
+        if self.foreign and not self.frames:
+            raise ConfigError(f"{self._path} holds no Ethernet frames: capture at an interface, not at `any`")
+
+    def _packets(self, reader: Any, file: BinaryIO) -> Iterator[CapturedFrame]:
+        classic = not hasattr(reader, "interfaces")
+        # the ways to a packet's octets and meta data without dissection; one block at a time, to know where it ends
+        read = reader._read_packet if classic else reader._read_block  # noqa: SLF001 - scapy has no public ones
+        if classic and reader.linktype != _LINKTYPE_ETHERNET:
+            raise ConfigError(
+                f"{self._path} holds frames of link type {reader.linktype}, not of Ethernet ({_LINKTYPE_ETHERNET}): "
+                "capture at an interface, not at `any`"
+            )
+        unit = 1 if classic and reader.nano else 1000
+        while True:
+            place = file.tell()
+            try:
+                found = read()
+                if found is None:
+                    continue  # a block that is no packet
+                data, meta = found
+                if classic:
+                    if meta.caplen > len(data):
+                        self.complaint = f"{meta.caplen - len(data)} octets of its last packet are missing"
+                    time_ns, name, direction = meta.sec * 1_000_000_000 + meta.usec * unit, None, None
+                else:
+                    if meta.linktype != _LINKTYPE_ETHERNET:
+                        self.foreign += 1
+                        continue
+                    ticks = (meta.tshigh or 0) << 32 | (meta.tslow or 0)
+                    time_ns = ticks * 1_000_000_000 // int(meta.tsresol)
+                    name, direction = meta.ifname, meta.direction
+                    if isinstance(name, bytes):
+                        name = name.decode("utf-8", "replace")
+            except EOFError:
+                if file.tell() != place:
+                    self.complaint = f"the packet or block at octet {place} is not whole"
+                return
+            except Exception as exc:  # noqa: BLE001 - scapy raises whatever its parsing of any octets meets
+                self.complaint = f"{type(exc).__name__}: {exc}"
+                return
+            self.frames += 1
+            yield CapturedFrame(
+                self.frames, time_ns, bytes(data), name, direction, max(0, int(meta.wirelen) - len(data))
+            )

@@ -1,0 +1,94 @@
+"""Who is who in a capture: names and models by MAC address, learned from the frames or given by a farm file."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from functools import cache
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.drives.catalogue import models
+from pnfarm.wire.mac import BROADCAST, format_mac, is_group
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
+    from pnfarm.drives.model import Model
+
+__all__ = ["Bounded", "Stations", "model_of_ident"]
+
+_K = TypeVar("_K")
+_V = TypeVar("_V")
+
+#: Stations, calls, connections kept at a time; the oldest give way.
+MOST = 4096
+
+
+class Bounded(OrderedDict[_K, _V], Generic[_K, _V]):
+    """A dictionary of at most ``most`` entries; the one set longest ago goes."""
+
+    def __init__(self, most: int = MOST) -> None:
+        super().__init__()
+        self._most = most
+
+    def __setitem__(self, key: _K, value: _V) -> None:
+        super().__setitem__(key, value)
+        if len(self) > self._most:
+            self.popitem(last=False)
+
+
+@cache
+def model_of_ident(vendor_id: int, device_id: int) -> Model | None:
+    """The first model of this vendor and device number."""
+    for name in models():
+        found = model_by_name(name)
+        if (found.identity.vendor_id, found.identity.device_id) == (vendor_id, device_id):
+            return found
+    return None
+
+
+class Stations:
+    """What was learned last counts, but a name from an interface of the capture gives way to every other."""
+
+    def __init__(self) -> None:
+        self._names: Bounded[bytes, str] = Bounded()
+        self._guessed: Bounded[bytes, str] = Bounded()
+        self._macs: Bounded[IPv4Address, bytes] = Bounded()
+        self._models: Bounded[bytes, Model] = Bounded()
+
+    def learn(self, mac: bytes, *, name: str = "", ip: IPv4Address | None = None, model: Model | None = None) -> None:
+        if is_group(mac):
+            return
+        if name and name.isprintable():
+            self._names[mac] = name
+        if ip is not None and int(ip):
+            self._macs[ip] = mac
+        if model is not None:
+            self._models[mac] = model
+
+    def learn_ident(self, mac: bytes, vendor_id: int, device_id: int) -> None:
+        """A farm file's model, which may have another identity, stays."""
+        if mac not in self._models and (model := model_of_ident(vendor_id, device_id)) is not None:
+            self._models[mac] = model
+
+    def guess(self, mac: bytes, name: str) -> None:
+        """A capture of a farm names its interfaces after the drives."""
+        if mac not in self._guessed and not is_group(mac):
+            self._guessed[mac] = name
+
+    def name(self, mac: bytes) -> str:
+        """The station's name, or its address."""
+        found = self._names.get(mac) or self._guessed.get(mac)
+        if found is not None:
+            return found
+        if mac == BROADCAST:
+            return "everybody"
+        return "all" if is_group(mac) else format_mac(mac)
+
+    def at(self, ip: IPv4Address) -> str:
+        """The name of who has this address, or the address."""
+        mac = self._macs.get(ip)
+        return self.name(mac) if mac is not None and (mac in self._names or mac in self._guessed) else str(ip)
+
+    def model(self, mac: bytes) -> Model | None:
+        return self._models.get(mac)

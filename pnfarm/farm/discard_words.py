@@ -1,0 +1,184 @@
+"""Why frames and PDUs are dropped, in words: every reason that a machine counts.
+
+A reason is a short slug, stable enough for a metric's label; here stands what it means.  Reasons that machines build at
+run time are a prefix (``arp-short``) or an event in a state (``response-in-idle``).
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["PREFIXES", "REASONS", "discard_words"]
+
+#: Reason -> what happened.
+REASONS: Mapping[str, str] = MappingProxyType(
+    {
+        # any format
+        "short": "ends before its format does",
+        "trailing": "octets behind its end",
+        "bad-length": "lengths inside contradict each other",
+        "bad-type": "of a type that does not belong there",
+        "bad-version": "of a version that is not known",
+        "bad-checksum": "checksum wrong",
+        "bad-count": "another number of entries than announced",
+        "bad-drep": "number format of the call is not known",
+        "bad-format": "parameter format is not known",
+        "bad-layout": "frame layout cannot be",
+        "bad-offset": "array does not begin at 0",
+        "bad-padding": "padding is not zero",
+        "bad-tower": "address in the endpoint mapper's tower is wrong",
+        "foreign": "answers another request",
+        "unsupported": "asks for what the endpoint mapper does not have",
+        # cyclic frames
+        "wrong-length": "cyclic frame of another length than agreed at Connect",
+        "wrong-source": "cyclic frame from another station than the controller",
+        "old-counter": "cyclic frame whose cycle counter does not go on: late, or twice",
+        "data-invalid": "cyclic frame whose data status says that its data are invalid",
+        "impaired": "cyclic frame kept back by an injected fault",
+        # acyclic frames, before any machine
+        "other-destination": "addressed to another station",
+        "arp-for-another": "ARP request for another address",
+        "identify-for-another": "DCP Identify for another station",
+        "other-protocol": "of a protocol that a drive does not speak",
+        # DCP
+        "silent": "DCP silenced by an injected fault",
+        "not-a-request": "DCP response, which a drive does not expect",
+        "hello": "DCP Hello of another station",
+        "wrong-frame-id": "DCP service under another service's frame id",
+        "held-by-other-client": "DCP Set while another client holds the transaction",
+        "filter": "DCP Identify with a filter that is not understood",
+        "response-full": "DCP answer had no room for this block",
+        "request": "DCP request, which a client does not expect",
+        "unknown-xid": "DCP answer to no question that was asked",
+        "duplicate": "DCP answer that came twice",
+        "unasked-get": "DCP answer of a station that was not asked",
+        # IP
+        "no-address": "IP packet while the drive has no address",
+        "other-address": "IP packet for another address",
+        "bad-source": "sender's MAC address is a group's",
+        "arp-bad-sender": "ARP packet whose sender is a group or broadcast address",
+        "ipv4-bad-source": "IP packet from a group or broadcast address",
+        "ipv4-protocol": "IP packet that is neither UDP nor ICMP",
+        "closed-port": "UDP datagram for a port that nobody serves",
+        "udp-bad-checksum": "UDP datagram with a wrong checksum",
+        "icmp-other": "ICMP message that is no echo request",
+        "no-route": "no way to the destination: no gateway",
+        "unresolved": "nobody answered the ARP request for the destination",
+        "address-changed": "the drive's address changed before it could be sent",
+        "queue-full": "too much waits already",
+        "fragment-bad-length": "IP fragment with an impossible length",
+        "fragment-displaced": "IP fragments given up for newer ones",
+        "fragment-overlap": "IP fragments that overlap",
+        "fragment-timeout": "IP fragments whose rest did not come",
+        # calls
+        "maybe-or-broadcast": "call that wants no answer, which PROFINET does not have",
+        "unexpected-type": "PDU that this end of a call does not get",
+        "old-sequence": "call older than one that was answered",
+        "late-answer": "answer that came after the call was given up",
+        "held-octets": "call refused: too many octets are held already",
+        "fragments-differ": "fragment that contradicts an earlier one",
+        "duplicate-fragment": "fragment that came twice",
+        "fragment-number": "fragment whose number cannot be",
+        "too-long": "longer than it may be",
+        "request-too-long": "call given up: its fragments are more than it may have",
+        "stale-fack": "acknowledges fragments that were not sent",
+        "calls-max": "call given up: too many wait already",
+        "evicted": "an old client of calls made room for a new one",
+        "late-call-result": "result of a call that nobody waits for any more",
+        "unknown-activity": "answer to no call of ours",
+        "stale-sequence": "answer to an earlier call",
+        "call-is-over": "answer to a call that has ended",
+        # connections
+        "rta-unknown-reference": "alarm or abort for a connection that does not stand",
+        "rta-of-another-ar": "alarm or abort of another connection",
+        "rta-of-another-station": "alarm or abort from another station",
+        "alarm-of-nobody": "alarm from a station without a connection",
+        "ready-out-of-turn": "ApplicationReady before the parameters ended",
+        "ready-twice": "ApplicationReady that came twice",
+        "farewell-unconfirmed": "Release that was not answered",
+        "out-of-turn": "arrived when nobody waited for it",
+        # alarms
+        "closed": "the alarm channel is closed",
+        "late-ack": "acknowledges what is not under way",
+        "length": "of a length that its type does not have",
+        "nack": "the other end did not take it; it is repeated in time",
+        "no-tack": "data that ask for no acknowledgement",
+        "peer-counts-once": "the other end counts both priorities together: all alarms go by one",
+        "reference": "alarm references of another connection",
+        "sequence": "out of turn by its number",
+        "type": "of a type that alarm frames do not have",
+        "version": "of another version",
+        "withheld": "kept back by an injected fault",
+        # LLDP
+        "aged-out": "the neighbour was not heard any more",
+        "bad-order": "parts in another order than prescribed",
+        "link-down": "the link went down",
+        "own-frame": "LLDP frame of the drive's own",
+        "own-lldp": "LLDP frame of another drive of the farm",
+        "shutdown": "the neighbour said good-bye",
+        "too-many-neighbours": "more neighbours than a port keeps",
+        # SNMP
+        "address-refused": "from an address that nobody can have",
+        "bad-community": "SNMP message with a wrong community",
+        "bad-tag": "value of another type than prescribed",
+        "bad-value": "value that its type cannot have",
+        "source-port-0": "datagram from port 0, which cannot be answered",
+        "too-deep": "nested too deeply",
+        "too-large": "larger than it may be",
+        "unexpected-pdu": "SNMP message that no manager sends",
+        # calls, and files for engineering tools
+        "rerun-fragment": "fragment of a call that was answered already",
+        "doctype": "XML with a document type",
+        "encoding": "XML of an encoding that is not read",
+        "missing-element": "XML without an element that must be there",
+        "not-xml": "no XML",
+        # links
+        "cable-pulled": "the cable is pulled",
+        "interface-down": "the interface is down",
+        "other-vlan": "frame of another VLAN",
+        "receive-overflow": "the kernel's receive queue was full",
+        "refused": "the kernel refused to send it",
+        "unknown-port": "for a port that the link does not have",
+    }
+)
+
+#: Beginning of a reason -> what it is about; a reason of a format, or a name, follows.
+PREFIXES: Mapping[str, str] = MappingProxyType(
+    {
+        "arp-": "ARP packet: ",
+        "ipv4-": "IP packet: ",
+        "udp-": "UDP datagram: ",
+        "icmp-": "ICMP message: ",
+        "rta-": "alarm or abort: ",
+        "alarm-out-of-turn-": "alarm PDU that nobody waited for: ",
+        "alarm-": "alarm: ",
+        "out-of-turn-": "alarm PDU that nobody waited for: ",
+        "cancel-": "cancellation of a call: ",
+        "args-": "arguments of a call: ",
+        "fack-": "acknowledgement of fragments: ",
+        "status-": "status of a refused call: ",
+        "reject-": "call rejected: ",
+        "expired-": "call given up because nothing came for too long, in state ",
+        "no-call-for-": "no call to which this belongs: ",
+    }
+)
+_IN_STATE = "-in-"
+
+
+def discard_words(reason: str) -> str:
+    """What a reason means; of an unknown one its own words."""
+    known = REASONS.get(reason)
+    if known is not None:
+        return known
+    event, between, state = reason.partition(_IN_STATE)
+    if between:
+        return f"{event.replace('-', ' ')} arrived in state {state.upper()}"
+    for prefix, about in PREFIXES.items():
+        if reason.startswith(prefix):
+            rest = reason.removeprefix(prefix)
+            return about + REASONS.get(rest, rest.replace("-", " ").replace("_", " "))
+    return reason.replace("-", " ")

@@ -1,0 +1,162 @@
+"""Name and address of one drive: DCP and ARP on one side, non-volatile memory and the event log on the other.
+
+What DCP set is carried to the IP host and into the memory; what ARP found out of a conflict is carried to DCP, which
+shows it.  An address from the memory or the farm file is announced at power-on; one that DCP gave is asked for first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address, IPv4Interface
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.ip.host import AddressConflict, AddressRefused, AddressSettled, IpHost
+from pnfarm.protocols.profinet.dcp_device import DcpDevice
+from pnfarm.protocols.profinet.dcp_rules import (
+    NO_DNS,
+    DcpIdentity,
+    Dns,
+    HelloMode,
+    HelloSettings,
+    IpSet,
+    NameSet,
+    SignalBegan,
+    SignalEnded,
+)
+from pnfarm.protocols.profinet.wire.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_data_adjust
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.protocols.ip.host import IpEvent
+    from pnfarm.protocols.profinet.dcp_rules import DcpDeviceEvent
+
+__all__ = ["Note", "StationAddress"]
+
+_MS = 1_000_000
+#: Most Hellos in a row (coding of FSHelloRetry: 1 to 15).
+_MOST_HELLOS = 15
+
+
+class Note(Protocol):
+    """Writes one entry of the drive's event log."""
+
+    def __call__(self, now: int, event: str, *, level: str = "info", **data: Any) -> None: ...
+
+
+class StationAddress:
+    """``kept`` is the memory as it was at power-on; ``keep`` writes one key through."""
+
+    def __init__(
+        self,
+        mac: bytes,
+        identity: DcpIdentity,
+        config: DriveConfig,
+        kept: Mapping[str, Any],
+        *,
+        keep: Callable[[int, str, Any], None],
+        note: Note,
+    ) -> None:
+        self._keep, self._note = keep, note
+        address, gateway, dns = config.ip, config.gateway, NO_DNS
+        if "ip" in kept:
+            address = IPv4Interface(kept["ip"]) if kept["ip"] else None
+            gateway = IPv4Address(kept["gateway"]) if kept.get("gateway") else None
+            dns = _dns(kept.get("dns"))
+        name = kept.get("name", config.name)
+        self.dcp = DcpDevice(mac, identity, name=name, address=address, gateway=gateway, dns=dns)
+        self.dcp.hello_settings = _hello(kept.get("hello"), on=config.hello)
+        self.ip = IpHost(mac)
+        #: Who else uses the address, None for nobody.
+        self.conflict_mac: bytes | None = None
+        self.set_address(address, gateway)
+
+    def set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None, now: int | None = None) -> None:
+        """Use an address, or none; with ``now`` another station is asked for it first."""
+        if address is None or now is None:
+            self.ip.set_address(address, gateway)
+        else:
+            self.ip.claim_address(address, gateway, now)
+        self._no_conflict()
+        #: The address as in an ARP packet, empty for none: looked at for every broadcast.
+        self.own_ip = address.ip.packed if address is not None else b""
+
+    def _no_conflict(self) -> None:
+        self.dcp.ip_conflict, self.dcp.ip_in_use, self.conflict_mac = False, True, None
+
+    # -- DCP ---------------------------------------------------------------------------------------------------------
+
+    def take_dcp(self, event: DcpDeviceEvent, now: int) -> None:
+        """What an event of DCP's means for address, memory and log; the rest of it is the station's."""
+        match event:
+            case NameSet(name, permanent):
+                self._keep(now, "name", name if permanent else "")
+                self._note(now, "name set", name=name, permanent=permanent)
+            case IpSet(interface, gateway, permanent, dns):
+                if (interface, gateway) != (self.ip.wanted, self.ip.gateway):
+                    self.set_address(interface, gateway, now)
+                self._keep(now, "ip", str(interface) if interface and permanent else "")
+                self._keep(now, "gateway", str(gateway) if gateway and permanent else "")
+                self._keep(now, "dns", [str(ip) for ip in dns] if permanent and dns != NO_DNS else None)
+                self._note(now, "address set", ip=str(interface or ""), permanent=permanent)
+            case SignalBegan():
+                self._note(now, "signal begins")
+            case SignalEnded():
+                self._note(now, "signal ends")
+            case _:
+                pass
+
+    def record_written(self, index: int, data: bytes, now: int) -> None:
+        """A record of the interface was accepted: the one for fast start-up says whether Hello is sent from now on."""
+        if index != FSU_DATA_ADJUST_INDEX:
+            return
+        try:
+            hello = parse_fsu_data_adjust(data).hello
+        except DecodeError as exc:
+            self._note(now, "fast start-up record not understood", level="warning", reason=exc.reason)
+            return
+        if hello is not None:
+            value = [hello.mode, hello.interval_ms, hello.retry, hello.delay_ms]
+            self.dcp.hello_settings = _hello(value, on=False)
+            self._keep(now, "hello", value)
+            self._note(now, "hello set", mode=self.dcp.hello_settings.mode.name.lower().replace("_", " "))
+
+    def forget_records(self, *, on: bool) -> None:
+        """The interface's records are gone: Hello is as the farm file says (``on``)."""
+        self.dcp.hello_settings = _hello(None, on=on)
+
+    # -- ARP ---------------------------------------------------------------------------------------------------------
+
+    def take_ip(self, event: IpEvent, now: int) -> None:
+        """What ARP found out."""
+        match event:
+            case AddressConflict(ip, mac) if mac != self.conflict_mac:
+                self.dcp.ip_conflict, self.conflict_mac = True, mac
+                self._note(now, "address conflict", level="warning", ip=str(ip), mac=mac.hex(":"))
+            case AddressRefused(ip, mac):
+                self.dcp.ip_conflict, self.dcp.ip_in_use, self.conflict_mac = True, False, mac
+                self._note(now, "address not used", level="warning", ip=str(ip), mac=mac.hex(":"))
+            case AddressSettled(ip):
+                self._no_conflict()
+                self._note(now, "address conflict over", ip=str(ip))
+            case _:
+                pass
+
+
+def _dns(kept: list[str] | None) -> Dns:
+    if kept is None:
+        return NO_DNS
+    one, two, three, four = (IPv4Address(text) for text in kept)
+    return one, two, three, four
+
+
+def _hello(kept: list[int] | None, *, on: bool) -> HelloSettings:
+    """From FSHelloMode, interval, retry and delay (ms); without them as the farm file says."""
+    if kept is None:
+        settings = HelloSettings()
+        return settings if on else replace(settings, mode=HelloMode.OFF)
+    mode, interval_ms, retry, delay_ms = kept
+    known = HelloMode(mode) if mode in set(HelloMode) else HelloMode.OFF
+    return HelloSettings(known, interval_ms * _MS, min(retry, _MOST_HELLOS), delay_ms * _MS)

@@ -1,0 +1,189 @@
+"""A drive's ports: its LLDP agent and its physical device, joined.
+
+The cable is at the first port of the drive's interface; further ports of a model have no link.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.lldp import (
+    LldpPort,
+    LocalPort,
+    LocalSystem,
+    NeighbourAppeared,
+    NeighbourChanged,
+    NeighbourGone,
+    spread_phase,
+)
+from pnfarm.protocols.profinet.pdev import InterfaceFacts, PhysicalDevice
+from pnfarm.protocols.profinet.pdev_checks import CheckFailed, PortFacts
+from pnfarm.protocols.profinet.wire.diagnosis import Maintenance, Usi
+
+if TYPE_CHECKING:
+    from collections import Counter
+    from ipaddress import IPv4Address, IPv4Interface
+
+    from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.lldp import Neighbour
+    from pnfarm.protocols.profinet.pdev_checks import CheckPassed
+    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
+
+__all__ = ["Note", "StationNeighbours", "port_diagnosis", "system_identification"]
+
+_FIRST_PORT = 0x8001
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A line for the event log."""
+
+    event: str
+    level: str
+    data: dict[str, Any]
+
+
+def system_identification(description: DeviceDescription) -> str:
+    """What the device is, in fields of fixed width (IEC 61158-6-10, LLDP: SystemIdentification)."""
+    im0 = description.im0
+    prefix, *numbers = im0.software_revision
+    version = f"{prefix}{numbers[0]:3}{numbers[1]:3}{numbers[2]:3}"
+    return (
+        f"{description.station_type:<25} {im0.order_id:<20} {im0.serial_number:<16} {im0.hardware_revision:5} {version}"
+    )
+
+
+class StationNeighbours:
+    """``index`` spreads the drives of a farm; without ``enabled`` the drive neither sends nor hears LLDP.
+
+    What the agent says follows :meth:`update`; what the controller wrote into the PDev records takes effect in
+    :meth:`pump`.
+    """
+
+    def __init__(self, mac: bytes, index: int, description: DeviceDescription, *, enabled: bool = True) -> None:
+        system = LocalSystem(mac, description=system_identification(description))
+        name = next((f"port {s.subslot & 0xFF}" for s in description.dap.submodules if s.subslot == _FIRST_PORT), "")
+        self.lldp = LldpPort(system, LocalPort(1, mac, name), phase_ns=spread_phase(index))
+        self._facts = InterfaceFacts("", mac)
+        self._link_up = True
+        self._link_changed = False
+        self.enabled = enabled
+        self.pdev = PhysicalDevice(description.dap.submodules, lambda: self._facts, self._port, self._neighbours_at)
+        self._checked: list[CheckFailed | CheckPassed] = []
+
+    # -- what the physical device asks -------------------------------------------------------------------------------
+
+    def _port(self, subslot: int) -> PortFacts:
+        return PortFacts(link_up=self._link_up and subslot == _FIRST_PORT)
+
+    def _neighbours_at(self, subslot: int) -> tuple[Neighbour, ...]:
+        return self.lldp.neighbours if subslot == _FIRST_PORT else ()
+
+    # -- what the station says ---------------------------------------------------------------------------------------
+
+    def update(self, name: str, address: IPv4Interface | None, gateway: IPv4Address | None, now: int) -> None:
+        """Name and address are these now."""
+        self._facts = replace(self._facts, name=name, address=address, gateway=gateway)
+        ip = address.ip if address is not None and int(address.ip) else None
+        self.lldp.update(replace(self.lldp.system, name=name, address=ip), now)
+
+    def set_link(self, *, up: bool) -> None:
+        """The cable was pulled or plugged; the next :meth:`pump` sees what follows."""
+        self._link_changed = self._link_changed or up != self._link_up
+        self._link_up = up
+        if not up:
+            self.lldp.link_down()
+
+    def hear(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
+        """An LLDP frame, parsed, or the reason why it is none; whether it changed anything."""
+        if not self.enabled:
+            return False
+        if isinstance(parsed, str):
+            self.lldp.dropped[parsed] += 1
+            return False
+        return self.lldp.hear(parsed, frame[6:12], frame[14:], now)
+
+    @property
+    def aliases(self) -> frozenset[str]:
+        """What DCP's alias filter may ask for: a drive is found by the port that it hangs on."""
+        return frozenset(neighbour.alias for neighbour in self.lldp.neighbours)
+
+    # -- the machine -------------------------------------------------------------------------------------------------
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self.lldp.dropped
+
+    def next_deadline(self) -> int | None:
+        deadlines = (self.lldp.next_deadline(), self.pdev.next_deadline())
+        return min((d for d in deadlines if d is not None), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        self.lldp.handle_timeout(now)
+        self.pdev.handle_timeout(now)
+
+    def to_send(self, now: int) -> list[bytes]:
+        return self.lldp.to_send(now) if self.enabled else []
+
+    def pump(self, now: int) -> list[Note]:
+        """Carry what happened between the two; what is worth noting."""
+        mode = self.pdev.name_mode
+        if mode is not self.lldp.system.name_mode:
+            self.lldp.update(replace(self.lldp.system, name_mode=mode), now)
+        self.lldp.send_frames(_FIRST_PORT not in self.pdev.mute_ports, now)
+        happened = self.lldp.events()
+        if happened or self._link_changed:
+            self._link_changed = False
+            self.pdev.evaluate(now)
+        notes = [_note(event) for event in happened]
+        checked = self.pdev.events()
+        self._checked += checked
+        return notes + [_check_note(event) for event in checked]
+
+    def checks(self) -> list[CheckFailed | CheckPassed]:
+        """What the checks of the ports found since the last call: diagnoses that appear and disappear."""
+        checked, self._checked = self._checked, []
+        return checked
+
+
+def _note(event: NeighbourAppeared | NeighbourChanged | NeighbourGone) -> Note:
+    neighbour = event.neighbour
+    data: dict[str, Any] = {
+        "port": event.port,
+        "neighbour": neighbour.station_name,
+        "neighbour_port": neighbour.port_name,
+        "mac": neighbour.mac.hex(":"),
+    }
+    match event:
+        case NeighbourAppeared():
+            return Note("neighbour appeared", "info", data)
+        case NeighbourChanged():
+            return Note("neighbour changed", "info", data)
+        case NeighbourGone(reason=reason):
+            return Note("neighbour gone", "info", {**data, "reason": reason})
+
+
+def _check_note(event: CheckFailed | CheckPassed) -> Note:
+    data: dict[str, Any] = {
+        "port": f"0x{event.subslot:04X}",
+        "error_type": f"0x{event.error_type:04X}",
+        "ext_error_type": f"0x{event.ext_error_type:04X}",
+    }
+    if isinstance(event, CheckFailed):
+        return Note("port check failed", "warning", {**data, "detail": event.detail})
+    return Note("port check passed", "info", data)
+
+
+def port_diagnosis(check: CheckFailed | CheckPassed) -> DiagnosisEntry:
+    """The diagnosis of a port that is not as its controller wants it (ExtChannelDiagnosis of the whole submodule)."""
+    return DiagnosisEntry(
+        0,
+        check.slot,
+        check.subslot,
+        usi=Usi.EXT_CHANNEL,
+        error_type=check.error_type,
+        ext_error_type=check.ext_error_type,
+        maintenance=Maintenance.DEMANDED,
+    )

@@ -1,0 +1,239 @@
+"""Parameter records: what a controller writes to a submodule before the end of parametrisation.
+
+A ``ParameterRecordDataItem`` has a length, constants that fill it, and references (``Ref``) that lay values over
+them.  Octets without either are zero.  Values of several octets are big-endian, as everything in PROFINET; bits count
+from the least significant one of the octet at the offset.  A bit area that leaves its octet is not laid: makers and
+tools do not agree on where it goes on.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.profinet.gsdml.values import parse_octets
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pnfarm.protocols.profinet.gsdml.safe_xml import Node
+
+__all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "parse_record"]
+
+#: Octets of one record; the standard's own default for a device is 4068.
+MAX_RECORD = 0x10000
+#: Octets of types with a fixed length, and how they are packed (IEC 61158-6-10, basic data types).
+_PACKED = {
+    "Integer8": ">b",
+    "Integer16": ">h",
+    "Integer32": ">i",
+    "Integer64": ">q",
+    "Unsigned8": ">B",
+    "Unsigned16": ">H",
+    "Unsigned32": ">I",
+    "Unsigned64": ">Q",
+    "Float32": ">f",
+    "Float64": ">d",
+}
+_LISTED = ("OctetString", "VisibleString")
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterConst:
+    """Octets that stand fast from ``byte_offset`` on."""
+
+    data: bytes
+    byte_offset: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRef:
+    """One value inside a record; ``default`` and ``allowed`` are as the file writes them.
+
+    ``bit_offset`` and ``bit_length`` are for Bit and BitArea; ``length`` (octets) for strings.
+    """
+
+    data_type: str
+    byte_offset: int = 0
+    bit_offset: int = 0
+    bit_length: int = 1
+    length: int = 0
+    default: str = ""
+    allowed: str = ""
+    name: str = ""
+    changeable: bool = True
+    visible: bool = True
+
+    @property
+    def is_bits(self) -> bool:
+        return self.data_type in {"Bit", "BitArea"}
+
+    @property
+    def octets(self) -> int | None:
+        """Octets from ``byte_offset`` on; None for a type whose length is not known here."""
+        if self.is_bits:
+            return (self.bit_offset + self.bit_length + 7) // 8
+        if self.data_type in _PACKED:
+            return struct.calcsize(_PACKED[self.data_type])
+        if self.data_type == "Boolean":
+            return 1
+        return self.length if self.length or self.data_type in _LISTED else None
+
+    def check(self, value: float) -> str | None:
+        """What is wrong with a number for this value, as a sentence's end, or None."""
+        if not self.allowed:
+            return None
+        for word in self.allowed.split():
+            low, dots, high = word.partition("..")
+            try:
+                first = _numeric(low)
+                last = _numeric(high) if dots else first
+            except ValueError:
+                return None  # a grammar of its maker's own: the device decides
+            if first <= value <= last:
+                return None
+        return f"allowed is {self.allowed}"
+
+    def lay(self, octets: bytearray, text: str, *, checked: bool) -> None:
+        """Lay the value that ``text`` says over a record's octets.  Raises :class:`ValueError` with what is allowed.
+
+        ``checked`` holds it against ``allowed``; a maker's own default is not his tool's to doubt.
+        """
+        if self.data_type in _LISTED:
+            if self.data_type == "VisibleString" and not text.isascii():
+                raise ValueError("an ASCII text")
+            data = parse_octets(text) if self.data_type == "OctetString" else text.encode("ascii")
+            if len(data) > self.length:
+                raise ValueError(f"at most {self.length} octets")
+            octets[self.byte_offset : self.byte_offset + self.length] = data.ljust(self.length, b"\0")
+            return
+        value = _numeric(text)
+        wrong = self.check(value) if checked else None
+        if wrong is not None:
+            raise ValueError(wrong)
+        if self.is_bits or self.data_type == "Boolean":
+            bits = self.bit_length if self.data_type == "BitArea" else 1
+            if self.is_bits and self.bit_offset + bits > 8:
+                raise ValueError("a bit area inside one octet; of this one the whole record has to be given")
+            if value not in range(1 << bits):
+                raise ValueError(f"a number from 0 to {(1 << bits) - 1}")
+            _lay_bits(octets, self.byte_offset, self.bit_offset if self.is_bits else 0, bits, int(value))
+            return
+        code = _PACKED.get(self.data_type)
+        if code is None:
+            raise ValueError(f"a value of another type than {self.data_type}, which is given as the whole record only")
+        try:
+            packed = struct.pack(code, value if code[1] in "fd" else _whole(value))
+        except (struct.error, OverflowError):
+            raise ValueError(f"what {self.data_type} holds") from None
+        octets[self.byte_offset : self.byte_offset + len(packed)] = packed
+
+
+def _numeric(text: str) -> float:
+    """A number, decimal, with 0x or as a fraction; integers stay exact."""
+    word = text.strip()
+    if word.lower() in {"true", "false"}:
+        return int(word.lower() == "true")
+    if len(word) > 64:
+        raise ValueError("a number")
+    for read in (lambda: int(word, 16 if word[:2].lower() == "0x" else 10), lambda: float(word)):
+        try:
+            return read()
+        except ValueError:
+            continue
+    raise ValueError("a number")
+
+
+def _whole(value: float) -> int:
+    if not math.isfinite(value) or int(value) != value:
+        raise OverflowError
+    return int(value)
+
+
+def _lay_bits(octets: bytearray, byte_offset: int, bit_offset: int, bits: int, value: int) -> None:
+    mask = ((1 << bits) - 1) << bit_offset
+    octets[byte_offset] = octets[byte_offset] & ~mask | value << bit_offset
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRecord:
+    """A record's index, length in octets, and contents; ``transfer_sequence`` orders records that have one."""
+
+    index: int
+    length: int
+    name: str = ""
+    transfer_sequence: int = 0
+    consts: tuple[ParameterConst, ...] = ()
+    refs: tuple[ParameterRef, ...] = ()
+
+    def octets(self, values: Mapping[str, str | float] | None = None) -> bytes:
+        """The record with its defaults, and ``values`` by the names of its references.
+
+        Raises :class:`ConfigError` for a name that it has not, and for a value that is not allowed.
+        """
+        given = dict(values or {})
+        octets = bytearray(self.length)
+        for const in self.consts:
+            octets[const.byte_offset : const.byte_offset + len(const.data)] = const.data
+        for ref in self.refs:
+            value = given.pop(ref.name, None)
+            text = ref.default if value is None else str(value)
+            if not text and value is None:
+                continue
+            try:
+                ref.lay(octets, text, checked=value is not None)
+            except ValueError as exc:
+                raise ConfigError(
+                    f"record {self.index}, {ref.name or ref.data_type}: {text!r} is given, {exc}"
+                ) from exc
+        if given:
+            known = ", ".join(ref.name for ref in self.refs) or "no value at all"
+            raise ConfigError(f"record {self.index} has no value {next(iter(given))!r}, it has {known}")
+        return bytes(octets)
+
+
+def _const(node: Node, length: int) -> ParameterConst:
+    offset = node.number("ByteOffset", 0xFFFF, 0)
+    try:
+        data = parse_octets(node.text("Data"))
+    except ValueError as exc:
+        node.fail("Data", str(exc))
+    if offset + len(data) > length:
+        node.fail("Data", f"octets up to the record's length of {length}")
+    return ParameterConst(data, offset)
+
+
+def _ref(node: Node, length: int, text: Callable[[Node | None], str]) -> ParameterRef:
+    ref = ParameterRef(
+        data_type=node.word("DataType"),
+        byte_offset=node.number("ByteOffset", 0xFFFF),
+        bit_offset=node.number("BitOffset", 0xFF, 0),
+        bit_length=node.number("BitLength", 64, 1),
+        length=node.number("Length", MAX_RECORD, 0),
+        default=node.text("DefaultValue"),
+        allowed=node.text("AllowedValues"),
+        name=text(node),
+        changeable=node.flag("Changeable", default=True),
+        visible=node.flag("Visible", default=True),
+    )
+    if ref.byte_offset + (ref.octets or 0) > length:
+        node.fail("ByteOffset", f"a place inside the record's {length} octets")
+    return ref
+
+
+def parse_record(node: Node, text: Callable[[Node | None], str]) -> ParameterRecord:
+    """A ParameterRecordDataItem; ``text`` finds the text that an element's TextId names."""
+    length = node.number("Length", MAX_RECORD)
+    if length == 0:
+        raise DecodeError("bad-value", f"line {node.line}: {node.name}/@Length is '0', a record has octets")
+    return ParameterRecord(
+        index=node.number("Index", 0xFFFF),
+        length=length,
+        name=text(node.child("Name")),
+        transfer_sequence=node.number("TransferSequence", 0xFFFF, 0),
+        consts=tuple(_const(c, length) for c in node.all("Const")),
+        refs=tuple(_ref(c, length, text) for c in node.all("Ref")),
+    )

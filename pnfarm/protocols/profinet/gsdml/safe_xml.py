@@ -1,0 +1,183 @@
+"""XML as far as GSDML needs it, from a file that nobody vouches for.
+
+The parser is expat with every document type refused: without one there are no entities, so nothing expands and
+nothing is fetched.  Octets, elements, depth and attributes are bounded.  GSDML says everything in attributes, so
+character data is not kept.  Names are without their namespace: makers use several prefixes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NoReturn
+from xml.parsers import expat
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.gsdml.values import Numbers, parse_number, parse_tokens
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["MAX_OCTETS", "Node", "parse_xml", "quoted"]
+
+#: Largest file; the largest of makers have some 5 MiB.
+MAX_OCTETS = 16 << 20
+MAX_ELEMENTS = 400_000
+MAX_DEPTH = 40
+MAX_ATTRIBUTES = 200
+
+_FLAGS = {"true": True, "1": True, "false": False, "0": False}
+
+
+@dataclass(slots=True)
+class Node:
+    """An element: its name, its attributes, its children, and the line where it starts."""
+
+    name: str
+    line: int
+    attributes: dict[str, str] = field(default_factory=dict)
+    children: list[Node] = field(default_factory=list)
+
+    def fail(self, attribute: str, allowed: str) -> NoReturn:
+        """Raise :class:`DecodeError` with line, element and attribute, and what is allowed there."""
+        value = self.attributes.get(attribute)
+        what = "is missing" if value is None else f"is {_shown(value)}"
+        raise DecodeError("bad-value", f"line {self.line}: {self.name}/@{attribute} {what}, allowed is {allowed}")
+
+    # children
+
+    def child(self, *path: str) -> Node | None:
+        """The first element along ``path``."""
+        found: Node | None = self
+        for name in path:
+            found = next((c for c in found.children if c.name == name), None) if found else None
+        return found
+
+    def need(self, *path: str) -> Node:
+        """The same; :class:`DecodeError` when it is missing."""
+        node = self
+        for name in path:
+            found = node.child(name)
+            if found is None:
+                raise DecodeError(
+                    "missing-element", f"line {node.line}: {node.name} has no {name}, a GSDML file needs one there"
+                )
+            node = found
+        return node
+
+    def all(self, *path: str) -> list[Node]:
+        """All elements of the last name in the first element along the rest of ``path``."""
+        parent = self.child(*path[:-1])
+        return [c for c in parent.children if c.name == path[-1]] if parent else []
+
+    # attributes
+
+    def text(self, attribute: str, default: str = "") -> str:
+        return self.attributes.get(attribute, default)
+
+    def word(self, attribute: str) -> str:
+        """A text that must be there and say something."""
+        value = self.attributes.get(attribute, "")
+        if not value:
+            self.fail(attribute, "a text that is not empty")
+        return value
+
+    def number(self, attribute: str, maximum: int, default: int | None = None) -> int:
+        """An unsigned number; without ``default`` it must be there."""
+        value = self.attributes.get(attribute)
+        if value is None and default is not None:
+            return default
+        try:
+            return parse_number(value or "", maximum)
+        except ValueError as exc:
+            self.fail(attribute, str(exc))
+
+    def flag(self, attribute: str, *, default: bool = False) -> bool:
+        value = self.attributes.get(attribute)
+        if value is None:
+            return default
+        found = _FLAGS.get(value.strip())
+        return found if found is not None else self.fail(attribute, "true or false")
+
+    def numbers(self, attribute: str, default: Numbers | None = None, maximum: int = 0xFFFF) -> Numbers:
+        value = self.attributes.get(attribute)
+        if value is None:
+            return Numbers() if default is None else default
+        try:
+            return Numbers.parse(value, maximum)
+        except ValueError as exc:
+            self.fail(attribute, str(exc))
+
+    def tokens(self, attribute: str, default: tuple[str, ...] = ()) -> tuple[str, ...]:
+        value = self.attributes.get(attribute)
+        return default if value is None else parse_tokens(value)
+
+
+def _shown(value: str) -> str:
+    return repr(value if len(value) <= 60 else f"{value[:57]}...")
+
+
+class _Builder:
+    def __init__(self) -> None:
+        self.root: Node | None = None
+        self._open: list[Node] = []
+        self._count = 0
+        self.parser = expat.ParserCreate(namespace_separator=" ")
+        self.parser.StartDoctypeDeclHandler = self._doctype
+        self.parser.EntityDeclHandler = self._doctype
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+
+    def _doctype(self, *_: object) -> NoReturn:
+        raise DecodeError(
+            "doctype", f"line {self.parser.CurrentLineNumber}: a document type is declared, GSDML files have none"
+        )
+
+    def _start(self, name: str, attributes: Mapping[str, str]) -> None:
+        line = self.parser.CurrentLineNumber
+        self._count += 1
+        if self._count > MAX_ELEMENTS:
+            raise DecodeError("too-large", f"line {line}: more than {MAX_ELEMENTS} elements")
+        if len(self._open) >= MAX_DEPTH:
+            raise DecodeError("too-deep", f"line {line}: elements stand more than {MAX_DEPTH} deep")
+        if len(attributes) > MAX_ATTRIBUTES:
+            raise DecodeError("too-large", f"line {line}: more than {MAX_ATTRIBUTES} attributes")
+        node = Node(_local(name), line, {_local(key): value for key, value in attributes.items()})
+        if self._open:
+            self._open[-1].children.append(node)
+        else:
+            self.root = node
+        self._open.append(node)
+
+    def _end(self, _: str) -> None:
+        self._open.pop()
+
+
+def _local(name: str) -> str:
+    return name.rpartition(" ")[2]
+
+
+def parse_xml(data: bytes) -> Node:
+    """The root element.  Raises :class:`DecodeError` for anything that is not well-formed, or beyond the bounds."""
+    if len(data) > MAX_OCTETS:
+        raise DecodeError("too-large", f"{len(data)} octets, at most {MAX_OCTETS} are read")
+    builder = _Builder()
+    try:
+        builder.parser.Parse(data, True)
+    except expat.ExpatError as exc:
+        text = expat.ErrorString(exc.code) or "unknown error"
+        raise DecodeError("not-xml", f"line {exc.lineno}: {text}, allowed is well-formed XML") from exc
+    except (LookupError, ValueError) as exc:
+        raise DecodeError("encoding", f"{exc}, allowed is an encoding such as utf-8 or iso-8859-1") from exc
+    if builder.root is None:
+        raise DecodeError("not-xml", "the file has no element")
+    return builder.root
+
+
+_ESCAPES = str.maketrans(
+    {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
+)
+
+
+def quoted(value: str) -> str:
+    """An attribute's value, escaped and in quotation marks."""
+    return f'"{value.translate(_ESCAPES)}"'

@@ -1,0 +1,410 @@
+"""From a :class:`~pnfarm.protocols.profinet.gsdml.document.Gsdml` to the text of its file.
+
+What the schema gives a default stands in the file only where it differs; ``parse_gsdml(emit_gsdml(x)) == x``.
+Elements and attributes are in the order of the schema (PI, GSDML-DeviceProfile).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.document import (
+    DATA_TYPE_OCTETS,
+    DEFAULT_RATIOS,
+    DEFAULT_SEND_CLOCKS,
+    FIRST_SUBSLOT,
+    NO_NUMBERS,
+    Gsdml,
+    SubmoduleItem,
+)
+from pnfarm.protocols.profinet.gsdml.safe_xml import quoted
+from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets, emit_tokens
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from pnfarm.protocols.profinet.gsdml.document import (
+        ChannelDiagnosis,
+        Dap,
+        DataItems,
+        Info,
+        InterfaceSubmodule,
+        ItemRef,
+        ModuleItem,
+        PortSubmodule,
+    )
+    from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
+
+__all__ = ["emit_gsdml"]
+
+_NAMESPACE = "http://www.profibus.com/GSDML/2003/11/DeviceProfile"
+_XSI = "http://www.w3.org/2001/XMLSchema-instance"
+#: The head that ISO 15745-1 asks for, the same in every GSDML file.
+_HEADER = (
+    ("ProfileIdentification", "PROFINET Device Profile"),
+    ("ProfileRevision", "1.00"),
+    ("ProfileName", "Device Profile for PROFINET Devices"),
+    ("ProfileSource", "PROFIBUS Nutzerorganisation e. V. (PNO)"),
+    ("ProfileClassID", "Device"),
+)
+_REFERENCE = (("ISO15745Part", "4"), ("ISO15745Edition", "1"), ("ProfileTechnology", "GSDML"))
+
+#: An attribute: its name, its value, None to leave it out.
+Attribute = tuple[str, str | None]
+
+
+def _flag(name: str, value: bool, *, default: bool = False) -> Attribute:
+    return name, None if value == default else str(value).lower()
+
+
+def _text(name: str, value: str, default: str = "") -> Attribute:
+    return name, None if value == default else value
+
+
+def _number(name: str, value: int, default: int | None = None) -> Attribute:
+    return name, None if value == default else str(value)
+
+
+def _numbers(name: str, value: Numbers, default: Numbers | None = None) -> Attribute:
+    return name, None if value == (NO_NUMBERS if default is None else default) else value.emit()
+
+
+def _listed(name: str, value: Numbers, default: Numbers) -> Attribute:
+    """A value list without ranges, as tools are used to for powers of two."""
+    return name, None if value == default else " ".join(map(str, value))
+
+
+class _Writer:
+    def __init__(self) -> None:
+        self._lines: list[str] = []
+        self._depth = 0
+        self._texts: dict[str, str] = {}
+
+    def _element(self, name: str, *attributes: Attribute) -> None:
+        """An element without children."""
+        self._lines.append(f"{'  ' * self._depth}<{name}{_written(attributes)}/>")
+
+    def _open(self, name: str, *attributes: Attribute) -> None:
+        self._lines.append(f"{'  ' * self._depth}<{name}{_written(attributes)}>")
+        self._depth += 1
+
+    def _close(self, name: str) -> None:
+        self._depth -= 1
+        self._lines.append(f"{'  ' * self._depth}</{name}>")
+
+    def _text_id(self, text: str) -> str:
+        """The TextId under which ``text`` stands in the list at the end."""
+        return self._texts.setdefault(text, f"T{len(self._texts) + 1}")
+
+    def _named(self, name: str, text: str) -> None:
+        self._element(name, ("TextId", self._text_id(text)))
+
+    def write(self, gsdml: Gsdml) -> str:
+        self._lines.append('<?xml version="1.0" encoding="utf-8"?>')
+        version = gsdml.schema_version
+        location = f"{_NAMESPACE} ..\\xsd\\GSDML-DeviceProfile-{version}.xsd" if version else None
+        self._open("ISO15745Profile", ("xmlns", _NAMESPACE), ("xmlns:xsi", _XSI), ("xsi:schemaLocation", location))
+        self._header()
+        self._open("ProfileBody")
+        identity = (("VendorID", f"0x{gsdml.vendor_id:04X}"), ("DeviceID", f"0x{gsdml.device_id:04X}"))
+        self._open("DeviceIdentity", *identity)
+        self._named("InfoText", gsdml.info_text)
+        self._element("VendorName", ("Value", gsdml.vendor_name))
+        self._close("DeviceIdentity")
+        self._open("DeviceFunction")
+        self._element("Family", ("MainFamily", gsdml.main_family), _text("ProductFamily", gsdml.product_family))
+        self._close("DeviceFunction")
+        self._open("ApplicationProcess")
+        self._open("DeviceAccessPointList")
+        for dap in gsdml.daps:
+            self._dap(dap)
+        self._close("DeviceAccessPointList")
+        if gsdml.modules:
+            self._open("ModuleList")
+            for module in gsdml.modules:
+                self._module(module)
+            self._close("ModuleList")
+        if gsdml.submodules or gsdml.pluggable_ports:
+            self._open("SubmoduleList")
+            for submodule in gsdml.submodules:
+                self._submodule("SubmoduleItem", submodule, NO_NUMBERS)
+            for port in gsdml.pluggable_ports:
+                self._port(port, pluggable=True)
+            self._close("SubmoduleList")
+        self._diagnoses(gsdml.diagnoses)
+        self._open("ExternalTextList")
+        self._open("PrimaryLanguage")
+        for text, text_id in self._texts.items():
+            self._element("Text", ("TextId", text_id), ("Value", text))
+        for name in ("PrimaryLanguage", "ExternalTextList", "ApplicationProcess", "ProfileBody", "ISO15745Profile"):
+            self._close(name)
+        return "\n".join(self._lines) + "\n"
+
+    def _header(self) -> None:
+        self._open("ProfileHeader")
+        for name, value in _HEADER:
+            self._lines.append(f"{'  ' * self._depth}<{name}>{value}</{name}>")
+        self._open("ISO15745Reference")
+        for name, value in _REFERENCE:
+            self._lines.append(f"{'  ' * self._depth}<{name}>{value}</{name}>")
+        self._close("ISO15745Reference")
+        self._close("ProfileHeader")
+
+    # modules
+
+    def _info(self, info: Info) -> None:
+        self._open("ModuleInfo")
+        self._named("Name", info.name)
+        self._named("InfoText", info.info_text)
+        for name, value in (
+            ("VendorName", info.vendor_name),
+            ("OrderNumber", info.order_number),
+            ("HardwareRelease", info.hardware_release),
+            ("SoftwareRelease", info.software_release),
+        ):
+            if value:
+                self._element(name, ("Value", value))
+        self._close("ModuleInfo")
+
+    def _refs(self, refs: Sequence[ItemRef], group: str, item: str, target: str, places: str) -> None:
+        if not refs:
+            return
+        self._open(group)
+        for ref in refs:
+            self._element(
+                item,
+                (target, ref.target),
+                _numbers(f"AllowedIn{places}", ref.allowed),
+                _numbers(f"UsedIn{places}", ref.used),
+                _numbers(f"FixedIn{places}", ref.fixed),
+            )
+        self._close(group)
+
+    def _useable(self, refs: Sequence[ItemRef]) -> None:
+        self._refs(refs, "UseableSubmodules", "SubmoduleItemRef", "SubmoduleItemTarget", "Subslots")
+
+    def _virtual(self, submodules: Sequence[SubmoduleItem]) -> None:
+        if submodules:
+            self._open("VirtualSubmoduleList")
+            for submodule in submodules:
+                self._submodule("VirtualSubmoduleItem", submodule, FIRST_SUBSLOT)
+            self._close("VirtualSubmoduleList")
+
+    def _system(self, interfaces: Iterable[InterfaceSubmodule], ports: Iterable[PortSubmodule]) -> None:
+        system = [*interfaces, *ports]
+        if not system:
+            return
+        self._open("SystemDefinedSubmoduleList")
+        for interface in interfaces:
+            self._interface(interface)
+        for port in ports:
+            self._port(port)
+        self._close("SystemDefinedSubmoduleList")
+
+    def _module(self, module: ModuleItem) -> None:
+        self._open(
+            "ModuleItem",
+            ("ID", module.id),
+            ("ModuleIdentNumber", f"0x{module.ident:08X}"),
+            _numbers("PhysicalSubslots", module.physical_subslots),
+        )
+        self._info(module.info)
+        self._useable(module.useable)
+        self._virtual(module.submodules)
+        self._system((), module.ports)
+        self._close("ModuleItem")
+
+    def _dap(self, dap: Dap) -> None:
+        self._open(
+            "DeviceAccessPointItem",
+            ("ID", dap.id),
+            _text("PNIO_Version", dap.pnio_version),
+            _numbers("PhysicalSlots", dap.physical_slots),
+            ("ModuleIdentNumber", f"0x{dap.ident:08X}"),
+            _numbers("PhysicalSubslots", dap.physical_subslots),
+            _number("MinDeviceInterval", dap.min_device_interval),
+            _text("ImplementationType", dap.implementation_type),
+            ("DNS_CompatibleName", dap.dns_name),
+            _numbers("AllowedInSlots", dap.allowed_slots),
+            _numbers("FixedInSlots", dap.fixed_slots),
+            _number("ObjectUUID_LocalIndex", dap.instance),
+            _flag("DeviceAccessSupported", dap.device_access),
+            _number("NumberOfDeviceAccessAR", dap.device_access_ars, 0),
+            _flag("MultipleWriteSupported", dap.multiple_write),
+            _flag("IOXS_Required", dap.ioxs_required, default=True),
+            ("AddressAssignment", None if dap.address_assignment == ("DCP",) else emit_tokens(dap.address_assignment)),
+            _number("MaxSupportedRecordSize", dap.max_record, 4068),
+            _text("RequiredSchemaVersion", dap.required_schema_version, "V1.0"),
+            _flag("SharedDeviceSupported", dap.shared_device),
+            _flag("SharedInputSupported", dap.shared_input),
+            # the schema asks for these two, whatever they say
+            ("CheckDeviceID_Allowed", str(dap.check_device_id).lower()),
+            ("NameOfStationNotTransferable", str(dap.name_not_transferable).lower()),
+            _flag("LLDP_NoD_Supported", dap.lldp_nod),
+            _numbers("ResetToFactoryModes", dap.reset_modes),
+        )
+        self._info(dap.info)
+        self._element(
+            "IOConfigData",
+            _number("MaxInputLength", dap.max_input),
+            _number("MaxOutputLength", dap.max_output),
+            _number("MaxDataLength", dap.max_data, 0),
+        )
+        self._refs(dap.modules, "UseableModules", "ModuleItemRef", "ModuleItemTarget", "Slots")
+        self._useable(dap.useable)
+        self._virtual(dap.submodules)
+        self._system(dap.interfaces, dap.ports)
+        self._close("DeviceAccessPointItem")
+
+    # submodules
+
+    def _submodule(self, element: str, item: SubmoduleItem, usual: Numbers) -> None:
+        self._open(
+            element,
+            ("ID", item.id),
+            ("SubmoduleIdentNumber", f"0x{item.ident:08X}"),
+            _number("API", item.api, 0),
+            _numbers("FixedInSubslots", item.fixed, usual),
+            _numbers("Writeable_IM_Records", item.writeable_im),
+            ("MayIssueProcessAlarm", str(item.may_issue_process_alarm).lower()),
+            _flag("PROFIsafeSupported", item.profisafe),
+        )
+        lengths = (_number("IOPS_Length", item.iops_length, 1), _number("IOCS_Length", item.iocs_length, 1))
+        if item.inputs is None and item.outputs is None:
+            self._element("IOData", *lengths)
+        else:
+            self._open("IOData", *lengths)
+            self._data("Input", item.inputs)
+            self._data("Output", item.outputs)
+            self._close("IOData")
+        self._records(item.records)
+        self._info(item.info)
+        self._close(element)
+
+    def _data(self, direction: str, data: DataItems | None) -> None:
+        if data is None:
+            return
+        self._open(direction, ("Consistency", "All items consistency" if data.whole else None))
+        for item in data.items:
+            known = DATA_TYPE_OCTETS.get(item.data_type)
+            if known not in {None, item.octets}:
+                raise ConfigError(f"a {item.data_type} of {item.octets} octets cannot be written, it has {known}")
+            self._element(
+                "DataItem",
+                ("DataType", item.data_type),
+                ("Length", str(item.octets) if known is None else None),
+                _flag("UseAsBits", item.use_as_bits),
+                ("TextId", self._text_id(item.name)),
+            )
+        self._close(direction)
+
+    def _records(self, records: Sequence[ParameterRecord]) -> None:
+        if not records:
+            return
+        self._open("RecordDataList")
+        for record in records:
+            self._open(
+                "ParameterRecordDataItem",
+                _number("Index", record.index),
+                _number("Length", record.length),
+                _number("TransferSequence", record.transfer_sequence, 0),
+            )
+            self._named("Name", record.name)
+            for const in record.consts:
+                self._element("Const", _number("ByteOffset", const.byte_offset, 0), ("Data", emit_octets(const.data)))
+            for ref in record.refs:
+                self._ref(ref)
+            self._close("ParameterRecordDataItem")
+        self._close("RecordDataList")
+
+    def _ref(self, ref: ParameterRef) -> None:
+        self._element(
+            "Ref",
+            ("DataType", ref.data_type),
+            _number("ByteOffset", ref.byte_offset),
+            _number("BitOffset", ref.bit_offset, 0),
+            _number("BitLength", ref.bit_length, 1),
+            _number("Length", ref.length, 0),
+            _text("DefaultValue", ref.default),
+            _text("AllowedValues", ref.allowed),
+            _flag("Changeable", ref.changeable, default=True),
+            _flag("Visible", ref.visible, default=True),
+            ("TextId", self._text_id(ref.name)),
+        )
+
+    def _port(self, port: PortSubmodule, *, pluggable: bool = False) -> None:
+        self._open(
+            "PortSubmoduleItem",
+            ("ID", port.id),
+            ("SubmoduleIdentNumber", f"0x{port.ident:08X}"),
+            ("SubslotNumber", None if pluggable else str(port.subslot)),
+            ("TextId", None if pluggable else self._text_id(port.name)),
+            _number("MaxPortRxDelay", port.max_rx_delay, 0),
+            _number("MaxPortTxDelay", port.max_tx_delay, 0),
+        )
+        self._records(port.records)
+        if pluggable:
+            self._open("ModuleInfo")
+            self._named("Name", port.name)
+            self._close("ModuleInfo")
+        if port.mau_types:
+            self._open("MAUTypeList")
+            for value in port.mau_types:
+                self._element("MAUTypeItem", _number("Value", value))
+            self._close("MAUTypeList")
+        self._close("PortSubmoduleItem")
+
+    def _interface(self, interface: InterfaceSubmodule) -> None:
+        self._open(
+            "InterfaceSubmoduleItem",
+            ("ID", interface.id),
+            ("SubmoduleIdentNumber", f"0x{interface.ident:08X}"),
+            ("SubslotNumber", str(interface.subslot)),
+            ("TextId", self._text_id(interface.name)),
+            ("SupportedRT_Classes", emit_tokens(interface.rt_classes)),
+            # the schema asks for it; an empty list is a list
+            ("SupportedProtocols", emit_tokens(interface.protocols)),
+            _flag("NetworkComponentDiagnosisSupported", interface.network_component_diagnosis),
+            _flag("DCP_HelloSupported", interface.dcp_hello),
+            _flag("PTP_BoundarySupported", interface.ptp_boundary),
+            _flag("DCP_BoundarySupported", interface.dcp_boundary),
+        )
+        self._records(interface.records)
+        self._open(
+            "ApplicationRelations",
+            ("StartupMode", emit_tokens(interface.startup_modes)),
+            _number("NumberOfAR", interface.number_of_ars, 1),
+            _flag("PullModuleAlarmSupported", interface.pull_module_alarm),
+        )
+        self._element(
+            "TimingProperties",
+            _listed("SendClock", interface.send_clocks, DEFAULT_SEND_CLOCKS),
+            _listed("ReductionRatio", interface.ratios, DEFAULT_RATIOS),
+        )
+        self._close("ApplicationRelations")
+        self._close("InterfaceSubmoduleItem")
+
+    def _diagnoses(self, diagnoses: Sequence[ChannelDiagnosis]) -> None:
+        if not diagnoses:
+            return
+        self._open("ChannelDiagList")
+        for diagnosis in diagnoses:
+            self._open("ChannelDiagItem", _number("ErrorType", diagnosis.error_type))
+            self._named("Name", diagnosis.name)
+            if diagnosis.help:
+                self._named("Help", diagnosis.help)
+            self._close("ChannelDiagItem")
+        self._close("ChannelDiagList")
+
+
+def _written(attributes: Iterable[Attribute]) -> str:
+    return "".join(f" {name}={quoted(value)}" for name, value in attributes if value is not None)
+
+
+def emit_gsdml(gsdml: Gsdml) -> str:
+    """The file's text, to be stored as UTF-8.
+
+    Raises :class:`ConfigError` for a datum whose type and length contradict each other.
+    """
+    return _Writer().write(gsdml)

@@ -1,0 +1,419 @@
+"""The LLDP agent of one port: says who we are, knows who is at the other end of the cable (IEEE 802.1AB-2016 clause 9).
+
+PROFINET sends every 5 s with a time to live of 20 s (IEC 61158-6-10, LLDP).  A thousand drives that are switched on
+together would send together for ever; ``phase_ns`` moves each agent's first frame, and so all that follow.  An
+unchanged frame is encoded once.  Own data that changed go out at once, at most once a second.
+
+What a device says, and why:
+
+* Names follow MultipleInterfaceMode.NameOfDevice, which a controller writes in PDInterfaceAdjust; until it does, the
+  coding's default holds: the port id alone names the port, the chassis id is the NameOfStation.  Controllers that know
+  the newer habit (S7-1500) write it at each start-up; those that do not know it expect the default.
+* PROFINET's port status and chassis MAC, the MAC/PHY status and a management address are obligatory for conformance
+  class B; descriptions, system name and capabilities are there because SNMP shows them (LLDP-MIB).
+* Delays are not sent: nothing measures them.
+
+A neighbour is known by chassis id and port id together, as in IEEE 802.1AB; it is gone when its time to live has
+passed, when it says so (time to live 0), or with the link.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, TypeAlias
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST, Lldpdu, NameMode, emit_lldp, parse_lldp, peer_names
+from pnfarm.protocols.profinet.wire.lldp_tlvs import (
+    MAU_100BASE_TX_FULL_DUPLEX,
+    AddressFamily,
+    Capability,
+    ChassisId,
+    ChassisIdSubtype,
+    ChassisMac,
+    MacPhyStatus,
+    ManagementAddress,
+    PortDescription,
+    PortId,
+    PortIdSubtype,
+    PortStatus,
+    SystemCapabilities,
+    SystemDescription,
+    SystemName,
+    ipv4_management,
+    mac_management,
+    mac_name,
+)
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP, EthernetFrame, emit_ethernet
+
+if TYPE_CHECKING:
+    from pnfarm.protocols.profinet.wire.lldp_tlvs import Tlv
+
+__all__ = [
+    "MAXIMUM_NEIGHBOURS",
+    "SEND_INTERVAL_NS",
+    "TIME_TO_LIVE",
+    "LldpEvent",
+    "LldpPort",
+    "LocalPort",
+    "LocalSystem",
+    "Neighbour",
+    "NeighbourAppeared",
+    "NeighbourChanged",
+    "NeighbourGone",
+    "local_lldpdu",
+    "spread_phase",
+]
+
+#: IEC 61158-6-10, LLDP: message transmit interval, and time to live in seconds.
+SEND_INTERVAL_NS = 5_000_000_000
+TIME_TO_LIVE = 20
+#: Changes of our own data that follow each other faster wait (IEEE 802.1AB: txDelay).
+_SHORTEST_GAP_NS = 1_000_000_000
+#: Neighbours that one port keeps, unless told otherwise.
+MAXIMUM_NEIGHBOURS = 8
+_SECOND_NS = 1_000_000_000
+#: Autonegotiation supported and enabled; ifMauAutoNegCapAdvertisedBits: 10BASE-T and 100BASE-TX, half and full duplex.
+_AUTONEGOTIATION = 0x03
+_ADVERTISED_100 = 0x6C00
+
+
+@dataclass(frozen=True, slots=True)
+class LocalPort:
+    """A port of ours.
+
+    ``number`` counts from 1; ``name`` is ``port-001``; ``mac`` is the port's own.  A virtual interface has no speed:
+    ``mau_type`` is then 100BASE-TX full duplex and ``mau_assumed`` says so.
+    """
+
+    number: int
+    mac: bytes
+    description: str = ""
+    mau_type: int = MAU_100BASE_TX_FULL_DUPLEX
+    mau_assumed: bool = True
+    autonegotiation: int = _AUTONEGOTIATION
+    advertised: int = _ADVERTISED_100
+
+    @property
+    def name(self) -> str:
+        return f"port-{self.number:03}"
+
+
+@dataclass(frozen=True, slots=True)
+class LocalSystem:
+    """The device that the ports belong to; ``mac`` is its interface's, ``name`` its NameOfStation, empty for none."""
+
+    mac: bytes
+    name: str = ""
+    description: str = ""
+    address: IPv4Address | None = None
+    interface_number: int = 1
+    capabilities: int = Capability.STATION
+    name_mode: NameMode = NameMode.PORT
+
+    @property
+    def chassis(self) -> ChassisId:
+        if self.name_mode is NameMode.PORT_AND_STATION:
+            return ChassisId(ChassisIdSubtype.LOCAL, _octets(self.description or mac_name(self.mac)))
+        if self.name:
+            return ChassisId(ChassisIdSubtype.LOCAL, _octets(self.name))
+        return ChassisId(ChassisIdSubtype.MAC_ADDRESS, self.mac)
+
+    def port_id(self, port: LocalPort) -> PortId:
+        if self.name_mode is NameMode.PORT:
+            return PortId(PortIdSubtype.LOCAL, _octets(port.name))
+        return PortId(PortIdSubtype.LOCAL, _octets(f"{port.name}.{self.name or mac_name(self.mac)}"))
+
+    @property
+    def management(self) -> ManagementAddress:
+        if self.address is None:
+            return mac_management(self.mac, self.interface_number)
+        return ipv4_management(self.address, self.interface_number)
+
+
+@dataclass(slots=True)
+class Neighbour:
+    """What a port knows of the other end.  Only the agent changes it (``seen_ns``, ``expires_ns``)."""
+
+    port: str
+    mac: bytes
+    chassis: ChassisId
+    port_id: PortId
+    time_to_live: int
+    tlvs: tuple[Tlv, ...]
+    first_ns: int
+    seen_ns: int
+    expires_ns: int
+    payload: bytes = field(default=b"", repr=False, compare=False)
+
+    @property
+    def port_name(self) -> str:
+        return peer_names(self.chassis, self.port_id)[0]
+
+    @property
+    def station_name(self) -> str:
+        """NameOfStation, or the MAC address of a station without one."""
+        return peer_names(self.chassis, self.port_id)[1]
+
+    @property
+    def alias(self) -> str:
+        """``<port>.<station>``: what an alias filter of DCP asks for (IEC 61158-6-10, AliasNameValue)."""
+        return f"{self.port_name}.{self.station_name}"
+
+    @property
+    def port_description(self) -> str:
+        return next((t.text for t in self.tlvs if isinstance(t, PortDescription)), "")
+
+    @property
+    def system_name(self) -> str:
+        return next((t.text for t in self.tlvs if isinstance(t, SystemName)), "")
+
+    @property
+    def system_description(self) -> str:
+        return next((t.text for t in self.tlvs if isinstance(t, SystemDescription)), "")
+
+    @property
+    def capabilities(self) -> SystemCapabilities | None:
+        return next((t for t in self.tlvs if isinstance(t, SystemCapabilities)), None)
+
+    @property
+    def management(self) -> tuple[ManagementAddress, ...]:
+        return tuple(t for t in self.tlvs if isinstance(t, ManagementAddress))
+
+    @property
+    def ip(self) -> IPv4Address | None:
+        """The first IPv4 management address; 0.0.0.0 is none."""
+        for found in self.management:
+            if found.subtype == AddressFamily.IPV4 and len(found.address) == 4 and any(found.address):
+                return IPv4Address(found.address)
+        return None
+
+    @property
+    def chassis_mac(self) -> bytes | None:
+        """MAC address of the neighbour's interface, as PROFINET's TLV has it."""
+        return next((t.mac for t in self.tlvs if isinstance(t, ChassisMac)), None)
+
+    @property
+    def mau_type(self) -> int | None:
+        return next((t.mau_type for t in self.tlvs if isinstance(t, MacPhyStatus)), None)
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourAppeared:
+    """Somebody new speaks at ``port``."""
+
+    port: str
+    neighbour: Neighbour
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourChanged:
+    """A known neighbour says something else than before."""
+
+    port: str
+    neighbour: Neighbour
+
+
+@dataclass(frozen=True, slots=True)
+class NeighbourGone:
+    """``reason``: ``aged-out``, ``shutdown`` or ``link-down``."""
+
+    port: str
+    neighbour: Neighbour
+    reason: str
+
+
+LldpEvent: TypeAlias = NeighbourAppeared | NeighbourChanged | NeighbourGone
+
+
+def spread_phase(index: int) -> int:
+    """When agent ``index`` sends first, nanoseconds: any number of them lie evenly in the interval."""
+    # Fibonacci hashing: each next one falls into the widest gap that is left
+    return ((index * 0x9E37_79B1 & 0xFFFF_FFFF) * SEND_INTERVAL_NS) >> 32
+
+
+def local_lldpdu(system: LocalSystem, port: LocalPort, time_to_live: int = TIME_TO_LIVE) -> Lldpdu:
+    """What ``port`` says; a shutdown says no more than who it is (IEEE 802.1AB-2016 9.1.2.3)."""
+    tlvs: list[Tlv] = []
+    if time_to_live:
+        tlvs = [
+            PortStatus(),
+            ChassisMac(system.mac),
+            MacPhyStatus(port.autonegotiation, port.advertised, port.mau_type),
+            system.management,
+        ]
+        if port.description:
+            tlvs.append(PortDescription(_octets(port.description)))
+        if system.name:
+            tlvs.append(SystemName(_octets(system.name)))
+        if system.description:
+            tlvs.append(SystemDescription(_octets(system.description)))
+        tlvs.append(SystemCapabilities(system.capabilities, system.capabilities))
+    return Lldpdu(system.chassis, system.port_id(port), time_to_live, tuple(tlvs))
+
+
+class LldpPort:
+    """See the module's head.  The first :meth:`to_send` begins the first interval.
+
+    ``maximum`` bounds the neighbours: more than one means that something between forwards LLDP.
+    """
+
+    def __init__(
+        self, system: LocalSystem, port: LocalPort, *, phase_ns: int = 0, maximum: int = MAXIMUM_NEIGHBOURS
+    ) -> None:
+        self.port = port
+        self._system = system
+        self._phase_ns = phase_ns
+        self._maximum = maximum
+        #: What was not taken, by reason.
+        self.dropped: Counter[str] = Counter()
+        self.sent = 0
+        self.received = 0
+        self._sending = True
+        self._closed = False
+        self._next_ns: int | None = None
+        self._last_ns: int | None = None
+        self._frame: bytes | None = None
+        self._neighbours: dict[tuple[ChassisId, PortId], Neighbour] = {}
+        self._look_ns: int | None = None  # no neighbour's time is up before
+        self._outbox: list[bytes] = []
+        self._events: list[LldpEvent] = []
+
+    # -- own data ----------------------------------------------------------------------------------------------------
+
+    @property
+    def system(self) -> LocalSystem:
+        return self._system
+
+    def update(self, system: LocalSystem, now: int) -> None:
+        """Our own data are these now; if they differ they go out soon, once the first frame was sent."""
+        if system == self._system:
+            return
+        self._system = system
+        self._frame = None
+        if self._last_ns is not None and self._next_ns is not None:
+            self._next_ns = min(self._next_ns, max(now, self._last_ns + _SHORTEST_GAP_NS))
+
+    def send_frames(self, wanted: bool, now: int) -> None:
+        """Send, or send nothing (PeerToPeerBoundary bit 0); hearing goes on."""
+        if wanted == self._sending or self._closed:
+            return
+        self._sending = wanted
+        self._next_ns = now if wanted else None
+
+    def shut_down(self, now: int) -> None:
+        """Say good-bye, unless nothing was ever said, and fall silent for good."""
+        if self._sending and self._last_ns is not None:
+            self._outbox.append(self._emit(local_lldpdu(self._system, self.port, 0)))
+        self._last_ns = now
+        self._sending = False
+        self._closed = True
+        self._next_ns = None
+
+    # -- the machine -------------------------------------------------------------------------------------------------
+
+    def to_send(self, now: int) -> list[bytes]:
+        """Whole frames that are due."""
+        if self._sending and self._next_ns is None:
+            self._next_ns = now + self._phase_ns
+        if self._next_ns is not None and self._next_ns <= now:
+            if self._frame is None:
+                self._frame = self._emit(local_lldpdu(self._system, self.port))
+            self._outbox.append(self._frame)
+            self._last_ns = now
+            # an agent that was late keeps its place in the interval
+            self._next_ns += ((now - self._next_ns) // SEND_INTERVAL_NS + 1) * SEND_INTERVAL_NS
+        frames, self._outbox = self._outbox, []
+        self.sent += len(frames)
+        return frames
+
+    def _emit(self, pdu: Lldpdu) -> bytes:
+        return emit_ethernet(EthernetFrame(LLDP_MULTICAST, self.port.mac, ETHERTYPE_LLDP, emit_lldp(pdu)))
+
+    def next_deadline(self) -> int | None:
+        """The next frame, or the next look at who is still there; None before the first :meth:`to_send`."""
+        if self._next_ns is None or self._look_ns is None:
+            return self._look_ns if self._next_ns is None else self._next_ns
+        return min(self._look_ns, self._next_ns)
+
+    def handle_timeout(self, now: int) -> None:
+        for key in [k for k, n in self._neighbours.items() if n.expires_ns <= now]:
+            self._forget(key, "aged-out")
+        # neighbours that spoke again are looked at once more when they would have been gone
+        self._look_ns = min((n.expires_ns for n in self._neighbours.values()), default=None)
+
+    def link_down(self) -> None:
+        """The cable is off: nobody is there any more."""
+        for key in list(self._neighbours):
+            self._forget(key, "link-down")
+
+    def events(self) -> list[LldpEvent]:
+        events, self._events = self._events, []
+        return events
+
+    @property
+    def neighbours(self) -> tuple[Neighbour, ...]:
+        """In the order in which they appeared."""
+        return tuple(self._neighbours.values())
+
+    # -- hearing -----------------------------------------------------------------------------------------------------
+
+    def receive(self, frame: EthernetFrame, now: int) -> bool:
+        """One LLDP frame; whether anything changed but the time."""
+        try:
+            pdu = parse_lldp(frame.payload)
+        except DecodeError as exc:
+            self.dropped[exc.reason] += 1
+            return False
+        return self.hear(pdu, frame.source, frame.payload, now)
+
+    def hear(self, pdu: Lldpdu, source: bytes, payload: bytes, now: int) -> bool:
+        """A parsed LLDPDU, ``payload`` as it came; one parse serves all ports that hear the frame."""
+        if source == self.port.mac:
+            self.dropped["own-frame"] += 1
+            return False
+        self.received += 1
+        key = (pdu.chassis, pdu.port)
+        known = self._neighbours.get(key)
+        if pdu.time_to_live == 0:
+            if known is not None:
+                self._forget(key, "shutdown")
+            return known is not None
+        expires = now + pdu.time_to_live * _SECOND_NS
+        if known is not None and known.payload == payload and known.mac == source:
+            known.seen_ns, known.expires_ns = now, expires
+            return False
+        if known is None and len(self._neighbours) >= self._maximum:
+            self.dropped["too-many-neighbours"] += 1
+            return False
+        found = Neighbour(
+            port=self.port.name,
+            mac=source,
+            chassis=pdu.chassis,
+            port_id=pdu.port,
+            time_to_live=pdu.time_to_live,
+            tlvs=pdu.tlvs,
+            first_ns=now if known is None else known.first_ns,
+            seen_ns=now,
+            expires_ns=expires,
+            payload=payload,
+        )
+        self._neighbours[key] = found
+        self._look_ns = expires if self._look_ns is None else min(self._look_ns, expires)
+        if known is None:
+            self._events.append(NeighbourAppeared(self.port.name, found))
+        elif (known.mac, known.tlvs) != (source, pdu.tlvs):
+            self._events.append(NeighbourChanged(self.port.name, found))
+        return True
+
+    def _forget(self, key: tuple[ChassisId, PortId], reason: str) -> None:
+        self._events.append(NeighbourGone(self.port.name, self._neighbours.pop(key), reason))
+        if not self._neighbours:
+            self._look_ns = None
+
+
+def _octets(text: str) -> bytes:
+    """At most 255 octets of UTF-8: what the TLVs of names and texts take."""
+    return text.encode()[:255]

@@ -1,0 +1,88 @@
+"""What an alarm's items mean, in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire.alarms import describe_alarm, describe_item
+from pnfarm.protocols.profinet.wire.diagnosis import (
+    WHOLE_SUBMODULE,
+    ChannelDiagnosis,
+    ChannelSpecifier,
+    ExtChannelDiagnosis,
+    Maintenance,
+    MaintenanceItem,
+    MaintenanceStatus,
+    QualifiedChannelDiagnosis,
+    Usi,
+    parse_items,
+)
+from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
+
+if TYPE_CHECKING:
+    from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification
+    from pnfarm.protocols.profinet.wire.diagnosis import DiagnosisItem
+
+__all__ = ["alarm_in_words", "item_in_words"]
+
+_SPECIFIERS = {
+    ChannelSpecifier.ALL_DISAPPEAR: "all gone",
+    ChannelSpecifier.APPEARS: "appears",
+    ChannelSpecifier.DISAPPEARS: "disappears",
+    ChannelSpecifier.DISAPPEARS_OTHERS_REMAIN: "disappears, others remain",
+}
+_MAINTENANCE = {
+    Maintenance.FAULT: "fault",
+    Maintenance.REQUIRED: "maintenance required",
+    Maintenance.DEMANDED: "maintenance demanded",
+    Maintenance.QUALIFIED: "qualified",
+}
+_KNOWN = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL, Usi.MAINTENANCE})
+
+
+def _status(status: int) -> str:
+    words = [
+        word
+        for bit, word in (
+            (MaintenanceStatus.REQUIRED, "maintenance required"),
+            (MaintenanceStatus.DEMANDED, "maintenance demanded"),
+        )
+        if status & bit
+    ]
+    rest = status & ~(MaintenanceStatus.REQUIRED | MaintenanceStatus.DEMANDED)
+    return ", ".join([*words, *([f"qualifier 0x{rest:08X}"] if rest else [])]) or "no maintenance"
+
+
+def _entry(item: DiagnosisItem, api: int) -> str:
+    match item:
+        case ChannelDiagnosis(channel, properties, error_type):
+            ext, value = 0, None
+        case ExtChannelDiagnosis(channel, properties, error_type, ext, value) | QualifiedChannelDiagnosis(
+            channel, properties, error_type, ext, value
+        ):
+            pass
+        case MaintenanceItem(status):
+            return _status(status)
+        case _:
+            return item.data.hex(" ", 2).upper()
+    where = "" if channel == WHOLE_SUBMODULE else f"channel {channel} "
+    kind = _MAINTENANCE[Maintenance(properties.maintenance)]
+    added = f", value 0x{value:X}" if value else ""
+    what = describe_error_type(error_type, ext, api)
+    return f"{where}{what} ({kind}{added}, {_SPECIFIERS[ChannelSpecifier(properties.specifier)]})"
+
+
+def item_in_words(item: AlarmItem, api: int = 0) -> str:
+    """E.g. ``remote mismatch: no peer detected (maintenance demanded, appears)``; octets where nothing is known."""
+    if item.usi not in _KNOWN:
+        return describe_item(item)
+    try:
+        return "; ".join(_entry(entry, api) for entry in parse_items(item.data, item.usi))
+    except DecodeError:
+        return describe_item(item)
+
+
+def alarm_in_words(alarm: AlarmNotification) -> str:
+    """One line with what the items say."""
+    return describe_alarm(alarm, lambda item: item_in_words(item, alarm.api))

@@ -1,0 +1,178 @@
+"""The built-in controller with devices that it knows from a GSDML file only."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from ipaddress import IPv4Interface
+
+import pytest
+from virtual_line import VirtualLine
+
+from pnfarm.cli.files import summary
+from pnfarm.controller.core import ControllerCore
+from pnfarm.controller.plan import plan_devices
+from pnfarm.controller.runtime import Plc
+from pnfarm.drives.catalogue import model
+from pnfarm.errors import ConfigError
+from pnfarm.farm.config import FarmFileError, parse_farm
+from pnfarm.farm.event_log import EventLog
+from pnfarm.links.base import PortSpec
+from pnfarm.protocols.profinet.gsdml.describe import describe_model
+from pnfarm.protocols.profinet.gsdml.document import ModuleItem
+from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+
+FILE = """
+controller:
+  interface: eth9
+  ip: 10.77.1.250/23
+  devices:
+    - {{name: {name}, gsdml: drive.xml, ip: 10.77.0.11/23{more}}}
+"""
+
+
+def write(folder, gsdml=None):
+    (folder / "drive.xml").write_text(emit_gsdml(gsdml or describe_model(model("akd"))), encoding="utf-8")
+
+
+def plans(folder, more="", name="axis-01", text=FILE):
+    config = parse_farm(text.format(name=name, more=more), folder / "plc.pnfarm.yml")
+    return plan_devices(config.controller, [], [], config.path.parent)
+
+
+class Line:
+    """A drive, and a controller that knows it from its file."""
+
+    def __init__(self, planned):
+        farm = VirtualLine(controller=False)
+        self.world, self.station = farm.world, farm.farm.stations[0]
+        link = self.world.link()
+        (port,) = asyncio.run(link.open([PortSpec("plc", bytes.fromhex("0200000000fe"))]))
+        self.plc = ControllerCore(
+            "plc", planned, link, port, ip=IPv4Interface("10.77.1.250/23"), log=EventLog(quiet=True), seed=b"x"
+        )
+        self.world.join(self.plc, [port])
+        self.plc.start(self.world.now)
+
+    def connect(self, within=5.0):
+        return self.world.run(within, until=lambda: self.plc.all_connected)
+
+
+@pytest.mark.parametrize("more", ["", ", startup: advanced", ", modules: {1: TELEGRAM_353}, cycle: 32ms"])
+def test_a_device_is_connected_and_exchanges_data_by_its_file_alone(tmp_path, more):
+    write(tmp_path)
+    line = Line(plans(tmp_path, more))
+    assert line.connect(), line.plc.sessions[0].measures.last_reason
+    line.world.run(1.0)
+    (row,) = line.plc.snapshot()
+    assert (row["state"], row["model"], row["losses"]) == ("DATA", "Kollmorgen AKD, PROFINET RT", 0)
+    assert row["frames_received"] > 20
+    assert row["cycle_seconds"] == (0.032 if "32ms" in more else 0.016)
+    assert line.station.store.telegram_number == (353 if "353" in more else 1)
+
+
+def test_the_outputs_of_a_device_that_nobody_knows_stay_zero(tmp_path):
+    write(tmp_path)
+    line = Line(plans(tmp_path))
+    assert line.connect()
+    line.world.run(1.0)
+    axis = line.station.handle.axis
+    assert (axis.state, float(axis.velocity)) == (1, 0.0)
+
+
+def test_parameter_records_of_the_file_are_written_and_the_farm_files_take_their_place(tmp_path):
+    gsdml = describe_model(model("akd"))
+    module = gsdml.module("TELEGRAM_1")
+    access_point, telegram = module.submodules
+    records = tuple(ParameterRecord(index, 2, consts=(ParameterConst(bytes([index, 0])),)) for index in (5, 6))
+    bent = ModuleItem(
+        module.id, module.ident, module.info, submodules=(replace(access_point, records=records), telegram)
+    )
+    modules = tuple(bent if m.id == module.id else m for m in gsdml.modules)
+    write(tmp_path, replace(gsdml, modules=modules))
+    own = FILE + "  records:\n    - {{api: 0x3A00, slot: 1, subslot: 1, index: 6, data: 'beef'}}\n"
+    own += "    - {{api: 0x3A00, slot: 1, subslot: 1, index: 7, data: '01', on: other-*}}\n"
+    (plan,) = plans(tmp_path, text=own)
+    assert [(r.index, r.data.hex()) for r in plan.records] == [(5, "0500"), (6, "beef")]
+
+
+def test_a_device_without_an_address_gets_a_free_one(tmp_path):
+    write(tmp_path)
+    text = FILE.replace(", ip: 10.77.0.11/23", "") + "    - {{name: b, gsdml: drive.xml, ip: 10.77.0.1/23}}\n"
+    assert [str(plan.ip) for plan in plans(tmp_path, text=text)] == ["10.77.0.2/23", "10.77.0.1/23"]
+    with pytest.raises(ConfigError, match="device axis-01 has no ip and the controller has none"):
+        plans(tmp_path, text=text.replace("  ip: 10.77.1.250/23\n", ""))
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        (", cycle: 8ms", r"device axis-01, .*drive\.xml: a cycle of 8 ms is faster than the device can, .* 16 ms"),
+        (", dap: X", r"the file has no access point 'X', it has DAP"),
+        (", modules: {1: TELEGRAM_2}", r"slot 1 takes no module 'TELEGRAM_2', it takes TELEGRAM_0, TELEGRAM_1"),
+        (", modules: {2: TELEGRAM_1}", r"slot 2 takes no module 'TELEGRAM_1'"),
+        (", submodules: {1: {3: X}}", r"slot 1, subslot 3 takes no submodule 'X', it takes none at all"),
+    ],
+)
+def test_what_the_device_cannot_is_said_with_its_file(tmp_path, more, sentence):
+    write(tmp_path)
+    with pytest.raises(ConfigError, match=sentence):
+        plans(tmp_path, more)
+
+
+def test_a_start_up_that_the_controller_is_told_and_the_device_does_not_know_is_said(tmp_path):
+    gsdml = describe_model(model("akd"))
+    (dap,) = gsdml.daps
+    only = replace(dap, interfaces=(replace(dap.interfaces[0], startup_modes=("Advanced",)),))
+    write(tmp_path, replace(gsdml, daps=(only,)))
+    assert plans(tmp_path)[0].startup == "advanced"
+    with pytest.raises(ConfigError, match="does not start up legacy"):
+        plans(tmp_path, text=FILE.replace("controller:\n", "controller:\n  startup: legacy\n"))
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (None, r"the GSDML file .*drive\.xml cannot be read: no such file"),
+        ("<a/>", r"drive\.xml, line 1: the file's root is a, that of a GSDML file is ISO15745Profile"),
+        ("<!DOCTYPE a><a/>", r"a document type is declared, GSDML files have none"),
+    ],
+)
+def test_a_file_that_is_none_is_said(tmp_path, content, sentence):
+    if content is not None:
+        (tmp_path / "drive.xml").write_text(content)
+    with pytest.raises(ConfigError, match=sentence):
+        plans(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "sentence"),
+    [
+        (FILE.format(name="Axis_1", more=""), 6, "'Axis_1' is no station name"),
+        (FILE.format(name="plc", more=""), 6, "'plc' belongs to the controller already"),
+        (FILE.format(name="a", more="") + "    - {name: a, gsdml: x}\n", 7, "'a' belongs to 'a' of"),
+        (FILE.format(name="a", more="") + "    - {name: b, gsdml: x, ip: 10.77.0.11/23}\n", 7, "10.77.0.11 belongs to"),
+        (FILE.format(name="a", more=", modules: {x: DI}"), 6, "'x' is no slot or subslot"),
+        (FILE.format(name="a", more=", module: 1"), 6, "devices[0].module: is no key"),
+        ("controller: {interface: eth9, devices: []}\n", 1, "drives: is missing"),
+        ("farm: f\nlink: {kind: memory}\ncontroller: {devices: [{name: a, gsdml: x}]}\n", 1, "drives: is missing"),
+    ],
+)
+def test_a_farm_file_with_wrong_devices_is_refused_with_its_line(text, line, sentence):
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(text)
+    assert sentence in str(caught.value)
+    assert line in {issue.line for issue in caught.value.issues}
+
+
+def test_validate_counts_the_devices():
+    config = parse_farm(FILE.format(name="axis-01", more=""))
+    assert summary(config) == "controller plc, 1 device by GSDML file"
+
+
+def test_a_controller_of_devices_alone_finds_its_own_address_beside_theirs(tmp_path):
+    write(tmp_path)
+    text = FILE.replace("  ip: 10.77.1.250/23\n", "").format(name="axis-01", more="")
+    controller = Plc(parse_farm(text, tmp_path / "plc.pnfarm.yml"))
+    assert str(controller._address()) == "10.77.0.1/23"

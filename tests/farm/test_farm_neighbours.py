@@ -1,0 +1,206 @@
+"""Drives and the controller know each other by LLDP, in virtual time."""
+
+import asyncio
+from ipaddress import IPv4Address
+
+import pytest
+from virtual_line import FILE, VirtualLine
+
+from pnfarm.controller import line as controller_line
+from pnfarm.farm import core as farm_core
+from pnfarm.farm.config import parse_farm
+from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.faults.plan import FaultSpec
+from pnfarm.protocols.profinet.dcp_device import identify_matches
+from pnfarm.protocols.profinet.pdev_checks import CheckFailed, CheckPassed
+from pnfarm.protocols.profinet.wire.dcp import DcpPdu
+from pnfarm.protocols.profinet.wire.dcp_blocks import AliasBlock
+from pnfarm.protocols.profinet.wire.pdev import (
+    InterfaceAdjust,
+    PortDataAdjust,
+    PortDataCheck,
+    emit_interface_adjust,
+    emit_port_data,
+)
+from pnfarm.protocols.profinet.wire.pdev_blocks import AdjustPeerToPeerBoundary, CheckPeers, ExpectedPeer
+
+
+def stations_known(line):
+    return sorted(n.station_name for n in line.plc.lldp.neighbours)
+
+
+def test_every_drive_knows_the_controller_and_the_controller_every_drive():
+    line = VirtualLine(20)
+    line.run(6)
+    assert stations_known(line) == [f"axis-{n:02}" for n in range(1, 21)]
+    for station in line.farm.stations:
+        (neighbour,) = station.neighbours.lldp.neighbours
+        assert (neighbour.station_name, neighbour.port_name) == ("plc", "port-001")
+        assert neighbour.ip == IPv4Address("10.77.1.250")
+
+
+def test_drives_of_one_farm_do_not_hear_each_other():
+    line = VirtualLine(3, controller=False)
+    line.run(20)
+    assert all(station.neighbours.lldp.sent >= 4 for station in line.farm.stations)
+    assert not any(station.neighbours.lldp.neighbours for station in line.farm.stations)
+
+
+def test_a_frame_that_all_drives_hear_is_parsed_once(monkeypatch):
+    parsed = []
+    original = farm_core.parse_lldp
+    monkeypatch.setattr(farm_core, "parse_lldp", lambda data: parsed.append(1) or original(data))
+    line = VirtualLine(16)
+    line.run(60)
+    assert all(station.neighbours.lldp.received >= 12 for station in line.farm.stations)
+    assert len(parsed) == 1
+
+
+def test_the_drives_do_not_speak_together():
+    line = VirtualLine(50, controller=False)
+    moments = []
+    line.farm_link.send = lambda port, frame: moments.append(line.world.now) if frame[12:14] == b"\x88\xcc" else None
+    line.run(20)
+    assert len(moments) >= 4 * 50 - 1
+    assert max(moments.count(moment) for moment in set(moments)) == 1
+
+
+def test_a_snapshot_shows_the_neighbour():
+    line = VirtualLine(1)
+    line.run(7)
+    (seen,) = drive_snapshot(line.farm, line.farm.stations[0], line.world.now)["neighbours"]
+    assert seen == {
+        "port": "port-001",
+        "station": "plc",
+        "chassis": "plc",
+        "port_id": "port-001",
+        "system_name": "plc",
+        "mac": line.plc.port.mac.hex(":"),
+        "ip": "10.77.1.250",
+        "seen_seconds_ago": pytest.approx(2.0, abs=0.1),
+    }
+
+
+def test_without_lldp_nobody_speaks_and_nobody_is_known():
+    text = "lldp: false\n" + FILE.format(
+        drives=1, cycle="16ms", limits="strict", watchdog=3, startup="legacy", telegram=1
+    )
+    line = asyncio.run(controller_line.VirtualLine.create(parse_farm(text)))
+    line.world.run(30)
+    assert line.plc.lldp is None
+    assert line.farm.stations[0].neighbours.lldp.sent == 0
+    assert line.farm.stations[0].neighbours.lldp.neighbours == ()
+
+
+def test_a_renamed_drive_is_another_neighbour_at_once():
+    line = VirtualLine(1)
+    line.run(6)
+    station = line.farm.stations[0]
+    station.dcp.name = "press-7"
+    station.neighbours.update("press-7", station.dcp.address, None, line.world.now)
+    line.farm.settle(station, line.world.now)
+    line.run(0.01)
+    assert stations_known(line) == ["axis-01", "press-7"]
+    line.run(25)
+    assert stations_known(line) == ["press-7"]
+
+
+def test_a_drive_that_is_switched_off_ages_out_and_knows_nobody_when_it_is_back():
+    line = VirtualLine(1)
+    line.run(6)
+    station = line.farm.stations[0]
+    station.power_off(line.world.now)
+    assert drive_snapshot(line.farm, station, line.world.now)["neighbours"] == []
+    line.run(21)
+    assert stations_known(line) == []
+    station.power_on(line.world.now)
+    assert station.neighbours.lldp.neighbours == ()
+    line.farm.settle(station, line.world.now)
+    line.run(6)
+    assert stations_known(line) == ["axis-01"]
+    assert len(station.neighbours.lldp.neighbours) == 1
+
+
+def test_a_farm_that_stops_says_good_bye():
+    line = VirtualLine(3)
+    line.run(6)
+    line.farm.stop(line.world.now)
+    line.run(0.01)
+    assert stations_known(line) == []
+
+
+def test_a_pulled_cable_leaves_a_drive_alone_until_it_is_plugged():
+    line = VirtualLine(2)
+    faults = attach_faults(line.farm, line.world.clock)
+    line.run(6)
+    faults.add(FaultSpec.parse({"kind": "link-down", "on": "axis-01", "for": "10s"}), line.world.now)
+    line.run(1)
+    pulled, other = line.farm.stations
+    assert pulled.neighbours.lldp.neighbours == ()
+    assert len(other.neighbours.lldp.neighbours) == 1
+    line.run(20)
+    assert len(pulled.neighbours.lldp.neighbours) == 1
+
+
+def test_a_drive_is_found_by_the_port_that_it_hangs_on():
+    line = VirtualLine(1)
+    ask = DcpPdu(0xFEFE, 5, 0, 1, (AliasBlock("port-001.plc"),))
+    assert not identify_matches(ask, line.farm.stations[0].dcp)
+    line.run(6)
+    assert identify_matches(ask, line.farm.stations[0].dcp)
+
+
+# -- the physical device's records
+
+
+def write(station, index, data, now, subslot=0x8001):
+    assert station.neighbours.pdev.write(None, 0, 0, subslot, index, data, now) is None
+
+
+def test_a_wrong_neighbour_fails_the_check_and_is_noted():
+    line = VirtualLine(1)
+    line.run(6)
+    station = line.farm.stations[0]
+    for name, expected in ((b"other", CheckFailed), (b"plc", CheckPassed)):
+        check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", name),)),))
+        write(station, 0x802B, emit_port_data(check), line.world.now)
+        line.farm.settle(station, line.world.now)
+        standing = [(d.slot, d.subslot, d.error_type, d.ext_error_type) for d in station.cm.diagnosis]
+        assert standing == ([(0, 0x8001, 0x8001, 0x8000)] if expected is CheckFailed else [])
+    noted = [entry.event for entry in line.log.entries("axis-01") if entry.event.startswith("port check")]
+    assert noted == ["port check failed", "port check passed"]
+
+
+def test_a_neighbour_that_goes_fails_the_check_when_it_ages_out():
+    line = VirtualLine(1)
+    line.run(6)
+    station = line.farm.stations[0]
+    check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", b"plc"),)),))
+    write(station, 0x802B, emit_port_data(check), line.world.now)
+    line.run(10)
+    assert list(station.cm.diagnosis) == []
+    line.plc.lldp.send_frames(False, line.world.now)
+    line.run(21)
+    (found,) = station.cm.diagnosis
+    assert (found.error_type, found.ext_error_type) == (0x8001, 0x8005)
+
+
+def test_the_controller_chooses_the_names_and_mutes_a_port():
+    line = VirtualLine(1)
+    line.run(6)
+    station = line.farm.stations[0]
+    write(station, 0x8071, emit_interface_adjust(InterfaceAdjust(1)), line.world.now, 0x8000)
+    line.farm.settle(station, line.world.now)
+    line.run(2)
+    newer = line.plc.lldp.neighbours[-1]
+    assert newer.port_id.text == "port-001.axis-01"
+    assert newer.chassis.text.split()[0] == "AKD"
+    assert newer.station_name == "axis-01"
+    sent = station.neighbours.lldp.sent
+    adjust = PortDataAdjust(0, 0x8001, (AdjustPeerToPeerBoundary(1),))
+    write(station, 0x802F, emit_port_data(adjust), line.world.now)
+    line.farm.settle(station, line.world.now)
+    line.run(30)
+    assert station.neighbours.lldp.sent == sent
+    assert stations_known(line) == []

@@ -1,0 +1,156 @@
+"""A drive's view with everything in it, and a manager that asks an agent in memory."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Address
+
+from pnfarm.protocols.profinet.mib_view import (
+    Dot3Port,
+    InterfaceCounters,
+    InterfaceView,
+    LldpPortStatistics,
+    LldpPortView,
+    LldpStatistics,
+    LldpView,
+    ManagementAddress,
+    NeighbourView,
+    PnoPort,
+    SnmpView,
+    SystemView,
+)
+from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.snmp import SnmpAgent
+from pnfarm.protocols.profinet.wire.snmp import (
+    END_OF_MIB_VIEW,
+    GET,
+    GET_BULK,
+    GET_NEXT,
+    NULL_VALUE,
+    RESPONSE,
+    SET,
+    SNMP_PORT,
+    VERSION_1,
+    VERSION_2C,
+    Pdu,
+    SnmpMessage,
+    VarBind,
+    emit_snmp,
+    parse_snmp,
+)
+
+__all__ = ["NEIGHBOUR", "PEER", "VIEW", "Manager"]
+
+PEER = Peer(IPv4Address("10.77.0.9"), 40_000)
+MAC = bytes.fromhex("020000000001")
+
+NEIGHBOUR = NeighbourView(
+    time_mark_ns=12_340_000_000,
+    port=1,
+    index=3,
+    chassis_id=b"plc",
+    port_id=b"port-002",
+    port_description="X1 P2",
+    system_name="plc",
+    system_description="a controller",
+    capabilities_supported=b"\x29",
+    capabilities_enabled=b"\x01",
+    addresses=(ManagementAddress.ipv4(IPv4Address("10.77.0.9"), 7),),
+    dot3=Dot3Port(mau_type=30),
+    pno=PnoPort(line_delay_ns=120, tx_delay_ns=300, rx_delay_ns=310, station_name="plc"),
+)
+
+VIEW = SnmpView(
+    system=SystemView("AKD and so on", 98_765_432_109, contact="me", name="axis-01", location="hall 1"),
+    interfaces=(
+        InterfaceView(
+            1,
+            "Port X11",
+            "port-001",
+            MAC,
+            counters=InterfaceCounters(*range(2**32 - 5, 2**32 + 8)),
+            last_change_ns=10**10,
+        ),
+        InterfaceView(2, "Port X12", "port-002", MAC, up=False),
+        InterfaceView(3, "Interface", "interface", MAC, has_connector=False),
+    ),
+    lldp=LldpView(
+        chassis_id=b"axis-01",
+        ports=(
+            LldpPortView(1, b"port-001", "Port X11", statistics=LldpPortStatistics(1, 2, 3, 4, 5, 6, 7)),
+            LldpPortView(2, b"port-002", "Port X12"),
+        ),
+        system_name="axis-01",
+        system_description="AKD and so on",
+        addresses=(ManagementAddress.ipv4(IPv4Address("10.77.0.11"), 3),),
+        neighbours=(NEIGHBOUR, replace(NEIGHBOUR, index=4, chassis_id=b"other", dot3=None, pno=None, addresses=())),
+        statistics=LldpStatistics(12_340_000_000, 2, 1, 0, 1),
+    ),
+)
+
+
+class Manager:
+    """Asks ``agent`` and unpacks what it answers; ``view`` may be replaced between two requests."""
+
+    def __init__(self, view: SnmpView = VIEW, **options) -> None:
+        self.view = view
+        self.views = 0
+        self.agent = SnmpAgent(self._view, **options)
+        self.now = 0
+        self._ids = 0
+
+    def _view(self, now):
+        self.views += 1
+        self.seen_at = now
+        return self.view
+
+    def send(self, data):
+        """The datagrams that answer these octets."""
+        self.now += 1
+        self.agent.receive(PEER, data, self.now)
+        return self.agent.to_send(self.now)
+
+    def ask(self, tag, *varbinds, version=VERSION_2C, community=b"public", status=0, index=0):
+        """The PDU of the answer; names alone stand for variables without a value."""
+        self._ids += 1
+        bound = tuple(item if isinstance(item, VarBind) else VarBind(item, NULL_VALUE) for item in varbinds)
+        request = SnmpMessage(version, community, Pdu(tag, self._ids, status, index, bound))
+        (datagram,) = self.send(emit_snmp(request))
+        assert (datagram.local_port, datagram.peer) == (SNMP_PORT, PEER)
+        answer = parse_snmp(datagram.data)
+        assert (answer.version, answer.community) == (version, community)
+        assert (answer.pdu.tag, answer.pdu.request_id) == (RESPONSE, self._ids)
+        self.size = len(datagram.data)
+        return answer.pdu
+
+    def get(self, *names, **options):
+        return self.ask(GET, *names, **options)
+
+    def next(self, *names, **options):
+        return self.ask(GET_NEXT, *names, **options)
+
+    def bulk(self, *names, repetitions, single=0):
+        return self.ask(GET_BULK, *names, status=single, index=repetitions)
+
+    def set(self, *pairs, community=b"private", version=VERSION_2C):
+        return self.ask(SET, *(VarBind(*pair) for pair in pairs), community=community, version=version)
+
+    def walk(self, *, version=VERSION_2C, repetitions=None, start=(0, 0)):
+        """Every variable behind ``start``; with ``repetitions`` by GetBulk."""
+        found, name = [], start
+        while True:
+            pdu = (
+                self.next(name, version=version)
+                if repetitions is None
+                else self.bulk(name, repetitions=repetitions)
+            )  # fmt: skip
+            if pdu.error_status:
+                assert version == VERSION_1
+                return found
+            assert pdu.varbinds, "an answer without variables would make a manager ask for ever"
+            for varbind in pdu.varbinds:
+                if varbind.value.tag == END_OF_MIB_VIEW:
+                    return found
+                assert varbind.name > name, "OID not increasing"
+                name = varbind.name
+                found.append(varbind)

@@ -1,0 +1,508 @@
+"""The GSDML file and the device that it describes, model by model: what the file claims the device does, and what the
+device does stands in the file.
+
+Each model is also taken with other limits than its manual's, so that the limits of drives to come are told from data.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from ipaddress import IPv4Address
+from uuid import UUID
+
+import pytest
+from cm_support import AR_BLOCK, UUID_1, Bench
+from cmctl_peers import CONTROLLER_MAC, make_plan
+from profinet.gsdml import load_gsdml
+from test_cmctl_two_ends import Pair
+from test_dcp_device import device as dcp_device
+from test_dcp_device import setting
+from virtual_line import VirtualLine
+
+from pnfarm.drives.catalogue import model, models
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.binding import describe_device, serial_number
+from pnfarm.protocols.profinet.cmctl import CmController
+from pnfarm.protocols.profinet.cmctl_events import ArEstablished, Connected
+from pnfarm.protocols.profinet.cmctl_plan import MIN_C_SDU, ParameterRecord, plan_frames
+from pnfarm.protocols.profinet.cmctl_request import connect_payload
+from pnfarm.protocols.profinet.cmdev import CmDevice
+from pnfarm.protocols.profinet.cmdev_check import FRAME_ID_RANGES
+from pnfarm.protocols.profinet.description import Plugged
+from pnfarm.protocols.profinet.gsdml.describe import STATION, describe_model, file_name
+from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+from pnfarm.protocols.profinet.record_store import DeviceRecords, Index
+from pnfarm.protocols.profinet.wire.blocks import RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
+from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
+from pnfarm.protocols.profinet.wire.dcp_blocks import BlockError, ResetToFactoryBlock
+from pnfarm.protocols.profinet.wire.iocr import RtClass
+from pnfarm.protocols.profinet.wire.records import parse_identification_data, parse_im0
+from pnfarm.wire.ethernet import EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
+from pnfarm.wire.udp import UdpDatagram, emit_udp
+
+MS = 1_000_000
+MAC = bytes.fromhex("020000000077")
+NAMES = sorted(name for name, entry in models().items() if entry.bus == "profinet")
+LIMITS = {
+    "manual": {},
+    "8 ms": {"min_cycle_ns": 8 * MS},
+    "0.5 to 4 ms": {"min_cycle_ns": MS // 2, "max_cycle_ns": 4 * MS},
+    "1 ms, two controllers": {"min_cycle_ns": MS, "io_controllers": 2},
+}
+#: What each model's file says, as a digest: a file that says something else needs another date (see the test).
+DIGESTS = {
+    "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "dd734ba02db33156",
+}
+
+
+@pytest.fixture(params=NAMES)
+def drive_model(request):
+    return model(request.param)
+
+
+@pytest.fixture(params=sorted(LIMITS))
+def limited(request, drive_model):
+    return replace(drive_model, limits=replace(drive_model.limits, **LIMITS[request.param]))
+
+
+def described(drive_model):
+    """The file as a controller's engineer reads it, and the device."""
+    gsdml = parse_gsdml(emit_gsdml(describe_model(drive_model)).encode())
+    return gsdml, describe_device(drive_model, MAC, strict=True)
+
+
+def plan_of(gsdml, module_id=None, clock=None, **changes):
+    """A plan made of the file alone, at the device's fastest cycle unless ``clock`` (factor, ratio) is given."""
+    device = from_gsdml(gsdml, modules={} if module_id is None else {1: module_id})
+    if clock is None:
+        clock = (32, max(1, device.dap.min_device_interval // 32))
+    return make_plan(
+        vendor_id=device.vendor_id,
+        device_id=device.device_id,
+        instance=device.instance,
+        submodules=device.submodules,
+        records=device.records,
+        multiple_write=device.multiple_write,
+        send_clock_factor=clock[0],
+        reduction_ratio=clock[1],
+        **changes,
+    )
+
+
+def connected(plan, description):
+    """The Connect's answer of a new device."""
+    bench = Bench(description)
+    return bench.call(0, connect_payload(plan, *plan_frames(plan)))[0]
+
+
+def station_of(plan, description):
+    """Both ends, the device with the records that it really has."""
+    plugged = Plugged(description)
+    records = DeviceRecords(description, plugged, lambda: device.ars)
+    device = CmDevice(description, plugged, records, mac=MAC, station_name="axis-01")
+    return Pair(CmController(plan), device, plugged, records)
+
+
+# identity and modules
+
+
+def test_the_file_names_the_device(drive_model):
+    gsdml, device = described(drive_model)
+    (dap,) = gsdml.daps
+    assert (gsdml.vendor_id, gsdml.device_id) == (device.vendor_id, device.device_id)
+    assert (dap.slot, dap.ident, dap.instance) == (device.dap.slot, device.dap.module_ident, device.instance)
+    assert list(dap.physical_slots) == sorted(device.slots)
+    assert gsdml.vendor_name == drive_model.maker
+    assert "virtual" in gsdml.product_family
+
+
+def test_the_file_has_every_module_and_submodule_of_the_device_and_no_other(drive_model):
+    gsdml, device = described(drive_model)
+    in_file = set()
+    for ref in gsdml.daps[0].modules:
+        for slot in ref.allowed:
+            plan = from_gsdml(gsdml, modules={slot: ref.target})
+            in_file |= {
+                (s.slot, s.subslot, s.api, s.module_ident, s.submodule_ident, s.input_bytes, s.output_bytes)
+                for s in plan.submodules
+            }
+    of_device = {
+        (s.slot, s.subslot, s.api, m.module_ident, s.submodule_ident, s.input_bytes, s.output_bytes)
+        for m in (device.dap, *device.modules)
+        for s in m.submodules
+    }
+    assert in_file == of_device
+
+
+def test_a_new_project_has_the_module_that_is_plugged_at_power_on(drive_model):
+    gsdml, device = described(drive_model)
+    plan = from_gsdml(gsdml)
+    first = {slot: device.default_module(slot).module_ident for slot in device.slots}
+    assert {s.slot: s.module_ident for s in plan.submodules} == first
+
+
+@pytest.mark.parametrize("startup", ["legacy", "advanced"])
+def test_every_module_connects_as_the_file_says_without_a_difference(drive_model, startup):
+    gsdml, device = described(drive_model)
+    assert startup in {mode.lower() for mode in gsdml.daps[0].startup_modes()}
+    for module in gsdml.modules:
+        both = station_of(plan_of(gsdml, module.id, startup=startup), device)
+        both.start()
+        (done,) = [e for e in both.events if isinstance(e, Connected)]
+        assert done.module_diff == ()
+        assert any(isinstance(e, ArEstablished) for e in both.events)
+        answer = both.records.read(both.device.ars[0], 0, 0, 1, Index.REAL_IDENTIFICATION_AR, 4096, 0)
+        (block,) = split_blocks(answer)
+        real = {
+            (api.api, slot.slot, subslot): (slot.module_ident, ident)
+            for api in parse_identification_data(block).apis
+            for slot in api.slots
+            for subslot, ident in slot.submodules
+        }
+        assert real == {
+            (s.api, s.slot, s.subslot): (s.module_ident, s.submodule_ident) for s in both.controller.plan.submodules
+        }
+
+
+def test_lengths_other_than_the_files_are_refused(drive_model):
+    gsdml, device = described(drive_model)
+    for module in gsdml.modules:
+        plan = plan_of(gsdml, module.id)
+        assert connected(plan, device).ok
+        longer = tuple(replace(s, input_bytes=s.input_bytes + 2) if s.input_bytes else s for s in plan.submodules)
+        assert not connected(replace(plan, submodules=longer), device).ok
+
+
+def test_signals_stand_in_the_file_by_name_and_in_the_order_of_the_telegram(drive_model):
+    gsdml, _ = described(drive_model)
+    for number, telegram in drive_model.telegrams.items():
+        data = gsdml.module(f"TELEGRAM_{number}").submodules[-1]
+        for items, words in ((data.inputs, telegram.input), (data.outputs, telegram.output)):
+            if telegram.free_mapping:
+                assert [item.data_type for item in items.items] == ["Unsigned16"] * len(words)
+                continue
+            names = [name for item in items.items for name in [item.name] * (item.octets // 2)]
+            expected = [signal.name if signal else f"Word {n}, without a signal" for n, signal in enumerate(words, 1)]
+            assert names == expected
+            assert items.whole
+
+
+def test_the_largest_frames_are_those_of_the_largest_telegram(drive_model):
+    gsdml, _ = described(drive_model)
+    sizes = []
+    for module in gsdml.modules:
+        frames = plan_frames(plan_of(gsdml, module.id))
+        ends = [max([p.iops_offset for p in frame.data] + [p.iocs_offset for p in frame.iocs]) + 1 for frame in frames]
+        assert all(frame.data_length == max(end, MIN_C_SDU) for frame, end in zip(frames, ends, strict=True))
+        sizes.append(ends)
+    (dap,) = gsdml.daps
+    assert [dap.max_input, dap.max_output] == [max(column) for column in zip(*sizes, strict=True)]
+
+
+# timing
+
+
+def test_the_device_takes_every_cycle_of_the_file_and_none_below_its_minimum(limited):
+    gsdml, device = described(limited)
+    (dap,) = gsdml.daps
+    (interface,) = dap.interfaces
+    assert 32 in interface.send_clocks
+    planned = from_gsdml(gsdml)
+    taken = set()
+    for factor in interface.send_clocks:
+        for ratio in interface.ratios:
+            if factor * ratio > 128 * 128:
+                continue  # no device may take those
+            accepted = connected(plan_of(gsdml, clock=(factor, ratio)), device).ok
+            assert accepted == (factor * ratio >= dap.min_device_interval), (factor, ratio)
+            if accepted:
+                planned.check_clock(factor, ratio)
+                taken.add(factor * ratio * 31_250)
+            else:
+                with pytest.raises(ConfigError, match="faster than the device can"):
+                    planned.check_clock(factor, ratio)
+    limits = limited.limits
+    assert min(taken) == limits.min_cycle_ns == planned.min_cycle_ns
+    assert max(taken) == (limits.max_cycle_ns or 512 * MS)
+
+
+def test_every_cycle_that_the_device_takes_can_be_had_by_the_file(limited):
+    gsdml, device = described(limited)
+    (interface,) = gsdml.daps[0].interfaces
+    in_file = {f * r for f in interface.send_clocks for r in interface.ratios}
+    for exponent in range(3, 15):  # cycles from 250 us, the fastest that this format knows for RT class 1
+        factor, ratio = min(1 << exponent, 32), max(1, (1 << exponent) // 32)
+        if connected(plan_of(gsdml, clock=(factor, ratio)), device).ok:
+            assert factor * ratio in in_file
+
+
+def test_every_send_clock_that_the_format_knows_and_the_device_takes_stands_in_the_file(limited):
+    gsdml, device = described(limited)
+    fastest = limited.limits.min_cycle_ns // 31_250
+    taken = [
+        factor
+        for factor in (8, 16, 32, 64, 128)
+        if connected(plan_of(gsdml, clock=(factor, max(1, fastest // factor))), device).ok
+    ]
+    assert list(gsdml.daps[0].interfaces[0].send_clocks) == taken
+
+
+def test_rt_class_1_is_taken_with_both_of_its_frame_ids_and_rt_class_3_is_not(drive_model):
+    gsdml, device = described(drive_model)
+    assert gsdml.daps[0].interfaces[0].rt_classes == ("RT_CLASS_1",)
+    plan = plan_of(gsdml)
+    assert connected(plan, device).ok
+    legacy = replace(plan, rt_class=RtClass.CLASS_1, input_frame_id=FRAME_ID_RANGES[RtClass.CLASS_1][1])
+    assert connected(legacy, device).ok
+    assert not connected(replace(plan, rt_class=3), device).ok
+
+
+def test_the_device_asks_for_status_octets_as_the_file_says(drive_model):
+    gsdml, device = described(drive_model)
+    assert gsdml.daps[0].ioxs_required
+    plan = plan_of(gsdml)
+    frames = plan_frames(plan)
+    without = tuple(replace(s, properties=SubmoduleProperties.DISCARD_IOXS) for s in plan.submodules)
+    bench = Bench(device)
+    status, _ = bench.call(0, connect_payload(replace(plan, submodules=without), *frames))
+    assert not status.ok
+
+
+# records
+
+
+def test_identification_stands_at_the_access_point_as_the_file_says(drive_model):
+    gsdml, device = described(drive_model)
+    (dap,) = gsdml.daps
+    records = Bench(device).records
+    (block,) = split_blocks(records.read(None, 0, 0, 1, Index.IM0, 4096, 0))
+    im0 = parse_im0(block)
+    assert im0.order_id.decode().rstrip() == dap.info.order_number
+    assert str(im0.hardware_revision) == dap.info.hardware_release
+    prefix, *numbers = im0.software_revision
+    assert f"{prefix}{'.'.join(map(str, numbers))}" == dap.info.software_release
+    assert im0.serial_number.decode().rstrip() == serial_number(MAC)
+    carriers = [
+        (slot.slot, subslot)
+        for raw in split_blocks(records.read(None, 0, 0, 1, Index.IM0_FILTER_DATA, 4096, 0))
+        for api in parse_identification_data(raw).apis
+        for slot in api.slots
+        for subslot, _ in slot.submodules
+    ]
+    assert set(carriers) == {(0, next(iter(dap.submodules[0].fixed)))}
+
+
+@pytest.mark.parametrize("supported", [0, 0b0000_1110])
+def test_the_writeable_identification_records_are_those_of_the_file(drive_model, supported, monkeypatch):
+    from pnfarm.protocols.profinet.gsdml import describe
+
+    real = describe.describe_device
+
+    def with_im(*args, **options):
+        found = real(*args, **options)
+        return replace(found, im0=replace(found.im0, im_supported=supported))
+
+    monkeypatch.setattr(describe, "describe_device", with_im)
+    (dap,) = parse_gsdml(emit_gsdml(describe_model(drive_model)).encode()).daps
+    bench = Bench(with_im(drive_model, MAC, strict=True))
+    takes = [n for n in range(1, 5) if isinstance(bench.records.read(None, 0, 0, 1, Index.IM0 + n, 4096, 0), bytes)]
+    assert list(dap.submodules[0].writeable_im) == takes
+    others = [s for m in parse_gsdml(emit_gsdml(describe_model(drive_model)).encode()).modules for s in m.submodules]
+    assert not any(s.writeable_im for s in others)
+
+
+def test_multiple_write_is_taken_as_the_file_says(drive_model):
+    gsdml, device = described(drive_model)
+    assert gsdml.daps[0].multiple_write
+    block = emit_raw_block(RawBlock(0x0202, bytes(8)))
+    port = gsdml.daps[0].ports[0].subslot
+    written = tuple(ParameterRecord(0, 0, port, index, block) for index in (0x802B, 0x802F))
+    both = station_of(replace(plan_of(gsdml), records=written), device)
+    both.start()
+    assert any(isinstance(e, ArEstablished) for e in both.events)
+    assert [both.records.read(None, 0, 0, port, r.index, 4096, 0) for r in written] == [block, block]
+
+
+def test_the_file_has_no_parameter_records_because_the_drives_parameters_have_another_way(drive_model):
+    gsdml, _ = described(drive_model)
+    assert not [r for s in gsdml.all_submodules() for r in s.records]
+
+
+# connections
+
+
+def test_the_device_takes_as_many_controllers_as_the_file_says(limited):
+    gsdml, device = described(limited)
+    (dap,) = gsdml.daps
+    number = dap.interfaces[0].number_of_ars
+    assert number == limited.limits.io_controllers
+    assert dap.shared_device == (number > 1)
+    bench = Bench(device)
+    results = []
+    for count in range(number + 1):
+        plan = plan_of(
+            gsdml,
+            ar_uuid=UUID(int=UUID_1.int + count),
+            session_key=count + 1,
+            input_frame_id=0x8000 + count,
+            controller_name=f"plc-{count}",
+            controller_mac=CONTROLLER_MAC[:5] + bytes([count]),
+        )
+        results.append(bench.call(0, connect_payload(plan, *plan_frames(plan)))[0].ok)
+    assert results == [True] * number + [False]
+
+
+def test_the_device_takes_as_many_acyclic_connections_as_the_file_says(drive_model):
+    gsdml, device = described(drive_model)
+    (dap,) = gsdml.daps
+    assert dap.device_access
+    bench = Bench(device)
+    results = []
+    for count in range(dap.device_access_ars + 1):
+        name, mac = f"tool-{count}".encode(), CONTROLLER_MAC[:5] + bytes([count])
+        ar_uuid = UUID(int=UUID_1.int + count)
+        tool = replace(AR_BLOCK, ar_uuid=ar_uuid, ar_type=6, properties=0x111, station_name=name, initiator_mac=mac)
+        results.append(bench.call(0, emit_blocks((tool,)))[0].ok)
+    assert results == [True] * dap.device_access_ars + [False]
+
+
+# what the station does
+
+
+def test_reset_modes_are_those_that_dcp_takes(drive_model):
+    (dap,) = described(drive_model)[0].daps
+    taken = [mode for mode in range(16) if setting(dcp_device(), ResetToFactoryBlock(mode << 1)) == [BlockError.OK]]
+    assert taken == list(dap.reset_modes)
+
+
+def test_the_name_can_be_set_and_no_alarm_is_claimed_that_the_model_denies(drive_model):
+    gsdml, _ = described(drive_model)
+    assert not gsdml.daps[0].name_not_transferable
+    assert not any(s.may_issue_process_alarm for s in gsdml.all_submodules())
+    if not drive_model.limits.alarms:
+        assert not gsdml.diagnoses
+
+
+@pytest.fixture(scope="module")
+def heard():
+    """Everything that a station sends by itself in a minute from power-on, and its answer to SNMP."""
+    line = VirtualLine(controller=False)
+    frames = []
+    mac = bytes.fromhex("020000fffffe")
+    line.world.switch.attach(mac, lambda _i, frame, _now: frames.append(parse_ethernet(frame)))
+    station = line.farm.stations[0]
+    station.power_cycle(line.world.now)
+    line.farm.settle(station, line.world.now)
+    line.run(60.0)
+    own = station.ip.address.ip
+    station.ip.learn(IPv4Address("10.77.0.200"), mac, line.world.now)
+    # GetRequest of sysDescr.0, SNMPv1, community public
+    get = bytes.fromhex("302902010004067075626c6963a01c020400000001020100020100300e300c06082b060102010101000500")
+    asking = IPv4Address("10.77.0.200")
+    packet = emit_ipv4(Ipv4Packet(asking, own, 17, emit_udp(UdpDatagram(50_000, 161, get), asking, own)))
+    station.receive(emit_ethernet(EthernetFrame(station.port.mac, mac, 0x0800, packet)), line.world.now)
+    frames += [parse_ethernet(frame) for frame in station.pump(line.world.now)]
+    return frames
+
+
+def test_the_protocols_of_the_file_are_those_that_a_station_speaks(drive_model, heard):
+    (dap,) = described(drive_model)[0].daps
+    speaks = set()
+    if any(frame.ethertype == 0x88CC for frame in heard):
+        speaks.add("LLDP")
+    packets = [parse_ipv4(frame.payload) for frame in heard if frame.ethertype == 0x0800]
+    if any(packet.protocol == 17 and packet.payload[:2] == (161).to_bytes(2, "big") for packet in packets):
+        speaks.add("SNMP")
+    assert set(dap.interfaces[0].protocols) == speaks
+    assert dap.lldp_nod == ("LLDP" in speaks)
+
+
+def test_hello_is_claimed_if_a_station_says_it(drive_model, heard):
+    (dap,) = described(drive_model)[0].daps
+    said = any(frame.ethertype == 0x8892 and frame.payload[:2] == b"\xfe\xfc" for frame in heard)
+    assert dap.interfaces[0].dcp_hello == said
+
+
+# the file itself
+
+
+def test_other_abilities_are_told_as_they_are():
+    able = replace(STATION, protocols=("SNMP", "LLDP"), sends_hello=True, reset_modes=(2,), startup_modes=("Legacy",))
+    (dap,) = describe_model(model(NAMES[0]), able).daps
+    (interface,) = dap.interfaces
+    assert (interface.protocols, interface.dcp_hello, dap.lldp_nod) == (("SNMP", "LLDP"), True, True)
+    assert (list(dap.reset_modes), dap.startup_modes()) == ([2], ("Legacy",))
+
+
+def test_faults_that_are_reported_as_diagnosis_have_their_texts_in_the_file():
+    drive_model = model("akd-profinet")
+    reporting = replace(
+        drive_model,
+        limits=replace(drive_model.limits, alarms=True),
+        diagnoses={702: 0x0100, 130: 0x9000},
+    )
+    (diagnosis,) = described(reporting)[0].diagnoses  # 0x9000 is the profile's, and known to tools
+    assert (diagnosis.error_type, diagnosis.name) == (0x0100, drive_model.faults[702].name)
+
+
+def test_a_model_of_another_bus_or_without_texts_has_no_file():
+    drive_model = model("akd-profinet")
+    with pytest.raises(ConfigError, match="is a drive for profibus"):
+        describe_model(replace(drive_model, bus="profibus"))
+    with pytest.raises(ConfigError, match="no section description_file"):
+        file_name(replace(drive_model, description_file=None))
+
+
+def test_a_slowest_cycle_that_leaves_no_1_ms_cannot_be_described():
+    drive_model = model("akd-profinet")
+    limits = replace(drive_model.limits, min_cycle_ns=MS // 4, max_cycle_ns=MS // 2)
+    with pytest.raises(ConfigError, match="every device takes 1 ms"):
+        describe_model(replace(drive_model, limits=limits))
+
+
+def test_another_identity_stands_in_the_file():
+    own = model("akd-profinet").with_identity({"device": 0x0777, "telegrams": {1: 0x4711}, "order_number": "X-1"})
+    gsdml, _ = described(own)
+    assert (gsdml.device_id, gsdml.module("TELEGRAM_1").ident, gsdml.daps[0].info.order_number) == (
+        0x0777,
+        0x4711,
+        "X-1",
+    )
+
+
+def test_the_file_is_the_same_every_time_and_new_contents_have_a_new_date(drive_model):
+    """Tools take a file of the same name for the one they have: whoever changes what it says raises the model's
+    ``description_file.date``, and puts name and digest in here."""
+    text = emit_gsdml(describe_model(drive_model))
+    assert emit_gsdml(describe_model(drive_model)) == text
+    assert DIGESTS.get(file_name(drive_model)) == hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def test_the_name_of_the_file_cannot_be_the_makers(drive_model):
+    name = file_name(drive_model)
+    assert name.startswith("GSDML-V2.35-pnfarm-")
+    assert drive_model.maker.lower() not in name.lower()
+    assert name.endswith(f"-{drive_model.description_file.date}.xml")
+
+
+def test_a_foreign_parser_reads_the_same_device(drive_model, tmp_path):
+    path = tmp_path / file_name(drive_model)
+    path.write_text(emit_gsdml(describe_model(drive_model)), encoding="utf-8")
+    foreign = load_gsdml(path)
+    device = describe_device(drive_model, MAC, strict=True)
+    assert (foreign.vendor_id, foreign.device_id) == (device.vendor_id, device.device_id)
+    (dap,) = foreign.daps
+    assert dap.module_ident == device.dap.module_ident
+    found = [(s.subslot_number, s.submodule_ident) for s in dap.system_submodules]
+    assert found == [(s.subslot, s.submodule_ident) for s in device.dap.submodules if s.subslot >= 0x8000]
+    by_ident = {m.module_ident: m for m in device.modules}
+    assert {m.module_ident for m in foreign.modules.values()} == by_ident.keys()
+    for module in foreign.modules.values():
+        assert [(s.api, s.submodule_ident, s.input_length, s.output_length) for s in module.submodules] == [
+            (s.api, s.submodule_ident, s.input_bytes, s.output_bytes) for s in by_ident[module.module_ident].submodules
+        ]

@@ -1,0 +1,310 @@
+"""The reader of GSDML files: what it finds, what it refuses, and that nothing else comes out of it."""
+
+from __future__ import annotations
+
+import contextlib
+
+import pytest
+from gsdml_kit import HEAD, MINIATURE
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.profinet.gsdml import safe_xml
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
+from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets, parse_octets
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+
+
+def read(text=MINIATURE):
+    return parse_gsdml(text.encode())
+
+
+def changed(old, new):
+    assert old in MINIATURE
+    return read(MINIATURE.replace(old, new, 1))
+
+
+# what it finds
+
+
+def test_identity_texts_and_version_are_found():
+    gsdml = read()
+    assert (gsdml.vendor_id, gsdml.device_id, gsdml.vendor_name) == (0xFEED, 0x0B0B, "Maker & Sons")
+    assert (gsdml.info_text, gsdml.main_family, gsdml.product_family) == ("Remote block", "I/O", "Block")
+    assert gsdml.schema_version == "V2.34"
+
+
+def test_the_access_point_says_what_the_device_can():
+    (dap,) = read().daps
+    assert (dap.id, dap.ident, dap.slot, dap.instance, dap.min_device_interval) == ("D1", 0x10, 0, 2, 64)
+    assert list(dap.physical_slots) == [0, 1, 2, 3, 4]
+    assert (dap.multiple_write, dap.device_access, dap.device_access_ars, dap.lldp_nod) == (True, True, 1, True)
+    assert (dap.shared_device, dap.ioxs_required, dap.max_record, dap.address_assignment) == (
+        False,
+        True,
+        4068,
+        ("DCP",),
+    )
+    assert list(dap.reset_modes) == [1, 2, 8]
+    assert (dap.max_input, dap.max_output, dap.info.order_number) == (244, 200, "4711")
+    assert list(dap.submodules[0].writeable_im) == [1, 2, 3]
+
+
+def test_interface_and_port_carry_timings_start_up_and_mau_types():
+    (dap,) = read().daps
+    (interface,), (port,) = dap.interfaces, dap.ports
+    assert (interface.subslot, interface.name, interface.protocols) == (0x8000, "Interface X1", ("SNMP", "LLDP"))
+    assert (interface.startup_modes, interface.number_of_ars) == (("Advanced",), 2)
+    assert (list(interface.send_clocks), list(interface.ratios)) == ([32, 64], [1, 2, 4, 8])
+    assert (interface.rt_classes, interface.dcp_boundary, interface.ptp_boundary) == (
+        ("RT_CLASS_1", "RT_CLASS_3"),
+        True,
+        False,
+    )
+    assert (port.subslot, list(port.mau_types), port.max_rx_delay) == (0x8001, [16, 30], 350)
+
+
+def test_older_files_have_timings_at_the_access_point_and_mau_types_in_an_attribute():
+    relations = MINIATURE[MINIATURE.index("<ApplicationRelations") : MINIATURE.index("</InterfaceSubmoduleItem>")]
+    text = MINIATURE.replace(relations, "").replace("<UseableModules>", relations + "<UseableModules>")
+    text = text.replace('<MAUTypeList><MAUTypeItem Value="16"/><MAUTypeItem Value="30"/></MAUTypeList>', "")
+    text = text.replace('TextId="P1T"', 'TextId="P1T" MAUTypes="16"')
+    (dap,) = read(text).daps
+    assert dap.interfaces[0].startup_modes == ("Advanced",)
+    assert list(dap.interfaces[0].send_clocks) == [32, 64]
+    assert list(dap.ports[0].mau_types) == [16]
+
+
+def test_modules_and_submodules_carry_idents_lengths_types_and_consistency():
+    gsdml = read()
+    (inputs,) = gsdml.module("DI").submodules
+    assert (inputs.ident, inputs.input_octets, inputs.output_octets, inputs.api) == (0x21, 4, 0, 0)
+    assert [(i.data_type, i.octets, i.use_as_bits) for i in inputs.inputs.items] == [
+        ("Unsigned8", 1, True),
+        ("OctetString", 3, False),
+    ]
+    assert inputs.may_issue_process_alarm
+    assert not inputs.inputs.whole
+    telegram = gsdml.submodule("T1")
+    assert (telegram.api, telegram.input_octets, telegram.output_octets, telegram.inputs.whole) == (0x3A00, 4, 4, True)
+    assert gsdml.submodule("SAFE").profisafe
+    assert {s.id for s in gsdml.all_submodules()} == {"DS", "DI1", "PAP", "E1", "T1", "T9", "SAFE"}
+    assert [(d.error_type, d.name, d.help) for d in gsdml.diagnoses] == [(256, "Too hot", "Cool")]
+
+
+def test_a_text_that_the_list_has_not_shows_its_id():
+    assert read().module("AX").info.name == "AXN"
+
+
+# parameter records
+
+
+def filter_record():
+    return next(r for r in read().module("DI").submodules[0].records if r.index == 2)
+
+
+def test_a_record_is_made_of_constants_and_defaults():
+    # Bit 1 over 0xF0 -> 0xF2; bits 4..6 become 2 -> 0xA2
+    assert filter_record().octets().hex() == "01a2" + "012c" + "3fc00000" + "fd"
+
+
+def test_a_record_takes_values_by_name():
+    record = filter_record()
+    assert record.octets({"Filter time": 5000, "Mode": "5", "On": 0})[1:4].hex() == "d01388"
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"Filter time": 1001}, r"record 2, Filter time: '1001' is given, allowed is 1\.\.1000 5000"),
+        ({"Gain": 3}, r"allowed is -2\.5\.\.2\.5"),
+        ({"Mode": 6}, r"allowed is 0\.\.5"),
+        ({"On": 2}, r"a number from 0 to 1"),
+        ({"Offset": 128}, r"what Integer8 holds"),
+        ({"Offset": "1.5"}, r"what Integer8 holds"),
+        ({"Offset": "nan"}, r"what Integer8 holds"),
+        ({"Offset": "x"}, r"a number"),
+        ({"Speed": 1}, r"record 2 has no value 'Speed', it has On, Mode, Filter time, Gain, Offset"),
+    ],
+)
+def test_a_value_that_the_file_does_not_allow_is_refused_with_a_sentence(values, sentence):
+    with pytest.raises(ConfigError, match=sentence):
+        filter_record().octets(values)
+
+
+def test_strings_are_filled_up_and_bit_areas_that_leave_their_octet_are_refused():
+    strings = ParameterRecord(
+        1,
+        6,
+        refs=(
+            ParameterRef("VisibleString", 0, length=3, default="ab", name="V"),
+            ParameterRef("OctetString", 3, length=3, default="0x01", name="O"),
+        ),
+    )
+    assert strings.octets() == b"ab\0\x01\0\0"
+    with pytest.raises(ConfigError, match="an ASCII text"):
+        strings.octets({"V": "ä"})
+    with pytest.raises(ConfigError, match="at most 3 octets"):
+        strings.octets({"O": "1,2,3,4"})
+    wide = ParameterRecord(1, 2, refs=(ParameterRef("BitArea", 0, 4, 8, default="255"),))
+    with pytest.raises(ConfigError, match="inside one octet"):
+        wide.octets()
+    with pytest.raises(ConfigError, match="another type than Date"):
+        ParameterRecord(1, 7, refs=(ParameterRef("Date", 0, length=7, default="1"),)).octets()
+
+
+# what it refuses
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason", "sentence"),
+    [
+        ('VendorID="0xFEED"', "", "bad-value", r"DeviceIdentity/@VendorID is missing, allowed is a number from 0 to"),
+        ('VendorID="0xFEED"', 'VendorID="0x1FEED"', "bad-value", r"@VendorID is '0x1FEED'"),
+        ('MinDeviceInterval="64"', 'MinDeviceInterval="fast"', "bad-value", r"line \d+: .*Interval is 'fast'"),
+        ('MinDeviceInterval="64"', "", "bad-value", r"@MinDeviceInterval is missing"),
+        ('MultipleWriteSupported="true"', 'MultipleWriteSupported="yes"', "bad-value", r"allowed is true or false"),
+        ('PhysicalSlots="0..4"', 'PhysicalSlots="4..0"', "bad-value", r"rising ranges, such as 0\.\.4 7 9"),
+        ('PhysicalSlots="0..4"', 'PhysicalSlots="0..70000"', "bad-value", r"@PhysicalSlots"),
+        ('ID="DI" ', "", "bad-value", r"ModuleItem/@ID is missing, allowed is a text"),
+        ('DataType="OctetString" Length="3"', 'DataType="OctetString"', "bad-value", r"DataItem/@Length is missing"),
+        ('"OctetString" Length="3"', '"OctetString" Length="1500"', "bad-value", r"Input has 1501 octets"),
+        ('Data="0xAA,0x55"', 'Data="0xAA,0x155"', "bad-value", r"octets such as 0x01,0xFF"),
+        ('Data="0xAA,0x55"', 'Data="0xAA,0x55,0"', "bad-value", r"record's length of 2"),
+        ('"Float32" ByteOffset="4"', '"Float32" ByteOffset="6"', "bad-value", r"inside the record's 9"),
+        ('Index="1" Length="2"', 'Index="1" Length="0"', "bad-value", r"a record has octets"),
+        ('Index="1" Length="2"', 'Index="70000" Length="2"', "bad-value", r"@Index is '70000'"),
+        ("<DeviceIdentity", "<Identity", "not-xml", r"mismatched tag"),
+        ("</ISO15745Profile>", "", "not-xml", r"no element found"),
+        ("<ProfileBody>", "<Body>", "not-xml", r"allowed is well-formed XML"),
+        ("utf-8", "no-such-code", "not-xml|encoding", r"unknown encoding"),
+    ],
+)  # fmt: skip
+def test_what_is_missing_or_wrong_is_said_with_line_element_and_what_is_allowed(old, new, reason, sentence):
+    with pytest.raises(DecodeError, match=sentence) as caught:
+        changed(old, new)
+    assert caught.value.reason in reason.split("|")
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("<html/>", "root is html, that of a GSDML file is ISO15745Profile"),
+        (HEAD + "</ISO15745Profile>", "ISO15745Profile has no ProfileBody"),
+        (HEAD + "<ProfileBody/></ISO15745Profile>", "ProfileBody has no ApplicationProcess"),
+        (
+            HEAD + "<ProfileBody><DeviceIdentity/><ApplicationProcess/></ProfileBody></ISO15745Profile>",
+            "there is no DeviceAccessPointItem",
+        ),
+        ("", "not-xml"),
+    ],
+)
+def test_other_files_are_refused(text, sentence):
+    with pytest.raises(DecodeError, match=sentence):
+        read(text)
+
+
+# hostile input
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '<!DOCTYPE a [<!ENTITY b "bb"><!ENTITY c "&b;&b;&b;">]><a x="&c;"/>',
+        '<!DOCTYPE a SYSTEM "file:///etc/passwd"><a/>',
+        '<!DOCTYPE a [<!ENTITY b SYSTEM "file:///etc/passwd">]><a>&b;</a>',
+        "<!DOCTYPE a><a/>",
+    ],
+)
+def test_a_document_type_is_refused_before_anything_of_it_is_used(text):
+    with pytest.raises(DecodeError) as caught:
+        read(text)
+    assert caught.value.reason == "doctype"
+
+
+def test_a_document_type_in_another_encoding_is_refused_too():
+    with pytest.raises(DecodeError) as caught:
+        parse_gsdml('<!DOCTYPE a [<!ENTITY b "x">]><a/>'.encode("utf-16"))
+    assert caught.value.reason == "doctype"
+
+
+def test_octets_elements_depth_and_attributes_are_bounded(monkeypatch):
+    with pytest.raises(DecodeError, match="more than 40 deep"):
+        read("<a>" * 50 + "</a>" * 50)
+    with pytest.raises(DecodeError, match="more than 200 attributes"):
+        read("<a " + " ".join(f'a{n}="1"' for n in range(300)) + "/>")
+    monkeypatch.setattr(safe_xml, "MAX_ELEMENTS", 10)
+    with pytest.raises(DecodeError, match="more than 10 elements"):
+        read()
+    monkeypatch.setattr(safe_xml, "MAX_OCTETS", 100)
+    with pytest.raises(DecodeError, match="at most 100"):
+        read()
+
+
+def test_a_range_of_all_numbers_costs_nothing():
+    wide = Numbers.parse("0..65535 3 70", 65535)
+    assert (wide.ranges, len(wide), 4711 in wide) == (((0, 65535),), 65536, True)
+    with pytest.raises(ValueError, match="at most 4096"):
+        Numbers.parse("1 " * 5000, 65535)
+
+
+def use(data):
+    """Read octets and make every record; what comes out must be a value or one of the two errors, each a sentence."""
+    try:
+        gsdml = parse_gsdml(data)
+    except DecodeError as exc:
+        sentence, reason = exc.detail, exc.reason
+    else:
+        for submodule in gsdml.all_submodules():
+            for record in submodule.records:
+                with contextlib.suppress(ConfigError):
+                    assert len(record.octets()) == record.length
+        return
+    assert reason
+    assert "\n" not in sentence
+
+
+@given(st.binary(max_size=300))
+def test_any_octets_are_a_description_or_a_decode_error(data):
+    with pytest.raises(DecodeError):
+        parse_gsdml(data)
+
+
+@given(st.integers(0, len(MINIATURE) - 1), st.integers(0, 40), st.binary(max_size=12))
+def test_a_bent_file_is_a_description_or_a_decode_error(place, cut, put):
+    data = MINIATURE.encode()
+    use(data[:place] + put + data[place + cut :])
+
+
+ATTRIBUTES = [
+    *("VendorID", "MinDeviceInterval", "PhysicalSlots", "SendClock", "DataType", "TextId"),
+    *("Index", "Length", "ByteOffset", "BitLength", "DefaultValue", "AllowedValues", "Data"),
+]
+
+
+@given(st.sampled_from(ATTRIBUTES), st.text(max_size=20))
+def test_any_text_in_an_attribute_is_a_value_or_a_decode_error(attribute, value):
+    start = MINIATURE.index(f'{attribute}="') + len(attribute) + 2
+    end = MINIATURE.index('"', start)
+    text = MINIATURE[:start] + safe_xml.quoted(value)[1:-1] + MINIATURE[end:]
+    use(text.encode("utf-8", "surrogatepass"))
+
+
+@given(st.lists(st.tuples(st.integers(0, 500), st.integers(0, 500)).map(sorted).map(tuple)))
+def test_value_lists_are_sets_whatever_their_order(ranges):
+    numbers = Numbers.join(ranges)
+    assert Numbers.parse(numbers.emit(), 65535) == numbers
+    assert set(numbers) == {n for first, last in ranges for n in range(first, last + 1)}
+    assert len(numbers) == len(set(numbers))
+
+
+@given(st.binary(max_size=30))
+def test_octet_lists_are_written_and_read_back(data):
+    assert parse_octets(emit_octets(data)) == data
+
+
+def test_the_miniature_is_written_and_read_back():
+    gsdml = read()
+    assert parse_gsdml(emit_gsdml(gsdml).encode()) == gsdml

@@ -1,0 +1,178 @@
+"""A random description, written and read back, equals itself."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.document import (
+    DATA_TYPE_OCTETS,
+    ChannelDiagnosis,
+    Dap,
+    DataItem,
+    DataItems,
+    Gsdml,
+    Info,
+    InterfaceSubmodule,
+    ItemRef,
+    ModuleItem,
+    PortSubmodule,
+    SubmoduleItem,
+)
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord, ParameterRef
+from pnfarm.protocols.profinet.gsdml.values import Numbers
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+
+U8, U16, U32 = st.integers(0, 0xFF), st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF)
+# XML 1.0 has no other control characters, no surrogates and not the last two code points of plane 0
+TEXT = st.text(
+    st.characters(exclude_categories=("Cs", "Cc"), exclude_characters="\ufffe\uffff") | st.sampled_from("\t\n\r<>&\"'"),
+    max_size=12,
+)
+ID = st.text("abcXYZ0189_-.", min_size=1, max_size=8)
+TOKENS = st.lists(st.sampled_from(["Legacy", "Advanced", "RT_CLASS_1", "LLDP", "SNMP"]), max_size=3).map(tuple)
+NUMBERS = st.lists(U16, max_size=6).map(Numbers.of)
+INFO = st.builds(Info, TEXT, TEXT, TEXT, TEXT, TEXT, TEXT)
+
+
+def tuples(strategy, size=3):
+    return st.lists(strategy, max_size=size).map(tuple)
+
+
+ITEM = st.one_of(
+    st.builds(
+        lambda kind, name, bits: DataItem(kind, DATA_TYPE_OCTETS[kind], name, bits),
+        st.sampled_from(sorted(DATA_TYPE_OCTETS)),
+        TEXT,
+        st.booleans(),
+    ),
+    st.builds(DataItem, st.sampled_from(["OctetString", "VisibleString", "Own"]), st.integers(0, 100), TEXT),
+)
+DATA = st.none() | st.builds(DataItems, tuples(ITEM), st.booleans())
+REF = st.builds(
+    ParameterRef,
+    st.sampled_from(["Bit", "BitArea", "Unsigned16", "Integer8", "Float32", "OctetString", "Own"]),
+    byte_offset=st.integers(0, 20),
+    bit_offset=st.integers(0, 7),
+    bit_length=st.integers(1, 15),
+    length=st.integers(0, 8),
+    default=TEXT,
+    allowed=TEXT,
+    name=TEXT,
+    changeable=st.booleans(),
+    visible=st.booleans(),
+)
+RECORD = st.builds(
+    ParameterRecord,
+    U16,
+    st.integers(40, 5000),
+    TEXT,
+    U16,
+    tuples(st.builds(ParameterConst, st.binary(max_size=20), st.integers(0, 20))),
+    tuples(REF),
+)
+SUBMODULE = st.builds(
+    SubmoduleItem,
+    ID,
+    U32,
+    INFO,
+    api=U32,
+    fixed=NUMBERS,
+    inputs=DATA,
+    outputs=DATA,
+    iops_length=U8,
+    iocs_length=U8,
+    records=tuples(RECORD),
+    may_issue_process_alarm=st.booleans(),
+    writeable_im=NUMBERS,
+    profisafe=st.booleans(),
+)
+ITEM_REF = st.builds(ItemRef, ID, NUMBERS, NUMBERS, NUMBERS)
+PORT = st.builds(PortSubmodule, ID, U32, U16, TEXT, NUMBERS, U32, U32, tuples(RECORD, 1))
+INTERFACE = st.builds(
+    InterfaceSubmodule,
+    ID,
+    U32,
+    U16,
+    TEXT,
+    TOKENS,
+    TOKENS,
+    *[st.booleans()] * 4,
+    startup_modes=TOKENS,
+    number_of_ars=U16,
+    pull_module_alarm=st.booleans(),
+    send_clocks=NUMBERS,
+    ratios=NUMBERS,
+    records=tuples(RECORD, 1),
+)
+MODULE = st.builds(ModuleItem, ID, U32, INFO, NUMBERS, tuples(SUBMODULE, 2), tuples(PORT, 1), tuples(ITEM_REF, 2))
+DAP = st.builds(
+    Dap,
+    id=ID,
+    ident=U32,
+    info=INFO,
+    pnio_version=TEXT,
+    required_schema_version=TEXT,
+    physical_slots=NUMBERS,
+    fixed_slots=NUMBERS,
+    allowed_slots=NUMBERS,
+    physical_subslots=NUMBERS,
+    min_device_interval=U16,
+    implementation_type=TEXT,
+    dns_name=TEXT,
+    instance=U16,
+    multiple_write=st.booleans(),
+    ioxs_required=st.booleans(),
+    device_access=st.booleans(),
+    device_access_ars=U16,
+    shared_device=st.booleans(),
+    shared_input=st.booleans(),
+    check_device_id=st.booleans(),
+    name_not_transferable=st.booleans(),
+    lldp_nod=st.booleans(),
+    reset_modes=NUMBERS,
+    address_assignment=TOKENS,
+    max_record=U32,
+    max_input=U16,
+    max_output=U16,
+    max_data=U16,
+    modules=tuples(ITEM_REF),
+    submodules=tuples(SUBMODULE, 1),
+    interfaces=tuples(INTERFACE, 1),
+    ports=tuples(PORT, 2),
+    useable=tuples(ITEM_REF, 1),
+)
+GSDML = st.builds(
+    Gsdml,
+    U16,
+    U16,
+    TEXT,
+    TEXT,
+    TEXT,
+    TEXT,
+    schema_version=st.sampled_from(["", "V2.35", "V2.4", "V2.43"]),
+    daps=st.lists(DAP, min_size=1, max_size=2).map(tuple),
+    modules=tuples(MODULE, 2),
+    submodules=tuples(SUBMODULE.map(lambda s: s), 1),
+    pluggable_ports=tuples(
+        st.builds(PortSubmodule, ID, U32, st.just(0), TEXT, NUMBERS, U32, U32, tuples(RECORD, 1)), 1
+    ),
+    diagnoses=tuples(st.builds(ChannelDiagnosis, U16, TEXT, TEXT), 2),
+)
+
+
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large], max_examples=60, deadline=None)
+@given(GSDML)
+def test_a_description_is_written_and_read_back(gsdml):
+    text = emit_gsdml(gsdml)
+    assert parse_gsdml(text.encode()) == gsdml
+    assert emit_gsdml(parse_gsdml(text.encode())) == text
+
+
+def test_a_datum_whose_type_and_length_contradict_each_other_cannot_be_written():
+    item = SubmoduleItem("S", 1, inputs=DataItems((DataItem("Unsigned16", 3),)))
+    with pytest.raises(ConfigError, match="Unsigned16 of 3 octets"):
+        emit_gsdml(Gsdml(1, 1, "", submodules=(item,)))
