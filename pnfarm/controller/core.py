@@ -341,6 +341,7 @@ class ControllerCore:
                 session_key=self._session_key,
                 submodules=plan.submodules,
                 startup=plan.startup,
+                ar_type=plan.ar_type,
                 takeover_allowed=plan.takeover_allowed,
                 expected_blocks="per-slot",
                 activity_timeout_factor=ACTIVITY_TIMEOUT,

@@ -15,6 +15,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
+from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.table import program
 from pnfarm.table.axis import AXIS
 from pnfarm.table.image import IMAGE
@@ -71,6 +72,8 @@ class DevicePlan:
     read_identification: bool = True
     #: The one that is expected, empty for any.
     serial_number: str = ""
+    #: ``ArType.IOSAR``: the controller is a supervisor, which takes submodules over where that is allowed.
+    ar_type: int = ArType.IOCAR_SINGLE
     #: A supervisor may take submodules over.
     takeover_allowed: bool = False
 

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import replace
+from ipaddress import IPv4Interface
 
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.controller.core import ControllerCore
 from pnfarm.controller.identification import UNDER_WAY, read_im
 from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.station_modules import plug_module, pull_module
+from pnfarm.links.base import PortSpec
+from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.protocols.profinet.wire.rpc import Opnum
 
 TELEGRAM = (0x3A00, 1, 2)
@@ -73,6 +79,68 @@ def test_parameters_are_written_anew_while_the_axis_runs() -> None:
     assert row(line)["phase"] == "running"
     with pytest.raises(ConfigError):
         line.plc.reparametrise("axis-99", line.world.now)
+
+
+def supervisor_of(line: VirtualLine, name: str = "supervisor") -> ControllerCore:
+    """A second controller in the same world that takes over what the first one allows."""
+    link = line.world.link()
+    (port,) = asyncio.run(link.open([PortSpec(name, bytes.fromhex("0200000000bb"))]))
+    plans = [replace(s.plan, ar_type=ArType.IOSAR, assign_ip=False) for s in line.plc.sessions]
+    core = ControllerCore(
+        name, plans, link, port, ip=IPv4Interface("10.77.1.251/23"), log=EventLog(quiet=True), seed=b"supervisor"
+    )
+    line.world.join(core, [port])
+    core.start(line.world.now)
+    return core
+
+
+def test_a_supervisor_takes_the_axis_over_and_gives_it_back() -> None:
+    line = VirtualLine()
+    session = line.plc.sessions[0]
+    session.plan = replace(session.plan, takeover_allowed=True)
+    line.connect()
+    line.enable()
+    supervisor = supervisor_of(line)
+    assert line.world.run(3.0, until=lambda: supervisor.all_running and supervisor.all_connected)
+    shown = row(line)
+    assert (shown["state"], shown["phase"]) == ("DATA", "offline")
+    assert {why.partition(": ")[2] for why in shown["unusable"]} == {"controlled by a supervisor"}
+    assert [ar.established for ar in line.farm.stations[0].ars.values()] == [True, True]
+    supervisor.release(line.world.now)
+    line.enable()
+    line.run(0.5)
+    shown = row(line)
+    assert (shown["unusable"], shown["connects"], shown["losses"]) == ([], 1, 0)
+    assert line.farm.columns.axis[0].velocity == pytest.approx(60.0, abs=0.5)
+
+
+def test_a_supervisor_that_vanishes_gives_the_axis_back() -> None:
+    line = VirtualLine()
+    session = line.plc.sessions[0]
+    session.plan = replace(session.plan, takeover_allowed=True)
+    line.connect()
+    supervisor = supervisor_of(line)
+    assert line.world.run(3.0, until=lambda: supervisor.all_connected)
+    supervisor.columns.ppm[0].active = 0
+    assert line.world.run(3.0, until=lambda: not row(line)["unusable"] and line.plc.all_running)
+    assert row(line)["losses"] == 0
+
+
+def test_two_hundred_drives_lose_and_get_back_their_modules() -> None:
+    line = VirtualLine(drives=200, watchdog=20)
+    line.connect(10.0)
+    line.enable(10.0)
+    for station in line.farm.stations:
+        pull_module(station, 1, None, line.world.now)
+        line.farm.settle(station, line.world.now)
+    line.run(0.2)
+    assert not any(line.plc.columns.image[s.index].valid for s in line.plc.sessions)
+    for station in line.farm.stations:
+        plug_module(station, 1, line.world.now)
+        line.farm.settle(station, line.world.now)
+    line.enable(5.0)
+    rows = line.plc.snapshot()
+    assert {(r["connects"], r["losses"], r["phase"], tuple(r["unusable"])) for r in rows} == {(1, 0, "running", ())}
 
 
 # records
