@@ -69,7 +69,7 @@ def read_im(before: Identification | None, data: bytes) -> Identification:
     """Take one of I&M0 to I&M3 into what is known; I&M0 comes first.  Raises DecodeError."""
     blocks = split_blocks(data)
     if not blocks:
-        raise DecodeError("empty", "an I&M record without a block")
+        raise DecodeError("bad-count", "an I&M record without a block")
     block = blocks[0]
     if block.block_type == BlockType.IM0:
         im0 = parse_im0(block)
@@ -85,7 +85,7 @@ def read_im(before: Identification | None, data: bytes) -> Identification:
             im_supported=im0.im_supported,
         )
     if before is None:
-        raise DecodeError("im0", f"block 0x{block.block_type:04X} before I&M0")
+        raise DecodeError("bad-type", f"block 0x{block.block_type:04X} before I&M0")
     text = parse_im_text(block)
     match text.block_type:
         case BlockType.IM1:
@@ -133,15 +133,17 @@ class IdentificationReader:
 
     def _took(self, session: DeviceSession, number: int, job: RecordJob, now: int) -> None:
         known = session.identification if number else None
-        try:
-            if job.data is None:
-                raise DecodeError("unread", job.words)
-            session.identification = known = read_im(known, job.data)
-        except DecodeError as exc:
-            self._log.record(now, session.plan.name, "identification unread", level="warning", detail=str(exc))
-        else:
-            if number == 0:
-                self._compare(session, known, now)
+        words = job.words
+        if job.data is not None:
+            try:
+                session.identification = known = read_im(known, job.data)
+            except DecodeError as exc:
+                words = str(exc)
+            else:
+                if number == 0:
+                    self._compare(session, known, now)
+        if words:
+            self._log.record(now, session.plan.name, "identification unread", level="warning", detail=words)
         following = next((n for n in range(number + 1, 4) if known is not None and known.im_supported >> n & 1), None)
         if following is None or job.data is None:
             del self._under_way[session.plan.name]
