@@ -15,6 +15,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
+from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.table import program
 from pnfarm.table.axis import AXIS
 from pnfarm.table.image import IMAGE
@@ -67,6 +68,14 @@ class DevicePlan:
     reconnect_after_ns: int | None
     instance: int = 1
     multiple_write: bool = False
+    #: Whether I&M0 to I&M3 are read once the connection stands.
+    read_identification: bool = True
+    #: The one that is expected, empty for any.
+    serial_number: str = ""
+    #: ``ArType.IOSAR``: the controller is a supervisor, which takes submodules over where that is allowed.
+    ar_type: int = ArType.IOCAR_SINGLE
+    #: A supervisor may take submodules over.
+    takeover_allowed: bool = False
 
 
 def velocity_step(model: Model, drive: DriveConfig) -> float:
@@ -177,6 +186,8 @@ def _plan_foreign(
             program.IDLE, enable=False, speed_rpm=0.0, period_ns=1_000_000_000, acknowledge_after_ns=-1
         ),
         reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        read_identification=section.identification,
+        takeover_allowed=section.takeover_allowed,
         instance=planned.instance,
         multiple_write=planned.multiple_write,
     )
@@ -224,6 +235,8 @@ def plan_devices(
                     acknowledge_after_ns=-1 if chosen.acknowledge_after_ns is None else chosen.acknowledge_after_ns,
                 ),
                 reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+                read_identification=section.identification,
+                takeover_allowed=section.takeover_allowed,
             )
         )
     known: dict[Path, Gsdml] = {}
