@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cmdev_alarms import AlarmFrame
     from pnfarm.protocols.profinet.cmdev_check import ConnectRequest
     from pnfarm.protocols.profinet.cmdev_control import ControlCall
+    from pnfarm.protocols.profinet.cmdev_modules import Before
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, Plugged, SlotState
     from pnfarm.protocols.profinet.events import CmEvent
     from pnfarm.protocols.profinet.record_store import RecordHandler
@@ -304,7 +305,7 @@ class CmDevice:
 
     def pull(self, slot: int, subslot: int | None, now: int) -> None:
         """Take a module, or one submodule of it, out of a slot."""
-        before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        before = self._modules.before(self.ars, slot)
         module = self.plugged.module(slot)
         for sub in module.submodules if module is not None else ():
             if subslot in {None, sub.subslot}:
@@ -314,13 +315,13 @@ class CmDevice:
 
     def plug(self, slot: int, module: ModuleDescription | None, now: int, *, substitute: bool = False) -> None:
         """Put a module into a slot; None for the one that was pulled.  See :meth:`Plugged.plug`."""
-        before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        before = self._modules.before(self.ars, slot)
         self.plugged.plug(slot, module, substitute=substitute)
         self._moved(slot, before, now, whole=True)
 
     def put(self, slot: int, state: SlotState, now: int) -> None:
         """Make a slot what ``state`` says (:meth:`Plugged.put`), however it differs from what is there."""
-        before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        before = self._modules.before(self.ars, slot)
         had = self.plugged.module(slot)
         stays = state.module.submodules if state.module is not None else ()
         for sub in had.submodules if had is not None else ():
@@ -557,13 +558,13 @@ class CmDevice:
         ar.module_diff = self._modules.diff(ar)
         self._events.append(SubmodulesChanged(ar.key, self._modules.unusable(ar)))
 
-    def _moved(self, slot: int, before: dict[int, set[ExpectedKey]], now: int, *, whole: bool) -> None:
+    def _moved(self, slot: int, before: Before, now: int, *, whole: bool) -> None:
         """Something was pulled from or plugged into ``slot``: tell every AR that expects something there."""
         wanted = (e.module_ident for ar in self.ars for e in ar.expected if e.slot == slot)
         # a slot that nobody holds any more is again what the controller expects, the oldest one that does
         self.plugged.follow(slot, next(wanted, 0))
         for ar in self.ars:
-            if self._modules.moved(ar, slot, before[ar.key], now, whole=whole):
+            if self._modules.moved(ar, slot, before, now, whole=whole):
                 self._changed(ar)
         self._take_alarms(now)
 

@@ -125,6 +125,19 @@ def test_a_wrong_module_is_told_as_such_and_stays_unusable():
     assert states(diff)[1, 2] == (IdentInfo.WRONG, ArInfo.OWN)
 
 
+def test_a_wrong_module_in_a_slot_that_was_empty_at_connect_is_told_and_its_going_as_well():
+    bench = Bench()
+    bench.plugged.pull(1)
+    controller = Controller(bench, 1)
+    controller.establish()
+    bench.cm.plug(1, telegram(0x555, 0x70, 12, 12), 0)
+    assert {a.alarm_type for a in controller.pump()} == {AlarmType.PLUG_WRONG_SUBMODULE}
+    bench.cm.pull(1, None, 0)
+    assert places(controller.pump()) == [(AlarmType.PULL, DRIVE_API, 1, 0)]
+    bench.cm.pull(1, None, 0)
+    assert controller.pump() == []
+
+
 def test_a_substitute_is_usable_and_said_to_be_one():
     bench, controller = one_controller()
     bench.cm.pull(1, None, 0)
