@@ -73,7 +73,8 @@ def test_each_parameter_starts_with_its_default(drive: Drive) -> None:
 
 def test_each_writable_parameter_takes_its_limits_and_refuses_what_lies_beyond(drive: Drive) -> None:
     rows = plain_writable(drive)
-    assert len(rows) > 400
+    assert rows
+    assert len(rows) > 400 or len(drive.model.parameters) < 400
     for parameter in rows:
         for value in (parameter.minimum, parameter.maximum):
             drive.store.write(parameter.pnu, 0, [value])
@@ -329,6 +330,8 @@ def test_identification_is_that_of_the_model(akd: Drive) -> None:
 
 
 def test_the_number_lists_lead_through_all_parameters(drive: Drive) -> None:
+    if 980 not in drive.model.parameters:
+        pytest.skip("the manual has no such lists")
     found: list[int] = []
     pnu = 980
     while True:
