@@ -58,6 +58,7 @@ class DevicePlan:
     output_words: tuple[int, ...]
     input_words: tuple[int, ...]
     velocity_step: float
+    life: bool
     send_clock_factor: int
     reduction_ratio: int
     watchdog_factor: int
@@ -167,6 +168,7 @@ def _plan_foreign(
         output_words=(),
         input_words=(),
         velocity_step=1.0,
+        life=False,
         send_clock_factor=clock.send_clock_factor,
         reduction_ratio=clock.reduction_ratio,
         watchdog_factor=section.watchdog_factor,
@@ -211,6 +213,7 @@ def plan_devices(
                 output_words=model.telegrams[number].output_words,
                 input_words=model.telegrams[number].input_words,
                 velocity_step=velocity_step(model, drive),
+                life=model.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,
