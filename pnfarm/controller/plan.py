@@ -196,8 +196,9 @@ def plan_devices(
     plans = []
     for drive, model in zip(drives, models, strict=True):
         ip = addresses.of(drive.ip, f"drive {drive.name}")
-        telegram = drive.telegram if drive.telegram is not None else section.telegram
-        number = model.default_telegram if telegram is None else telegram
+        # a section that is silent leaves the choice to each model
+        usual = section.telegram if "telegram" in section.model_fields_set else model.default_telegram
+        number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
         plans.append(

@@ -1,4 +1,4 @@
-"""A farm of AKDs and the built-in controller in one virtual world, from the text of a farm file."""
+"""A farm of drives and the built-in controller in one virtual world, from the text of a farm file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ link: {{kind: memory}}
 drives:
   - name: axis-{{n:02}}
     count: {drives}
-    model: akd-profinet
+    model: {model}
     ip: 10.77.0.11/23
     limits: {limits}
 controller:
@@ -35,10 +35,11 @@ class VirtualLine:
 
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
                  startup: str = "legacy", telegram: int = 1, controller: bool = True,
-                 memory: VolatileMemory | None = None) -> None:  # fmt: skip
+                 memory: VolatileMemory | None = None, model: str = "akd-profinet") -> None:  # fmt: skip
         text = FILE.format(
-            drives=drives, cycle=cycle, limits=limits, watchdog=watchdog, startup=startup, telegram=telegram
-        )
+            drives=drives, cycle=cycle, limits=limits, watchdog=watchdog, startup=startup, telegram=telegram,
+            model=model,
+        )  # fmt: skip
         if not controller:
             text = text[: text.index("controller:")]
         self.memory = memory or VolatileMemory()
