@@ -65,7 +65,10 @@ def _print(found: dict[str, Any]) -> None:
             for key, value in values.items()
         ]
         print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
-    for section in ("motor", "firmware", "communication_loss", "parameter_access", "description_file", "diagnosis"):
+    sections = (
+        "motor", "firmware", "communication_loss", "sign_of_life", "parameter_access", "description_file", "diagnosis",
+    )  # fmt: skip
+    for section in sections:
         if found[section]:
             print_line()
             rows = [
@@ -83,13 +86,14 @@ def _print(found: dict[str, Any]) -> None:
     print_table(columns, _module_rows(found))
     print_line()
     print_table(
-        ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE"),
+        ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE", "~NOTE"),
         [
             (
                 f"{telegram['number']}{' (default)' if telegram['number'] == found['default_telegram'] else ''}",
                 "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["output"]),
                 "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["input"]),
                 telegram["source"],
+                telegram["note"],
             )
             for telegram in found["telegrams"]
         ],
@@ -99,7 +103,7 @@ def _print(found: dict[str, Any]) -> None:
         (">COUNT", "OF", "~SOURCES"),
         [
             (len(found[section]), section, "; ".join(_sources(found[section])))
-            for section in ("parameters", "signals", "faults")
+            for section in ("parameters", "signals", "bits", "faults")
         ],
     )
     print_line()

@@ -165,6 +165,7 @@ class ControllerCore:
         row.period_ns = wanted.period_ns
         row.acknowledge_after_ns = wanted.acknowledge_after_ns
         row.velocity_step = session.plan.velocity_step
+        row.life = session.plan.life
         row.active = 1
 
     def start(self, now: int) -> None:

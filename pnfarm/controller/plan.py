@@ -59,6 +59,7 @@ class DevicePlan:
     output_words: tuple[int, ...]
     input_words: tuple[int, ...]
     velocity_step: float
+    life: bool
     send_clock_factor: int
     reduction_ratio: int
     watchdog_factor: int
@@ -176,6 +177,7 @@ def _plan_foreign(
         output_words=(),
         input_words=(),
         velocity_step=1.0,
+        life=False,
         send_clock_factor=clock.send_clock_factor,
         reduction_ratio=clock.reduction_ratio,
         watchdog_factor=section.watchdog_factor,
@@ -205,8 +207,9 @@ def plan_devices(
     plans = []
     for drive, model in zip(drives, models, strict=True):
         ip = addresses.of(drive.ip, f"drive {drive.name}")
-        telegram = drive.telegram if drive.telegram is not None else section.telegram
-        number = model.default_telegram if telegram is None else telegram
+        # a section that is silent leaves the choice to each model
+        usual = section.telegram if "telegram" in section.model_fields_set else model.default_telegram
+        number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
         plans.append(
@@ -222,6 +225,7 @@ def plan_devices(
                 output_words=model.telegrams[number].output_words,
                 input_words=model.telegrams[number].input_words,
                 velocity_step=velocity_step(model, drive),
+                life=model.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,

@@ -24,11 +24,13 @@ from pnfarm.drives.model import (
     Limits,
     Model,
     ParameterAccess,
+    SignOfLife,
 )
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterType
 from pnfarm.drives.telegram import MappingError, Module, Signal, Submodule, Telegram, signal_codes
+from pnfarm.drives.word_bits import WordBits, read_bits
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.table.axis import AXIS, FAULT_WORDS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
@@ -45,11 +47,14 @@ _TYPES = {
 }
 #: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
 #: UNIT.PROTARY.
+#: A number followed by ``/n`` is divided by the raw number: a ramp given as a time.
 _NAMED_SCALES = {"2^-n", "acceleration", "position"}
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
     "source", "values_source", "note",
 )  # fmt: skip
+#: A column that a file may have behind these: ``power-on`` for what takes effect with the next power cycle.
+_EFFECTIVE = "effective"
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
@@ -98,7 +103,7 @@ def _factor(scale: str, where: str) -> float:
         return 1.0
     numerator, _, denominator = scale.partition("/")
     try:
-        factor = float(numerator) / float(denominator or 1)
+        factor = float(numerator) / (1.0 if denominator == "n" else float(denominator or 1))
     except (ValueError, ZeroDivisionError):
         raise ConfigError(
             f"{where}, scale: {scale!r} is not a number, a fraction or one of {', '.join(sorted(_NAMED_SCALES))}"
@@ -176,6 +181,8 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     pnu = _integer(row["pnu"], where, "pnu")
     if not 1 <= pnu <= 0xFFFF:
         raise ConfigError(f"{where}, pnu: {pnu} is not within 1..65535")
+    if row.get(_EFFECTIVE, "") not in {"", "power-on"}:
+        raise ConfigError(f"{where}, effective: {row[_EFFECTIVE]!r} is neither empty nor power-on")
     writable = "w" in row["access"]
     behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable)
     return Parameter(
@@ -199,13 +206,14 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         source=row["source"],
         values_source=row["values_source"],
         note=row["note"],
+        after_power_on=row.get(_EFFECTIVE, "") == "power-on",
     )
 
 
 def _parameters(path: Path) -> dict[int, Parameter]:
     parameters: dict[int, Parameter] = {}
     for where, row in _rows(path):
-        if not parameters and tuple(row) != _COLUMNS:
+        if not parameters and tuple(row) not in {_COLUMNS, (*_COLUMNS, _EFFECTIVE)}:
             raise ConfigError(f"{path}, line 1: the columns must be {', '.join(_COLUMNS)}")
         parameter = _parameter(row, where)
         if parameter.pnu in parameters:
@@ -310,10 +318,13 @@ def _telegram(
         module=module,
         source=_get(table, "source", where),
         note=table.get("note", ""),
+        opmode=table.get("opmode"),
     )
 
 
-def _telegrams(path: Path, layout: Mapping[str, Any]) -> tuple[dict[int, Signal], dict[int, Telegram]]:
+def _telegrams(
+    path: Path, layout: Mapping[str, Any]
+) -> tuple[dict[int, Signal], dict[int, Telegram], tuple[WordBits, ...]]:
     data = read_toml(path)
     signals: dict[int, Signal] = {}
     for index, table in enumerate(data.get("signal", ()), 1):
@@ -327,8 +338,10 @@ def _telegrams(path: Path, layout: Mapping[str, Any]) -> tuple[dict[int, Signal]
         telegram = _telegram(table, f"{path}, telegram {index}", by_name, layout)
         if telegram.number in telegrams:
             raise ConfigError(f"{path}, telegram {index}, number: {telegram.number} stands twice")
+        if telegram.opmode not in {None, 0, 1, 2}:
+            raise ConfigError(f"{path}, telegram {index}, opmode: {telegram.opmode!r} is none of 0, 1, 2")
         telegrams[telegram.number] = telegram
-    return signals, telegrams
+    return signals, telegrams, read_bits(data.get("bits", ()), str(path), by_name, telegrams)
 
 
 # faults.csv
@@ -350,7 +363,10 @@ def _faults(path: Path) -> dict[int, Fault]:
         if not row["source"] or (row["source"] == "assumed" and not row["note"]):
             raise ConfigError(f"{where}, source: a fault needs its source, an assumed one its reason")
         reaction = REACTIONS.get(row["reaction"], 0)
-        faults[number] = Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"])
+        word = _integer(row.get("word", ""), where, "word", 0)
+        if not 0 <= word <= 0xFFFF or (word and number >= FAULT_WORDS):
+            raise ConfigError(f"{where}, word: {word} does not fit in 16 bits, or its fault is above {FAULT_WORDS - 1}")
+        faults[number] = Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word)
     return faults
 
 
@@ -454,9 +470,11 @@ def load_model(folder: Path) -> Model:
             "firmware",
         )
     }
-    sections |= {key: _facts(data, key, path) for key in ("description_file", "diagnosis") if key in data}
+    sections |= {
+        key: _facts(data, key, path) for key in ("description_file", "diagnosis", "sign_of_life") if key in data
+    }
     parameters = _parameters(folder / "parameters.csv")
-    signals, telegrams = _telegrams(folder / "telegrams.toml", _get(data, "telegram_module", str(path)))
+    signals, telegrams, bits = _telegrams(folder / "telegrams.toml", _get(data, "telegram_module", str(path)))
     faults = _faults(folder / "faults.csv")
     dap = _get(data, "dap", str(path))
     try:
@@ -468,6 +486,11 @@ def load_model(folder: Path) -> Model:
         raise ConfigError(f"{path}, dap: {exc}") from exc
     limits = _limits(sections["limits"], f"{path}, limits")
     loss = _communication_loss(sections["communication_loss"], faults, parameters, f"{path}, communication_loss")
+    life: SignOfLife | None = None
+    if "sign_of_life" in sections:
+        life = _build(SignOfLife, sections["sign_of_life"], f"{path}, sign_of_life")
+        if life.fault not in faults:
+            raise ConfigError(f"{path}, sign_of_life.fault: there is no fault {life.fault}")
     if _get(data, "default_telegram", str(path)) not in telegrams:
         raise ConfigError(f"{path}, default_telegram: there is no telegram {data['default_telegram']}")
     texts = {
@@ -482,12 +505,14 @@ def load_model(folder: Path) -> Model:
         limits=limits,
         access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
         communication_loss=loss,
+        sign_of_life=life,
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         motor=_axis_values(sections["motor"], "station", f"{path}, motor"),
         firmware=_axis_values(sections["firmware"], "parameter", f"{path}, firmware"),
         dap=dap_module,
         signals=signals,
+        word_bits=bits,
         telegrams=telegrams,
         parameters=parameters,
         parameter_names=_names(parameters, data.get("parameter_names", {}), path),

@@ -20,7 +20,7 @@ from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.telegram import MappingError, Signal, Telegram, signal_codes, signal_numbers
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_SET_POSITION
+from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_SET_POSITION
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -43,6 +43,18 @@ HOME_POSITION = 2205
 UNIT_ROTARY = 2393
 UNIT_IN = 2390
 UNIT_OUT = 2392
+#: A ramp whose time is zero, rpm/s.
+AT_ONCE = 1e12
+#: Fields of the axis that are zero in models that do not speak of them.
+OPTIONAL_FIELDS = (
+    "no_ramp_generator",
+    "velocity_limit",
+    "sensor_step",
+    "coast_method",
+    "life",
+    "life_tolerance",
+    "life_fault",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,11 +140,16 @@ class ParameterStore:
             return
         if target.behaviour is Behaviour.SIGNAL:
             self._write_signal(target, values[0])
+        elif target.behaviour is Behaviour.COMPUTED and target.argument == "fault-situations":
+            self._clear_faults(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED:
             self._write_telegram(target, subindex, values)
         else:
             self._values[target.pnu] = values[0]
-            self._apply_written(target)
+            if not target.after_power_on:
+                self._apply_written(target)
+            if self.model.access.saves_at_once and target.nonvolatile:
+                self._save()
         self._events.append(ParameterWritten(pnu, subindex, tuple(values)))
 
     def get(self, text: str | int) -> int:
@@ -180,6 +197,7 @@ class ParameterStore:
                 f"{self.model.name} has no telegram {number}; it has {', '.join(map(str, self.model.telegrams))}"
             )
         self._plugged = number
+        self._apply_opmode()
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
         """The signals of the frames, word by word: those of the telegram, or PNU 915 or 916 where the mapping is free.
@@ -221,11 +239,17 @@ class ParameterStore:
     def apply_defaults(self) -> None:
         """Write every field of writer ``parameter`` of the axis record from the values in force."""
         axis = self.handle.axis
+        for field in OPTIONAL_FIELDS:
+            setattr(axis, field, 0)
         for field, value in self.model.firmware.items():
             setattr(axis, field, value)
         for parameter in self.model.axis_parameters:
             self._apply(parameter)
         self._apply_communication_loss()
+        if self.model.sign_of_life is not None:
+            axis.life = 1
+            axis.life_fault = self.model.faults[self.model.sign_of_life.fault].code
+        self._apply_opmode()
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
@@ -337,7 +361,12 @@ class ParameterStore:
 
     def _apply(self, parameter: Parameter) -> None:
         raw = self.raw(parameter.pnu)
-        value = 2.0**-raw if parameter.scale == "2^-n" else raw * self._factor(parameter)
+        if parameter.scale == "2^-n":
+            value = 2.0**-raw
+        elif parameter.scale.endswith("/n"):
+            value = parameter.factor / raw if raw else AT_ONCE
+        else:
+            value = raw * self._factor(parameter)
         if parameter.index >= 0:
             getattr(self.handle.axis, parameter.argument)[parameter.index] = value
         else:
@@ -361,6 +390,20 @@ class ParameterStore:
         on_stop = self.raw(loss.stop_parameter) >> loss.stop_bit & 1 if loss.stop_parameter else loss.on_stop
         self.handle.axis.loss_fault = code
         self.handle.axis.stop_fault = code if on_stop else 0
+
+    def _apply_opmode(self) -> None:
+        opmode = self.telegram.opmode
+        if opmode is not None:
+            self.handle.axis.opmode = opmode
+
+    def _clear_faults(self, parameter: Parameter, value: int) -> None:
+        """PNU 952: zero forgets the fault buffer, nothing else may be written."""
+        if value:
+            raise self._refusal(ParameterErrorNumber.ONLY_RESET, parameter, 0)
+        try:
+            self.handle.push_command(CMD_CLEAR_HISTORY)
+        except CommandRingFullError as exc:
+            raise self._refusal(ParameterErrorNumber.OPERATING_STATE, parameter) from exc
 
     def _write_signal(self, parameter: Parameter, value: int) -> None:
         """A set point by its PNU, unless the running cyclic channel brings it (MDI_ACC with telegram 352: allowed)."""

@@ -10,6 +10,7 @@ from typing import Any
 
 from pnfarm.table.axis import (
     CMD_ACKNOWLEDGE,
+    CMD_CLEAR_HISTORY,
     CMD_CLEAR_WARNING,
     CMD_HOLD_FAULT,
     CMD_POWER_ON,
@@ -31,6 +32,11 @@ NUMBER_MASK = 0xFFFFFF
 
 
 @compiled
+def _changed(axis: Any) -> None:
+    axis.fault_changes = (int(axis.fault_changes) + 1) & 0xFFFF
+
+
+@compiled
 def raise_fault(axis: Any, code: int, now: int) -> None:
     """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once."""
     number = code & NUMBER_MASK
@@ -47,6 +53,7 @@ def raise_fault(axis: Any, code: int, now: int) -> None:
                 axis.reacted = 0
             axis.fault_code[i] = code
             axis.fault_buffer[i] = number
+            _changed(axis)
             return
 
 
@@ -78,6 +85,16 @@ def _into_history(axis: Any) -> None:
         axis.fault_buffer[i] = 0
         axis.fault_code[i] = 0
     axis.fault_ns = 0
+    _changed(axis)
+
+
+@compiled
+def _clear_history(axis: Any) -> None:
+    """Forget what was acknowledged; a situation that is still active stays, as the only one."""
+    for i in range(FAULT_SLOTS, FAULT_SLOTS * FAULT_SITUATIONS):
+        axis.fault_buffer[i] = 0
+    axis.fault_counter = 1 if axis.fault_code[0] != 0 else 0
+    _changed(axis)
 
 
 @compiled
@@ -111,6 +128,8 @@ def _power_on(axis: Any, now: int) -> None:
     if axis.fault_code[0] != 0:
         _into_history(axis)
     axis.fault_counter = 0
+    axis.fault_changes = 0
+    axis.life_sent = 0
     for i in range(FAULT_SLOTS):
         if axis.fault_held[i] != 0:
             raise_fault(axis, axis.fault_held[i], now)
@@ -139,6 +158,8 @@ def take_commands(axis: Any, now: int) -> None:
             axis.commanded_position = axis.position
         elif code == CMD_RAISE_WARNING:
             axis.warning_code = argument & NUMBER_MASK
+        elif code == CMD_CLEAR_HISTORY:
+            _clear_history(axis)
         elif code == CMD_CLEAR_WARNING and axis.warning_code == (argument & NUMBER_MASK):
             axis.warning_code = 0
         axis.command_tail = (axis.command_tail + 1) & 0xFFFFFFFF

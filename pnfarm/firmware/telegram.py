@@ -4,13 +4,34 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.sign_of_life import second_status_word
+from pnfarm.table.axis import FAULT_WORDS
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import DRV_ACC, DRV_DEC, ITIST_GLATT, NIST_A, NSOLL_A, XIST_A, XIST_ERROR, ZSW1
+from pnfarm.table.signals import (
+    DRV_ACC,
+    DRV_DEC,
+    FAULT_CODE,
+    G1_XIST1,
+    ITIST_GLATT,
+    MELDW,
+    NIST_A,
+    NIST_B,
+    NSOLL_A,
+    NSOLL_B,
+    WARN_CODE,
+    XIST_A,
+    XIST_ERROR,
+    ZSW1,
+    ZSW2,
+)
 
-__all__ = ["from_setpoints", "signed16", "signed32", "to_actuals"]
+__all__ = ["from_setpoints", "message_word", "signed16", "signed32", "to_actuals"]
 
 #: 100 % of a signal in N2 normalisation (AKD PROFINET manual 5.12.4).
 N2_FULL = 16384.0
+#: Increments of NSOLL_B and NIST_B to one of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
+B_STEPS = 65536.0
 
 
 @compiled
@@ -37,12 +58,38 @@ def _clamp16(value: float) -> int:
 
 
 @compiled
+def _clamp32(value: float) -> int:
+    if value >= 2147483647.0:
+        return 0x7FFFFFFF
+    if value <= -2147483648.0:
+        return -0x80000000
+    return int(round(value))  # noqa: RUF046 - as above
+
+
+@compiled
+def message_word(axis: Any) -> int:
+    """MELDW (HIWIN E1 manual 3.16); the motor model knows no overload, and bit 8 is always set there."""
+    word = 0x01C0
+    if abs(axis.current) < axis.peak_current:
+        word |= 0x0002  # torque limit not active
+    if axis.state == 4:
+        word |= 0x0800  # controller enabled
+    if axis.state >= 2:
+        word |= 0x1000  # drive ready
+    if axis.state >= 4:
+        word |= 0x2000  # pulses enabled
+    return word
+
+
+@compiled
 def from_setpoints(axis: Any, image: Any) -> None:
-    """The velocity set point out of NSOLL_A (AKD PROFINET manual 6.5), ramps out of DRV_ACC and DRV_DEC (6.1).
+    """The velocity set point out of NSOLL_A (AKD PROFINET manual 6.5) or NSOLL_B (HIWIN E1 manual 6.1), whichever the
+    telegram has; ramps out of DRV_ACC and DRV_DEC (AKD PROFINET manual 6.1).
 
     A telegram without those two, or one that leaves them zero, keeps the drive's own ramps.
     """
-    axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
+    steps = signed16(image.received[NSOLL_A]) + image.received[NSOLL_B] / B_STEPS
+    axis.setpoint = steps * axis.velocity_step
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
     axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration
@@ -51,9 +98,19 @@ def from_setpoints(axis: Any, image: Any) -> None:
 
 @compiled
 def to_actuals(axis: Any, image: Any) -> None:
-    """ZSW1, NIST_A, ITIST_GLATT and the position signals."""
+    """Status words, actual velocity, current, messages and the position signals."""
     image.sent[ZSW1] = axis.zsw1
-    image.sent[NIST_A] = _clamp16(axis.velocity / axis.velocity_step)
+    steps = axis.velocity / axis.velocity_step
+    image.sent[NIST_A] = _clamp16(steps)
+    image.sent[NIST_B] = _clamp32(steps * B_STEPS)
+    if axis.life:
+        image.sent[ZSW2] = second_status_word(axis)
+    image.sent[MELDW] = message_word(axis)
+    number = int(axis.fault_code[0]) & NUMBER_MASK
+    image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
+    image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
+    if axis.sensor_step > 0.0:
+        image.sent[G1_XIST1] = signed32(int(round(axis.position / axis.sensor_step)))  # noqa: RUF046 - as above
     image.sent[ITIST_GLATT] = _clamp16(axis.current / axis.peak_current * N2_FULL)
     image.sent[XIST_A] = signed32(int(round(axis.position / axis.position_step)))  # noqa: RUF046 - as above
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

@@ -49,6 +49,10 @@ HOME_MODE = 12
 DRV_ACC = 13
 DRV_DEC = 14
 NSOLL_B = 15
+G1_STW = 16
+POS_STW1 = 17
+POS_STW2 = 18
+OVERRIDE = 19
 
 # Drive to controller.
 ZSW1 = 0
@@ -61,6 +65,14 @@ XIST_ERROR = 6
 DRIVE_MOTION_STATUS = 7
 DRIVE_INPUTS = 8
 NIST_B = 9
+G1_ZSW = 10
+G1_XIST1 = 11
+G1_XIST2 = 12
+POS_ZSW1 = 13
+POS_ZSW2 = 14
+MELDW = 15
+FAULT_CODE = 16
+WARN_CODE = 17
 
 SETPOINT_SLOTS: dict[str, int] = {
     "STW1": STW1,
@@ -79,6 +91,10 @@ SETPOINT_SLOTS: dict[str, int] = {
     "DRV_ACC": DRV_ACC,
     "DRV_DEC": DRV_DEC,
     "NSOLL_B": NSOLL_B,
+    "G1_STW": G1_STW,
+    "POS_STW1": POS_STW1,
+    "POS_STW2": POS_STW2,
+    "OVERRIDE": OVERRIDE,
 }
 ACTUAL_SLOTS: dict[str, int] = {
     "ZSW1": ZSW1,
@@ -91,6 +107,14 @@ ACTUAL_SLOTS: dict[str, int] = {
     "DRIVE_MOTION_STATUS": DRIVE_MOTION_STATUS,
     "DRIVE_INPUTS": DRIVE_INPUTS,
     "NIST_B": NIST_B,
+    "G1_ZSW": G1_ZSW,
+    "G1_XIST1": G1_XIST1,
+    "G1_XIST2": G1_XIST2,
+    "POS_ZSW1": POS_ZSW1,
+    "POS_ZSW2": POS_ZSW2,
+    "MELDW": MELDW,
+    "FAULT_CODE": FAULT_CODE,
+    "WARN_CODE": WARN_CODE,
 }
 
 

@@ -349,6 +349,8 @@ def test_identification_is_that_of_the_model(akd: Drive) -> None:
 
 
 def test_the_number_lists_lead_through_all_parameters(drive: Drive) -> None:
+    if 980 not in drive.model.parameters:
+        pytest.skip("the manual has no such lists")
     found: list[int] = []
     pnu = 980
     while True:
