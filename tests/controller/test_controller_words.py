@@ -83,3 +83,9 @@ def test_the_end_of_a_diagnosis_is_no_warning_whatever_its_alarm_type(
 def test_a_diagnosis_that_says_nothing_of_its_end_is_a_warning(line: VirtualLine, items: tuple[AlarmItem, ...]) -> None:
     alarm = AlarmNotification(AlarmType.DIAGNOSIS, 0, 1, 1, items=items)
     assert logged(line, AlarmIndicated(alarm, "words")) == [("warning", "alarm", "words")]
+
+
+def test_a_submodule_that_another_controller_gave_up_is_not_said_to_be_a_supervisors() -> None:
+    """AlarmType Released: of a shared device, whose submodules come back one by one when a controller goes."""
+    alarm = AlarmNotification(AlarmType.RELEASED, 0, 1, 1)
+    assert alarm_in_words(alarm) == "released by its former owner on slot 1 subslot 1"
