@@ -48,7 +48,7 @@ from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
-from pnfarm.protocols.profinet.wire.alarms import AlarmType
+from pnfarm.protocols.profinet.wire.alarm_words import only_disappears
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
@@ -512,7 +512,7 @@ class ControllerCore:
             if isinstance(answer, CallReturned):
                 session.machine.call_returned(key, answer.status, answer.payload, now)
             elif isinstance(answer, CallFailed):
-                session.machine.call_failed(key, answer.reason, now)
+                session.machine.call_failed(key, answer.words, now)
             self._touched[session.index] = session
         return bool(requests or answers)
 
@@ -561,11 +561,11 @@ class ControllerCore:
                 pass
             case ApplicationReadyReceived(module_diff=deviations):
                 for deviation in deviations:
-                    self.log.record(now, session.plan.name, "module differs", level="warning", detail=str(deviation))
+                    self.log.record(now, session.plan.name, "module differs", level="warning", detail=deviation.text)
             case AlarmIndicated(alarm=alarm, words=words):
                 session.measures.alarms_received += 1
                 session.measures.last_alarm = words
-                gone = alarm.alarm_type == AlarmType.DIAGNOSIS_DISAPPEARS
+                gone = only_disappears(alarm)
                 self.log.record(
                     now,
                     session.plan.name,

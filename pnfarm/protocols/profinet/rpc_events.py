@@ -173,6 +173,18 @@ class CallFailed:
     peer: Peer
     code: int = 0
 
+    @property
+    def words(self) -> str:
+        """The reason as a sentence's end, for a person."""
+        return _FAILURES.get(self.reason, self.reason)
+
+
+_FAILURES = {
+    "no-answer": "nobody answers",
+    "timeout": "no answer in time",
+    "nocall": "the other side loses the call again and again",
+    "bad-response": "the answer has no PNIOStatus that could be read",
+}
 
 ClientEvent = CallReturned | CallFailed
 
