@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import re
+import shutil
+from pathlib import Path
 
 import pytest
 from drives_kit import SHARED, Drive, new_drive
 
-from pnfarm.drives.catalogue import as_json, model
+from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.loader import load_model
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber, ParameterType
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterValues, emit_request, parse_response
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.drives.profiles.profidrive.requester import change_request, read_request, results
 from pnfarm.drives.store import NonVolatileSaved, ParameterStore, ParameterWritten
+from pnfarm.errors import ConfigError
 from pnfarm.table.axis import CMD_CLEAR_HISTORY
 from pnfarm.table.signals import WORD_NONE
 
@@ -64,13 +68,43 @@ def test_2_3_two_connectors_and_2_4_2_the_api() -> None:
 
 
 def test_aliases_and_assumptions_are_told() -> None:
-    assert model("e1") is E1
+    assert model("e1").name == E1.name
     for assumed in ("identity.device_id", "communication_loss.fault", "parameter_access.record_indexes"):
         assert E1.source_of(assumed).source == "assumed"
     for number in (9, 111):
         assert "move nothing yet" in E1.telegrams[number].note
     shown = as_json(E1)
     assert [telegram["note"] for telegram in shown["telegrams"]] == [t.note for t in E1.telegrams.values()]
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("parameters.csv", ",power-on\n", ",tomorrow\n", r"effective: 'tomorrow'"),
+        ("parameters.csv", ",note,effective", ",note,effect", r"line 1"),
+        ("parameters.csv", "3000000/n", "x/n", r"scale: 'x/n'"),
+        ("faults.csv", "73,0xFB1", "73,0x10000", r"word: 65536"),
+        ("faults.csv", "77,0xFB2", "200,0xFB2", r"word: 4018"),
+        ("model.toml", "[sign_of_life]\nfault = { value = 73", "[sign_of_life]\nfault = { value = 1", r"no fault 1"),
+        (
+            "model.toml",
+            "[communication_loss]\nfault = { value = 73",
+            "[communication_loss]\nfault = { value = 1",
+            r"loss",
+        ),
+    ],
+)
+def test_a_mistake_in_what_only_this_model_says_is_named(
+    tmp_path: Path, file: str, old: str, new: str, message: str
+) -> None:
+    folder = tmp_path / "model"
+    shutil.copytree(models()["hiwin-e1"].folder, folder)
+    path = folder / file
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        load_model(folder)
 
 
 # signals and telegrams (3.1, 3.2)

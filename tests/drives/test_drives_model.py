@@ -16,6 +16,7 @@ from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterType
 from pnfarm.drives.telegram import MappingError, signal_codes, signal_numbers
+from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS, WORD_NONE, word_code
@@ -242,6 +243,15 @@ def test_a_mapping_that_cannot_be_is_refused_at_its_word() -> None:
         assert caught.value.index == index
 
 
+def test_bits_of_a_telegram_come_before_those_of_all_others() -> None:
+    usual = WordBits("STW1", (), ("on",), "x")
+    own = WordBits("STW1", (9, 111), ("off",), "x")
+    for known in ((usual, own), (own, usual)):
+        assert bit_names(known, "STW1", 9) == ("off",)
+        assert bit_names(known, "STW1", 1) == ("on",)
+    assert bit_names((own,), "STW1", 1) == ()
+
+
 # identity
 
 
@@ -336,6 +346,11 @@ def folder(tmp_path: Path) -> Path:
         ("telegrams.toml", "bits = 16", "bits = 8", r"signal 1, bits"),
         ("telegrams.toml", 'direction = "setpoint"', 'direction = "up"', r"signal 1, direction"),
         ("telegrams.toml", "[[signal]]", "[[signal", r"telegrams\.toml"),
+        ("telegrams.toml", '[[bits]]\nword = "STW1"', '[[bits]]\nword = "STW8"', r"bits 1, word: there is no signal"),
+        ("telegrams.toml", '[[bits]]\nword = "STW1"', "[[bits]]", r"bits 1, word: missing"),
+        ("telegrams.toml", 'names = ["on",', "names = [7,", r"bits 1, names"),
+        ("telegrams.toml", 'word = "STW1"\nnames', 'word = "STW1"\ntelegrams = [2]\nnames', r"bits 1, telegrams: .*2"),
+        ("telegrams.toml", 'number = 1\nname = "Standard', 'number = 1\nopmode = 3\nname = "Standard', r"opmode: 3"),
         ("faults.csv", "702,", "x,", r"faults\.csv, line \d+, number"),
         ("faults.csv", "fault,quick-stop", "fault,prayer", r"reaction"),
         ("faults.csv", "702,Fieldbus communication lost,fault", "702,Fieldbus communication lost,mood", r"kind"),
