@@ -22,7 +22,7 @@ import typer
 
 from pnfarm.errors import ConfigError, InternalError
 
-__all__ = ["BENCHMARKS", "Result", "command"]
+__all__ = ["BENCHMARKS", "FARM_CPU", "PARENT", "PEER", "PEER_CPU", "Child", "Result", "command", "percentile", "wire"]
 
 FARM_CPU, PEER_CPU = 0, 1
 PARENT, PEER = "pnbench0", "pnbench1"
@@ -76,9 +76,10 @@ class Child:
             text=True,
         )
         self._write(json.dumps({"cpu": cpu, **settings}))
-        if settings.get("interface_from_outside"):
+        interface = settings.get("interface_from_outside")
+        if interface:
             pid = self.answer()["pid"]
-            subprocess.run(["ip", "link", "set", PEER, "netns", str(pid)], check=True)
+            subprocess.run(["ip", "link", "set", str(interface), "netns", str(pid)], check=True)
             self._write("go")
 
     def _write(self, line: str) -> None:
@@ -111,7 +112,7 @@ class Child:
 
 
 @contextmanager
-def _wire() -> Iterator[None]:
+def wire() -> Iterator[None]:
     """A veth pair in this namespace."""
     subprocess.run(["ip", "link", "add", "name", PARENT, "type", "veth", "peer", "name", PEER], check=True)
     try:
@@ -126,7 +127,7 @@ def _wire() -> Iterator[None]:
 @contextmanager
 def _line(drives: int, cycle: str, watchdog: int) -> Iterator[tuple[Child, Child]]:
     """A farm and the built-in controller, connected."""
-    with _wire(), ExitStack() as stack:
+    with wire(), ExitStack() as stack:
         farm = Child("farm", FARM_CPU, file=_file(drives, cycle, watchdog, FARM_CPU))
         stack.callback(farm.close)
         farm.answer()
@@ -150,7 +151,7 @@ def _measure(farm: Child, peer: Child, seconds: float) -> tuple[dict[str, Any], 
 @contextmanager
 def _floor(drives: int, groups: int, period_ns: int) -> Iterator[tuple[Child, Child]]:
     """Two minimal loops over the same kind of interfaces: macvlans on one side, one interface on the other."""
-    with _wire(), ExitStack() as stack:
+    with wire(), ExitStack() as stack:
         lines, macs = [], []
         for i in range(drives):
             mac = bytes((0x02, 0xF1, 0, 0, i >> 8, i & 0xFF))
@@ -176,7 +177,7 @@ def _floor(drives: int, groups: int, period_ns: int) -> Iterator[tuple[Child, Ch
         yield farm, peer
 
 
-def _percentile(histogram: list[int], share: float) -> float:
+def percentile(histogram: list[int], share: float) -> float:
     """Microseconds, interpolated inside the bucket."""
     from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
@@ -220,16 +221,16 @@ def frame_cost(seconds: float) -> list[Result]:
 def full_port(seconds: float) -> list[Result]:
     """148 drives at 1 ms, a full 100 Mbit/s port, for a minute."""
     floor = _settled_floor(148, 1, 1_000_000, min(20.0, seconds))
-    floor_p99 = _percentile(floor["lateness"], 0.99)
+    floor_p99 = percentile(floor["lateness"], 0.99)
     with _line(148, "1ms", 64) as (farm, plc):
         answer, other = _measure(farm, plc, seconds)
-    p99 = _percentile(answer["lateness"], 0.99)
+    p99 = percentile(answer["lateness"], 0.99)
     expirations = answer["expirations"] + other["expirations"]
     core = answer["cpu"] / answer["wall"]
     ratio = p99 / floor_p99
     return [
         Result("full-port-expirations", expirations, f"in {seconds:g} s", None, "0", expirations == 0),
-        Result("full-port-lateness-p50", _percentile(answer["lateness"], 0.5), "us", None, "none", True),
+        Result("full-port-lateness-p50", percentile(answer["lateness"], 0.5), "us", None, "none", True),
         Result("full-port-lateness-p99", p99, "us", ratio, "ratio <= 1.5", ratio <= 1.5),
         Result("full-port-cpu", core, "cores", None, "none", True),
     ]
@@ -271,7 +272,7 @@ def flat(seconds: float) -> list[Result]:
 def start(seconds: float) -> list[Result]:
     """64 drives, from nothing to all exchanging data."""
     del seconds
-    with _wire(), ExitStack() as stack:
+    with wire(), ExitStack() as stack:
         begin = time.monotonic()
         plc = Child("plc", PEER_CPU, file=_file(64, "16ms", 16, PEER_CPU), interface_from_outside=PEER)
         stack.callback(plc.close)
@@ -283,6 +284,13 @@ def start(seconds: float) -> list[Result]:
         connected = plc.answer()["connected"]
         value = time.monotonic() - begin
     return [Result("start-64", value, "s", None, "<= 5", connected and value <= 5)]
+
+
+def connect_storm(seconds: float) -> list[Result]:
+    """256 drives, from nothing to data both ways, both ends on one core, while 64 others run at 4 ms."""
+    from pnfarm.cli.bench_storm import storm
+
+    return storm(seconds)
 
 
 def akd_1024(seconds: float) -> list[Result]:
@@ -324,6 +332,7 @@ BENCHMARKS: dict[str, tuple[Callable[[float], list[Result]], float]] = {
     "memory": (memory, 0.0),
     "flat": (flat, 10.0),
     "start": (start, 0.0),
+    "connect-storm": (connect_storm, 5.0),
     "akd-1024": (akd_1024, 10.0),
     "virtual": (virtual_64, 0.0),
 }
@@ -376,6 +385,8 @@ def _reading(results: list[Result]) -> list[str]:
     lines += [
         "- Above 128 drives the kernel's time stamps are off unless the farm file says `engine: {timestamps: true}`:",
         "  they cost about a tenth of a frame. `frame-cost-192` and `full-port-*` are therefore without them.",
+        "- `connect-storm-*` measures twice, with `realtime: {fifo: 20}` and without. A second process that is busy on",
+        "  the engine's CPU delays its ticks unless the engine may go first; `connect-storm-ordinary-*` says how much.",
     ]
     return lines
 

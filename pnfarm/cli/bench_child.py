@@ -51,7 +51,7 @@ def _counters(core: Any) -> dict[str, Any]:
     }
 
 
-def _difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+def difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     return {
         key: [a - b for a, b in zip(value, before[key], strict=True)]
         if isinstance(value, list)
@@ -68,7 +68,9 @@ async def _commands(core: Any, connected: Any) -> None:
         elif word == "measure":
             before = _counters(core)
             await anyio.sleep(float(argument))
-            _say(_difference(before, _counters(core)))
+            _say(difference(before, _counters(core)))
+        elif word == "mark":
+            _say(_counters(core))
         elif word == "rss":
             _say({"rss": _rss()})
         else:
@@ -96,12 +98,23 @@ async def _farm(settings: dict[str, Any]) -> None:
 
 
 async def _plc(settings: dict[str, Any]) -> None:
+    """With ``hold`` nothing is opened before the question whether all drives are connected."""
     from pnfarm.controller.runtime import Plc
     from pnfarm.farm.config import parse_farm
     from pnfarm.farm.event_log import EventLog
 
-    async with Plc(parse_farm(settings["file"]), log=EventLog(quiet=True)) as plc:
-        _say({"up": True})
+    plc = Plc(parse_farm(settings["file"]), log=EventLog(quiet=True))
+    if not settings.get("hold"):
+        async with plc:
+            _say({"up": True})
+            await _commands(plc.core, plc.wait_connected)
+        return
+    _say({"up": True})
+    seconds = float(sys.stdin.readline().split()[1])
+    before = _cpu()
+    async with plc:
+        connected = await plc.wait_connected(seconds)
+        _say({"connected": connected, "cpu": _cpu() - before})
         await _commands(plc.core, plc.wait_connected)
 
 

@@ -161,7 +161,7 @@ def _know(path: Path, shared: Shared) -> None:
             )
         )
         for layout in frames:
-            shared.templates[drive.mac, layout.is_input] = make_template(layout, telegram)
+            shared.templates[drive.mac, layout.is_input] = make_template(layout, telegram, model)
 
 
 # -- the summary

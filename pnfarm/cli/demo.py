@@ -10,6 +10,7 @@ import json
 import os
 import sys
 import time
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,13 +24,7 @@ FILE = """
 farm: demo
 link: {link}
 api: off
-drives:
-  - name: axis-{{n:02}}
-    count: {drives}
-    model: akd-profinet
-    ip: 10.77.0.11/16
-    load: {{inertia: 2.0e-4, friction: 0.05}}
-    params: {{DRV.OPMODE: 1}}
+drives:{groups}
 controller:
   name: plc
   ip: 10.77.255.1/16
@@ -39,6 +34,16 @@ controller:
   program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 500ms}}
   reconnect: {{after: 200ms}}
 """
+GROUP = """
+  - name: axis-{{n:02}}
+    start: {first}
+    count: {count}
+    model: {model}
+    ip: {ip}/16
+    cycle: {cycle}
+    load: {{inertia: 2.0e-4, friction: 0.05}}"""
+#: Models beside the AKD, each with a cycle that its manual grants; one drive in eight is of each.
+OTHERS = (("akd-profinet-2012", "8ms"), ("hiwin-e1", "4ms"))
 PARENT, PEER = "pndemo0", "pndemo1"
 
 
@@ -66,16 +71,32 @@ def command(
 
     _compile()
     if where == "memory":
-        text = FILE.format(link="{kind: memory}", drives=drives, where="mac: auto")
+        text = FILE.format(link="{kind: memory}", groups=_groups(drives), where="mac: auto")
     else:
         _cable()
-        text = FILE.format(link=f"{{kind: macvlan, parent: {PARENT}}}", drives=drives, where=f"interface: {PEER}")
+        link = f"{{kind: macvlan, parent: {PARENT}}}"
+        text = FILE.format(link=link, groups=_groups(drives), where=f"interface: {PEER}")
     demo = Demo(text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap)
     summary: dict[str, Any] = anyio.run(demo.run)
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     if not summary["ok"]:
         raise typer.Exit(1)
+
+
+def _groups(drives: int) -> str:
+    """AKDs first, as the faults of the demo are theirs; then drives of every other model."""
+    each = drives // 8
+    groups, first = "", 1
+    for model, cycle, count in (
+        ("akd-profinet", "16ms", drives - each * len(OTHERS)),
+        *((model, cycle, each) for model, cycle in OTHERS),
+    ):
+        if count:
+            ip = IPv4Address("10.77.0.10") + first
+            groups += GROUP.format(first=first, count=count, model=model, ip=ip, cycle=cycle)
+            first += count
+    return groups
 
 
 def _check_writable(file: Path | None) -> None:

@@ -128,7 +128,7 @@ class Demo:
         if not connected:
             self._tell("not every drive connected")
             return False
-        self._tell(f"{len(names)} drives exchange data every 16 ms")
+        self._tell(f"{len(names)} drives exchange data, each in a cycle that its manual grants")
         if not await self._until(lambda: self._plc.all_running):
             self._tell("not every axis was enabled")
             return False

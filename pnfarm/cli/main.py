@@ -25,6 +25,7 @@ from pnfarm.cli import (
     module,
     param,
     plc,
+    record,
     scan,
     up,
 )
@@ -90,6 +91,7 @@ app.add_typer(fault.app, name="fault", rich_help_panel="Running farm")
 app.add_typer(param.app, name="param", rich_help_panel="Running farm")
 app.add_typer(module.app, name="module", rich_help_panel="Running farm")
 app.command("plc", rich_help_panel="Controller")(plc.plc)
+app.add_typer(record.app, name="record", rich_help_panel="Controller")
 app.command("scan", rich_help_panel="Controller")(scan.scan)
 app.command("decode", rich_help_panel="Reference")(decode.decode)
 app.command("models", rich_help_panel="Reference")(models.models)

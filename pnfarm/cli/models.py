@@ -65,7 +65,10 @@ def _print(found: dict[str, Any]) -> None:
             for key, value in values.items()
         ]
         print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
-    for section in ("motor", "communication_loss", "parameter_access", "description_file", "diagnosis"):
+    sections = (
+        "motor", "firmware", "communication_loss", "sign_of_life", "parameter_access", "description_file", "diagnosis",
+    )  # fmt: skip
+    for section in sections:
         if found[section]:
             print_line()
             rows = [
@@ -100,7 +103,7 @@ def _print(found: dict[str, Any]) -> None:
         (">COUNT", "OF", "~SOURCES"),
         [
             (len(found[section]), section, "; ".join(_sources(found[section])))
-            for section in ("parameters", "signals", "faults")
+            for section in ("parameters", "signals", "bits", "faults")
         ],
     )
     print_line()

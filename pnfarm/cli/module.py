@@ -20,7 +20,9 @@ Place = Annotated[
         metavar="SLOT[.SUBSLOT]", help="A slot, or one submodule of it: 1, 1.2, 0.0x8001.", show_default=False
     ),
 ]
-Slot = Annotated[int, typer.Argument(metavar="SLOT", help="The slot.", show_default=False)]
+Slot = Annotated[str, typer.Argument(metavar="SLOT", help="The slot.", show_default=False)]
+#: SlotNumber, SubslotNumber and ModuleIdentNumber are so wide.
+WORD, LONG = 0xFFFF, 0xFFFF_FFFF
 
 
 @app.command("list")
@@ -74,23 +76,27 @@ def plug(
     if telegram is not None:
         body["telegram"] = telegram
     if module is not None:
-        body["module_ident"] = _number(module, "module ident")
+        body["module_ident"] = _number(module, "module ident", LONG)
+    place = str(_number(slot, "slot", WORD))
     with FarmClient(api, token) as farm:
-        _print(farm.put("drives", name, "modules", str(slot), body=body), output)
+        _print(farm.put("drives", name, "modules", place, body=body), output)
 
 
-def _number(text: str, what: str) -> int:
+def _number(text: str, what: str, most: int) -> int:
     from pnfarm.errors import ConfigError
 
     try:
-        return int(text, 0)
-    except ValueError as exc:
-        raise ConfigError(f"{text!r} is no {what}; give a number such as 1 or 0x8001") from exc
+        number = int(text, 0)
+    except ValueError:
+        number = -1
+    if not 0 <= number <= most:
+        raise ConfigError(f"{text!r} is no {what}; give a number such as 1 or 0x8001, at most 0x{most:X}")
+    return number
 
 
 def _place(text: str) -> tuple[int, int | None]:
     slot, dot, subslot = text.partition(".")
-    return _number(slot, "slot"), _number(subslot, "subslot") if dot else None
+    return _number(slot, "slot", WORD), _number(subslot, "subslot", WORD) if dot else None
 
 
 def _print(found: dict[str, Any], output: Format) -> None:

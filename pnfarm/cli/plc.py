@@ -209,7 +209,7 @@ def _cells(row: dict[str, Any]) -> Sequence[object]:
         number(row["frames_sent"]),
         number(row["frames_received"]),
         f"0x{row['zsw1']:04X}",
-        row["last_reason"] or "",
+        "; ".join(row["unusable"]) or row["last_reason"],
     )
 
 
@@ -230,7 +230,7 @@ def _live_table(controller: Plc, room: int) -> Table:
             row["losses"],
             row["faults"],
             number(row["frames_received"]),
-            row["last_reason"] or "",
+            "; ".join(row["unusable"]) or row["last_reason"],
         )
         for row in rows
     ]

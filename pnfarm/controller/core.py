@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.controller.channels import SessionChannels
+from pnfarm.controller.identification import IdentificationReader
+from pnfarm.controller.records import READ_LENGTH, RecordJob, RecordJobs, RecordPlace
 from pnfarm.controller.search import Duplicate, Outcome, Search
 from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
 from pnfarm.controller.snapshot import PHASES, snapshot_row
-from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
-from pnfarm.errors import DecodeError
-from pnfarm.farm.core import Deadlines, uuid_source
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.farm.core import uuid_source
+from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
-from pnfarm.protocols.profinet.binding import channel_layout
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import (
     AlarmIndicated,
@@ -25,9 +27,11 @@ from pnfarm.protocols.profinet.cmctl_events import (
     ArFailed,
     ArReleased,
     Connected,
+    ParametersEnded,
     Parametrised,
     RecordRead,
     RecordWriteDone,
+    SubmodulesChanged,
 )
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan
 from pnfarm.protocols.profinet.cmctl_response import addressed_ar
@@ -44,7 +48,7 @@ from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
-from pnfarm.protocols.profinet.wire.alarms import AlarmType
+from pnfarm.protocols.profinet.wire.alarm_words import only_disappears
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
@@ -65,13 +69,13 @@ from pnfarm.wire.ethernet import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.controller.plan import DevicePlan
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Link, Port
-    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.ar import ExpectedKey
 
 __all__ = ["ControllerCore"]
 
@@ -109,8 +113,9 @@ class ControllerCore:
         self.columns: Columns = allocate(stations=count, programs=count, channels=count * 2 + 8)
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
-        self.channels = ChannelTable(self.columns)
+        self.channels = SessionChannels(self.columns, port)
         self.sessions = [DeviceSession(index, plan) for index, plan in enumerate(plans)]
+        self._by_name = {session.plan.name: session for session in self.sessions}
         self.dropped: dict[str, int] = {}
         self._uuids = uuid_source(seed + port.mac)
         self._object_uuid = object_uuid(1, device_id, vendor_id)
@@ -142,7 +147,10 @@ class ControllerCore:
         self._deadlines = Deadlines()
         self._session_key = 0
         self._tail = 0
-        #: Finished record accesses: (session index, event); whoever asked drains them.
+        self.jobs = RecordJobs(lambda session: self._touched.setdefault(session.index, session))
+        self._connecting = 0
+        self._identification = IdentificationReader(self.jobs, log, lambda: self._connecting > 0)
+        #: Ends of record accesses that a machine was asked for directly: (session index, event); drain them.
         self.records: list[tuple[int, RecordRead | RecordWriteDone]] = []
         for session in self.sessions:
             self._configure(session)
@@ -158,6 +166,7 @@ class ControllerCore:
         row.acknowledge_after_ns = wanted.acknowledge_after_ns
         row.velocity_step = session.plan.velocity_step
         row.velocity_step_b = session.plan.velocity_step_b
+        row.life = session.plan.life
         row.active = 1
 
     def start(self, now: int) -> None:
@@ -255,12 +264,44 @@ class ControllerCore:
         )
 
     def session(self, name: str) -> DeviceSession | None:
-        return next((s for s in self.sessions if s.plan.name == name), None)
+        return self._by_name.get(name)
 
     def touch(self, session: DeviceSession, now: int) -> None:
         """Something was asked of a session's machine (a record): carry it out."""
         self._touched[session.index] = session
         self._settle(now)
+
+    def read_record(
+        self, name: str, place: RecordPlace, now: int, *, length: int = READ_LENGTH, implicit: bool = False
+    ) -> RecordJob:
+        """Read a record of a drive: API, slot, subslot, index.  Raises :class:`ConfigError` for an unknown drive."""
+        session = self._named(name)
+        job = self.jobs.read(session, place, now, length=length, implicit=implicit)
+        self.touch(session, now)
+        return job
+
+    def write_record(self, name: str, place: RecordPlace, data: bytes, now: int) -> RecordJob:
+        """Write a record of a drive.  Raises :class:`ConfigError` for an unknown drive."""
+        session = self._named(name)
+        job = self.jobs.write(session, place, data, now)
+        self.touch(session, now)
+        return job
+
+    def reparametrise(self, name: str, now: int, submodules: Iterable[ExpectedKey] | None = None) -> bool:
+        """Write the records of a connected drive anew, or of some of its submodules: (api, slot, subslot).
+
+        False when it exchanges no data or is being parametrised.  Raises :class:`ConfigError` for an unknown drive.
+        """
+        session = self._named(name)
+        begun = session.machine is not None and session.machine.reparametrise(submodules)
+        self.touch(session, now)
+        return begun
+
+    def _named(self, name: str) -> DeviceSession:
+        session = self._by_name.get(name)
+        if session is None:
+            raise ConfigError(f"controller {self.name} has no drive {name!r}")
+        return session
 
     def snapshot(self) -> list[dict[str, Any]]:
         """One dict for each drive, for the terminal and for JSON."""
@@ -273,7 +314,9 @@ class ControllerCore:
         row = TRANSITIONS.get((session.state, sign))
         if row is None:
             return
+        before = session.state
         session.state, action = row
+        self._connecting += (session.state is SessionState.CONNECT) - (before is SessionState.CONNECT)
         if action:
             getattr(self, f"_do_{action}")(session, now)
         self._touched[session.index] = session
@@ -301,6 +344,8 @@ class ControllerCore:
                 session_key=self._session_key,
                 submodules=plan.submodules,
                 startup=plan.startup,
+                ar_type=plan.ar_type,
+                takeover_allowed=plan.takeover_allowed,
                 expected_blocks="per-slot",
                 activity_timeout_factor=ACTIVITY_TIMEOUT,
                 records=plan.records,
@@ -313,7 +358,7 @@ class ControllerCore:
                 local_alarm_reference=session.index + 1,
             )
         )
-        self._forget_machine(session)
+        self._forget_machine(session, now)
         session.machine, session.ar_uuid = machine, uuid
         self._by_ar[uuid] = session
         self._by_mac[session.mac] = session
@@ -327,12 +372,13 @@ class ControllerCore:
             measures.reconnect_ns = now - measures.lost_ns
             measures.lost_ns = None
         self.columns.image[session.index].good = 1
+        self._identification.want(session)
         self.log.record(
             now, session.plan.name, "connected", connect_seconds=measures.connect_ns / 1e9, mac=session.mac.hex(":")
         )
 
     def _do_pause(self, session: DeviceSession, now: int) -> None:
-        self._close_channels(session)
+        self.channels.close(session)
         after = session.plan.reconnect_after_ns
         if after is None and session.measures.connects:
             session.state = SessionState.STOPPED
@@ -356,56 +402,8 @@ class ControllerCore:
         self.log.record(now, session.plan.name, event, level="warning", reason=reason)
         self._sign(session, Sign.LOST, now)
 
-    # -- channels ----------------------------------------------------------------------------------------------------
-
-    def _open_channels(self, session: DeviceSession, event: Connected, now: int) -> None:
-        del now
-        self._close_channels(session)
-        plan = session.plan
-        self.columns.image[session.index].good = 0
-        output, inputs = event.output_layout, event.input_layout
-        sent = channel_layout(output, plan.output_words, ())
-        taken = channel_layout(inputs, plan.input_words, ())
-        common: dict[str, Any] = {"image": session.index, "port": self.port.index}
-        session.provider = self.channels.open_provider(
-            ProviderPlan(
-                **common,
-                **_clock(output),
-                destination=event.device_mac,
-                source=self.port.mac,
-                frame_id=output.frame_id,
-                data_length=output.data_length,
-                words=sent.words,
-                iops=sent.iops,
-                constants=sent.constants,
-                phase=max(0, output.phase - 1),
-            )
-        )
-        session.consumer = self.channels.open_consumer(
-            ConsumerPlan(
-                **common,
-                **_clock(inputs),
-                source=event.device_mac,
-                frame_id=inputs.frame_id,
-                data_length=inputs.data_length,
-                data_hold_factor=inputs.data_hold_factor,
-                words=taken.words,
-                iops=taken.iops,
-            )
-        )
-
-    def _close_channels(self, session: DeviceSession) -> None:
-        # a row starts at zero for its next connection; what is counted of a drive does not
-        if session.provider is not None:
-            self.channels.close_provider(session.provider)
-            session.measures.frames_sent += int(self.columns.ppm[session.provider].sent)
-            session.provider = None
-        if session.consumer is not None:
-            self.channels.close_consumer(session.consumer)
-            session.measures.frames_received += int(self.columns.cpm[session.consumer].received)
-            session.consumer = None
-
-    def _forget_machine(self, session: DeviceSession) -> None:
+    def _forget_machine(self, session: DeviceSession, now: int) -> None:
+        self.jobs.forget(session, now)
         if session.ar_uuid is not None:
             self._by_ar.pop(session.ar_uuid, None)
         for call_id in session.calls:
@@ -424,6 +422,8 @@ class ControllerCore:
             moved = self._pump_ip(now) or moved
             moved = self._pump_rpc(now) or moved
             moved = self._pump_sessions(now) or moved
+            if self._identification.pump(now):
+                moved = True
         for datagram in (*self.rpc.to_send(now), *self.client.to_send(now)):
             self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
         for frame in (*self.dcp.to_send(now), *self.dcp_self.to_send(now), *self.ip.to_send(now)):
@@ -475,10 +475,10 @@ class ControllerCore:
 
     def _hello(self, event: HelloReceived, now: int) -> None:
         """A drive came up: no need to wait for the next search."""
-        for session in self.sessions:
-            if session.plan.name == event.info.name and session.state is SessionState.WAIT:
-                session.due_ns = None
-                self._sign(session, Sign.TIME, now)
+        session = self._by_name.get(event.info.name or "")
+        if session is not None and session.state is SessionState.WAIT:
+            session.due_ns = None
+            self._sign(session, Sign.TIME, now)
 
     def _pump_ip(self, now: int) -> bool:
         events = self.ip.events()
@@ -513,7 +513,7 @@ class ControllerCore:
             if isinstance(answer, CallReturned):
                 session.machine.call_returned(key, answer.status, answer.payload, now)
             elif isinstance(answer, CallFailed):
-                session.machine.call_failed(key, answer.reason, now)
+                session.machine.call_failed(key, answer.words, now)
             self._touched[session.index] = session
         return bool(requests or answers)
 
@@ -557,16 +557,16 @@ class ControllerCore:
     def _take_machine(self, session: DeviceSession, event: object, now: int) -> None:
         match event:
             case Connected():
-                self._open_channels(session, event, now)
+                self.channels.open(session, event)
             case Parametrised():
                 pass
             case ApplicationReadyReceived(module_diff=deviations):
                 for deviation in deviations:
-                    self.log.record(now, session.plan.name, "module differs", level="warning", detail=str(deviation))
+                    self.log.record(now, session.plan.name, "module differs", level="warning", detail=deviation.text)
             case AlarmIndicated(alarm=alarm, words=words):
                 session.measures.alarms_received += 1
                 session.measures.last_alarm = words
-                gone = alarm.alarm_type == AlarmType.DIAGNOSIS_DISAPPEARS
+                gone = only_disappears(alarm)
                 self.log.record(
                     now,
                     session.plan.name,
@@ -575,6 +575,14 @@ class ControllerCore:
                     detail=words,
                     priority="high" if alarm.high else "low",
                 )
+            case SubmodulesChanged(unusable=unusable):
+                session.unusable = dict(unusable)
+                self.channels.relay(session, session.unusable)
+                level = "warning" if unusable else "info"
+                self.log.record(now, session.plan.name, "submodules changed", level=level, unusable=session.out_of_use)
+            case ParametersEnded(reason=reason):
+                level = "warning" if reason else "info"
+                self.log.record(now, session.plan.name, "parameters written anew", level=level, reason=reason)
             case ArEstablished():
                 self._sign(session, Sign.ESTABLISHED, now)
             case ArFailed(phase=phase, status=status, reason=reason):
@@ -583,11 +591,12 @@ class ControllerCore:
             case ArAborted(reason=reason):
                 self._lost(session, reason, now, established=True)
             case ArReleased():
-                self._close_channels(session)
+                self.channels.close(session)
                 self.log.record(now, session.plan.name, "released")
                 self._sign(session, Sign.RELEASED, now)
             case RecordRead() | RecordWriteDone():
-                self.records.append((session.index, event))
+                if not self.jobs.take(session, event, now):
+                    self.records.append((session.index, event))
 
     # -- the engine's events -----------------------------------------------------------------------------------------
 
@@ -600,15 +609,11 @@ class ControllerCore:
             kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
             self._tail += 1
             if kind == engine_row.EXPIRED:
-                session = next((s for s in self.sessions if s.consumer == row), None)
-                if session is not None and session.machine is not None:
+                session = self.sessions[int(self.columns.cpm[row].image)]
+                if session.consumer == row and session.machine is not None:
                     session.measures.expirations += 1
                     session.machine.watchdog_expired(now)
                     self._touched[session.index] = session
             elif kind == engine_row.PHASE_CHANGED:
                 session = self.sessions[row]
                 self.log.record(when, session.plan.name, "axis " + PHASES[value & 0xFF], before=PHASES[value >> 8])
-
-
-def _clock(layout: IocrLayout) -> dict[str, Any]:
-    return {"send_clock_factor": layout.send_clock_factor, "reduction_ratio": layout.reduction_ratio}

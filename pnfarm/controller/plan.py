@@ -15,6 +15,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
+from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.table import program
 from pnfarm.table.axis import AXIS
 from pnfarm.table.image import IMAGE
@@ -58,6 +59,7 @@ class DevicePlan:
     output_words: tuple[int, ...]
     input_words: tuple[int, ...]
     velocity_step: float
+    life: bool
     send_clock_factor: int
     reduction_ratio: int
     watchdog_factor: int
@@ -67,6 +69,14 @@ class DevicePlan:
     reconnect_after_ns: int | None
     instance: int = 1
     multiple_write: bool = False
+    #: Whether I&M0 to I&M3 are read once the connection stands.
+    read_identification: bool = True
+    #: The one that is expected, empty for any.
+    serial_number: str = ""
+    #: ``ArType.IOSAR``: the controller is a supervisor, which takes submodules over where that is allowed.
+    ar_type: int = ArType.IOCAR_SINGLE
+    #: A supervisor may take submodules over.
+    takeover_allowed: bool = False
     velocity_step_b: float = 0.0
 
 
@@ -168,6 +178,7 @@ def _plan_foreign(
         output_words=(),
         input_words=(),
         velocity_step=1.0,
+        life=False,
         send_clock_factor=clock.send_clock_factor,
         reduction_ratio=clock.reduction_ratio,
         watchdog_factor=section.watchdog_factor,
@@ -178,6 +189,8 @@ def _plan_foreign(
             program.IDLE, enable=False, speed_rpm=0.0, period_ns=1_000_000_000, acknowledge_after_ns=-1
         ),
         reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        read_identification=section.identification,
+        takeover_allowed=section.takeover_allowed,
         instance=planned.instance,
         multiple_write=planned.multiple_write,
     )
@@ -195,8 +208,9 @@ def plan_devices(
     plans = []
     for drive, model in zip(drives, models, strict=True):
         ip = addresses.of(drive.ip, f"drive {drive.name}")
-        telegram = drive.telegram if drive.telegram is not None else section.telegram
-        number = model.default_telegram if telegram is None else telegram
+        # a section that is silent leaves the choice to each model
+        usual = section.telegram if "telegram" in section.model_fields_set else model.default_telegram
+        number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
         step, step_b = velocity_steps(model, drive)
@@ -214,6 +228,7 @@ def plan_devices(
                 input_words=model.telegrams[number].input_words,
                 velocity_step=step,
                 velocity_step_b=step_b,
+                life=model.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,
@@ -227,6 +242,8 @@ def plan_devices(
                     acknowledge_after_ns=-1 if chosen.acknowledge_after_ns is None else chosen.acknowledge_after_ns,
                 ),
                 reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+                read_identification=section.identification,
+                takeover_allowed=section.takeover_allowed,
             )
         )
     known: dict[Path, Gsdml] = {}

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.realtime import RealTimeSettings
     from pnfarm.links.base import Link
 
-__all__ = ["Plc"]
+__all__ = ["Plc", "hold_ports"]
 
 #: How long a release may take before the controller goes anyway.
 RELEASE_SECONDS = 2.0
@@ -65,6 +65,30 @@ def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
             raise ConfigError(
                 "the file does not say where the controller stands; give `controller: {interface: ...}` or --interface"
             )
+
+
+def hold_ports(address: IPv4Interface, ports: Sequence[int]) -> list[socket.socket]:
+    """Where the kernel has our address too, take our UDP ports from it; the sockets are to be closed at the end.
+
+    It would answer every datagram of a drive with "port unreachable" otherwise.  Nothing is ever read here.
+    """
+    held: list[socket.socket] = []
+    for port in ports:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+        try:
+            sock.bind((str(address.ip), port))
+        except OSError as exc:
+            sock.close()
+            if exc.errno == errno.EADDRNOTAVAIL:
+                break  # the kernel does not have the address: it stays silent by itself
+            for other in held:
+                other.close()
+            raise EnvironmentError_(
+                f"UDP port {port} of {address.ip} is another program's: stop it, or take another ip"
+            ) from exc
+        held.append(sock)
+    return held
 
 
 class Plc:
@@ -138,7 +162,7 @@ class Plc:
                 await remove_leftovers(self._owner)
             mac = controller_mac(self.config) or bytes(6)
             (port,) = await self.link.open([PortSpec(self.section.name, mac)])
-            self._hold_ports(address)
+            self._held += hold_ports(address, (RPC_PORT, CALL_PORT))
             self._core = ControllerCore(
                 self.section.name,
                 plans,
@@ -156,25 +180,6 @@ class Plc:
         except BaseException:
             await self.close()
             raise
-
-    def _hold_ports(self, address: IPv4Interface) -> None:
-        """Where the kernel has our address too, take our UDP ports from it.
-
-        It would answer every datagram of a drive with "port unreachable" otherwise.  Nothing is ever read here.
-        """
-        for port in (RPC_PORT, CALL_PORT):
-            sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
-            try:
-                sock.bind((str(address.ip), port))
-            except OSError as exc:
-                sock.close()
-                if exc.errno == errno.EADDRNOTAVAIL:
-                    return  # the kernel does not have the address: it stays silent by itself
-                raise EnvironmentError_(
-                    f"UDP port {port} of {address.ip} is another program's: stop it, or give the controller another ip"
-                ) from exc
-            self._held.append(sock)
 
     async def release(self, seconds: float = RELEASE_SECONDS) -> bool:
         """Take every connection down in order; false when some drive did not confirm in time."""

@@ -22,7 +22,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from uuid import UUID
 
+    from pnfarm.controller.identification import Identification
     from pnfarm.controller.plan import DevicePlan
+    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cmctl import CmController
 
 __all__ = ["TRANSITIONS", "DeviceSession", "Measures", "SessionState", "Sign"]
@@ -112,6 +114,17 @@ class DeviceSession:
     ar_uuid: UUID | None = None
     provider: int | None = None
     consumer: int | None = None
+    #: Layouts of the output and of the input frame, while the channels are open.
+    layouts: tuple[IocrLayout, IocrLayout] | None = None
+    #: Submodules that cannot be used at present, and why.
+    unusable: dict[ExpectedKey, str] = field(default_factory=dict)
+    #: What the drive said of itself, in this connection or an earlier one.
+    identification: Identification | None = None
     calls: dict[int, int] = field(default_factory=dict)
     measures: Measures = field(default_factory=Measures)
     station_type: str = ""
+
+    @property
+    def out_of_use(self) -> list[str]:
+        """``unusable`` in words."""
+        return [f"slot {slot} subslot 0x{sub:04X}: {why}" for (_, slot, sub), why in sorted(self.unusable.items())]

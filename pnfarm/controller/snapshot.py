@@ -52,6 +52,8 @@ def snapshot_row(session: DeviceSession, columns: Columns) -> dict[str, Any]:
         "frames_received": measures.frames_received + (int(consumer.received) if consumer is not None else 0),
         "alarms_received": measures.alarms_received,
         "last_alarm": measures.last_alarm,
+        "unusable": session.out_of_use,
+        "identification": None if session.identification is None else session.identification.as_dict(),
         "last_reason": measures.last_reason,
     }
 

@@ -126,6 +126,7 @@ def _parameter_json(parameter: Parameter) -> dict[str, Any]:
         "scale": parameter.scale,
         "nonvolatile": parameter.nonvolatile,
         "behaviour": parameter.behaviour.name.lower(),
+        "after_power_on": parameter.after_power_on,
         "source": parameter.source,
         "values_source": parameter.values_source,
         "note": parameter.note,
@@ -151,6 +152,7 @@ def as_json(described: Model) -> dict[str, Any]:
             {
                 "number": telegram.number,
                 "name": telegram.name,
+                "opmode": telegram.opmode,
                 "free_mapping": telegram.free_mapping,
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),
@@ -173,6 +175,16 @@ def as_json(described: Model) -> dict[str, Any]:
             }
             for signal in described.signals.values()
         ],
+        "bits": [
+            {
+                "word": bits.word,
+                "telegrams": list(bits.telegrams),
+                "names": list(bits.names),
+                "source": bits.source,
+                "note": bits.note,
+            }
+            for bits in described.word_bits
+        ],
         "parameters": [_parameter_json(parameter) for parameter in described.parameters.values()],
         "faults": [
             {
@@ -182,6 +194,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "kind": "warning" if fault.warning else "fault",
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],
                 "cause": fault.cause,
+                "word": fault.word,
                 "source": fault.source,
                 "note": fault.note,
             }
@@ -189,7 +202,9 @@ def as_json(described: Model) -> dict[str, Any]:
         ],
         "limits": _with_sources(described, "limits", asdict(described.limits)),
         "motor": _fact_json(described, "motor"),
+        "firmware": _fact_json(described, "firmware"),
         "communication_loss": _fact_json(described, "communication_loss"),
+        "sign_of_life": _fact_json(described, "sign_of_life"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.drives.telegram import signal_numbers
+from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -24,6 +25,9 @@ FIRST_CLASS = 0x9000
 OTHER_FAULT = 0x9012
 #: PNU 980..989 do not list themselves (profile 4.1, 6.2.1.2).
 LISTS = range(980, 990)
+#: PNU 979: version 1.1 of its structure, one encoder, five values for it; a rotary encoder whose values hold.
+ENCODER_HEADER = 0x5111
+ENCODER_TYPE = 0x80000000
 
 
 def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
@@ -59,16 +63,46 @@ def _fault_buffer(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     return [parameter.clamp(number) for number in fault_numbers(store.handle.axis)]
 
 
+def _fault_changes(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [int(store.handle.axis.fault_changes)]
+
+
+def _fault_codes(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """PNU 945: the fault buffer in the manual's codes."""
+    faults = store.model.faults
+    return [faults[number].word if number in faults else 0 for number in fault_numbers(store.handle.axis)]
+
+
+def _fault_scaling(_store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """PNU 950: situations, and faults of one situation."""
+    return [FAULT_SITUATIONS, FAULT_SLOTS]
+
+
+def _operation_mode(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without."""
+    axis = store.handle.axis
+    if int(axis.opmode) == 2:
+        return [2]
+    return [3 if axis.no_ramp_generator else 1]
+
+
+def _encoder_format(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """PNU 979 (profile 4.1, 6.3.4): header, then type, resolution, two shift factors and revolutions of encoder 1."""
+    step = float(store.handle.axis.sensor_step)
+    return _fill([ENCODER_HEADER, ENCODER_TYPE, round(1.0 / step) if step else 0, 0, 0, 1], parameter)
+
+
 def _firmware(model: Model) -> tuple[int, int, int]:
     """Version as decimal xxyy, year, day and month as decimal ddmm (HIWIN E1 manual, PNU 964)."""
     major, minor, _ = model.identity.software_version
     return (major * 100 + minor, *model.identity.firmware_date)
 
 
-def _unit_identification(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """PNU 964: manufacturer, drive unit type, version, year, day and month."""
+def _unit_identification(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """PNU 964: manufacturer, drive unit type, version, year, day and month, drive objects, minor version."""
     identity = store.model.identity
-    return [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model)]
+    minor = identity.software_version[2]
+    return [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model), 1, minor][: parameter.elements]
 
 
 def _object_identification(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
@@ -166,6 +200,12 @@ COMPUTED: dict[str, _Function] = {
     "signal-list": _signal_list,
     "fault-counter": _fault_counter,
     "fault-buffer": _fault_buffer,
+    "fault-changes": _fault_changes,
+    "fault-situations": _fault_counter,
+    "fault-codes": _fault_codes,
+    "fault-scaling": _fault_scaling,
+    "operation-mode": _operation_mode,
+    "encoder-format": _encoder_format,
     "unit-identification": _unit_identification,
     "object-identification": _object_identification,
     "parameter-list": _parameter_list,
@@ -182,5 +222,4 @@ COMPUTED: dict[str, _Function] = {
     "fault-values": _fault_values,
     "fault-classes": _fault_classes,
     "fault-identity": _fault_identity,
-    "situation-counter": _fault_counter,
 }

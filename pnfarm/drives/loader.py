@@ -27,13 +27,15 @@ from pnfarm.drives.model import (
     Limits,
     Model,
     ParameterAccess,
+    SignOfLife,
     fault_number,
     fault_words,
 )
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterType
 from pnfarm.drives.telegram import MappingError, Module, Signal, Submodule, Telegram, signal_codes
+from pnfarm.drives.word_bits import WordBits, read_bits
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.table.axis import AXIS, FAULT_WORDS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
@@ -48,14 +50,16 @@ _TYPES = {
     "Word": ParameterType.WORD,
     "DWord": ParameterType.DWORD,
 }
-#: Scales that are no plain factor: 2 to the minus n; times PN.ACCSCALING; positions by PN.POSSCALE and UNIT.PROTARY.
+#: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
+#: UNIT.PROTARY.
+#: A number followed by ``/n`` is divided by the raw number: a ramp given as a time.
 _NAMED_SCALES = {"2^-n", "acceleration", "position"}
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
     "source", "values_source", "note",
 )  # fmt: skip
-#: Fields of the axis record that a model may leave out: 0.
-_OPTIONAL_FIELDS = ("velocity_step_b", "setpoint_direct", "sensor_step", "loss_delay_ns", "fault_places")
+#: A column that a file may have behind these: ``power-on`` for what takes effect with the next power cycle.
+_EFFECTIVE = "effective"
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
@@ -117,7 +121,7 @@ def _factor(scale: str, where: str) -> float:
         return 1.0
     numerator, _, denominator = scale.partition("/")
     try:
-        factor = float(numerator) / float(denominator or 1)
+        factor = float(numerator) / (1.0 if denominator == "n" else float(denominator or 1))
     except (ValueError, ZeroDivisionError):
         raise ConfigError(
             f"{where}, scale: {scale!r} is not a number, a fraction or one of {', '.join(sorted(_NAMED_SCALES))}"
@@ -202,6 +206,8 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     pnu = _integer(row["pnu"], where, "pnu")
     if not 1 <= pnu <= 0xFFFF:
         raise ConfigError(f"{where}, pnu: {pnu} is not within 1..65535")
+    if row.get(_EFFECTIVE, "") not in {"", "power-on"}:
+        raise ConfigError(f"{where}, effective: {row[_EFFECTIVE]!r} is neither empty nor power-on")
     writable = "w" in row["access"]
     behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable)
     return Parameter(
@@ -225,6 +231,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         source=row["source"],
         values_source=row["values_source"],
         note=row["note"],
+        after_power_on=row.get(_EFFECTIVE, "") == "power-on",
         defaults=defaults + (usual,) * (elements - len(defaults)) if behaviour is Behaviour.STORED and elements else (),
         choices=_choices(row["scale"], maximum, where),
     )
@@ -233,7 +240,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
 def _parameters(path: Path) -> dict[int, Parameter]:
     parameters: dict[int, Parameter] = {}
     for where, row in _rows(path):
-        if not parameters and tuple(row) != _COLUMNS:
+        if not parameters and tuple(row) not in {_COLUMNS, (*_COLUMNS, _EFFECTIVE)}:
             raise ConfigError(f"{path}, line 1: the columns must be {', '.join(_COLUMNS)}")
         parameter = _parameter(row, where)
         if parameter.pnu in parameters:
@@ -340,6 +347,7 @@ def _telegram(
         ),
         parameter_words=table.get("parameter_words", 0),
         settings=_settings(table, where),
+        opmode=table.get("opmode"),
     )
 
 
@@ -392,7 +400,9 @@ def _check_settings(telegrams: Mapping[int, Telegram], parameters: Mapping[int, 
                     )
 
 
-def _telegrams(path: Path, layout: Mapping[str, Any]) -> tuple[dict[int, Signal], dict[int, Telegram]]:
+def _telegrams(
+    path: Path, layout: Mapping[str, Any]
+) -> tuple[dict[int, Signal], dict[int, Telegram], tuple[WordBits, ...]]:
     data = read_toml(path)
     signals: dict[int, Signal] = {}
     for index, table in enumerate(data.get("signal", ()), 1):
@@ -406,12 +416,14 @@ def _telegrams(path: Path, layout: Mapping[str, Any]) -> tuple[dict[int, Signal]
         telegram = _telegram(table, f"{path}, telegram {index}", by_name, layout)
         if telegram.number in telegrams:
             raise ConfigError(f"{path}, telegram {index}, number: {telegram.number} stands twice")
+        if telegram.opmode not in {None, 0, 1, 2}:
+            raise ConfigError(f"{path}, telegram {index}, opmode: {telegram.opmode!r} is none of 0, 1, 2")
         telegrams[telegram.number] = telegram
     idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
     twice = next((ident for ident in idents if idents.count(ident) > 1), None)
     if twice is not None:
         raise ConfigError(f"{path}: the module ident 0x{twice:X} stands twice")
-    return signals, telegrams
+    return signals, telegrams, read_bits(data.get("bits", ()), str(path), by_name, telegrams)
 
 
 # faults.csv
@@ -440,8 +452,19 @@ def _faults(path: Path) -> dict[int, Fault]:
         if not row["source"] or (row["source"] == "assumed" and not row["note"]):
             raise ConfigError(f"{where}, source: a fault needs its source, an assumed one its reason")
         reaction = REACTIONS.get(row["reaction"], 0)
+        word = _integer(row.get("word", ""), where, "word", 0)
+        if not 0 <= word <= 0xFFFF or (word and number >= FAULT_WORDS):
+            raise ConfigError(f"{where}, word: {word} does not fit in 16 bits, or its fault is above {FAULT_WORDS - 1}")
         faults[number] = Fault(
-            number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], fault_words(number)
+            number,
+            row["name"],
+            warning,
+            reaction,
+            row["cause"],
+            row["source"],
+            row["note"],
+            word,
+            fault_words(number),
         )
     return faults
 
@@ -491,6 +514,28 @@ def _description_file(facts: Mapping[str, Fact] | None, where: str) -> Descripti
     return file
 
 
+def _communication_loss(
+    facts: Mapping[str, Fact], faults: Mapping[int, Fault], parameters: Mapping[int, Parameter], where: str
+) -> CommunicationLoss:
+    loss: CommunicationLoss = _build(CommunicationLoss, facts, where)
+    loss = replace(loss, fault=_fault_number(str(loss.fault), where, "fault"))
+    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
+        raise ConfigError(f"{where}: names a fault or a parameter that is not there")
+    if type(loss.on_stop) is not bool or (loss.stop_parameter and "on_stop" in facts):
+        raise ConfigError(f"{where}.on_stop: true or false, of a drive without stop_parameter")
+    return loss
+
+
+def _sign_of_life(facts: Mapping[str, Fact] | None, faults: Mapping[int, Fault], where: str) -> SignOfLife | None:
+    if facts is None:
+        return None
+    life: SignOfLife = _build(SignOfLife, facts, where)
+    life = replace(life, fault=_fault_number(str(life.fault), where, "fault"))
+    if life.fault not in faults:
+        raise ConfigError(f"{where}.fault: there is no fault {fault_words(life.fault)}")
+    return life
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -523,16 +568,6 @@ def _diagnosis_coding(
     return coding
 
 
-def _communication_loss(
-    facts: Mapping[str, Fact], faults: Mapping[int, Fault], parameters: Mapping[int, Parameter], where: str
-) -> CommunicationLoss:
-    loss: CommunicationLoss = _build(CommunicationLoss, facts, where)
-    loss = replace(loss, fault=_fault_number(str(loss.fault), where, "fault"))
-    if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
-        raise ConfigError(f"{where}: names a fault or a parameter that is not there")
-    return loss
-
-
 def _axis_values(facts: Mapping[str, Fact], writer: str, where: str) -> dict[str, float]:
     for key in facts:
         field = AXIS.fields.get(key)
@@ -541,11 +576,10 @@ def _axis_values(facts: Mapping[str, Fact], writer: str, where: str) -> dict[str
     return {key: fact.value for key, fact in facts.items()}
 
 
-def _firmware_values(facts: Mapping[str, Fact], parameters: Mapping[int, Parameter], where: str) -> dict[str, float]:
-    """What no parameter sets; an optional field that nobody sets is 0."""
-    by_parameter = {p.argument for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable}
-    missing = {field: 0 for field in _OPTIONAL_FIELDS if field not in by_parameter}
-    return missing | _axis_values(facts, "parameter", where)
+def _axis_parameters(parameters: Mapping[int, Parameter]) -> tuple[Parameter, ...]:
+    """Those that write the axis record; those in acceleration steps behind the one that sets the step."""
+    found = [p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable]
+    return tuple(sorted(found, key=lambda p: p.scale == "acceleration"))
 
 
 def load_model(folder: Path) -> Model:
@@ -564,10 +598,12 @@ def load_model(folder: Path) -> Model:
         )
     }
     sections |= {
-        key: _facts(data, key, path) for key in ("description_file", "diagnosis", "diagnosis_coding") if key in data
+        key: _facts(data, key, path)
+        for key in ("description_file", "diagnosis", "diagnosis_coding", "sign_of_life")
+        if key in data
     }
     parameters = _parameters(folder / "parameters.csv")
-    signals, telegrams = _telegrams(folder / "telegrams.toml", _get(data, "telegram_module", str(path)))
+    signals, telegrams, bits = _telegrams(folder / "telegrams.toml", _get(data, "telegram_module", str(path)))
     faults = _faults(folder / "faults.csv")
     dap = _get(data, "dap", str(path))
     try:
@@ -579,6 +615,8 @@ def load_model(folder: Path) -> Model:
         raise ConfigError(f"{path}, dap: {exc}") from exc
     limits = _limits(sections["limits"], f"{path}, limits")
     _check_settings(telegrams, parameters, path)
+    loss = _communication_loss(sections["communication_loss"], faults, parameters, f"{path}, communication_loss")
+    life = _sign_of_life(sections.get("sign_of_life"), faults, f"{path}, sign_of_life")
     if _get(data, "default_telegram", str(path)) not in telegrams:
         raise ConfigError(f"{path}, default_telegram: there is no telegram {data['default_telegram']}")
     texts = {
@@ -592,20 +630,20 @@ def load_model(folder: Path) -> Model:
         identity=_build(Identity, sections["identity"], f"{path}, identity"),
         limits=limits,
         access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
-        communication_loss=_communication_loss(
-            sections["communication_loss"], faults, parameters, f"{path}, communication_loss"
-        ),
+        communication_loss=loss,
+        sign_of_life=life,
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),
         motor=_axis_values(sections["motor"], "station", f"{path}, motor"),
-        firmware=_firmware_values(sections["firmware"], parameters, f"{path}, firmware"),
+        firmware=_axis_values(sections["firmware"], "parameter", f"{path}, firmware"),
         dap=dap_module,
         signals=signals,
+        word_bits=bits,
         telegrams=telegrams,
         parameters=parameters,
         parameter_names=_names(parameters, data.get("parameter_names", {}), data.get("parameter_prefix", ""), path),
-        axis_parameters=tuple(p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable),
+        axis_parameters=_axis_parameters(parameters),
         faults=faults,
         facts={f"{section}.{key}": fact for section, facts in sections.items() for key, fact in facts.items()},
     )

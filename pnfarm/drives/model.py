@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.telegram import Module, Submodule
+from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
+from pnfarm.table.axis import FAULT_WORDS, REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
     from pnfarm.drives.telegram import Signal, Telegram
@@ -30,6 +31,7 @@ __all__ = [
     "Limits",
     "Model",
     "ParameterAccess",
+    "SignOfLife",
     "fault_number",
     "fault_words",
 ]
@@ -91,13 +93,30 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class ParameterAccess:
-    """How base mode parameter access differs from drive to drive."""
+    """How base mode parameter access differs from drive to drive.
+
+    * ``change_response_values``: a positive answer to a change has format 0 and no values behind its header.
+    * ``multi_parameter``: a request may hold more than one parameter; else it is refused as a whole (0x23).
+    * ``zero_elements``: one value may be asked for with 0 elements; the subindex then does not matter.
+    * ``typed_formats``: values are sent in the format of their data type, not as byte, word and double word.
+    * ``formats``: those that a change may use, empty for all that are known.
+    * ``error_subindex``: an error is followed by the subindex where the profile tells it.
+    * ``descriptions``: parameters describe themselves (attribute 0x20).
+    * ``unknown_service_id``: response id for a request id that is not known, 0 for that id with bit 7 set.
+    * ``saves_at_once``: what is written is permanent at once.
+    """
 
     record_indexes: tuple[int, ...]
     axis: tuple[int, ...]
     change_response_values: bool
-    #: Whether 0 elements are one.
+    multi_parameter: bool = True
     zero_elements: bool = False
+    typed_formats: bool = False
+    formats: tuple[int, ...] = ()
+    error_subindex: bool = True
+    descriptions: bool = True
+    unknown_service_id: int = 0
+    saves_at_once: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,15 +133,23 @@ class DescriptionFile:
 
 @dataclass(frozen=True, slots=True)
 class CommunicationLoss:
-    """The fault on lost cyclic data, and the parameters that govern it.
+    """The fault on lost cyclic data, and the parameters that govern it; 0 is a drive without such a parameter.
 
-    A value of 0 of ``action_parameter`` is no fault; without a ``stop_parameter`` a controller that stops raises none.
+    Without ``stop_parameter``, ``on_stop`` says whether the fault is also raised when the controller goes to STOP.
     """
 
     fault: int
-    action_parameter: int
+    action_parameter: int = 0
     stop_parameter: int = 0
     stop_bit: int = 0
+    on_stop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SignOfLife:
+    """Sign of life in STW2 and ZSW2: the fault that too many failures raise."""
+
+    fault: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +180,8 @@ class Fault:
     cause: str
     source: str
     note: str
+    #: The word that PNU 945 and the signal FAULT_CODE show, 0 where the manual has none.
+    word: int = 0
     #: The manual's way to write the number.
     words: str = ""
 
@@ -198,6 +227,7 @@ class Model:
     limits: Limits
     access: ParameterAccess
     communication_loss: CommunicationLoss
+    sign_of_life: SignOfLife | None
     description_file: DescriptionFile | None
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]
@@ -206,6 +236,7 @@ class Model:
     firmware: Mapping[str, float]
     dap: Module
     signals: Mapping[int, Signal]
+    word_bits: tuple[WordBits, ...]
     telegrams: Mapping[int, Telegram]
     parameters: Mapping[int, Parameter]
     parameter_names: Mapping[str, int]
@@ -281,12 +312,19 @@ class Model:
             found.append(signal)
         return tuple(found)
 
+    def bit_names(self, word: str, telegram: int) -> tuple[str, ...]:
+        """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any."""
+        return bit_names(self.word_bits, word, telegram)
+
     # set-up
 
     def apply_motor(self, axis: Any) -> None:
         """Write motor and hardware of this model into an axis record (fields of writer ``station``)."""
         for field, value in self.motor.items():
             setattr(axis, field, value)
+        for fault in self.faults.values():
+            if fault.number < FAULT_WORDS:
+                axis.fault_words[fault.number] = fault.word
 
     def with_identity(self, overrides: Mapping[str, Any]) -> Model:
         """This model under another identity; see :data:`OVERRIDES` for the keys.  Raises :class:`ConfigError`."""

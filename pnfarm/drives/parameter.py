@@ -37,6 +37,7 @@ class ParameterErrorNumber(IntEnum):
     AXIS_NONEXISTENT = 0x19
     TEXT_NOT_CHANGEABLE = 0x20
     SERVICE_NOT_SUPPORTED = 0x21
+    MULTI_PARAMETER = 0x23
 
     @property
     def words(self) -> str:
@@ -70,6 +71,7 @@ _WORDS = {
     ParameterErrorNumber.AXIS_NONEXISTENT: "axis or drive object nonexistent",
     ParameterErrorNumber.TEXT_NOT_CHANGEABLE: "parameter text element cannot be changed",
     ParameterErrorNumber.SERVICE_NOT_SUPPORTED: "service not supported",
+    ParameterErrorNumber.MULTI_PARAMETER: "multi parameter access not supported",
 }
 _WITH_SUBINDEX = {
     ParameterErrorNumber.NOT_CHANGEABLE,
@@ -127,7 +129,8 @@ class Parameter:
 
     ``minimum``, ``maximum`` and ``default`` are raw numbers as on the wire; ``factor`` (or the named ``scale``) times
     the raw number is the value in ``unit``.  ``source`` is where number, name and type stand, ``values_source``
-    where access, limits, default and meaning do; ``elements`` is 0 unless the parameter is an array.
+    where access, limits, default and meaning do; ``elements`` is 0 unless the parameter is an array.  What
+    ``after_power_on`` is written at once and takes effect with the next power cycle.
     """
 
     pnu: int
@@ -150,6 +153,7 @@ class Parameter:
     source: str
     values_source: str
     note: str
+    after_power_on: bool = False
     #: Every element's default, for a stored array.
     defaults: tuple[int, ...] = ()
     #: With the scale ``a|b|...``: the values of the raw numbers 0, 1, ...

@@ -20,15 +20,7 @@ from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.telegram import MappingError, Signal, Telegram, signal_codes, signal_numbers
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import (
-    CMD_ACKNOWLEDGE,
-    CMD_CLEAR_HISTORY,
-    CMD_SET_POSITION,
-    VELOCITY_NSOLL_A,
-    VELOCITY_NSOLL_B,
-    VELOCITY_REF_SPEED,
-)
-from pnfarm.table.signals import NSOLL_B, REF_SPEED
+from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_SET_POSITION
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -46,12 +38,27 @@ TELEGRAM_SELECTION = 922
 FREE_TELEGRAM = 0
 SETPOINT_MAPPING = 915
 ACTUAL_MAPPING = 916
-ACCELERATION_SCALING = 3065
 POSITION_SCALING = 3014
 HOME_POSITION = 2205
 UNIT_ROTARY = 2393
 UNIT_IN = 2390
 UNIT_OUT = 2392
+#: A ramp whose time is zero, rpm/s.
+AT_ONCE = 1e12
+#: Fields of the axis that are zero in models that do not speak of them.
+OPTIONAL_FIELDS = (
+    "velocity_step_b",
+    "setpoint_direct",
+    "loss_delay_ns",
+    "fault_places",
+    "no_ramp_generator",
+    "velocity_limit",
+    "sensor_step",
+    "coast_method",
+    "life",
+    "life_tolerance",
+    "life_fault",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,8 +147,8 @@ class ParameterStore:
             return
         if target.behaviour is Behaviour.SIGNAL:
             self._write_signal(target, values[0])
-        elif target.behaviour is Behaviour.COMPUTED and target.argument == "situation-counter":
-            self._clear_history(target, values[0])
+        elif target.behaviour is Behaviour.COMPUTED and target.argument == "fault-situations":
+            self._clear_faults(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED:
             self._write_telegram(target, subindex, values)
         elif target.elements:
@@ -150,7 +157,10 @@ class ParameterStore:
             self._values[target.pnu] = tuple(array)
         else:
             self._values[target.pnu] = values[0]
-            self._apply_written(target)
+            if not target.after_power_on:
+                self._apply_written(target)
+            if self.model.access.saves_at_once and target.nonvolatile:
+                self._save()
         self._events.append(ParameterWritten(pnu, subindex, tuple(values)))
 
     def get(self, text: str | int) -> int:
@@ -218,7 +228,7 @@ class ParameterStore:
             for pnu, value in {**telegram.settings, **module.settings}.items():
                 self._values[pnu] = value
                 self._apply_written(self.model.parameters[pnu])
-        self._apply_telegram()
+        self._apply_opmode()
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
         """The signals of the frames, word by word: those of the telegram, or PNU 915 or 916 where the mapping is free.
@@ -265,14 +275,17 @@ class ParameterStore:
     def apply_defaults(self) -> None:
         """Write every field of writer ``parameter`` of the axis record from the values in force."""
         axis = self.handle.axis
+        for field in OPTIONAL_FIELDS:
+            setattr(axis, field, 0)
         for field, value in self.model.firmware.items():
             setattr(axis, field, value)
         for parameter in self.model.axis_parameters:
             self._apply(parameter)
-        if ACCELERATION_SCALING in self.model.parameters:
-            axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
         self._apply_communication_loss()
-        self._apply_telegram()
+        if self.model.sign_of_life is not None:
+            axis.life = 1
+            axis.life_fault = self.model.faults[self.model.sign_of_life.fault].code
+        self._apply_opmode()
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
@@ -380,7 +393,7 @@ class ParameterStore:
         return self.raw(target.pnu)
 
     def _factor(self, parameter: Parameter) -> float:
-        return float(self.raw(ACCELERATION_SCALING)) if parameter.scale == "acceleration" else parameter.factor
+        return float(self.handle.axis.acceleration_step) if parameter.scale == "acceleration" else parameter.factor
 
     def _position_units(self) -> float:
         """Raw numbers of a position parameter to one revolution (UNIT.PROTARY, PN.POSSCALE)."""
@@ -391,8 +404,12 @@ class ParameterStore:
         raw = self.raw(parameter.pnu)
         if parameter.choices:
             value = parameter.choices[raw]
+        elif parameter.scale == "2^-n":
+            value = 2.0**-raw
+        elif parameter.scale.endswith("/n"):
+            value = parameter.factor / raw if raw else AT_ONCE
         else:
-            value = 2.0**-raw if parameter.scale == "2^-n" else raw * self._factor(parameter)
+            value = raw * self._factor(parameter)
         if parameter.index >= 0:
             getattr(self.handle.axis, parameter.argument)[parameter.index] = value
         else:
@@ -401,30 +418,29 @@ class ParameterStore:
     def _apply_written(self, parameter: Parameter) -> None:
         if parameter.behaviour is Behaviour.FIELD:
             self._apply(parameter)
-        elif parameter.pnu == ACCELERATION_SCALING:
-            self.handle.axis.acceleration_step = float(self.raw(ACCELERATION_SCALING))
-            for other in self.model.axis_parameters:
-                if other.scale == "acceleration":
-                    self._apply(other)
+            if parameter.argument == "acceleration_step":
+                for other in self.model.axis_parameters:
+                    if other.scale == "acceleration":
+                        self._apply(other)
         loss = self.model.communication_loss
         if parameter.pnu in {loss.action_parameter, loss.stop_parameter}:
             self._apply_communication_loss()
 
     def _apply_communication_loss(self) -> None:
         loss = self.model.communication_loss
-        code = self.model.faults[loss.fault].code if self.raw(loss.action_parameter) else 0
+        raised = not loss.action_parameter or self.raw(loss.action_parameter)
+        code = self.model.faults[loss.fault].code if raised else 0
+        on_stop = self.raw(loss.stop_parameter) >> loss.stop_bit & 1 if loss.stop_parameter else loss.on_stop
         self.handle.axis.loss_fault = code
-        self.handle.axis.stop_fault = code if self.raw(loss.stop_parameter) >> loss.stop_bit & 1 else 0
+        self.handle.axis.stop_fault = code if on_stop else 0
 
-    def _apply_telegram(self) -> None:
-        """Tell the firmware which velocity set point the telegram in force brings."""
-        slots = {signal.slot for signal in self.mapping(setpoint=True) if signal is not None}
-        self.handle.axis.velocity_signal = (
-            VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
-        )
+    def _apply_opmode(self) -> None:
+        opmode = self.telegram.opmode
+        if opmode is not None:
+            self.handle.axis.opmode = opmode
 
-    def _clear_history(self, parameter: Parameter, value: int) -> None:
-        """The counter of fault situations takes a 0 only, which empties the fault memory."""
+    def _clear_faults(self, parameter: Parameter, value: int) -> None:
+        """PNU 952: zero forgets the fault buffer, nothing else may be written."""
         if value:
             raise self._refusal(ParameterErrorNumber.ONLY_RESET, parameter, 0)
         try:
@@ -455,7 +471,6 @@ class ParameterStore:
             if not self.telegram.free_mapping:
                 raise self._refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
             self._values[parameter.pnu] = self._checked_mapping(parameter, subindex, values)
-        self._apply_telegram()
         self._events.append(TelegramChanged(self.telegram_number))
 
     def _check_telegram(self, number: int, parameter: Parameter) -> None:

@@ -88,6 +88,10 @@ class ImpairmentTable:
         self._free.insert(0, number)
         return evidence
 
+    def has(self, station: int, way: Way, kind: int) -> bool:
+        """Whether one of this kind is in force on a station."""
+        return any(int(self._columns.impairment[row].kind) == kind for row in self._chains.get((station, way), ()))
+
     def share_limit(self, one: int, other: int) -> None:
         """Let two rows count against one limit: a fault on both ways happens so many times altogether."""
         self._columns.impairment[one].shares = other + 1

@@ -13,6 +13,7 @@ import numpy as np
 from pnfarm.engine.impair import impair_received, impair_sent
 from pnfarm.firmware.axis_program import step_program
 from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.channel import (
     DISCARD_COUNTER,
@@ -149,6 +150,7 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
         return
     if status & STATUS_RUN and iops == IOXS_GOOD:
         _unpack(consumer, image, frame, data)
+        image.frames = (int(image.frames) + 1) & 0xFFFFFFFF
         consumer.fed = 1
         image.valid = 1
         image.lost = LOST_NOT
@@ -233,7 +235,11 @@ def run_firmware(columns: Columns, now: int) -> None:
     events = columns.events
     for number in range(engine.axis_rows):
         axis = columns.axis[number]
-        if axis.firmware == 0 or now - axis.last_ns < axis.step_ns:
+        if axis.firmware == 0:
+            continue
+        if axis.life and axis.powered:
+            count_life(axis, columns.image[number])
+        if now - axis.last_ns < axis.step_ns:
             continue
         state = axis.state
         fault = axis.fault_code[0]
@@ -316,7 +322,9 @@ def transmit(columns: Columns, now: int) -> int:
         provider.counter = (int(provider.counter) + int(provider.counter_step)) & 0xFFFF
         provider.state = RUN
         frame = columns.frames[number]
-        _pack(provider, columns.image[provider.image], frame)
+        image = columns.image[provider.image]
+        _pack(provider, image, frame)
+        image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
         if provider.impairment > 0 and impair_sent(columns.impairment, provider, frame, now):
             provider.suppressed += 1
             continue

@@ -114,7 +114,13 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
 
 
 def _check_limit(at: Location, group: DriveGroup, model: ModelFacts, cycle_ns: int | None, report: Report) -> None:
-    if cycle_ns is None or group.limits != "strict" or cycle_ns >= model.min_cycle_ns:
+    if cycle_ns is None or group.limits != "strict":
+        return
+    if 0 < model.max_cycle_ns < cycle_ns:
+        slowest = format_duration(model.max_cycle_ns)
+        what = f"{format_duration(cycle_ns)} is slower than {model.name} can; the nearest is {slowest}"
+        report(at, what, f"{slowest} and faster, or limits: lax on drives {shown(group.name)}")
+    if cycle_ns >= model.min_cycle_ns:
         return
     fastest = format_duration(model.min_cycle_ns)
     what = f"{format_duration(cycle_ns)} is faster than {model.name} can; the nearest is {fastest}"

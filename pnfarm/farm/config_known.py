@@ -40,6 +40,11 @@ class ModelFacts(Protocol):
         ...
 
     @property
+    def max_cycle_ns(self) -> int:
+        """The slowest cycle, 0 where its manual names none."""
+        ...
+
+    @property
     def telegrams(self) -> Iterable[int]:
         """The telegrams it has."""
         ...
@@ -71,6 +76,10 @@ class InstalledModel:
     @property
     def min_cycle_ns(self) -> int:
         return self.model.limits.min_cycle_ns
+
+    @property
+    def max_cycle_ns(self) -> int:
+        return self.model.limits.max_cycle_ns
 
     @property
     def telegrams(self) -> Iterable[int]:

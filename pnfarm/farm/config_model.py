@@ -397,7 +397,11 @@ class ControllerSection(_Section):
     )
     startup: Literal["legacy", "advanced"] = Field(default="legacy", description="Start-up mode of the connection.")
     assign_ip: bool = Field(default=True, description="Whether it gives the drives their addresses by DCP.")
-    telegram: int = Field(default=1, ge=0, le=_U16, description="Telegram of drives whose group names none.")
+    identification: bool = Field(default=True, description="Whether it reads I&M0 to I&M3 of connected drives.")
+    takeover_allowed: bool = Field(default=False, description="Whether a supervisor may take submodules over.")
+    telegram: int = Field(
+        default=1, ge=0, le=_U16, description="Telegram of drives whose group names none; left out, their model's own."
+    )
     program: Program = Field(default_factory=Program)
     records: list[ParameterRecord] = Field(default_factory=list)
     devices: list[ForeignDevice] = Field(

@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import hashlib
-import heapq
 from typing import TYPE_CHECKING, Any, Protocol
 from uuid import UUID
 
@@ -19,6 +18,7 @@ from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
+from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
@@ -46,7 +46,7 @@ LLDP = bytes.fromhex("88cc")
 DCP_IDENTIFY = bytes.fromhex("8892fefe")
 DCP_GREETING = bytes.fromhex("8892fefc")
 
-__all__ = ["Deadlines", "FarmCore", "Node", "uuid_source"]
+__all__ = ["FarmCore", "Node", "uuid_source"]
 
 #: Impairment rows for each drive: faults on its frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
@@ -86,35 +86,6 @@ def uuid_source(seed: bytes) -> Callable[[], UUID]:
         return UUID(bytes=bytes(digest))
 
     return new
-
-
-class Deadlines:
-    """The earliest of many deadlines, by key; stale heap entries are passed over."""
-
-    def __init__(self) -> None:
-        self._due: dict[int, int] = {}
-        self._heap: list[tuple[int, int]] = []
-
-    def set(self, key: int, due: int | None) -> None:
-        if due is None:
-            self._due.pop(key, None)
-        elif self._due.get(key) != due:
-            self._due[key] = due
-            heapq.heappush(self._heap, (due, key))
-
-    def first(self) -> int | None:
-        while self._heap and self._due.get(self._heap[0][1]) != self._heap[0][0]:
-            heapq.heappop(self._heap)
-        return self._heap[0][0] if self._heap else None
-
-    def take(self, now: int) -> list[int]:
-        """Keys that are due, each once; they are forgotten until set again."""
-        keys = []
-        while (due := self.first()) is not None and due <= now:
-            _, key = heapq.heappop(self._heap)
-            del self._due[key]
-            keys.append(key)
-        return keys
 
 
 class FarmCore:
@@ -338,9 +309,9 @@ class FarmCore:
                 # the connection went while the event waited
                 return None
             if kind == engine_row.FIRST_FRAME:
-                station.first_frame(row, when)
+                station.connections.first_frame(row, when)
             elif kind == engine_row.EXPIRED:
-                station.expired(row, value, now)
+                station.connections.expired(row, value, now)
             elif kind == engine_row.PROVIDER_CHANGED:
                 self.log.record(when, station.configured_name, "controller in run" if value else "controller in stop")
             else:

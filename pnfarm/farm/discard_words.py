@@ -98,6 +98,8 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "rta-of-another-station": "alarm or abort from another station",
         "alarm-of-nobody": "alarm from a station without a connection",
         "ready-out-of-turn": "ApplicationReady before the parameters ended",
+        "plug-before-data": "a submodule plugged before data are exchanged: the start-up parametrises it",
+        "answer-of-a-void-round": "answer about the parameters of a submodule that went again",
         "ready-twice": "ApplicationReady that came twice",
         "farewell-unconfirmed": "Release that was not answered",
         "out-of-turn": "arrived when nobody waited for it",

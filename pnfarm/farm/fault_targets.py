@@ -15,8 +15,9 @@ from pnfarm.drives import catalogue as drive_catalogue
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import ConfigError, InternalError
+from pnfarm.farm.fault_targets_cm import CmTarget
 from pnfarm.faults.carrier import Carriers
-from pnfarm.faults.gate import GatedLink, GateRule
+from pnfarm.faults.gate import DelayRule, GatedLink, GateRule
 from pnfarm.faults.manager import FaultManager
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.faults.target import Connection, Evidence, ReadyRule, Way
@@ -77,12 +78,11 @@ class _HeldChannel(ParameterChannel):
         return self.inner.read_response(maximum)
 
 
-class StationTarget:
+class StationTarget(CmTarget):
     """A :class:`~pnfarm.faults.target.FaultTarget` over one station."""
 
     def __init__(self, core: FarmCore, station: DriveStation, gate: GatedLink, carriers: Carriers) -> None:
-        self._core = core
-        self._station = station
+        super().__init__(core, station)
         self._gate = gate
         self._carriers = carriers
         self._now = 0
@@ -90,7 +90,7 @@ class StationTarget:
         self._ready_rules: list[ReadyRule] = []
         self._record_errors: list[RecordError] = []
         self._response_hooks: list[Callable[[int], bool]] = []
-        self._records: DriveRecords | None = None
+        self._records: DriveRecords = station.parameter_records
         self._off = 0
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
@@ -120,7 +120,7 @@ class StationTarget:
         crs = [cr for ar in cyclic.values() for _, cr in ar.providers]
         rows = [self._core.columns.ppm[row] for ar in cyclic.values() for row, _ in ar.providers]
         return Connection(
-            keys=frozenset(cyclic),
+            keys=frozenset(map(self._unique, cyclic)),
             established=any(ar.established for ar in cyclic.values()),
             cycle_ns=min(cr.cycle_ns for cr in crs),
             # which of the two a controller takes is its own affair; they are equal in practice
@@ -140,7 +140,11 @@ class StationTarget:
         if self._connect_hooks or self._ready_rules:
             station.cm.refuse_connect = self._connecting
         if self._records is not station.parameter_records:
+            self._gate.forget(station.port.index)
+            self._rebooted(now)
             self._put_records()
+        # hands may have plugged a submodule that a diagnosis waited for
+        self._diagnoses.put()
 
     # frames
 
@@ -179,6 +183,12 @@ class StationTarget:
 
     def ungate(self, rule: GateRule) -> None:
         self._gate.remove(self._station.port.index, rule)
+
+    def delay(self, rule: DelayRule) -> None:
+        self._gate.delay(self._station.port.index, rule)
+
+    def undelay(self, rule: DelayRule) -> None:
+        self._gate.undelay(self._station.port.index, rule)
 
     def pull_cable(self) -> None:
         self._carriers.pull(self._station.port.index, self.name)
@@ -237,7 +247,7 @@ class StationTarget:
             if acts:
                 delay = wanted
                 break
-        self._station.ready_delay_ns = delay
+        self._station.connections.ready_delay_ns = delay
 
     def unhold_ready(self, rule: ReadyRule, now: int) -> None:
         self._ready_rules.remove(rule)
@@ -245,7 +255,7 @@ class StationTarget:
         if self._ready_rules:
             self._decide_ready()
             return
-        self._station.ready_delay_ns = 0
+        self._station.connections.ready_delay_ns = 0
         for key in self.waiting_for_ready():
             self._station.cm.application_ready(key, now)
         self._core.settle(self._station, now)
@@ -294,6 +304,7 @@ class StationTarget:
     def power_off(self, now: int) -> None:
         self._off += 1
         if self._station.powered:
+            self._gate.forget(self._station.port.index)
             self._station.power_off(now)
             self._core.settle(self._station, now)
 
@@ -412,7 +423,7 @@ def attach_faults(core: FarmCore, clock: Clock) -> FaultManager:
 
     carriers = Carriers(core.link, not_changed)
     targets = {s.configured_name: StationTarget(core, s, gate, carriers) for s in core.stations}
-    manager = FaultManager(targets)
+    manager = FaultManager(targets, gate)
     gate.set_receiver(core.receive)
     core.link = gate
     core.faults = manager

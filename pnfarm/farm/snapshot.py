@@ -39,7 +39,7 @@ __all__ = [
 #: State of a connection that is not there; the others are :class:`CmdevState`'s.
 NO_AR = "NO_AR"
 
-#: Control word 1 by bit (AKD PROFINET manual 5.4, in velocity mode); bits 11 and up have no meaning there.
+#: Control word 1 by bit, in velocity mode, for a model that names none (profile 4.1, 6.3.2; AKD PROFINET manual 5.4).
 STW1_BITS = (
     "on",
     "no_coast_stop",
@@ -53,7 +53,7 @@ STW1_BITS = (
     "jog_2",
     "control_by_plc",
 )
-#: Status word 1 by bit (AKD PROFINET manual 5.5, in velocity mode).
+#: Status word 1 by bit, alike (AKD PROFINET manual 5.5).
 ZSW1_BITS = (
     "ready_to_switch_on",
     "ready_to_operate",
@@ -71,7 +71,8 @@ ZSW1_BITS = (
 
 def bits_in_words(word: int, names: Sequence[str]) -> list[str]:
     """The names of the bits that are set, bit 0 first; a bit without a name is ``bit_11``."""
-    return [names[bit] if bit < len(names) else f"bit_{bit}" for bit in range(16) if word >> bit & 1]
+    named = [*names, *[""] * (16 - len(names))]
+    return [named[bit] or f"bit_{bit}" for bit in range(16) if word >> bit & 1]
 
 
 def active_ar(station: DriveStation) -> tuple[int, ArChannels] | None:
@@ -121,6 +122,7 @@ def drive_snapshot(
     powered = station.powered
     state = int(axis.state)
     zsw1, stw1 = int(axis.zsw1), int(axis.stw1)
+    telegram = station.store.telegram_number
     codes = [int(code) & NUMBER_MASK for code in axis.fault_code if code]
     found = active_ar(station)
     ar = found[1] if found is not None else None
@@ -140,10 +142,10 @@ def drive_snapshot(
         "powered": powered,
         "state": _state_word(powered, state),
         "zsw1": f"0x{zsw1:04X}",
-        "zsw1_bits": bits_in_words(zsw1, ZSW1_BITS),
+        "zsw1_bits": bits_in_words(zsw1, station.model.bit_names("ZSW1", telegram) or ZSW1_BITS),
         "stw1": f"0x{stw1:04X}",
-        "stw1_bits": bits_in_words(stw1, STW1_BITS),
-        "telegram": station.store.telegram_number,
+        "stw1_bits": bits_in_words(stw1, station.model.bit_names("STW1", telegram) or STW1_BITS),
+        "telegram": telegram,
         "ar_state": machine_state.value if machine_state is not None else NO_AR,
         "controller": {"name": ar.initiator, "ip": str(ar.ip), "mac": format_mac(ar.mac)} if ar is not None else None,
         "cycle_seconds": ar.cycle_ns / 1e9 if ar is not None else None,

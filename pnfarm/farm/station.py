@@ -22,8 +22,10 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.factory_reset import clear_memory
+from pnfarm.farm.record_memory import record_word, records_of
 from pnfarm.farm.station_address import StationAddress
 from pnfarm.farm.station_channels import ArChannels, StationChannels
+from pnfarm.farm.station_connections import StationConnections
 from pnfarm.farm.station_diagnosis import FaultDiagnosis
 from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
 from pnfarm.farm.station_snmp import PortTraffic, snmp_view
@@ -42,21 +44,6 @@ from pnfarm.protocols.profinet.dcp_rules import (
     Stored,
 )
 from pnfarm.protocols.profinet.description import Plugged
-from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
-from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.events import (
-    AlarmConfirmed,
-    ApplicationReadyConfirmed,
-    ArAborted,
-    ArConnected,
-    ArEstablished,
-    ArReleased,
-    ConnectRefused,
-    DiagnosisChanged,
-    PrmEndReceived,
-    RecordWritten,
-    SubmodulesChanged,
-)
 from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.pdev_checks import CheckFailed
 from pnfarm.protocols.profinet.record_store import DeviceRecords
@@ -66,8 +53,6 @@ from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceiv
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
 from pnfarm.protocols.profinet.snmp import SnmpAgent
-from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
-from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
@@ -88,7 +73,6 @@ if TYPE_CHECKING:
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
-    from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
@@ -98,9 +82,6 @@ __all__ = ["DriveStation", "StationServices"]
 CALL_PORT = 49_152
 #: Octets that an answer of the controller may have.
 ARGS_MAXIMUM = 16_384
-#: Fastest firmware step; slower channels step four times a cycle.
-FASTEST_STEP_NS = 1_000_000
-SLOWEST_STEP_NS = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,17 +112,12 @@ class DriveStation:
         self._services = services
         #: Frames dropped by reason, before any machine saw them.
         self.dropped: dict[str, int] = {}
-        self.connects = 0
-        self.aborts: dict[str, int] = {}
-        self.watchdog_expirations = 0
         self.fault_counts: dict[int, int] = {}
         self.channels = StationChannels(index, port, services.channels, services.impairments)
         self.signalled_ns: int | None = None
         #: A reset that restarts the drive was ordered, and its answer is still to go out.
         self._reboot_due = False
-        #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
-        self.ready_delay_ns: int | None = 0
-        self._ready_due: list[tuple[int, int, int | None]] = []
+        self.connections = StationConnections(self)
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
         self._kept: dict[str, Any] = {}
@@ -170,7 +146,7 @@ class DriveStation:
             ),
             self.config,
             kept,
-            keep=self._keep,
+            keep=self.keep,
             note=self.note,
         )
         self.dcp, self.ip = self.addressing.dcp, self.addressing.ip
@@ -206,7 +182,7 @@ class DriveStation:
             application=self.parameter_records,
             io_data=self.channels.io_data,
             pdev=self.neighbours.pdev,
-            texts=_records(kept.get("im")),
+            texts=records_of(kept.get("im")),
         )
         self.cm = CmDevice(
             self.description,
@@ -238,6 +214,21 @@ class DriveStation:
         return self.dcp, self.ip, self.rpc, self.client, self.cm, self.neighbours, self.snmp
 
     @property
+    def connects(self) -> int:
+        """Connections that came to data exchange since the farm started."""
+        return self.connections.connects
+
+    @property
+    def aborts(self) -> dict[str, int]:
+        """Connections that ended without a release, by reason."""
+        return self.connections.aborts
+
+    @property
+    def watchdog_expirations(self) -> int:
+        """Data hold timers that ran out."""
+        return self.connections.watchdog_expirations
+
+    @property
     def powered(self) -> bool:
         return bool(self.handle.axis.powered)
 
@@ -254,12 +245,12 @@ class DriveStation:
     def start(self, now: int) -> None:
         """The drive came on the wire."""
         self.dcp.link_up(now)
-        self.neighbours.pdev.restore(_records(self._kept.get("pdev")), now)
+        self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)
 
     def power_off(self, now: int) -> None:
         """Cut the supply: channels close, nothing is answered any more."""
         for key in list(self.ars):
-            self._close(key)
+            self.connections.close(key)
         if self.dcp.signalling:
             self.note(now, "signal ends")
         self.handle.axis.powered = 0
@@ -271,7 +262,7 @@ class DriveStation:
         self.dropped = self.discards()
         self._booted_ns = now
         self._build()
-        self._ready_due.clear()
+        self.connections.forget()
         self._calls.clear()
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
@@ -334,7 +325,7 @@ class DriveStation:
         if not self.powered:
             return None
         deadlines = [machine.next_deadline() for machine in self._machines]
-        deadlines += [entry[0] for entry in self._ready_due]
+        deadlines.append(self.connections.next_deadline())
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
@@ -344,9 +335,7 @@ class DriveStation:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
-        for entry in [e for e in self._ready_due if e[0] <= now]:
-            self._ready_due.remove(entry)
-            self.cm.application_ready(entry[1], now, entry[2])
+        self.connections.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
         """Carry events between the machines until nothing moves; the frames to send."""
@@ -479,70 +468,19 @@ class DriveStation:
         events = self.cm.events()
         for event in events:
             self.records.log_book.note(event, now)
-            self._handle_cm(event, now)
+            self.connections.take(event, now)
+            for listener in self.connections.listeners:
+                listener(event, now)
         texts = self.records.im.events()
         if texts:
-            self._keep(now, "im", {_word(key): data for key, data in self.records.im.texts.items()})
+            self.keep(now, "im", {record_word(key): data for key, data in self.records.im.texts.items()})
         return bool(responses or calls or changed or events)
-
-    def _handle_cm(self, event: object, now: int) -> None:
-        match event:
-            case ArConnected():
-                self._connected(event, now)
-            case ConnectRefused(ip, status, detail):
-                self.note(now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail)
-            case PrmEndReceived(key, sequence):
-                if self.ready_delay_ns is None:
-                    self.note(now, "application ready withheld")
-                elif self.ready_delay_ns == 0:
-                    self.cm.application_ready(key, now, sequence)
-                else:
-                    self._ready_due.append((now + self.ready_delay_ns, key, sequence))
-            case SubmodulesChanged(key, unusable):
-                self._submodules_changed(key, unusable, now)
-            case AlarmConfirmed():
-                self.note(
-                    now,
-                    "alarm acknowledged",
-                    level="info" if event.status.ok else "warning",
-                    alarm=alarm_type_words(event.alarm_type),
-                    slot=event.slot,
-                    subslot=event.subslot,
-                    status=describe_status(event.status),
-                )
-            case ApplicationReadyConfirmed():
-                pass
-            case ArEstablished(key):
-                ar = self.ars.get(key)
-                if ar is not None and not ar.established:
-                    ar.established = True
-                    self.connects += 1
-                    self.note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
-            case ArAborted(key, code1, code2, reason, by_peer):
-                self._lost(key)
-                self.aborts[reason] = self.aborts.get(reason, 0) + 1
-                self.note(
-                    now, "ar aborted", level="warning", reason=reason, code1=code1, code2=code2, by_controller=by_peer
-                )
-            case ArReleased(key):
-                self._close(key)
-                self.note(now, "ar released")
-            case DiagnosisChanged(change):
-                self._diagnosis_changed(change, now)
-            case RecordWritten(_, api, slot, subslot, index, data):
-                place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
-                self.note(now, "record written", level="debug", octets=len(data), **place)
-                self.addressing.record_written(index, data, now)
-                if self.neighbours.pdev.handles(slot, subslot, index):
-                    self._keep(
-                        now, "pdev", {_word(key): octets for key, octets in self.neighbours.pdev.written.items()}
-                    )
 
     def _pump_snmp(self, now: int) -> bool:
         events = self.snmp.events()
         for event in events:
             self.snmp_texts[event.which] = event.text
-            self._keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
+            self.keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
             self.note(now, "system text set", text=event.text, object=f"sys{event.which.name.capitalize()}")
         return bool(events)
 
@@ -565,7 +503,7 @@ class DriveStation:
         for event in events:
             match event:
                 case NonVolatileSaved():
-                    self._keep(now, "drive", self.store.snapshot())
+                    self.keep(now, "drive", self.store.snapshot())
                     self.note(now, "parameters saved")
                 case TelegramChanged(number):
                     self.channels.rewrite(self.store.input_words(), self.store.output_words())
@@ -577,100 +515,6 @@ class DriveStation:
                 case _:
                     pass
         return bool(events)
-
-    # -- channels ----------------------------------------------------------------------------------------------------
-
-    def _connected(self, event: ArConnected, now: int) -> None:
-        if not event.iocrs:
-            return
-        module = self.cm.plugged.module(self.description.modules[0].slot)
-        telegram = self.model.telegram_by_module(module.module_ident) if module else None
-        if module is not None and telegram is not None:
-            self.store.plug_telegram(telegram.number, module.module_ident)
-        words = self.store.input_words(), self.store.output_words()
-        ar = self.channels.open(event, *words, self._set_points(), now)
-        if ar.feeds:
-            self.store.watchdog_ns = ar.watchdog_ns
-        fastest_ns = min(ar.cycle_ns for ar in self.ars.values() if ar.providers)
-        self.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, fastest_ns // 4))
-        self.note(
-            now,
-            "ar connected",
-            controller=event.initiator_name,
-            ip=str(event.initiator_ip),
-            telegram=self.store.telegram_number,
-            cycle_seconds=ar.cycle_ns / 1e9,
-            watchdog_seconds=ar.watchdog_ns / 1e9,
-        )
-
-    def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
-        """In the log in words; a fault also shows in the DataStatus of the frames ("problem")."""
-        entry = change.entry
-        for key in self.ars:
-            ar = self.cm.ar(key)
-            if ar is not None:
-                self.channels.problem(key, there=self.cm.diagnosis.has_fault(ar.owned))
-        appears = isinstance(change, DiagnosisAppeared)
-        self.note(
-            now,
-            "diagnosis appears" if appears else "diagnosis disappears",
-            level="warning" if appears else "info",
-            slot=entry.slot,
-            subslot=entry.subslot,
-            channel=entry.channel,
-            diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api),
-        )
-
-    def _set_points(self) -> set[tuple[int, int]]:
-        """(slot, subslot) of the submodules whose owner feeds the drive: those with outputs, else all of its slot."""
-        slot = self.description.modules[0].slot
-        module = self.cm.plugged.module(slot)
-        submodules = module.submodules if module is not None else ()
-        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
-
-    def _submodules_changed(self, key: int, unusable: frozenset[ExpectedKey], now: int) -> None:
-        """Something was pulled, plugged, taken over or released: its data are bad, or good again."""
-        words = self.store.input_words(), self.store.output_words()
-        self.channels.relay(key, unusable, *words, self._set_points())
-        self.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
-
-    def _close(self, key: int) -> None:
-        ar = self.channels.close(key)
-        if ar is not None:
-            self.traffic.channels_closed(ar)
-        if ar is not None and not self.channels.any_cyclic:
-            self.handle.axis.step_ns = SLOWEST_STEP_NS
-            self.parameter_records.reset()
-
-    def _lost(self, key: int) -> None:
-        """An established connection ended without a release: the drive's own fault, unless it has it already.
-
-        A connection that did not feed the drive is no loss, and a drive that waits for telegrams for a time of its own
-        finds out by itself.
-        """
-        ar = self.ars.get(key)
-        if ar is None:
-            return
-        self._close(key)
-        code = int(self.handle.axis.loss_fault)
-        if ar.established and code and ar.feeds and not int(self.handle.axis.loss_delay_ns):
-            self.handle.push_command(CMD_RAISE_FAULT, code)
-
-    # -- the engine's events -----------------------------------------------------------------------------------------
-
-    def first_frame(self, row: int, now: int) -> None:
-        """Valid cyclic data arrived on this consumer for the first time."""
-        key = self.channels.of_consumer(row)
-        if key is not None:
-            self.cm.data_received(key, now)
-
-    def expired(self, row: int, silent_ns: int, now: int) -> None:
-        """The data hold timer of this consumer ran out."""
-        key = self.channels.of_consumer(row)
-        if key is not None:
-            self.watchdog_expirations += 1
-            self.note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)
-            self.cm.watchdog_expired(key, now)
 
     # -- faults ------------------------------------------------------------------------------------------------------
 
@@ -690,7 +534,7 @@ class DriveStation:
         """Into the log, under this drive's name."""
         self._services.log.record(now, self.configured_name, event, level=level, **data)
 
-    def _keep(self, now: int, key: str, value: Any) -> None:
+    def keep(self, now: int, key: str, value: Any) -> None:
         """Write one value of non-volatile memory through; None forgets it."""
         del now
         if value is None:
@@ -698,20 +542,6 @@ class DriveStation:
         else:
             self._kept[key] = value
         self._services.memory.save(self.configured_name, self._kept)
-
-
-def _word(key: tuple[int, int, int]) -> str:
-    """(slot, subslot, index) as non-volatile memory has it: its keys are words."""
-    return ".".join(map(str, key))
-
-
-def _records(kept: dict[str, bytes] | None) -> dict[tuple[int, int, int], bytes]:
-    """Records by (slot, subslot, index), out of non-volatile memory."""
-    found = {}
-    for word, data in (kept or {}).items():
-        slot, subslot, index = map(int, word.split("."))
-        found[slot, subslot, index] = data
-    return found
 
 
 def _raw(value: float | str | bool) -> int:

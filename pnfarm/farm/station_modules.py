@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.station import DriveStation
     from pnfarm.protocols.profinet.description import SubmoduleDescription
 
-__all__ = ["modules_view", "plug_module", "pull_module"]
+__all__ = ["module_of_ident", "module_of_telegram", "modules_view", "plug_module", "pull_module"]
 
 
 def modules_view(station: DriveStation) -> list[dict[str, Any]]:
@@ -95,9 +95,9 @@ def plug_module(
         raise ConfigError("give either a telegram or a module ident, not both")
     module = None
     if telegram is not None:
-        module = _module_of_telegram(station, slot, telegram)
+        module = module_of_telegram(station, slot, telegram)
     elif ident is not None:
-        module = _module_of_ident(station, slot, ident)
+        module = module_of_ident(station, slot, ident, station.cm.plugged.module(slot))
     if substitute and module is None:
         raise ConfigError("a substitute is another module: give its telegram or its module ident")
     station.cm.plug(slot, module, now, substitute=substitute)
@@ -106,7 +106,8 @@ def plug_module(
     station.note(now, "module plugged", slot=slot, module_ident=f"0x{there.module_ident:08X}", substitute=substitute)
 
 
-def _module_of_telegram(station: DriveStation, slot: int, number: int) -> ModuleDescription:
+def module_of_telegram(station: DriveStation, slot: int, number: int) -> ModuleDescription:
+    """Raises :class:`ConfigError` for a telegram that the slot cannot have."""
     found = station.model.telegrams.get(number)
     module = None if found is None else station.description.module(slot, found.module.ident)
     if module is None:
@@ -115,12 +116,13 @@ def _module_of_telegram(station: DriveStation, slot: int, number: int) -> Module
     return module
 
 
-def _module_of_ident(station: DriveStation, slot: int, ident: int) -> ModuleDescription:
+def module_of_ident(station: DriveStation, slot: int, ident: int, shape: ModuleDescription | None) -> ModuleDescription:
+    """A module of the model's, or a made-up one in the shape of another; raises :class:`ConfigError`."""
     if not 1 <= ident <= 0xFFFFFFFF:
         raise ConfigError(f"{ident} is no module ident; allowed: 1 to 0xFFFFFFFF")
     known = station.description.module(slot, ident)
     if known is not None:
         return known
-    shape = station.cm.plugged.module(slot) or station.description.default_module(slot)
+    shape = shape or station.description.default_module(slot)
     assert shape is not None  # every slot but the DAP's has modules
     return ModuleDescription(slot, ident, tuple(replace(s, module_ident=ident) for s in shape.submodules))

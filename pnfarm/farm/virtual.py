@@ -43,7 +43,7 @@ class VirtualClock:
 
 
 class VirtualWorld:
-    """A switch, a clock, a farm and perhaps a controller.
+    """A switch, a clock, a farm and perhaps controllers.
 
     Make links with :meth:`link`, nodes on their ports, then :meth:`join` them and :meth:`run`.
     """
@@ -66,9 +66,12 @@ class VirtualWorld:
         return MemoryLink(self.switch, self.clock)
 
     def join(self, node: Node, ports: Sequence[Port]) -> None:
-        """Put a node into the world; the first is the farm, the second its controller."""
-        if len(self._nodes) == 2:
-            raise InternalError("a virtual world has two ends: a farm and a controller")
+        """Put a node into the world; the first is the farm, the others its controllers.
+
+        With more than one controller time passes slower, and :meth:`watch` sees nothing.
+        """
+        if self._seen is not None and len(self._nodes) > 1:
+            raise InternalError("the frames of a virtual world with several controllers cannot be watched")
         pairs = sorted((mac_to_int(port.mac), port.index) for port in ports)
         addresses = np.array([mac for mac, _ in pairs], np.int64)
         indexes = np.array([index for _, index in pairs], np.int32)
@@ -79,6 +82,8 @@ class VirtualWorld:
 
     def watch(self, seen: Seen) -> None:
         """Show each cyclic frame between the two nodes, with the same bytes and times as without; slower."""
+        if len(self._nodes) > 2:
+            raise InternalError("the frames of a virtual world with several controllers cannot be watched")
         self._seen = seen
 
     def run(self, seconds: float, *, until: Callable[[], bool] | None = None) -> bool:
@@ -104,10 +109,28 @@ class VirtualWorld:
             return self.now
         if len(self._nodes) == 1:
             return run_alone(self._nodes[0].columns, self.now, target)
+        if len(self._nodes) > 2:
+            return self._cyclic_many(target)
         (farm, controller), (here, there) = self._nodes, self._addresses
         if self._seen is not None:
             return self._cyclic_seen(target, self._seen)
         return run_virtual(farm.columns, controller.columns, *here, *there, self.now, target)
+
+    def _cyclic_many(self, target: int) -> int:
+        """:func:`run_virtual` with several controllers, each in turn."""
+        farm, *controllers = (node.columns for node in self._nodes)
+        here, *there = self._addresses
+        tables = (farm, *controllers)
+        heads = [int(columns.engine[0].event_head) for columns in tables]
+        now = self.now
+        while now < target and [int(columns.engine[0].event_head) for columns in tables] == heads:
+            now = min(target, *(int(next_due(columns, now)) for columns in tables))
+            for controller in controllers:
+                receive(farm, deliver(controller, tick(controller, 0, now), farm, *here, now))
+            sent = tick(farm, 0, now)
+            for controller, addresses in zip(controllers, there, strict=True):
+                receive(controller, deliver(farm, sent, controller, *addresses, now))
+        return now
 
     def _cyclic_seen(self, target: int, seen: Seen) -> int:
         """:func:`run_virtual`, step by step, with each frame shown on its way."""

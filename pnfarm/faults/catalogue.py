@@ -10,142 +10,18 @@ occurrences, ``for`` a time or ``cycles`` of the connection.  What an occurrence
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.words import Problem, did_you_mean, read_duration, shown
+from pnfarm.faults.catalogue_alarms import ALARM_KINDS
+from pnfarm.faults.catalogue_modules import MODULE_KINDS
+from pnfarm.faults.kind import FaultKind, ParamSpec, Way, words_of
+from pnfarm.faults.words import Problem, did_you_mean, shown
 from pnfarm.protocols.profinet.errors import AccessError, CmrpcError, ConnectFault, RtaError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 __all__ = ["KINDS", "FaultKind", "ParamSpec", "kind_named"]
-
-ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault"]
-Way = Literal["in", "out", "both"]
-
-
-@dataclass(frozen=True, slots=True)
-class ParamSpec:
-    """One parameter of a kind.  ``words`` are names for numbers, or the only words of a ``word``.
-
-    Durations are given as ``500ms`` and read as nanoseconds.  ``required`` ones have no default.
-    """
-
-    type: ParamType
-    doc: str
-    default: Any = None
-    required: bool = False
-    unit: str = ""
-    low: float | None = None
-    high: float | None = None
-    words: Mapping[str, int] = field(default_factory=dict)
-
-    @property
-    def allowed(self) -> str:
-        """What a user may write, in words."""
-        match self.type:
-            case "yes or no":
-                return "true or false"
-            case "duration":
-                return "a duration such as 500ms or 2s"
-            case "word":
-                return ", ".join(self.words)
-            case "fault":
-                return "a number, name or cause of the drive's model, such as 702 or undervoltage"
-            case _:
-                bounds = (
-                    f" from {self.low:g} to {self.high:g}" if self.low is not None and self.high is not None else ""
-                )
-                named = f", or one of {', '.join(self.words)}" if self.words else ""
-                return f"a {self.type}{bounds}{named}"
-
-    def read(self, value: Any) -> Any:
-        """The value as the kind uses it; raises :class:`Problem`."""
-        match self.type:
-            case "yes or no":
-                if not isinstance(value, bool):
-                    raise Problem(f"is {shown(value)}", self.allowed)
-                return value
-            case "duration":
-                return read_duration(value)
-            case "word":
-                if value not in self.words:
-                    hint = did_you_mean(value, self.words) if isinstance(value, str) else ""
-                    raise Problem(f"is {shown(value)}{hint}", self.allowed)
-                return value
-            case "fault":
-                if isinstance(value, bool) or not isinstance(value, (int, str)) or value == "":
-                    raise Problem(f"is {shown(value)}", self.allowed)
-                return value
-            case _:
-                return self._number(value)
-
-    def _number(self, value: Any) -> int | float:
-        if isinstance(value, str):
-            word = value.strip().lower()
-            if word in self.words:
-                return self.words[word]
-            try:
-                value = int(word, 0) if self.type == "whole number" else float(word)
-            except ValueError as exc:
-                raise Problem(f"is {shown(value)}{did_you_mean(word, self.words)}", self.allowed) from exc
-        wanted = int if self.type == "whole number" else (int, float)
-        if isinstance(value, bool) or not isinstance(value, wanted):
-            raise Problem(f"is {shown(value)}", self.allowed)
-        low = float("-inf") if self.low is None else self.low
-        high = float("inf") if self.high is None else self.high
-        # written so that "not a number" fails as well
-        if not low <= value <= high:
-            raise Problem(f"is {shown(value)}", self.allowed)
-        return value
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "type": self.type,
-            "default": self.default,
-            "required": self.required,
-            "unit": self.unit,
-            "allowed": self.allowed,
-            "doc": self.doc,
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class FaultKind:
-    """One kind.  ``effect`` names what it does (several kinds share one, with ``preset`` parameters).
-
-    ``directions`` is empty for a kind that has none; its first entry is the default.  ``takes`` are the common
-    fields that mean something for it, besides ``after`` and ``after_cycles``, which all take.
-    """
-
-    name: str
-    family: str
-    doc: str
-    occurrence: str
-    effect: str
-    params: Mapping[str, ParamSpec] = field(default_factory=dict)
-    directions: tuple[Way, ...] = ()
-    takes: frozenset[str] = frozenset()
-    preset: Mapping[str, Any] = field(default_factory=dict)
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON: the API's ``fault-kinds`` and ``pnfarm fault kinds --format json``."""
-        return {
-            "kind": self.name,
-            "family": self.family,
-            "doc": self.doc,
-            "occurrence": self.occurrence,
-            "params": {name: spec.as_dict() for name, spec in self.params.items()},
-            "directions": list(self.directions),
-            "takes": ["after", "after_cycles", *sorted(self.takes)],
-        }
-
-
-def _names(enum: Any) -> dict[str, int]:
-    return {member.name.lower().replace("_", "-"): int(member) for member in enum}
-
 
 _OCTET: dict[str, Any] = {"low": 0, "high": 255}
 _FRAMES = frozenset({"probability", "seed", "count", "for", "cycles"})
@@ -254,9 +130,10 @@ _ALL = (
     FaultKind(
         "iops-bad",
         "cyclic",
-        "The drive's provider status (IOPS) is BAD.",
+        "The drive's provider status (IOPS) is BAD.  When it is GOOD again while the connection stands, the alarm "
+        "'return of submodule' tells the controller.",
         "a cyclic frame that is changed",
-        "frames",
+        "iops",
         directions=_OUT,
         takes=_FRAMES,
     ),
@@ -271,7 +148,7 @@ _ALL = (
                 "whole number",
                 "ErrorCode2 that the controller is told.",
                 default="abort-request",
-                words=_names(RtaError),
+                words=words_of(RtaError),
                 **_OCTET,
             )
         },
@@ -288,14 +165,14 @@ _ALL = (
                 "whole number",
                 "ErrorCode1: the block or machine.",
                 default="cmrpc",
-                words=_names(ConnectFault),
+                words=words_of(ConnectFault),
                 **_OCTET,
             ),
             "code2": ParamSpec(
                 "whole number",
                 "ErrorCode2; the words are those of CMRPC.",
                 default="out-of-ar-resources",
-                words=_names(CmrpcError),
+                words=words_of(CmrpcError),
                 **_OCTET,
             ),
         },
@@ -345,7 +222,7 @@ _ALL = (
         "record-error",
         {
             "code": ParamSpec(
-                "whole number", "ErrorCode1.", default="module-failure", words=_names(AccessError), **_OCTET
+                "whole number", "ErrorCode1.", default="module-failure", words=words_of(AccessError), **_OCTET
             ),
             "code2": ParamSpec("whole number", "ErrorCode2.", default=0, **_OCTET),
         },
@@ -416,8 +293,13 @@ _ALL = (
     ),
 )
 
-#: Every kind by name.
-KINDS: Mapping[str, FaultKind] = {kind.name: kind for kind in _ALL}
+_FAMILIES = ("frames", "link", "cyclic", "liveness", "connection", "records", "alarms", "drive")
+
+#: Every kind by name, family by family.
+KINDS: Mapping[str, FaultKind] = {
+    kind.name: kind
+    for kind in sorted((*_ALL, *MODULE_KINDS, *ALARM_KINDS), key=lambda kind: _FAMILIES.index(kind.family))
+}
 
 
 def kind_named(name: object) -> FaultKind:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec
     from pnfarm.faults.target import FaultTarget, Way
 
-__all__ = ["Effect", "FramesEffect", "LinkEffect", "Tally", "TimeoutEffect", "Window", "seed_of"]
+__all__ = ["Effect", "FramesEffect", "IopsEffect", "LinkEffect", "Tally", "TimeoutEffect", "Window", "seed_of"]
 
 #: The longest time between two looks at an effect that waits for its end without knowing when.
 POLL_NS = 50_000_000
@@ -224,7 +224,7 @@ class Frames:
 
 
 class FramesEffect(Effect):
-    """Frames lost or changed: loss, silence, provider-stop, data-invalid, iops-bad, rpc-silence, dcp-silence."""
+    """Frames lost or changed: loss, silence, provider-stop, data-invalid, rpc-silence, dcp-silence."""
 
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
         super().__init__(spec, target)
@@ -257,6 +257,16 @@ class FramesEffect(Effect):
 
     def next_deadline(self) -> int | None:
         return self._due
+
+
+class IopsEffect(FramesEffect):
+    """iops-bad; ending it on the connection that saw it is a return of the submodules (alarm 0x000B)."""
+
+    def end(self, now: int) -> None:
+        super().end(now)
+        last = self.evidence().last_ns
+        if last is not None:
+            self.target.return_of_submodules(last, now)
 
 
 class TimeoutEffect(Effect):

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects import Chance, Effect, Tally, Window
+from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window, seed_of
+from pnfarm.faults.gate import DelayRule, is_rpc
+from pnfarm.faults.splitmix import SplitMix64
 from pnfarm.protocols.profinet.errors import ErrorCode, PnioStatus, RecordError, pnio_error
 
 if TYPE_CHECKING:
@@ -14,7 +16,16 @@ if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec
     from pnfarm.faults.target import Evidence, FaultTarget
 
-__all__ = ["AbortEffect", "BusyEffect", "ReadyEffect", "RecordErrorEffect", "RefuseEffect"]
+__all__ = [
+    "AbortEffect",
+    "BusyEffect",
+    "ExpireEffect",
+    "ReadyEffect",
+    "RecordDelayEffect",
+    "RecordErrorEffect",
+    "RefuseEffect",
+    "RpcDelayEffect",
+]
 
 
 class AbortEffect(Effect):
@@ -36,12 +47,22 @@ class AbortEffect(Effect):
         self._passed = connection.keys
         happens = self._chance.falls()
         if happens:
-            happens = self.target.abort(self.values["code"], now) > 0
+            happens = self._break(now) > 0
         self._chance.tally.note(now, happened=happens, confirmed=happens)
         self.finished = self._chance.exhausted
 
+    def _break(self, now: int) -> int:
+        return self.target.abort(self.values["code"], now)
+
     def evidence(self) -> Evidence:
         return self._chance.tally.seen
+
+
+class ExpireEffect(AbortEffect):
+    """watchdog-expire: as ar-abort, the drive's own way."""
+
+    def _break(self, now: int) -> int:
+        return self.target.expire(now)
 
 
 class RefuseEffect(Effect):
@@ -187,3 +208,70 @@ class BusyEffect(Effect):
 
     def evidence(self) -> Evidence:
         return self._chance.tally.seen
+
+
+class _LateEffect(Effect):
+    """What the drive says leaves late: a fixed time, and up to ``jitter`` more."""
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._chance = Chance(spec, target, spec.count)
+        self._delay: int = self.values["delay"]
+        self._jitter: int = self.values["jitter"]
+        # another sequence than that of the probability
+        self._random = SplitMix64(seed_of(spec, target.name) + 1)
+        self._held = 0
+        self._due: int | None = None
+
+    def asked(self, now: int) -> int:
+        """A :class:`~pnfarm.faults.target.LateRule`."""
+        if self._chance.exhausted:
+            return 0
+        wait = self._delay + int(self._random.uniform() * (self._jitter + 1))
+        happens = self._chance.falls() and wait > 0
+        self._chance.tally.note(now, happened=happens)
+        self._held += happens
+        return wait if happens else 0
+
+    def left(self, *, sent: bool) -> None:
+        self._held -= 1
+        if sent:
+            self._chance.tally.confirm()
+
+    def check(self, now: int) -> None:
+        # ending earlier would let the last one go in time
+        self.finished = self._chance.exhausted and not self._held
+        self._due = now + POLL_NS if self._chance.exhausted and self._held else None
+
+    def evidence(self) -> Evidence:
+        return self._chance.tally.seen
+
+    def next_deadline(self) -> int | None:
+        return self._due
+
+
+class RpcDelayEffect(_LateEffect):
+    """rpc-delay: the datagrams, so that the drive's stack seems slow."""
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._rule = DelayRule(is_rpc, self)
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self.target.delay(self._rule)
+
+    def end(self, now: int) -> None:
+        del now
+        self.target.undelay(self._rule)
+
+
+class RecordDelayEffect(_LateEffect):
+    """record-delay: the answers, so that the drive's application seems slow."""
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self.target.delay_answers(self)
+
+    def end(self, now: int) -> None:
+        self.target.answer_in_time(self, now)

@@ -1,4 +1,4 @@
-"""The gate between the stations and their link: acyclic frames pass it, and rules lose some of them.
+"""The gate between the stations and their link: acyclic frames pass it, rules lose some of them or hold them back.
 
 Cyclic frames do not come by here; the engine acts on them (:mod:`pnfarm.engine.impair`).  Directions are seen from
 the drive.
@@ -6,19 +6,33 @@ the drive.
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from pnfarm.errors import DecodeError
 from pnfarm.faults.splitmix import SplitMix64
-from pnfarm.faults.target import Evidence, Way
+from pnfarm.faults.target import Evidence, LateRule, Way
 from pnfarm.links.base import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
+from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
 
-__all__ = ["GateRule", "GatedLink", "every_frame", "is_dcp", "is_rpc"]
+__all__ = [
+    "DelayRule",
+    "GateRule",
+    "GatedLink",
+    "acknowledging_nothing",
+    "every_frame",
+    "is_alarm_answer",
+    "is_alarm_data",
+    "is_dcp",
+    "is_rpc",
+]
 
 _UDP = 17
 #: SNMP and its traps: the only other UDP of a drive.
@@ -61,8 +75,57 @@ def is_rpc(frame: bytes) -> bool:
     return not ports & _SNMP
 
 
+def _rta_type(frame: bytes) -> int | None:
+    """PDUType of an RTA-PDU, None for every other frame."""
+    ethertype, payload = _payload(frame)
+    if ethertype != ETHERTYPE_PROFINET:
+        return None
+    try:
+        return parse_rta(payload).type
+    except DecodeError:
+        return None
+
+
+def is_alarm_data(frame: bytes) -> bool:
+    """DATA-RTA-PDU: an alarm or an AlarmAck."""
+    return _rta_type(frame) == RtaType.DATA
+
+
+def is_alarm_answer(frame: bytes) -> bool:
+    """Every RTA-PDU that can acknowledge another; an ERR-RTA-PDU cannot."""
+    return _rta_type(frame) in {RtaType.DATA, RtaType.ACK, RtaType.NACK}
+
+
+def acknowledging_nothing(frame: bytes) -> bytes | None:
+    """What is left of a frame of :func:`is_alarm_answer`: of DATA its VarPart, of the others nothing."""
+    _, payload = _payload(frame)
+    pdu = parse_rta(payload)
+    if pdu.type != RtaType.DATA:
+        return None
+    return frame[: len(frame) - len(payload)] + emit_rta(replace(pdu, ack_sequence=FIRST_ACK))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DelayRule:
+    """Holds back the frames that ``selects`` says, for as long as ``late`` says."""
+
+    selects: Callable[[bytes], bool]
+    late: LateRule
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    due_ns: int
+    frame: bytes
+    rules: tuple[LateRule, ...]
+
+    def left(self, *, sent: bool) -> None:
+        for rule in self.rules:
+            rule.left(sent=sent)
+
+
 class GateRule:
-    """Loses the frames that ``selects`` says, on the ways in ``ways``.
+    """Loses the frames that ``selects`` says, on the ways in ``ways``, or lets something pass ``instead`` of them.
 
     ``probability`` of each, ``count`` (0: no limit) altogether, of which ``spent()`` happened elsewhere; not before
     ``armed()`` says so, and none at or after ``stop_ns`` (0: no end).  ``lost()`` is told each loss.  Each way has a
@@ -81,6 +144,7 @@ class GateRule:
         armed: Callable[[], bool] = lambda: True,
         spent: Callable[[], int] = lambda: 0,
         lost: Callable[[], None] = lambda: None,
+        instead: Callable[[bytes], bytes | None] = lambda _: None,
     ) -> None:
         self._selects = selects
         self._probability = probability
@@ -89,11 +153,12 @@ class GateRule:
         self._armed = armed
         self._spent = spent
         self._told = lost
+        self.instead = instead
         self._random = {way: SplitMix64(seed + index) for index, way in enumerate(ways)}
         self._evidence = dict.fromkeys(ways, Evidence())
 
     def loses(self, way: Way, frame: bytes, now: int) -> bool:
-        """Is this frame lost?  Counts the evidence."""
+        """Is this frame lost, or another passed instead?  Counts the evidence."""
         seen = self._evidence.get(way)
         if seen is None or (self._stop_ns and now >= self._stop_ns):
             return False
@@ -118,13 +183,19 @@ class GateRule:
 
 
 class GatedLink:
-    """A link around ``inner``; ``clock`` stamps what is sent, received frames bring their time."""
+    """A link around ``inner``; ``clock`` stamps what is sent, received frames bring their time.
+
+    What a port sends and a rule selects stays in order: nothing overtakes a frame that is held back.  Whoever runs the
+    farm calls :meth:`handle_timeout` when :meth:`next_deadline` says so.
+    """
 
     def __init__(self, inner: Link, clock: Clock) -> None:
         self.inner = inner
         self._clock = clock
         self._receiver: Receiver | None = None
         self._rules: dict[int, list[GateRule]] = {}
+        self._delays: dict[int, list[DelayRule]] = {}
+        self._held: dict[int, deque[_Held]] = {}
 
     def add(self, port: int, rule: GateRule) -> None:
         self._rules[port] = [*self._rules.get(port, ()), rule]
@@ -136,9 +207,62 @@ class GatedLink:
         else:
             self._rules.pop(port, None)
 
-    def _lost(self, port: int, way: Way, frame: bytes, now: int) -> bool:
+    def _passed(self, port: int, way: Way, frame: bytes, now: int) -> bytes | None:
+        """What the rules leave of a frame; None when it is lost."""
         # every rule looks at every frame, so that each one's sequence does not depend on the others
-        return any([rule.loses(way, frame, now) for rule in self._rules.get(port, ())])  # noqa: C419 - see above
+        acting = [rule for rule in self._rules.get(port, ()) if rule.loses(way, frame, now)]
+        left: bytes | None = frame
+        for rule in acting:
+            left = None if left is None else rule.instead(left)
+        return left
+
+    # frames held back
+
+    def delay(self, port: int, rule: DelayRule) -> None:
+        self._delays[port] = [*self._delays.get(port, ()), rule]
+
+    def undelay(self, port: int, rule: DelayRule) -> None:
+        """Take a rule back; with the last one gone, what is held back leaves at once."""
+        remaining = [other for other in self._delays.get(port, ()) if other is not rule]
+        if remaining:
+            self._delays[port] = remaining
+            return
+        self._delays.pop(port, None)
+        for held in self._held.pop(port, ()):
+            self._let_go(port, held)
+
+    def forget(self, port: int) -> None:
+        """Whatever is held back never leaves: its sender has lost its supply."""
+        for held in self._held.pop(port, ()):
+            held.left(sent=False)
+
+    def next_deadline(self) -> int | None:
+        """When the next frame is to leave."""
+        return min((queue[0].due_ns for queue in self._held.values()), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        for port, queue in list(self._held.items()):
+            while queue and queue[0].due_ns <= now:
+                self._let_go(port, queue.popleft())
+            if not queue:
+                self._held.pop(port, None)
+
+    def _let_go(self, port: int, held: _Held) -> None:
+        self.inner.send(port, held.frame)
+        held.left(sent=True)
+
+    def _hold(self, port: int, frame: bytes, now: int) -> bool:
+        """Is this frame held back?"""
+        waits = [(rule.late, rule.late.asked(now)) for rule in self._delays[port] if rule.selects(frame)]
+        queue = self._held.get(port)
+        late = sum(wait for _, wait in waits)
+        if not waits or (not late and not queue):
+            return False
+        if queue is None:
+            queue = self._held[port] = deque()
+        due = max(now + late, queue[-1].due_ns if queue else 0)
+        queue.append(_Held(due, frame, tuple(rule for rule, wait in waits if wait)))
+        return True
 
     # the link
 
@@ -157,13 +281,21 @@ class GatedLink:
         await self.inner.close()
 
     def send(self, port_index: int, frame: bytes) -> None:
-        if port_index in self._rules and self._lost(port_index, "out", frame, self._clock()):
+        if port_index in self._rules:
+            left = self._passed(port_index, "out", frame, self._clock())
+            if left is None:
+                return
+            frame = left
+        if port_index in self._delays and self._hold(port_index, frame, self._clock()):
             return
         self.inner.send(port_index, frame)
 
     def _receive(self, port_index: int, frame: bytes, now: int) -> None:
-        if port_index in self._rules and self._lost(port_index, "in", frame, now):
-            return
+        if port_index in self._rules:
+            left = self._passed(port_index, "in", frame, now)
+            if left is None:
+                return
+            frame = left
         if self._receiver is not None:
             self._receiver(port_index, frame, now)
 

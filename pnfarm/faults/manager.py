@@ -23,8 +23,18 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.catalogue import KINDS
-from pnfarm.faults.effects import Effect, FramesEffect, LinkEffect, TimeoutEffect, Window
-from pnfarm.faults.effects_connection import AbortEffect, BusyEffect, ReadyEffect, RecordErrorEffect, RefuseEffect
+from pnfarm.faults.effects import Effect, FramesEffect, IopsEffect, LinkEffect, TimeoutEffect, Window
+from pnfarm.faults.effects_alarms import DiagnosisEffect, ModuleEffect, StormEffect, UnacknowledgedEffect
+from pnfarm.faults.effects_connection import (
+    AbortEffect,
+    BusyEffect,
+    ExpireEffect,
+    ReadyEffect,
+    RecordDelayEffect,
+    RecordErrorEffect,
+    RefuseEffect,
+    RpcDelayEffect,
+)
 from pnfarm.faults.effects_drive import DriveFaultEffect, PowerCycleEffect, WarningEffect
 from pnfarm.faults.plan import FaultSpec, matching
 from pnfarm.faults.target import NOTHING, Evidence
@@ -33,6 +43,7 @@ from pnfarm.faults.words import FaultError, did_you_mean
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.target import FaultTarget
 
 __all__ = ["ActiveFault", "DriveRun", "FaultEnded", "FaultEvent", "FaultManager", "FaultStarted", "RunState"]
@@ -44,6 +55,7 @@ WAIT_NS = 50_000_000
 
 _EFFECTS: Mapping[str, type[Effect]] = {
     "frames": FramesEffect,
+    "iops": IopsEffect,
     "timeout": TimeoutEffect,
     "link": LinkEffect,
     "ar-abort": AbortEffect,
@@ -51,6 +63,13 @@ _EFFECTS: Mapping[str, type[Effect]] = {
     "ready": ReadyEffect,
     "record-error": RecordErrorEffect,
     "parameter-busy": BusyEffect,
+    "watchdog-expire": ExpireEffect,
+    "rpc-delay": RpcDelayEffect,
+    "record-delay": RecordDelayEffect,
+    "module": ModuleEffect,
+    "alarm-storm": StormEffect,
+    "alarm-unacknowledged": UnacknowledgedEffect,
+    "diagnosis": DiagnosisEffect,
     "drive-fault": DriveFaultEffect,
     "drive-warning": WarningEffect,
     "limit-switch": WarningEffect,
@@ -198,10 +217,11 @@ def _evidence_dict(seen: Evidence) -> dict[str, Any]:
 
 
 class FaultManager:
-    """See the module's head.  ``targets``: every drive of the farm by its name."""
+    """See the module's head.  ``targets``: every drive of the farm by its name; ``gate`` holds frames back."""
 
-    def __init__(self, targets: Mapping[str, FaultTarget]) -> None:
+    def __init__(self, targets: Mapping[str, FaultTarget], gate: GatedLink) -> None:
         self._targets = targets
+        self._gate = gate
         self._faults: dict[str, ActiveFault] = {}
         self._ended: deque[ActiveFault] = deque(maxlen=KEPT)
         self._activations: Counter[tuple[str, str]] = Counter()
@@ -314,16 +334,21 @@ class FaultManager:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is wanted."""
+        return min((due for due in (self._first_due(), self._gate.next_deadline()) if due is not None), default=None)
+
+    def _first_due(self) -> int | None:
+        """When the next fault is to be looked at."""
         while self._heap and self._due.get(self._heap[0][1], (0,))[0] != self._heap[0][0]:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
     def handle_timeout(self, now: int) -> None:
-        """Look at the drives that were touched, and at every fault that is due."""
+        """Let frames go that were held back; look at the drives that were touched, and at every fault that is due."""
+        self._gate.handle_timeout(now)
         dirty, self._dirty = self._dirty, {}
         for name in dirty:
             self.poke(name, now)
-        while (due := self.next_deadline()) is not None and due <= now:
+        while (due := self._first_due()) is not None and due <= now:
             _, key = heapq.heappop(self._heap)
             _, fault, run = self._due.pop(key)
             self._look(fault, run, now)

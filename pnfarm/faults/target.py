@@ -13,10 +13,24 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.drives.model import Fault
-    from pnfarm.faults.gate import GateRule
+    from pnfarm.faults.gate import DelayRule, GateRule
+    from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
     from pnfarm.protocols.profinet.errors import PnioStatus, RecordError
+    from pnfarm.protocols.profinet.events import AlarmConfirmed
+    from pnfarm.protocols.profinet.wire.alarms import AlarmItem
 
-__all__ = ["NOTHING", "Connection", "Evidence", "FaultTarget", "ReadyRule", "Way"]
+__all__ = [
+    "NOTHING",
+    "Connection",
+    "Evidence",
+    "FaultTarget",
+    "LateRule",
+    "ModuleChange",
+    "OwnAlarm",
+    "ReadyRule",
+    "Way",
+]
 
 Way = Literal["in", "out"]
 
@@ -53,8 +67,9 @@ NOTHING = Evidence()
 class Connection:
     """The drive's cyclic connection.
 
-    ``keys`` are its ARs', never used twice; ``established`` once data flows both ways.  ``watchdog_ns`` is after how
-    long without the drive's data the controller gives up; ``next_ns`` is when the drive's next cyclic frame is due.
+    ``keys`` are its ARs', never used twice, not even after a reboot; ``established`` once data flows both ways.
+    ``watchdog_ns`` is after how long without the drive's data the controller gives up; ``next_ns`` is when the drive's
+    next cyclic frame is due.
     """
 
     keys: frozenset[int]
@@ -64,11 +79,48 @@ class Connection:
     next_ns: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class ModuleChange:
+    """What stands in a slot instead: nothing (``missing``), or something else; with ``subslot`` of one submodule.
+
+    Without ``telegram`` and ``ident`` it is an ident that the drive does not have.
+    """
+
+    slot: int
+    subslot: int | None = None
+    missing: bool = True
+    telegram: int | None = None
+    ident: int | None = None
+    substitute: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OwnAlarm:
+    """An alarm that a fault raises about the submodule at ``place``."""
+
+    alarm_type: int
+    place: ExpectedKey
+    high: bool = False
+    items: tuple[AlarmItem, ...] = ()
+
+
 class ReadyRule(Protocol):
     """Says whether a connection's ApplicationReady is held back."""
 
     def decide(self) -> tuple[bool, int | None]:
         """(whether this rule acts on the connection at hand, nanoseconds or None for never)."""
+        ...
+
+
+class LateRule(Protocol):
+    """Says how late something that the drive has to say leaves."""
+
+    def asked(self, now: int) -> int:
+        """Nanoseconds for the one at hand; 0: in time."""
+        ...
+
+    def left(self, *, sent: bool) -> None:
+        """One that this rule made late has left, or (``sent`` False) never will."""
         ...
 
 
@@ -140,6 +192,14 @@ class FaultTarget(Protocol):
         """Take it back."""
         ...
 
+    def delay(self, rule: DelayRule) -> None:
+        """Let ``rule`` hold back acyclic frames that the drive sends."""
+        ...
+
+    def undelay(self, rule: DelayRule) -> None:
+        """Take it back; what no other rule holds back leaves at once."""
+        ...
+
     def pull_cable(self) -> None:
         """No carrier until everyone who pulled has plugged."""
         ...
@@ -157,6 +217,10 @@ class FaultTarget(Protocol):
 
     def abort(self, code: int, now: int) -> int:
         """End every cyclic AR with an ERR-RTA of this code; how many."""
+        ...
+
+    def expire(self, now: int) -> int:
+        """End every cyclic AR that hears its controller as if its data hold timer had run out; how many."""
         ...
 
     def hook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
@@ -194,6 +258,72 @@ class FaultTarget(Protocol):
         ...
 
     def let_responses(self, hook: Callable[[int], bool]) -> None:
+        """Take it back."""
+        ...
+
+    def delay_answers(self, rule: LateRule) -> None:
+        """Ask ``rule`` about each answer to a Read or Write; what several rules say adds up."""
+        ...
+
+    def answer_in_time(self, rule: LateRule, now: int) -> None:
+        """Take it back; when no other rule is left, the answers that are held back leave."""
+        ...
+
+    # modules
+
+    def place(self, slot: int | None, subslot: int | None) -> ExpectedKey:
+        """A submodule that the drive can have, None: where its set points come in; raises :class:`ConfigError`."""
+        ...
+
+    def change_module(self, change: ModuleChange, now: int) -> None:
+        """Put ``change`` in force; the latest one holds.  Raises :class:`ConfigError` when the slot cannot have it."""
+        ...
+
+    def unchange_module(self, change: ModuleChange, now: int) -> None:
+        """Take it back: what the changes in force make of the slot as it was."""
+        ...
+
+    def told_at_connect(
+        self, slot: int, subslot: int | None, standing: frozenset[int], *, diagnosis: bool = False
+    ) -> bool:
+        """Whether an AR in DATA, other than those of the keys ``standing``, has a ModuleDiffBlock with the place.
+
+        With ``diagnosis`` it must name a diagnosis of the submodule.
+        """
+        ...
+
+    # alarms
+
+    def listen(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
+        """Tell ``hook`` of each AlarmAck of a controller's."""
+        ...
+
+    def unlisten(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
+        """Take it back."""
+        ...
+
+    @property
+    def last_alarm(self) -> int:
+        """The number of the latest alarm; later ones have greater numbers, until the drive reboots."""
+        ...
+
+    def alarm(self, alarm: OwnAlarm, now: int) -> tuple[int, ...] | None:
+        """Send it to each AR that owns the place; the alarms' numbers, None when no AR there could be told."""
+        ...
+
+    def return_of_submodules(self, last_ns: int, now: int) -> int:
+        """Tell that the IOPS of the submodules with data are GOOD again; how many alarms.
+
+        ``last_ns``: the last frame in which they were BAD.  None go to connections that came later, nor while an
+        impairment makes them BAD still.
+        """
+        ...
+
+    def diagnose(self, entry: DiagnosisEntry, now: int) -> None:
+        """Let a diagnosis appear; of several with one key the latest holds.  Raises :class:`ConfigError`."""
+        ...
+
+    def undiagnose(self, entry: DiagnosisEntry, now: int) -> None:
         """Take it back."""
         ...
 

@@ -39,6 +39,11 @@ def _places(axis: Any) -> int:
 
 
 @compiled
+def _changed(axis: Any) -> None:
+    axis.fault_changes = (int(axis.fault_changes) + 1) & 0xFFFF
+
+
+@compiled
 def raise_fault(axis: Any, code: int, now: int) -> None:
     """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once."""
     number = code & NUMBER_MASK
@@ -56,6 +61,7 @@ def raise_fault(axis: Any, code: int, now: int) -> None:
             axis.fault_code[i] = code
             if i < _places(axis):
                 axis.fault_buffer[i] = number
+            _changed(axis)
             return
 
 
@@ -89,14 +95,16 @@ def _into_history(axis: Any) -> None:
     for i in range(FAULT_SLOTS):
         axis.fault_code[i] = 0
     axis.fault_ns = 0
+    _changed(axis)
 
 
 @compiled
 def _clear_history(axis: Any) -> None:
-    """Forget what was acknowledged; a situation that is active stays, as the first one."""
+    """Forget what was acknowledged; a situation that is still active stays, as the only one."""
     for i in range(_places(axis), FAULT_SLOTS * FAULT_SITUATIONS):
         axis.fault_buffer[i] = 0
     axis.fault_counter = 1 if axis.fault_code[0] != 0 else 0
+    _changed(axis)
 
 
 @compiled
@@ -131,6 +139,8 @@ def _power_on(axis: Any, now: int) -> None:
     if axis.fault_code[0] != 0:
         _into_history(axis)
     axis.fault_counter = 0
+    axis.fault_changes = 0
+    axis.life_sent = 0
     for i in range(FAULT_SLOTS):
         if axis.fault_held[i] != 0:
             raise_fault(axis, axis.fault_held[i], now)
@@ -157,10 +167,10 @@ def take_commands(axis: Any, now: int) -> None:
         elif code == CMD_SET_POSITION:
             axis.position = argument / 1e6
             axis.commanded_position = axis.position
-        elif code == CMD_CLEAR_HISTORY:
-            _clear_history(axis)
         elif code == CMD_RAISE_WARNING:
             axis.warning_code = argument & NUMBER_MASK
+        elif code == CMD_CLEAR_HISTORY:
+            _clear_history(axis)
         elif code == CMD_CLEAR_WARNING and axis.warning_code == (argument & NUMBER_MASK):
             axis.warning_code = 0
         axis.command_tail = (axis.command_tail + 1) & 0xFFFFFFFF

@@ -55,6 +55,10 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     else:
         net = driving - (friction if driving > 0.0 else -friction)
     following = velocity + net / inertia * seconds / RPM_TO_RAD
+    braking = axis.coast_method == 0 or (axis.coast_method == 1 and abs(velocity) > axis.standstill)
+    if braking and not powered_stage:
+        # shorted windings; implicit, so that a light load stays stable
+        following /= 1.0 + axis.brake_damping / inertia * seconds
     if moving and following * velocity < 0.0 and abs(driving) <= friction:
         following = 0.0
     if abs(following) < 1e-4 and axis.ramp == 0.0 and abs(driving) <= friction:

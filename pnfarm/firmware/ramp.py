@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.table.compiled import compiled
 
-__all__ = ["approach", "velocity_command"]
+__all__ = ["approach", "limited", "velocity_command"]
 
 RAMP_ENABLED = 0x0010  # STW1.4
 RAMP_UNFROZEN = 0x0020  # STW1.5
@@ -41,11 +41,25 @@ def approach(value: float, target: float, up: float, down: float, seconds: float
 
 
 @compiled
+def limited(axis: Any, target: float) -> float:
+    """``target`` within the limits of motor and parameters, rpm."""
+    limit = axis.max_velocity
+    if axis.velocity_limit > 0.0 and axis.velocity_limit < limit:
+        limit = axis.velocity_limit
+    if target > limit:
+        return limit
+    if target < -limit:
+        return -limit
+    return target
+
+
+@compiled
 def velocity_command(axis: Any, seconds: float) -> None:
     """Advance ``axis.ramp`` by one step of ``seconds``; ``axis.setpoint`` is what the controller asks for."""
     stw1 = axis.stw1
     if axis.state == 5:
-        down = axis.ramp_down if axis.stop == 1 else axis.quick_stop_deceleration
+        # a drive without a ramp generator has one ramp for every stop
+        down = axis.ramp_down if axis.stop == 1 and not axis.no_ramp_generator else axis.quick_stop_deceleration
         axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
         return
     if axis.state != 4:
@@ -54,6 +68,9 @@ def velocity_command(axis: Any, seconds: float) -> None:
         return
     if axis.opmode != 1:
         axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
+        return
+    if axis.no_ramp_generator:
+        axis.ramp = limited(axis, axis.setpoint)
         return
     working = stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED)
     if working == 0 and stw1 & (JOG_1 | JOG_2):
@@ -70,11 +87,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
         return
     if not stw1 & RAMP_UNFROZEN:
         return
-    target = axis.setpoint if stw1 & SETPOINT_ENABLED else 0.0
-    if target > axis.max_velocity:
-        target = axis.max_velocity
-    elif target < -axis.max_velocity:
-        target = -axis.max_velocity
+    target = limited(axis, axis.setpoint) if stw1 & SETPOINT_ENABLED else 0.0
     if axis.setpoint_direct:
         # the controller interpolates (Moog MSD manual, table 10.1: the set point acts directly on the control)
         axis.ramp = target

@@ -7,6 +7,7 @@ from typing import Any
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.motor import step_motor
 from pnfarm.firmware.ramp import velocity_command
+from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
 from pnfarm.firmware.telegram import from_setpoints, to_actuals
 from pnfarm.table.axis import FAULT_SLOTS, REACTION_QUICK_STOP
@@ -104,6 +105,7 @@ def step(axis: Any, image: Any, now: int) -> None:
         return
     take_commands(axis, now)
     _control_word(axis, image, now)
+    check_life(axis, now)
 
     faulty = axis.fault_code[0] != 0
     reaction = 0

@@ -4,29 +4,37 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis import VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.sign_of_life import second_status_word
+from pnfarm.table.axis import FAULT_WORDS
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_SPEED,
     DRV_ACC,
     DRV_DEC,
+    FAULT_CODE,
     G1_XIST1,
     G1_XIST2,
     ITIST_GLATT,
+    MELDW,
     NIST_A,
     NIST_B,
     NSOLL_A,
     NSOLL_B,
     REF_SPEED,
+    WARN_CODE,
     XIST_A,
     XIST_ERROR,
     ZSW1,
+    ZSW2,
 )
 
-__all__ = ["from_setpoints", "signed16", "signed32", "to_actuals"]
+__all__ = ["from_setpoints", "message_word", "signed16", "signed32", "to_actuals"]
 
 #: 100 % of a signal in N2 normalisation (AKD PROFINET manual 5.12.4).
 N2_FULL = 16384.0
+#: Increments of NSOLL_B and NIST_B to one of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
+B_STEPS = 65536.0
 
 
 @compiled
@@ -62,18 +70,36 @@ def _clamp32(value: float) -> int:
 
 
 @compiled
-def from_setpoints(axis: Any, image: Any) -> None:
-    """The velocity set point out of the signal that brings it, ramps out of DRV_ACC and DRV_DEC.
+def message_word(axis: Any) -> int:
+    """MELDW (HIWIN E1 manual 3.16); the motor model knows no overload, and bit 8 is always set there."""
+    word = 0x01C0
+    if abs(axis.current) < axis.peak_current:
+        word |= 0x0002  # torque limit not active
+    if axis.state == 4:
+        word |= 0x0800  # controller enabled
+    if axis.state >= 2:
+        word |= 0x1000  # drive ready
+    if axis.state >= 4:
+        word |= 0x2000  # pulses enabled
+    return word
 
-    NSOLL_A: AKD PROFINET manual 6.5; NSOLL_B: Moog MSD manual 10.7; ramps: AKD 6.1.  A telegram without those two, or
-    one that leaves them zero, keeps the drive's own ramps.
+
+@compiled
+def _step_b(axis: Any) -> float:
+    """rpm of one increment of NSOLL_B: its own (Moog MSD manual 10.7), or from that of NSOLL_A."""
+    return axis.velocity_step_b if axis.velocity_step_b > 0.0 else axis.velocity_step / B_STEPS
+
+
+@compiled
+def from_setpoints(axis: Any, image: Any) -> None:
+    """The velocity set point out of the signal that the telegram has; ramps out of DRV_ACC and DRV_DEC.
+
+    NSOLL_A: AKD PROFINET manual 6.5; NSOLL_B: HIWIN E1 manual 6.1, Moog MSD manual 10.7; in two words and the drive's
+    own units: Moog MSD manual 14.2; ramps: AKD PROFINET manual 6.1.  A telegram without those two, or one
+    that leaves them zero, keeps the drive's own ramps.
     """
-    if axis.velocity_signal == VELOCITY_NSOLL_B:
-        axis.setpoint = image.received[NSOLL_B] * axis.velocity_step_b
-    elif axis.velocity_signal == VELOCITY_REF_SPEED:
-        axis.setpoint = image.received[REF_SPEED] * axis.velocity_step
-    else:
-        axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
+    steps = signed16(image.received[NSOLL_A]) + float(image.received[REF_SPEED])
+    axis.setpoint = steps * axis.velocity_step + image.received[NSOLL_B] * _step_b(axis)
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
     axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration
@@ -82,16 +108,22 @@ def from_setpoints(axis: Any, image: Any) -> None:
 
 @compiled
 def to_actuals(axis: Any, image: Any) -> None:
-    """ZSW1, the actual velocities, ITIST_GLATT and the position signals."""
+    """Status words, actual velocity, current, messages and the position signals."""
     image.sent[ZSW1] = axis.zsw1
-    image.sent[NIST_A] = _clamp16(axis.velocity / axis.velocity_step)
+    steps = axis.velocity / axis.velocity_step
+    image.sent[NIST_A] = _clamp16(steps)
+    image.sent[NIST_B] = _clamp32(axis.velocity / _step_b(axis))
+    image.sent[ACT_SPEED] = _clamp32(steps)
+    if axis.life:
+        image.sent[ZSW2] = second_status_word(axis)
+    image.sent[MELDW] = message_word(axis)
+    number = int(axis.fault_code[0]) & NUMBER_MASK
+    image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
+    image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
+    if axis.sensor_step > 0.0:
+        image.sent[G1_XIST1] = signed32(int(round(axis.position / axis.sensor_step)))  # noqa: RUF046 - as above
+        # both positions of a sensor are the same (Moog MSD manual 11.3)
+        image.sent[G1_XIST2] = image.sent[G1_XIST1]
     image.sent[ITIST_GLATT] = _clamp16(axis.current / axis.peak_current * N2_FULL)
     image.sent[XIST_A] = signed32(int(round(axis.position / axis.position_step)))  # noqa: RUF046 - as above
-    image.sent[ACT_SPEED] = signed32(int(round(axis.velocity / axis.velocity_step)))  # noqa: RUF046 - as above
-    if axis.velocity_step_b > 0.0:
-        image.sent[NIST_B] = _clamp32(axis.velocity / axis.velocity_step_b)
-    if axis.sensor_step > 0.0:
-        # both positions of the sensor are the same (Moog MSD manual 11.3)
-        image.sent[G1_XIST1] = signed32(int(round(axis.position / axis.sensor_step)))  # noqa: RUF046 - as above
-        image.sent[G1_XIST2] = image.sent[G1_XIST1]
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

@@ -127,6 +127,9 @@ class FarmCollector(Collector):
                 ("state", "state", "PROFIdrive state: 1..5 for S1..S5, 0 while the drive boots."),
             )
         ]
+        self._life_errors = drive(
+            "sign_of_life_errors_total", "counter", "Frames whose sign of life (STW2) did not follow the last one's."
+        )
         self._fault_active = drive("axis_fault_active", "gauge", "Number of the active fault (PNU 947), 0 = none.")
         self._fault_total = Family(
             "pnfarm_axis_faults_total", "counter", "Faults of the drive by number (702 = F702).", ("drive", "code")
@@ -196,6 +199,7 @@ class FarmCollector(Collector):
         axis = core.columns.axis[:count]
         parts: list[tuple[Family, Values]] = [(self._build, [1])]
         parts += [(family, axis[column].tolist()) for family, column in self._axis]
+        parts.append((self._life_errors, axis["life_errors"].tolist()))
         parts.append((self._fault_active, (axis["fault_code"][:, 0] & NUMBER_MASK).tolist()))
         parts.append((self._fault_total, self._labelled(self._fault_total, self._fault_counts())))
         parts += self._connections(stations)

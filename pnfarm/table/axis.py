@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from pnfarm.table.layout import Field, Layout
 
-__all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS"]
+__all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS", "FAULT_WORDS"]
 
 #: Faults of one situation, and situations kept (AKD PROFINET manual 5.14: eight of eight).
 FAULT_SLOTS = 8
 FAULT_SITUATIONS = 8
+#: Fault numbers whose word in the signal FAULT_CODE is the manual's own: 0 to 127.
+FAULT_WORDS = 128
 #: Entries of the command ring from the event loop to the firmware.
 COMMANDS = 16
 
@@ -31,13 +33,8 @@ CMD_POWER_ON = 5  # start from boot with a clean state; position and fault histo
 CMD_SET_POSITION = 6  # argument: micro-revolutions, signed
 CMD_RAISE_WARNING = 7  # argument: warning number
 CMD_CLEAR_WARNING = 8  # argument: warning number
+CMD_CLEAR_HISTORY = 9  # forget the acknowledged fault situations
 
-CMD_CLEAR_HISTORY = 9  # forget every situation that was acknowledged, and the counter
-
-# Which set point the telegram brings (``velocity_signal``).
-VELOCITY_NSOLL_A = 0
-VELOCITY_NSOLL_B = 1
-VELOCITY_REF_SPEED = 2
 
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
@@ -59,13 +56,18 @@ AXIS = Layout(
         Field("peak_current", "f8", "A", "station", "DRV.IPEAK: 100 % of the current signals"),
         Field("velocity_time_constant", "f8", "s", "station", "closed velocity loop, first order"),
         Field("max_velocity", "f8", "rpm", "station", "limit of the velocity command"),
+        Field("brake_damping", "f8", "N m s/rad", "station", "dynamic brake of a power stage that is off, 0 = none"),
+        Field("fault_words", "u2", "", "station", "signal FAULT_CODE by fault number", (FAULT_WORDS,)),
         # parameters that the firmware reads
         Field("opmode", "u1", "", "parameter", "0 torque, 1 velocity, 2 position (DRV.OPMODE)"),
         Field("velocity_step", "f8", "rpm", "parameter", "one increment of NSOLL_A and NIST_A"),
         Field(
-            "velocity_step_b", "f8", "rpm", "parameter", "one increment of NSOLL_B and NIST_B, 0 = the drive has none"
+            "velocity_step_b",
+            "f8",
+            "rpm",
+            "parameter",
+            "one increment of NSOLL_B and NIST_B, 0 = a 65536th of NSOLL_A's",
         ),
-        Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_* above"),
         Field("setpoint_direct", "u1", "", "parameter", "1 = velocity set points pass the ramp generator by"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
         Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),
@@ -74,7 +76,6 @@ AXIS = Layout(
         Field("velocity_window", "f8", "rpm", "parameter", "ZSW1.8 and ZSW1.10: how near is on target"),
         Field("standstill", "f8", "rpm", "parameter", "below this the axis stands (CS.VTHRESH)"),
         Field("position_step", "f8", "rev", "parameter", "one increment of the position signals"),
-        Field("sensor_step", "f8", "rev", "parameter", "one increment of G1_XIST1, 0 = no sensor interface"),
         Field(
             "loss_fault",
             "u4",
@@ -96,6 +97,13 @@ AXIS = Layout(
         Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
         Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006; 0 = as acceleration"),
         Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
+        Field("no_ramp_generator", "u1", "", "parameter", "1 = no ramp generator: STW1.4-6, 8 and 9 have no meaning"),
+        Field("velocity_limit", "f8", "rpm", "parameter", "limit of the velocity command beside the motor's, 0 = none"),
+        Field("sensor_step", "f8", "rev", "parameter", "one increment of G1_XIST1, 0 = no such signal"),
+        Field("coast_method", "u1", "", "parameter", "dynamic brake: 0 always, 1 until standstill, 2 never"),
+        Field("life", "u1", "", "parameter", "1 = sign of life in STW2 and ZSW2"),
+        Field("life_tolerance", "u2", "", "parameter", "failed signs of life that are too many (PNU 925), 65535 = all"),
+        Field("life_fault", "u4", "", "parameter", "fault raised then (number | reaction << 24), 0 = none"),
         Field("command", "i8", "", "station", "ring of commands to the firmware", (COMMANDS,)),
         Field("command_head", "u4", "", "station", "commands written so far"),
         Field("command_tail", "u4", "", "firmware", "commands taken so far"),
@@ -116,6 +124,7 @@ AXIS = Layout(
             "fault_buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)
         ),
         Field("fault_counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
+        Field("fault_changes", "u2", "", "firmware", "changes of the fault buffer since power-on"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
         Field(
             "telegram_ns", "i8", "ns", "firmware", "when cyclic data was there last, 0 = not yet, or its loss was told"
@@ -124,6 +133,14 @@ AXIS = Layout(
         Field("fault_ns", "i8", "ns", "firmware", "when the active situation began, 0 = none"),
         Field("reacted", "u1", "", "firmware", "1 once the controller withdrew the enable after a fault"),
         Field("warning_code", "u4", "", "firmware", "active warning, 0 = none"),
+        # sign of life
+        Field("life_frames", "u4", "", "firmware", "set point frames seen so far"),
+        Field("life_seen", "u1", "", "firmware", "the controller's last count, 0 = none"),
+        Field("life_run", "u1", "", "firmware", "frames in sequence, 15 = the controller is watched"),
+        Field("life_sent", "u1", "", "firmware", "the drive's own count, 1..15, 0 = none yet"),
+        Field("life_count", "u4", "", "firmware", "error counter: 10 up on a failure, 1 down on a good frame"),
+        Field("life_failed", "u1", "", "firmware", "1 until the step has raised the fault"),
+        Field("life_errors", "i8", "", "firmware", "failed signs of life"),
         # the motor
         Field("velocity", "f8", "rpm", "firmware", "shaft speed (VL.FB)"),
         Field("position", "f8", "rev", "firmware", "shaft position since power-on (PL.FB)"),

@@ -23,6 +23,8 @@ IMAGE = Layout(
     "Signals of one station by slot (:mod:`pnfarm.table.signals`); a 16-bit signal stands unsigned in its 32 bits.",
     [
         Field("received", "i4", "", "receive", "signals that the peer sends", (SLOTS,)),
+        Field("frames", "u4", "", "receive", "set point frames taken so far"),
+        Field("filled", "u4", "", "transmit", "frames filled so far"),
         Field("valid", "u1", "", "receive", "1 while a peer in RUN sends them with good status"),
         Field("lost", "u1", "", "receive", "why they are not valid: LOST_* below"),
         Field(

@@ -49,16 +49,19 @@ HOME_MODE = 12
 DRV_ACC = 13
 DRV_DEC = 14
 NSOLL_B = 15
-XSOLL_A = 16
-TARPOS_A = 17
-VELOCITY_A = 18
-G1_STW = 19
-XERR = 20
-KPC = 21
+G1_STW = 16
+POS_STW1 = 17
+POS_STW2 = 18
+OVERRIDE = 19
+XSOLL_A = 20
+TARPOS_A = 21
+VELOCITY_A = 22
+XERR = 23
+KPC = 24
 #: A velocity set point of 32 bits in the drive's own units.
-REF_SPEED = 22
-TORQUE_LIMIT_POSITIVE = 23
-TORQUE_LIMIT_NEGATIVE = 24
+REF_SPEED = 25
+TORQUE_LIMIT_POSITIVE = 26
+TORQUE_LIMIT_NEGATIVE = 27
 
 # Drive to controller.
 ZSW1 = 0
@@ -74,10 +77,15 @@ NIST_B = 9
 G1_ZSW = 10
 G1_XIST1 = 11
 G1_XIST2 = 12
+POS_ZSW1 = 13
+POS_ZSW2 = 14
+MELDW = 15
+FAULT_CODE = 16
+WARN_CODE = 17
 #: The actual velocity in 32 bits in the drive's own units.
-ACT_SPEED = 13
-E_DIGITAL = 14
-A_DIGITAL = 15
+ACT_SPEED = 18
+E_DIGITAL = 19
+A_DIGITAL = 20
 
 SETPOINT_SLOTS: dict[str, int] = {
     "STW1": STW1,
@@ -96,10 +104,13 @@ SETPOINT_SLOTS: dict[str, int] = {
     "DRV_ACC": DRV_ACC,
     "DRV_DEC": DRV_DEC,
     "NSOLL_B": NSOLL_B,
+    "G1_STW": G1_STW,
+    "POS_STW1": POS_STW1,
+    "POS_STW2": POS_STW2,
+    "OVERRIDE": OVERRIDE,
     "XSOLL_A": XSOLL_A,
     "TARPOS_A": TARPOS_A,
     "VELOCITY_A": VELOCITY_A,
-    "G1_STW": G1_STW,
     "XERR": XERR,
     "KPC": KPC,
     "REF_SPEED": REF_SPEED,
@@ -120,6 +131,11 @@ ACTUAL_SLOTS: dict[str, int] = {
     "G1_ZSW": G1_ZSW,
     "G1_XIST1": G1_XIST1,
     "G1_XIST2": G1_XIST2,
+    "POS_ZSW1": POS_ZSW1,
+    "POS_ZSW2": POS_ZSW2,
+    "MELDW": MELDW,
+    "FAULT_CODE": FAULT_CODE,
+    "WARN_CODE": WARN_CODE,
     "ACT_SPEED": ACT_SPEED,
     "E_DIGITAL": E_DIGITAL,
     "A_DIGITAL": A_DIGITAL,

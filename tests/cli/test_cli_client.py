@@ -1,4 +1,4 @@
-"""inspect, fault and param against an API that answers what each test wants."""
+"""inspect, fault, module and param against an API that answers what each test wants."""
 
 from __future__ import annotations
 
@@ -38,6 +38,48 @@ PARAMETER = {
     "value": 1,
     "values": None,
     "unit": "",
+}
+SUBMODULES = [
+    {
+        "subslot": "0x0001",
+        "submodule_ident": "0x0000FFFF",
+        "api": "0x3A00",
+        "input_bytes": 0,
+        "output_bytes": 0,
+        "owner": "plc",
+        "awaits_parameters": False,
+    },
+    {
+        "subslot": "0x0002",
+        "submodule_ident": "0x00000064",
+        "api": "0x3A00",
+        "input_bytes": 4,
+        "output_bytes": 4,
+        "owner": None,
+        "awaits_parameters": True,
+    },
+]
+MODULES = {
+    "drive": "axis-01",
+    "modules": [
+        {
+            "slot": 1,
+            "module_ident": "0x00000100",
+            "telegram": 1,
+            "held": False,
+            "substitute": False,
+            "submodules": SUBMODULES,
+        },
+        {"slot": 2, "module_ident": None, "telegram": None, "held": True, "substitute": False, "submodules": []},
+        {
+            "slot": 3,
+            "module_ident": "0x00000555",
+            "telegram": None,
+            "held": True,
+            "substitute": True,
+            "submodules": [],
+        },
+    ],
 }
 ENTRY = {"sequence": 7, "time": 1.7e9, "farm_seconds": 1.0, "drive": "axis-01", "event": "fault", "number": 702}
 
@@ -241,6 +283,88 @@ def test_fault_clear_ends_one_or_all(ask, farm):
     assert ask("fault", "clear").out == "cleared a b\n"
     farm.answer("POST", "reset", {"cleared": []})
     assert ask("fault", "clear").out == "no fault was in force\n"
+
+
+# -- module
+
+
+def test_module_list_shows_the_slots_with_their_submodules(ask, farm):
+    farm.answer("GET", "drives/axis-01/modules", MODULES)
+    head, *lines = [" ".join(line.split()) for line in ask("module", "list", "axis-01").out.splitlines()]
+    assert head == "SLOT SUBSLOT IDENT OCTETS OWNER"
+    assert lines == [
+        "1 0x00000100 (telegram 1)",
+        "0x0001 0x0000FFFF 0 in, 0 out plc",
+        "0x0002 0x00000064 4 in, 4 out awaits parameters",
+        "2 empty held",
+        "3 0x00000555 substitute held",
+    ]
+    assert json.loads(ask("module", "list", "axis-01", "--format", "json").out) == MODULES
+
+
+@pytest.mark.parametrize(
+    ("place", "path"),
+    [
+        ("1", "drives/axis-01/modules/1"),
+        ("1.2", "drives/axis-01/modules/1?subslot=2"),
+        ("0.0x8001", "drives/axis-01/modules/0?subslot=32769"),
+        ("0x1.0", "drives/axis-01/modules/1?subslot=0"),
+    ],
+)
+def test_module_pull_names_a_slot_or_one_submodule_of_it(ask, farm, place, path):
+    farm.answer("DELETE", path, MODULES)
+    found = ask("module", "pull", "axis-01", place)
+    assert found.code == 0, found.err
+    assert "empty" in found.out
+    assert [(method, asked, body) for method, asked, body, _ in farm.asked] == [("DELETE", f"/api/v1/{path}", None)]
+
+
+@pytest.mark.parametrize(
+    ("options", "body"),
+    [
+        ("", {"substitute": False}),
+        ("--telegram 9", {"telegram": 9, "substitute": False}),
+        ("--telegram 0", {"telegram": 0, "substitute": False}),
+        ("--module 0x12345678", {"module_ident": 0x12345678, "substitute": False}),
+        ("--module 0xFFFFFFFF --substitute", {"module_ident": 0xFFFFFFFF, "substitute": True}),
+    ],
+)
+def test_module_plug_sends_what_is_plugged(ask, farm, options, body):
+    farm.answer("PUT", "drives/axis-01/modules/1", MODULES)
+    found = ask("module", "plug", "axis-01", "1", *options.split(), "--format", "json")
+    assert json.loads(found.out) == MODULES
+    assert farm.asked[-1][2] == body
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("module pull axis-01 one", "'one' is no slot"),
+        ("module pull axis-01 1.", "'' is no subslot"),
+        ("module pull axis-01 1.x", "'x' is no subslot"),
+        ("module pull axis-01 -- -1", "'-1' is no slot"),
+        ("module pull axis-01 1.0x10000", "'0x10000' is no subslot"),
+        ("module plug axis-01 one", "'one' is no slot"),
+        ("module plug axis-01 1 --module seven", "'seven' is no module ident"),
+        ("module plug axis-01", "SLOT"),
+    ],
+)
+def test_a_place_or_module_that_is_none_is_bad_input_and_nothing_is_asked(ask, farm, line, told):
+    found = ask(*line.split())
+    assert found.code == 2
+    assert told in found.err
+    assert farm.asked == []
+
+
+def test_what_the_farm_says_of_a_module_is_the_commands_sentence(ask, farm):
+    farm.answer("DELETE", "drives/axis-01/modules/0", {"detail": "slot 0 holds the access point"}, 422)
+    found = ask("module", "pull", "axis-01", "0")
+    assert (found.code, found.err) == (2, "pnfarm: slot 0 holds the access point\n")
+
+
+def test_module_alone_shows_its_help(ask):
+    found = ask("module")
+    assert all(word in found.out for word in ("list", "pull", "plug"))
 
 
 # -- param

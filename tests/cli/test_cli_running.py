@@ -126,6 +126,72 @@ def test_a_farm_and_its_controller_at_work(farm, file, process, background, tmp_
     assert all(drive["frames_received"] > 0 for drive in summary["drives"])
 
 
+def test_modules_of_a_running_farm_come_and_go_under_its_controllers_eyes(farm, file, process, background):
+    plc = background("--log-format", "json", "plc", file, "--seconds", "120")
+    plc.wait_for('"connected"')
+
+    def drive_slot() -> dict:
+        return json.loads(process("module", "list", "axis-02", "--format", "json").out)["modules"][1]
+
+    assert until(lambda: {s["owner"] for s in drive_slot()["submodules"]} == {"plc"})
+    assert "0x0002" in process("module", "list", "axis-02").out
+
+    pulled = process("module", "pull", "axis-02", "1.2")
+    assert pulled.code == 0, pulled.err
+    assert [s["subslot"] for s in drive_slot()["submodules"]] == ["0x0001"]
+    plc.wait_for("submodule pulled on slot 1 subslot 2", 20)
+    assert process("module", "pull", "axis-02", "1.2").code == 2
+    assert process("module", "pull", "axis-02", "0").code == 2
+
+    plugged = process("module", "plug", "axis-02", "1", "--module", "0x1234", "--format", "json")
+    assert json.loads(plugged.out)["modules"][1]["module_ident"] == "0x00001234"
+    plc.wait_for("wrong submodule plugged on slot 1 subslot 1", 20)
+
+    assert process("module", "plug", "axis-02", "1").code == 0
+    assert (drive_slot()["telegram"], drive_slot()["held"]) == (1, False)
+    plc.wait_for("submodule plugged on slot 1 subslot 2", 20)
+
+    added = process("fault", "add", "module-missing", "--on", "axis-02", "--param", "subslot=2", "--as", "gone")
+    assert added.out == "gone: module-missing active on axis-02\n"
+    assert drive_slot()["held"] is True
+
+    def fault() -> dict:
+        return json.loads(process("fault", "list", "gone", "--format", "json").out)["faults"][0]
+
+    assert fault()["evidence"]["activations"] == 1
+    assert process("fault", "clear", "gone").code == 0
+    assert (drive_slot()["telegram"], drive_slot()["held"], len(drive_slot()["submodules"])) == (1, False, 2)
+    assert plc.stop(signal.SIGTERM) == 0
+
+
+def test_alarm_faults_on_a_running_farm_are_confirmed_by_the_controller(farm, file, process, background):
+    plc = background("plc", file, "--seconds", "120")
+    plc.wait_for('"connected"')
+
+    def evidence(name: str) -> dict:
+        (found,) = json.loads(process("fault", "list", name, "--format", "json").out)["faults"]
+        return found["evidence"]
+
+    def connected() -> bool:
+        drives = json.loads(process("inspect", "--format", "json").out)["drives"]
+        return all(drive["ar_state"] == "DATA" for drive in drives)
+
+    assert until(connected)
+    sick = ["diagnosis", "--param", "error=wire-break", "--param", "severity=maintenance-required", "--as", "sick"]
+    assert process("fault", "add", *sick, "--on", "axis-01").code == 0
+    assert process("fault", "add", "alarm-storm", "--on", "axis-01", "--count", "100", "--as", "storm").code == 0
+    assert until(lambda: evidence("storm")["activations"] == 100)
+    assert evidence("sick")["confirmed"]
+    assert evidence("storm")["confirmed"]
+    assert process("fault", "add", "rpc-delay", "--on", "axis-01", "--as", "slow", "-p", "delay=100ms").code == 0
+    assert process("fault", "add", "watchdog-expire", "--on", "axis-01", "--as", "late").code == 0
+    assert until(lambda: evidence("late")["confirmed"])
+    assert until(lambda: connected() and evidence("slow")["activations"] >= 3)
+    assert evidence("slow")["confirmed"]
+    assert process("fault", "clear").code == 0
+    assert plc.stop(signal.SIGTERM) == 0
+
+
 def test_plc_ends_after_its_seconds_with_a_table(farm, file, process):
     found = process("plc", file, "--seconds", "2", "--format", "table")
     assert found.code == 0, found.err

@@ -47,8 +47,9 @@ def test_a_model_without_the_optional_values_has_their_defaults(folder: Path) ->
     assert sources["min_cycle_ns"]["source"] == "4.2.2"
 
 
-def test_the_akd_sends_no_alarms_by_its_manual() -> None:
-    akd = model("akd-profinet")
+@pytest.mark.parametrize("name", ["akd-profinet", "akd-profinet-2012"])
+def test_the_akd_sends_no_alarms_by_its_manual(name: str) -> None:
+    akd = model(name)
     assert akd.limits.alarms is False
     assert akd.source_of("limits.alarms").source == "5.13"
 

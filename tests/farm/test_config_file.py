@@ -21,6 +21,7 @@ class Model:
 
     name: str = "akd-profinet"
     min_cycle_ns: int = 16_000_000
+    max_cycle_ns: int = 0
     telegrams: tuple[int, ...] = (1, 7)
     default_telegram: int = 1
 

@@ -274,7 +274,7 @@ def test_what_a_controller_wrote_for_interface_and_ports_survives_a_power_cycle(
     line = Farm(memory=memory)
     station = line.farm.stations[0]
     assert station.neighbours.pdev.write(None, 0, 0, 0x8000, 0x8071, ADJUST, line.world.now) is None
-    station._handle_cm(RecordWritten(1, 0, 0, 0x8000, 0x8071, ADJUST), line.world.now)
+    station.connections.take(RecordWritten(1, 0, 0, 0x8000, 0x8071, ADJUST), line.world.now)
     station.power_cycle(line.world.now)
     assert station.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, line.world.now) == ADJUST
     again = Farm(memory=memory).farm.stations[0]

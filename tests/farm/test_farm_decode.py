@@ -89,6 +89,35 @@ def in_order(found: list[str], *wanted: str) -> None:
 # -- a farm
 
 
+async def record_e1(path: Path) -> None:
+    text = FARM.replace("akd-profinet", "hiwin-e1").replace("16ms", "4ms")
+    line = await VirtualLine.create(parse_farm(text[: text.index("  records:")]), pcap=path, epoch_ns=0)
+    assert line.world.run(5.0, until=lambda: line.plc.all_running)
+    line.world.run(0.2)
+    await line.close()
+
+
+def test_bits_have_the_names_of_the_drives_model(farm_capture, tmp_path):
+    """Bits 4 to 6 of STW1 work the AKD's ramp generator; the E1 reserves them in telegram 3 (its manual, 3.3.1)."""
+    path = tmp_path / "e1.pcapng"
+    asyncio.run(record_e1(path))
+    names = []
+    for capture in (farm_capture, path):
+        decoder, _ = decoded(capture)
+        templates = [channel.template for channel in decoder.shared.channels.values()]
+        names.append({t.bits["STW1"][4:7] for t in templates if t is not None and "STW1" in t.bits})
+    assert names == [{("enable_ramp_generator", "unfreeze_ramp_generator", "enable_setpoint")}, {("", "", "")}]
+
+
+def test_a_sign_of_life_that_runs_is_not_worth_a_line(tmp_path):
+    path = tmp_path / "e1.pcapng"
+    asyncio.run(record_e1(path))
+    found = texts(path)
+    assert any("telegram 3" in line for line in found)
+    assert any(line.startswith("plc -> axis-01 STW1") and "enable operation set" in line for line in found)
+    assert not any(line.startswith(("plc -> axis-01 STW2", "axis-01 -> plc ZSW2")) for line in found)
+
+
 def test_a_start_up_in_words(farm_capture):
     in_order(
         [line for line in texts(farm_capture) if "axis-01" in line],

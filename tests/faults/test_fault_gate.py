@@ -10,9 +10,21 @@ from hypothesis import strategies as st
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.fault_targets import add_impairments, attach_faults
-from pnfarm.faults.gate import GatedLink, GateRule, every_frame, is_dcp, is_rpc
+from pnfarm.faults.gate import (
+    DelayRule,
+    GatedLink,
+    GateRule,
+    acknowledging_nothing,
+    every_frame,
+    is_alarm_answer,
+    is_alarm_data,
+    is_dcp,
+    is_rpc,
+)
 from pnfarm.links.base import PortSpec
 from pnfarm.links.memory import MemoryLink, MemorySwitch
+from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
+from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaPdu, RtaType, emit_rta, parse_rta
 
 MACS = bytes.fromhex("020000000001020000000002")
 TAG = bytes.fromhex("8100c000")
@@ -44,7 +56,142 @@ def test_dcp_and_rpc_are_told_apart_from_all_else(frame, dcp, rpc):
 @given(st.binary(max_size=80))
 def test_any_bytes_are_of_some_sort(frame):
     assert not (is_dcp(frame) and is_rpc(frame))
+    assert not is_alarm_data(frame) or is_alarm_answer(frame)
     assert not is_dcp(MACS + b"\x81\x00" + frame) or len(frame) >= 6
+
+
+def rta(kind: int, body: bytes = b"", *, tag: bytes = TAG, frame_id: int = ALARM_LOW, ack: int = 5) -> bytes:
+    pdu = RtaPdu(frame_id, 1, 2, 0x10 | kind, 0x11, 4, ack, body)
+    return MACS + tag + b"\x88\x92" + emit_rta(pdu) + bytes(20)
+
+
+@pytest.mark.parametrize(
+    ("frame", "data", "answer"),
+    [
+        (rta(RtaType.DATA), True, True),
+        (rta(RtaType.DATA, tag=b"", frame_id=ALARM_HIGH), True, True),
+        (rta(RtaType.ACK), False, True),
+        (rta(RtaType.NACK), False, True),
+        (rta(RtaType.ERR), False, False),
+        (rta(9), False, False),
+        (rta(RtaType.DATA)[:24], False, False),
+        (MACS + bytes.fromhex("8892feff") + bytes(40), False, False),
+    ],
+)
+def test_what_can_acknowledge_an_alarm_is_told_apart(frame, data, answer):
+    assert (is_alarm_data(frame), is_alarm_answer(frame)) == (data, answer)
+
+
+@given(st.binary(max_size=60), st.integers(0, 0xFFFF), st.sampled_from([b"", TAG]))
+def test_of_an_alarm_frame_that_acknowledges_nothing_all_else_is_left(body, ack, tag):
+    frame = rta(RtaType.DATA, body, tag=tag, ack=ack)
+    left = acknowledging_nothing(frame)
+    start = 14 + len(tag)
+    assert left[:start] == frame[:start]
+    was, now = parse_rta(frame[start:]), parse_rta(left[start:])
+    assert (now.body, now.send_sequence, now.frame_id) == (was.body, was.send_sequence, was.frame_id)
+    assert now.ack_sequence == FIRST_ACK
+    assert acknowledging_nothing(rta(RtaType.ACK)) is None
+
+
+class Late:
+    """Says one wait after the other."""
+
+    def __init__(self, *waits: int) -> None:
+        self.waits, self.told = list(waits), []
+
+    def asked(self, now: int) -> int:
+        del now
+        return self.waits.pop(0) if self.waits else 0
+
+    def left(self, *, sent: bool) -> None:
+        self.told.append(sent)
+
+
+class Wire:
+    """A gated link of one port whose frames are kept as (time, frame)."""
+
+    def __init__(self) -> None:
+        self.now, self.sent = 0, []
+        switch = MemorySwitch()
+        self.link = GatedLink(MemoryLink(switch, lambda: self.now), lambda: self.now)
+        (port,) = asyncio.run(self.link.open([PortSpec("a", MACS[6:])]))
+        self.port = port.index
+        self.link.inner.send = lambda _port, frame: self.sent.append((self.now, frame))
+
+    def at(self, now: int, *frames: bytes) -> None:
+        self.now = now
+        self.link.handle_timeout(now)
+        for frame in frames:
+            self.link.send(self.port, frame)
+
+
+def test_a_frame_held_back_leaves_at_its_time_and_none_of_its_kind_overtakes_it():
+    wire, late = Wire(), Late(100, 0, 20)
+    rule = DelayRule(lambda frame: frame[:1] == b"r", late)
+    wire.link.delay(wire.port, rule)
+    wire.at(10, b"r1", b"other", b"r2")
+    assert wire.sent == [(10, b"other")]
+    assert wire.link.next_deadline() == 110
+    wire.at(50, b"r3")
+    wire.at(109)
+    assert len(wire.sent) == 1
+    wire.at(110)
+    assert wire.sent[1:] == [(110, b"r1"), (110, b"r2"), (110, b"r3")]
+    assert late.told == [True, True]
+    assert wire.link.next_deadline() is None
+    wire.at(120, b"r4")
+    assert wire.sent[-1] == (120, b"r4")
+
+
+def test_two_delays_add_up_and_the_last_one_to_go_lets_everything_leave():
+    wire, one, two = Wire(), Late(100, 1000), Late(50, 1000)
+    rules = [DelayRule(every_frame, one), DelayRule(every_frame, two)]
+    for rule in rules:
+        wire.link.delay(wire.port, rule)
+    wire.at(0, b"a")
+    wire.at(150, b"b")
+    assert wire.sent == [(150, b"a")]
+    wire.link.undelay(wire.port, rules[0])
+    assert len(wire.sent) == 1
+    wire.link.undelay(wire.port, rules[1])
+    assert wire.sent[1:] == [(150, b"b")]
+    assert (one.told, two.told) == ([True, True], [True, True])
+
+
+def test_frames_of_a_sender_without_supply_never_leave():
+    wire, late = Wire(), Late(100)
+    wire.link.delay(wire.port, DelayRule(every_frame, late))
+    wire.at(0, b"a")
+    wire.link.forget(wire.port)
+    wire.at(200)
+    assert (wire.sent, late.told) == ([], [False])
+
+
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 80)), max_size=20))
+def test_whatever_the_waits_frames_keep_their_order_and_none_is_lost(steps):
+    wire, late = Wire(), Late(*(wait for _, wait in steps))
+    rule = DelayRule(every_frame, late)
+    wire.link.delay(wire.port, rule)
+    now = 0
+    for index, (pause, _) in enumerate(steps):
+        now += pause
+        wire.at(now, bytes([index]))
+    wire.link.undelay(wire.port, rule)
+    assert [frame[0] for _, frame in wire.sent] == list(range(len(steps)))
+    assert late.told == [True] * sum(wait > 0 for _, wait in steps)
+
+
+def test_a_rule_may_let_something_else_pass_and_another_still_loses_it():
+    wire = Wire()
+    wire.link.add(wire.port, GateRule(("out",), instead=lambda frame: frame + b"!"))
+    wire.at(0, b"a")
+    assert wire.sent == [(0, b"a!")]
+    lossy = GateRule(("out",))
+    wire.link.add(wire.port, lossy)
+    wire.at(1, b"b")
+    assert len(wire.sent) == 1
+    assert lossy.evidence().activations == 1
 
 
 def test_a_rule_counts_both_ways_together_and_rests_at_its_count():

@@ -69,6 +69,13 @@ def test_every_wrong_field_is_told_with_what_is_allowed():
         ({"kind": "record-error", "params": {"code": "module-falure"}}, "did you mean module-failure?"),
         ({"kind": "loss", "params": {"frames": "cyclc"}}, "did you mean cyclic?"),
         ({"kind": "late-application-ready", "params": {"delay": 5}}, "which has no unit"),
+        ({"kind": "diagnosis", "params": {"error": "wire-brake"}}, "did you mean wire-break?"),
+        ({"kind": "diagnosis", "params": {"data": "0g"}}, "fault.params.data: is '0g'; allowed: octets in hexadecimal"),
+        ({"kind": "diagnosis", "params": {"data": 12}}, "fault.params.data: is 12; allowed: octets in hexadecimal"),
+        ({"kind": "diagnosis", "params": {"data": "00" * 129}}, "at most 128 octets"),
+        ({"kind": "diagnosis", "params": {"channel": 0x8001}}, "fault.params.channel: is 32769"),
+        ({"kind": "alarm-unacknowledged", "params": {"what": "no-nack"}}, "did you mean no-ack?"),
+        ({"kind": "module-missing", "count": 2}, "fault.count: means nothing for module-missing"),
     ],
 )
 def test_a_field_that_the_kind_does_not_take_is_told(fields, told):
@@ -86,6 +93,15 @@ def test_parameters_are_read_by_word_number_and_default():
     assert spec.values() == {"code1": 0x3D, "code2": 1}
     assert FaultSpec.parse({"kind": "ar-abort", "on": "all"}).values() == {"code": 0x0D}
     assert FaultSpec.parse({"kind": "undervoltage", "on": "all"}).values() == {"fault": "undervoltage", "hold": True}
+
+
+def test_octets_are_read_from_hexadecimal_digits():
+    def data(text):
+        return FaultSpec.parse({"kind": "diagnosis", "on": "all", "params": {"data": text}}).values()["data"]
+
+    assert data("0a1BFF") == bytes([0x0A, 0x1B, 0xFF])
+    assert data("hex:0102") == bytes([1, 2])
+    assert data("") == b""
 
 
 def test_a_spec_goes_through_json_and_back():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bench_axis import MS, BenchAxis, take_commands
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_RAISE_FAULT, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_RAISE_FAULT
 from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
 from pnfarm.table.signals import NIST_B, NSOLL_A, NSOLL_B, REF_SPEED, STW1
 
@@ -31,8 +31,7 @@ def faults(bench: BenchAxis) -> list[int]:
 
 def test_nsoll_b_is_a_part_of_the_drives_full_speed_and_so_is_nist_b() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.velocity_signal, bench.axis.velocity_step_b = VELOCITY_NSOLL_B, 3000.0 / FULL
-    bench.image.received[NSOLL_A] = 100
+    bench.axis.velocity_step_b = 3000.0 / FULL
     bench.image.received[NSOLL_B] = -FULL // 10
     bench.run(500)
     assert abs(float(bench.axis.velocity) + 300.0) < 0.1
@@ -52,7 +51,7 @@ def test_nist_b_stops_at_its_ends() -> None:
 
 def test_a_speed_in_two_words_has_the_step_of_nsoll_a() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.velocity_signal, bench.axis.velocity_step = VELOCITY_REF_SPEED, 1.0
+    bench.axis.velocity_step = 1.0
     bench.image.received[REF_SPEED] = -250
     bench.run(500)
     assert abs(float(bench.axis.velocity) + 250.0) < 0.1

@@ -185,6 +185,15 @@ class PlcWorker:
             name, lambda machine, tag: machine.write_record(tag, api, slot, subslot, index, octets)
         )
 
+    def do_outputs(self, name, slot, subslot, data):
+        """Lay octets into the one output frame that is sent, at a submodule's place."""
+        layout = self._machine(name).machine.output_layout
+        place = next(d for d in layout.data if (d.slot, d.subslot) == (slot, subslot))
+        columns, octets = self.plc.core.columns, bytes.fromhex(data)
+        row = next(i for i, ppm in enumerate(columns.ppm) if ppm.active and ppm.frame_id == layout.frame_id)
+        start = int(columns.ppm[row].data_offset) + place.data_offset
+        columns.frames[row][start : start + len(octets)] = list(octets)
+
     async def _record(self, name, ask):
         session, core = self._machine(name), self.plc.core
         tag = object()

@@ -1,4 +1,4 @@
-"""A farm of drives (AKDs if not said) and the built-in controller in one virtual world, from a farm file's text."""
+"""A farm of drives of one model and the built-in controller in one virtual world, from the text of a farm file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ drives:
   - name: axis-{{n:02}}
     count: {drives}
     model: {model}
-    params: {params}
     ip: 10.77.0.11/23
     limits: {limits}
 controller:
@@ -35,13 +34,18 @@ class VirtualLine:
     """``run`` seconds; look at ``farm`` and ``plc``."""
 
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
-                 startup: str = "legacy", telegram: int = 1, controller: bool = True,
-                 memory: VolatileMemory | None = None,
-                 model: str = "akd-profinet", params: str = "{}") -> None:  # fmt: skip
+                 startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
+                 memory: VolatileMemory | None = None, params: str = "{}") -> None:  # fmt: skip
         text = FILE.format(
-            drives=drives, cycle=cycle, limits=limits, watchdog=watchdog, startup=startup, telegram=telegram,
-            model=model, params=params,
-        )  # fmt: skip
+            drives=drives,
+            cycle=cycle,
+            limits=limits,
+            watchdog=watchdog,
+            startup=startup,
+            telegram=telegram,
+            model=model,
+        )
+        text = text.replace(f"    model: {model}\n", f"    model: {model}\n    params: {params}\n")
         if not controller:
             text = text[: text.index("controller:")]
         self.memory = memory or VolatileMemory()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.wire.iocr import IocrType
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from pnfarm.drives.model import Model
     from pnfarm.drives.telegram import Telegram
@@ -25,13 +25,15 @@ PROFIDRIVE_API = 0x3A00
 class Template:
     """How to read one channel's frames.
 
-    ``words`` are (name, octet in the C_SDU, octets); ``statuses`` (``IOPS`` or ``IOCS``, slot, subslot, octet).
+    ``words`` are (name, octet in the C_SDU, octets); ``statuses`` (``IOPS`` or ``IOCS``, slot, subslot, octet);
+    ``bits`` names of bits by word, where the drive's model has them.
     """
 
     layout: IocrLayout
     telegram: int | None
     words: tuple[tuple[str, int, int], ...]
     statuses: tuple[tuple[str, int, int, int], ...]
+    bits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def control(self) -> int | None:
@@ -103,7 +105,7 @@ def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegra
     return next((telegram for telegram in found if telegram is not None), None)
 
 
-def make_template(layout: IocrLayout, telegram: Telegram | None) -> Template:
+def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | None = None) -> Template:
     """Names for the places of ``layout``; without a telegram only what PROFIdrive says of every one."""
     words: list[tuple[str, int, int]] = []
     is_input = layout.is_input
@@ -123,7 +125,11 @@ def make_template(layout: IocrLayout, telegram: Telegram | None) -> Template:
             words = [(first if n == 0 else f"word {n + 1}", place.data_offset + 2 * n, 2) for n in range(count)]
     statuses = [("IOPS", d.slot, d.subslot, d.iops_offset) for d in layout.data]
     statuses += [("IOCS", c.slot, c.subslot, c.iocs_offset) for c in layout.iocs]
-    return Template(layout, telegram.number if telegram is not None else None, tuple(words), tuple(statuses))
+    number = telegram.number if telegram is not None else None
+    bits = {}
+    if model is not None and number is not None:
+        bits = {name: found for name, _, _ in words if (found := model.bit_names(name, number))}
+    return Template(layout, number, tuple(words), tuple(statuses), bits)
 
 
 def _words(names: Iterable[str], offset: int) -> Iterable[tuple[str, int, int]]:

@@ -118,11 +118,12 @@ def connect_response(
 def _open(
     layouts: list[IocrLayout], apis: tuple[ExpectedApi, ...], controller: bytes, device: bytes, shared: Shared
 ) -> None:
-    telegram = telegram_of(apis, shared.stations.model(device))
+    model = shared.stations.model(device)
+    telegram = telegram_of(apis, model)
     opened: dict[bool, Channel] = {}
     for layout in layouts:
         to, source = (controller, device) if layout.is_input else (device, controller)
-        channel = Channel(layout.frame_id, make_template(layout, telegram))
+        channel = Channel(layout.frame_id, make_template(layout, telegram, model))
         before = shared.channels.get((to, source, layout.frame_id))
         if before is not None:
             channel.inherit(before)

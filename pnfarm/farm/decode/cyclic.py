@@ -233,7 +233,7 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Said]:
     control = template.control
     if control is not None and before[control : control + 2] != after[control : control + 2]:
         old, new = (int.from_bytes(data[control : control + 2], "big") for data in (before, after))
-        text = _zsw1(channel, old, new) if template.layout.is_input else _stw1(old, new)
+        text = _zsw1(channel, old, new) if template.layout.is_input else _stw1(channel, old, new)
         if text:
             name = "ZSW1" if template.layout.is_input else "STW1"
             yield from _limited(channel, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
@@ -242,7 +242,7 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Said]:
         name, place = second
         old, new = (int.from_bytes(data[place : place + 2], "big") for data in (before, after))
         if (old ^ new) & SECOND_MASK:
-            text = _bits(old, new, (), SECOND_MASK)
+            text = _bits(old, new, template.bits.get(name, ()), SECOND_MASK)
             yield from _limited(channel, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
     changed: dict[tuple[str, int, int], list[str]] = {}
     for kind, slot, subslot, offset in template.statuses:
@@ -254,8 +254,12 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Said]:
         yield from _limited(channel, kind, f"of {of} {_ioxs(old)} -> {_ioxs(new)}", before=old, after=new)
 
 
-def _stw1(old: int, new: int) -> str:
-    return _bits(old, new, STW1_BITS, 0xFFFF)
+def _names(channel: Channel, word: str, usual: tuple[str, ...]) -> tuple[str, ...]:
+    return channel.template.bits.get(word, usual) if channel.template is not None else usual
+
+
+def _stw1(channel: Channel, old: int, new: int) -> str:
+    return _bits(old, new, _names(channel, "STW1", STW1_BITS), 0xFFFF)
 
 
 def _zsw1(channel: Channel, old: int, new: int) -> str:
@@ -270,7 +274,7 @@ def _zsw1(channel: Channel, old: int, new: int) -> str:
     if changed & STATE_MASK:
         was, now = drive_state(old, stw1), drive_state(new, stw1)
         texts.append(f"{was.partition(' ')[0] or '?'} -> {now or '?'}")
-    rest = _bits(old, new, ZSW1_BITS, ZSW1_MASK & ~STATE_MASK)
+    rest = _bits(old, new, _names(channel, "ZSW1", ZSW1_BITS), ZSW1_MASK & ~STATE_MASK)
     return "; ".join([*texts, *([rest] if rest else [])])
 
 
@@ -278,6 +282,6 @@ def _bits(old: int, new: int, names: tuple[str, ...], mask: int) -> str:
     texts = []
     for bit in range(16):
         if (old ^ new) & mask & 1 << bit:
-            name = names[bit].replace("_", " ") if bit < len(names) else f"bit {bit}"
+            name = names[bit].replace("_", " ") if bit < len(names) and names[bit] else f"bit {bit}"
             texts.append(f"{name} {'set' if new & 1 << bit else 'reset'}")
     return ", ".join(texts)

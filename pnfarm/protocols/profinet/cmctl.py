@@ -17,6 +17,8 @@ W_RLCNF   Release.cnf                                  ``ArReleased``
 CLOSED    nothing
 
 Alarms are taken from Connect.cnf to the end (:mod:`cmctl_alarms`); too many repetitions of an AlarmAck abort the AR.
+Which submodules can be used, :mod:`cmctl_submodules` knows; what is parametrised while data flow, :mod:`cmctl_rounds`.
+An AR for device access has neither data nor alarms and is in DATA as soon as the Connect is confirmed.
 
 The legacy and the advanced start-up walk through the same states; they differ in ARProperties and in the RT class that
 they allow.  A captured S7-1500 (advanced) sends its outputs from Connect.cnf on, before PrmEnd; here both do.
@@ -29,15 +31,16 @@ an RTA error afterwards.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.errors import RemoteError
+from pnfarm.protocols.profinet import cmctl_calls
 from pnfarm.protocols.profinet import cmctl_request as request
 from pnfarm.protocols.profinet import cmctl_response as response
 from pnfarm.protocols.profinet.alarm import AlarmFailed, PeerAborted
 from pnfarm.protocols.profinet.cmctl_alarms import ControllerAlarms
-from pnfarm.protocols.profinet.cmctl_calls import Answer, CallQueue, Kind, Pending, read_result, write_results
+from pnfarm.protocols.profinet.cmctl_calls import Answer, CallQueue, Kind, Pending
 from pnfarm.protocols.profinet.cmctl_events import (
     AlarmIndicated,
     ApplicationReadyReceived,
@@ -48,36 +51,30 @@ from pnfarm.protocols.profinet.cmctl_events import (
     CmctlEvent,
     Connected,
     ControllerCall,
+    ParametersEnded,
     Parametrised,
     RecordRead,
     RecordWriteDone,
     Timeouts,
 )
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
-from pnfarm.protocols.profinet.cmctl_states import CONNECTED, PHASES, CmctlEnd, CmctlSignal, CmctlState
-from pnfarm.protocols.profinet.errors import OK, PnioStatus, RtaError, describe_status
+from pnfarm.protocols.profinet.cmctl_rounds import Ready
+from pnfarm.protocols.profinet.cmctl_states import CONNECTED, PHASES, TRANSITIONS, CmctlEnd, CmctlSignal, CmctlState
+from pnfarm.protocols.profinet.cmctl_submodules import ControllerSubmodules
+from pnfarm.protocols.profinet.errors import OK, PnioStatus, RtaError
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
 from pnfarm.protocols.profinet.wire.rpc import Opnum
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable
+    from collections.abc import Callable, Hashable, Iterable
 
     from pnfarm.protocols.profinet.alarm import AlarmChannel
+    from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.wire.alarms import AlarmNotification
     from pnfarm.wire.ethernet import VlanTag
 
 __all__ = ["CmController", "CmctlState"]
-
-
-#: What a row of the table does: machine, state it comes from, detail of the signal, now.
-_Action: TypeAlias = "Callable[[CmController, CmctlState, Any, int], None]"
-
-
-@dataclass(frozen=True, slots=True)
-class _Ready:
-    call: Any
-    said: response.ReadyCall
 
 
 class CmController:
@@ -96,11 +93,12 @@ class CmController:
         self._device_mac: bytes | None = None
         self._calls = CallQueue(self.timeouts)
         self._parameters_open = 0
-        self._held_ready: _Ready | None = None
+        self._held_ready: Ready | None = None
         self._ready_deadline: int | None = None
         self._events: list[CmctlEvent] = []
         self._responses: list[tuple[Any, PnioStatus, bytes]] = []
         self._alarms = ControllerAlarms(plan, self.dropped)
+        self._submodules = ControllerSubmodules(plan, self._calls, self.timeouts, self.dropped)
 
     @property
     def state(self) -> CmctlState:
@@ -115,6 +113,11 @@ class CmController:
     def alarms(self) -> AlarmChannel | None:
         """The AR's alarm channel; None before the device accepted the Connect."""
         return self._alarms.channel
+
+    @property
+    def unusable(self) -> dict[ExpectedKey, str]:
+        """Planned submodules, (api, slot, subslot), that cannot be used now, and why."""
+        return self._submodules.unusable
 
     # What the owner asks for
 
@@ -141,15 +144,11 @@ class CmController:
         if self._state not in CONNECTED:
             self._events.append(RecordRead(tag, None, reason=f"there is no connection (state {self._state})"))
             return
-        at = self._calls.address(api, slot, subslot, index)
-        payload = request.read_payload(self.plan.ar_uuid, at, length)
-        self._calls.put(Kind.READ, Opnum.READ, payload, (at,), (tag,), length)
+        self._calls.put_read(Kind.READ, self.plan.ar_uuid, (api, slot, subslot, index), length, tag)
 
     def read_implicit(self, tag: Hashable, api: int, slot: int, subslot: int, index: int, length: int) -> None:
         """Read a record outside of the AR (ReadImplicit), in any state; ends in ``RecordRead(tag, ...)``."""
-        at = self._calls.address(api, slot, subslot, index)
-        payload = request.read_payload(NIL_UUID, at, length)
-        self._calls.put(Kind.READ_IMPLICIT, Opnum.READ_IMPLICIT, payload, (at,), (tag,), length)
+        self._calls.put_read(Kind.READ_IMPLICIT, NIL_UUID, (api, slot, subslot, index), length, tag)
 
     def write_record(self, tag: Hashable, api: int, slot: int, subslot: int, index: int, data: bytes) -> None:
         """Write a record; ends in ``RecordWriteDone(tag, ...)``."""
@@ -159,9 +158,20 @@ class CmController:
         at = self._calls.address(api, slot, subslot, index)
         self._calls.put(Kind.WRITE, Opnum.WRITE, request.write_payload(self.plan.ar_uuid, at, data), (at,), (tag,))
 
+    def reparametrise(self, submodules: Iterable[ExpectedKey] | None = None) -> bool:
+        """Write the records of these submodules anew, of all usable ones when None; ends in ``ParametersEnded``.
+
+        False when there is no data exchange, when there is nothing to parametrise, or while it is done already.
+        """
+        return self._state is CmctlState.DATA and self._submodules.begin(submodules)
+
     def acknowledge_alarm(self, alarm: AlarmNotification, now: int, status: PnioStatus = OK) -> bool:
         """Answer an ``AlarmIndicated`` where the plan leaves that to the owner.  False when it waits for no answer."""
-        return self._alarms.acknowledge(alarm, status, now)
+        waited = self._alarms.acknowledge(alarm, status, now)
+        if waited and status.ok:
+            self._submodules.acknowledged(alarm, now, data=self._state is CmctlState.DATA)
+        self._take_submodules(now)
+        return waited
 
     # What goes out
 
@@ -185,7 +195,8 @@ class CmController:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` wants to be called."""
-        deadlines = (self._ready_deadline, self._calls.deadline, self._alarms.deadline)
+        rounds = self._submodules.rounds.deadline
+        deadlines = (self._ready_deadline, self._calls.deadline, self._alarms.deadline, rounds)
         return min((at for at in deadlines if at is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
@@ -199,6 +210,8 @@ class CmController:
             seconds = self.timeouts.application_ready_ns / 1e9
             reason = f"no ApplicationReady from the device within {seconds:g} s"
             self._signal(CmctlSignal.FAULT, CmctlEnd(reason, rta=RtaError.ABORT_REQUEST), now)
+        self._submodules.rounds.handle_timeout(now)
+        self._take_submodules(now)
 
     # What comes in
 
@@ -222,7 +235,7 @@ class CmController:
             self.dropped[exc.reason] += 1
             self._responses.append((call, exc.status, b""))
             return
-        if (self._state, CmctlSignal.READY_IND) not in self._TABLE:
+        if (self._state, CmctlSignal.READY_IND) not in TRANSITIONS:
             self.dropped["ready-out-of-turn"] += 1
             self._responses.append((call, response.STATE_CONFLICT, b""))
             return
@@ -231,7 +244,7 @@ class CmController:
             self._responses.append((call, response.STATE_CONFLICT, b""))
             self._signal(CmctlSignal.FAULT, CmctlEnd(misfits, rta=RtaError.ABORT_REQUEST), now)
             return
-        self._signal(CmctlSignal.READY_IND, _Ready(call, said), now)
+        self._signal(CmctlSignal.READY_IND, Ready(call, said), now)
 
     def receive_rta(self, payload: bytes, source_mac: bytes, now: int) -> None:
         """An RTA frame (octets after the EtherType): alarms, or an RTA error, which ends the AR."""
@@ -241,12 +254,24 @@ class CmController:
     def _take_alarms(self, now: int) -> None:
         for event in self._alarms.take(now):
             match event:
-                case AlarmIndicated():
+                case AlarmIndicated(alarm=alarm):
                     self._events.append(event)
+                    self._submodules.alarm(alarm, now)
+                    if self.plan.on_alarm == "acknowledge":
+                        self._submodules.acknowledged(alarm, now, data=self._state is CmctlState.DATA)
                 case AlarmFailed(code=code, reason=reason):
                     self.abort(now, code, f"the alarm channel failed: {reason}")
                 case PeerAborted(status=status):
                     self._signal(CmctlSignal.ABORT, CmctlEnd.of_device(status), now)
+        self._take_submodules(now)
+
+    def _take_submodules(self, now: int) -> None:
+        """Carry on what became of submodules and their parameters."""
+        for event in self._submodules.events():
+            self._events.append(event)
+            if isinstance(event, ParametersEnded) and event.code is not None:
+                self.abort(now, event.code, event.reason)
+        self._responses += self._submodules.responses()
 
     # Ends of calls
 
@@ -260,11 +285,19 @@ class CmController:
     def _ended(self, pending: Pending, answer: Answer, now: int) -> None:
         self._ENDED[pending.kind](self, pending, answer, now)
 
+    def _round_ended(self, pending: Pending, answer: Answer, now: int) -> None:
+        self._submodules.call_ended(pending, answer, now)
+        self._take_submodules(now)
+
     def _connect_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
         if not answer.ok:
             self._signal(CmctlSignal.FAULT, CmctlEnd(answer.words, answer.status), now)
             return
         try:
+            if self.plan.device_access:
+                mac = response.check_access(self.plan, answer.payload)
+                self._signal(CmctlSignal.ACCESS_CNF, mac, now)
+                return
             accepted = response.check_connect(self.plan, answer.payload)
             misfits = response.misfits(accepted.module_diff)
             if misfits and self.plan.on_module_diff == "fail":
@@ -277,15 +310,12 @@ class CmController:
             self._signal(CmctlSignal.CONNECT_CNF, accepted, now)
 
     def _parameters_ended(self, pending: Pending, answer: Answer, now: int) -> None:
-        results = write_results(pending, answer)
+        results = cmctl_calls.write_results(pending, answer)
         self._events += results
         self._parameters_open -= len(results)
-        failed = next(((at, r) for at, r in zip(pending.wants, results, strict=True) if not r.ok), None)
-        if failed is not None and self.plan.on_record_error == "fail":
-            at, result = failed
-            words = result.reason if result.status is None else describe_status(result.status)
-            reason = f"slot {at.slot} subslot 0x{at.subslot:04X} index 0x{at.index:04X}: {words}"
-            self._signal(CmctlSignal.FAULT, CmctlEnd(reason, result.status, RtaError.RPC_WRITE_ERROR), now)
+        refusal = cmctl_calls.first_refusal(pending, results)
+        if refusal is not None and self.plan.on_record_error == "fail":
+            self._signal(CmctlSignal.FAULT, CmctlEnd(*refusal, RtaError.RPC_WRITE_ERROR), now)
         elif self._parameters_open == 0:
             self._signal(CmctlSignal.RECORDS_WRITTEN, None, now)
 
@@ -316,10 +346,10 @@ class CmController:
             self.dropped["farewell-unconfirmed"] += 1
 
     def _read_ended(self, pending: Pending, answer: Answer, _now: int) -> None:
-        self._events.append(read_result(pending, answer))
+        self._events.append(cmctl_calls.read_result(pending, answer))
 
     def _write_ended(self, pending: Pending, answer: Answer, _now: int) -> None:
-        self._events += write_results(pending, answer)
+        self._events += cmctl_calls.write_results(pending, answer)
 
     _ENDED: ClassVar[dict[Kind, Callable[[CmController, Pending, Answer, int], None]]] = {
         Kind.CONNECT: _connect_ended,
@@ -330,30 +360,31 @@ class CmController:
         Kind.READ: _read_ended,
         Kind.WRITE: _write_ended,
         Kind.READ_IMPLICIT: _read_ended,
+        **dict.fromkeys((Kind.ROUND_BEGIN, Kind.ROUND_WRITE, Kind.ROUND_END, Kind.ROUND_END_PLUG), _round_ended),
     }
 
     # The state machine
 
     def _signal(self, signal: CmctlSignal, detail: Any, now: int) -> None:
-        row = self._TABLE.get((self._state, signal))
+        row = TRANSITIONS.get((self._state, signal))
         if row is None:
             self.dropped[f"{signal.name}-in-{self._state}".lower().replace("_", "-")] += 1
             return
         state, action = row
         before = self._state
         self._enter(state)
-        action(self, before, detail, now)
+        getattr(self, f"_do_{action}")(before, detail, now)
 
     def _enter(self, state: CmctlState) -> None:
         self._state = state
         if state is not CmctlState.W_ARDY:
             self._ready_deadline = None
 
-    def _send_connect(self, _before: CmctlState, _detail: None, _now: int) -> None:
+    def _do_send_connect(self, _before: CmctlState, _detail: None, _now: int) -> None:
         payload = request.connect_payload(self.plan, self.input_layout, self.output_layout)
         self._calls.put(Kind.CONNECT, Opnum.CONNECT, payload)
 
-    def _connected(self, _before: CmctlState, accepted: response.ConnectAnswer, now: int) -> None:
+    def _do_connected(self, _before: CmctlState, accepted: response.ConnectAnswer, now: int) -> None:
         self.input_layout = replace(self.input_layout, frame_id=accepted.input_frame_id)
         self.output_layout = replace(self.output_layout, frame_id=accepted.output_frame_id)
         self._device_mac = accepted.device_mac
@@ -368,80 +399,92 @@ class CmController:
                 accepted.module_diff,
             )
         )
-        self._parameters_open = len(self.plan.records)
+        self._submodules.differ(accepted.module_diff)
+        self._take_submodules(now)
         self._send_parameters()
-        if not self.plan.records:
+        if not self._parameters_open:
             self._signal(CmctlSignal.RECORDS_WRITTEN, None, now)
 
     def _send_parameters(self) -> None:
-        records = self.plan.records
-        size = self.plan.multiple_write_octets if self.plan.multiple_write else 0
-        for group in request.groups_of_records(records, size):
-            outer = self._calls.sequence_number() if self.plan.multiple_write else 0
-            wants = tuple(self._calls.address(r.api, r.slot, r.subslot, r.index) for r in group)
-            writes = [(at, record.data) for at, record in zip(wants, group, strict=True)]
-            if self.plan.multiple_write:
-                payload = request.multiple_write_payload(self.plan.ar_uuid, outer, writes)
-            else:
-                payload = request.write_payload(self.plan.ar_uuid, *writes[0])
-            self._calls.put(Kind.PARAMETERS, Opnum.WRITE, payload, wants, group)
+        """The records of the submodules that are there; another's would be refused."""
+        away = self._submodules.unusable
+        records = [r for r in self.plan.records if (r.api, r.slot, r.subslot) not in away]
+        for record in self.plan.records:
+            why = away.get((record.api, record.slot, record.subslot))
+            if why is not None:
+                self._events.append(RecordWriteDone(record, None, why))
+        self._parameters_open = len(records)
+        self._calls.put_records(Kind.PARAMETERS, self.plan, records)
 
-    def _send_parameter_end(self, _before: CmctlState, _detail: None, _now: int) -> None:
+    def _do_accessible(self, _before: CmctlState, device_mac: bytes, _now: int) -> None:
+        self._device_mac = device_mac
+        self._events.append(ArEstablished())
+
+    def _do_send_parameter_end(self, _before: CmctlState, _detail: None, _now: int) -> None:
         self._calls.put(Kind.PARAMETER_END, Opnum.CONTROL, request.parameter_end_payload(self.plan))
 
-    def _parametrised(self, _before: CmctlState, _detail: None, now: int) -> None:
+    def _do_parametrised(self, _before: CmctlState, _detail: None, now: int) -> None:
         self._ready_deadline = now + self.timeouts.application_ready_ns
         self._events.append(Parametrised())
         if self._held_ready is not None:
             held, self._held_ready = self._held_ready, None
             self._signal(CmctlSignal.READY_IND, held, now)
 
-    def _hold_ready(self, _before: CmctlState, ready: _Ready, _now: int) -> None:
+    def _do_hold_ready(self, _before: CmctlState, ready: Ready, _now: int) -> None:
         if self._held_ready is not None:
             self.dropped["ready-twice"] += 1
             self._responses.append((self._held_ready.call, response.STATE_CONFLICT, b""))
         self._held_ready = ready
 
-    def _established(self, _before: CmctlState, ready: _Ready, now: int) -> None:
-        self._ready_again(_before, ready, now)
+    def _do_established(self, _before: CmctlState, ready: Ready, now: int) -> None:
+        self._confirm(ready)
+        self._submodules.differ(ready.said.module_diff)
+        self._take_submodules(now)
         self._events.append(ArEstablished())
 
-    def _ready_again(self, _before: CmctlState, ready: _Ready, _now: int) -> None:
+    def _do_ready_again(self, _before: CmctlState, ready: Ready, now: int) -> None:
+        if not self._submodules.rounds.ready(ready, now):
+            self._confirm(ready)
+        self._take_submodules(now)
+
+    def _confirm(self, ready: Ready) -> None:
         self._events.append(ApplicationReadyReceived(ready.said.module_diff, ready.said.after_plug))
         self._responses.append((ready.call, OK, ready.said.answer))
 
-    def _send_release(self, _before: CmctlState, _detail: None, _now: int) -> None:
-        self._clear("the connection is being released")
+    def _do_send_release(self, _before: CmctlState, _detail: None, now: int) -> None:
+        self._clear("the connection is being released", now)
         self._calls.put(Kind.RELEASE, Opnum.RELEASE, request.release_payload(self.plan))
 
     def _say_farewell(self) -> None:
         self._calls.put(Kind.FAREWELL, Opnum.RELEASE, request.release_payload(self.plan))
 
-    def _never_connected(self, _before: CmctlState, _detail: object, _now: int) -> None:
+    def _do_never_connected(self, _before: CmctlState, _detail: object, _now: int) -> None:
         self._events.append(ArReleased("there was no connection"))
 
-    def _released(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
+    def _do_released(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
         self._tell_device(end)
         confirmed = end.by_device and end.error_code2 == RtaError.RELEASE_RECEIVED
         self._events.append(ArReleased("" if confirmed else end.reason))
 
-    def _failed(self, before: CmctlState, end: CmctlEnd, _now: int) -> None:
-        self._clear("the connection failed")
+    def _do_failed(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
+        self._clear("the connection failed", now)
         self._tell_device(end)
         self._events.append(ArFailed(PHASES[before], end.status, end.reason))
 
-    def _connect_given_up(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
-        self._failed(before, end, now)
+    def _do_connect_given_up(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
+        self._do_failed(before, end, now)
         if self._calls.is_under_way(Kind.CONNECT):  # the device may accept it all the same
             self._say_farewell()
 
-    def _aborted(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
-        self._clear("the connection was aborted")
+    def _do_aborted(self, _before: CmctlState, end: CmctlEnd, now: int) -> None:
+        self._clear("the connection was aborted", now)
         self._tell_device(end)
         self._events.append(ArAborted(end.by_device, end.error_code1, end.error_code2, end.reason))
 
-    def _clear(self, reason: str) -> None:
+    def _clear(self, reason: str, now: int) -> None:
         """Forget what belongs to the AR: calls that have not gone out, a call of the device that was kept."""
+        self._submodules.rounds.close(now)
+        self._take_submodules(now)
         self._events += self._calls.drop_waiting(reason)
         if self._held_ready is not None:
             self._responses.append((self._held_ready.call, response.STATE_CONFLICT, b""))
@@ -453,38 +496,3 @@ class CmController:
             self._alarms.close()
         else:
             self._alarms.abort(end.rta)
-
-    # IEC 61158-6-10 names the services; a pair that does not stand here is counted in ``dropped`` and changes nothing.
-    _TABLE: ClassVar[dict[tuple[CmctlState, CmctlSignal], tuple[CmctlState, _Action]]] = {
-        (CmctlState.IDLE, CmctlSignal.CONNECT): (CmctlState.W_CCNF, _send_connect),
-        (CmctlState.IDLE, CmctlSignal.RELEASE): (CmctlState.CLOSED, _never_connected),
-        (CmctlState.IDLE, CmctlSignal.ABORT): (CmctlState.CLOSED, _never_connected),
-        # connecting
-        (CmctlState.W_CCNF, CmctlSignal.CONNECT_CNF): (CmctlState.W_WCNF, _connected),
-        (CmctlState.W_CCNF, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_CCNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _connect_given_up),
-        (CmctlState.W_CCNF, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
-        # writing the parameter records
-        (CmctlState.W_WCNF, CmctlSignal.RECORDS_WRITTEN): (CmctlState.W_PECNF, _send_parameter_end),
-        (CmctlState.W_WCNF, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_WCNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_WCNF, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
-        # ending the parametrisation
-        (CmctlState.W_PECNF, CmctlSignal.READY_IND): (CmctlState.W_PECNF, _hold_ready),
-        (CmctlState.W_PECNF, CmctlSignal.PRM_END_CNF): (CmctlState.W_ARDY, _parametrised),
-        (CmctlState.W_PECNF, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_PECNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_PECNF, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
-        # waiting for the application of the device
-        (CmctlState.W_ARDY, CmctlSignal.READY_IND): (CmctlState.DATA, _established),
-        (CmctlState.W_ARDY, CmctlSignal.FAULT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_ARDY, CmctlSignal.ABORT): (CmctlState.CLOSED, _failed),
-        (CmctlState.W_ARDY, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
-        # exchanging data
-        (CmctlState.DATA, CmctlSignal.READY_IND): (CmctlState.DATA, _ready_again),
-        (CmctlState.DATA, CmctlSignal.ABORT): (CmctlState.CLOSED, _aborted),
-        (CmctlState.DATA, CmctlSignal.RELEASE): (CmctlState.W_RLCNF, _send_release),
-        # releasing
-        (CmctlState.W_RLCNF, CmctlSignal.RELEASE_CNF): (CmctlState.CLOSED, _released),
-        (CmctlState.W_RLCNF, CmctlSignal.ABORT): (CmctlState.CLOSED, _released),
-    }

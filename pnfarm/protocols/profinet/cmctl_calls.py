@@ -13,17 +13,26 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import RemoteError
 from pnfarm.protocols.profinet.cmctl_events import ControllerCall, RecordRead, RecordWriteDone
-from pnfarm.protocols.profinet.cmctl_request import RecordAddress, args_maximum
+from pnfarm.protocols.profinet.cmctl_request import (
+    RecordAddress,
+    args_maximum,
+    groups_of_records,
+    multiple_write_payload,
+    read_payload,
+    write_payload,
+)
 from pnfarm.protocols.profinet.cmctl_response import check_read, check_write
 from pnfarm.protocols.profinet.errors import OK, PnioStatus, describe_status
+from pnfarm.protocols.profinet.wire.rpc import Opnum
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Sequence
+    from uuid import UUID
 
     from pnfarm.protocols.profinet.cmctl_events import Timeouts
-    from pnfarm.protocols.profinet.wire.rpc import Opnum
+    from pnfarm.protocols.profinet.cmctl_plan import ArPlan, ParameterRecord
 
-__all__ = ["Answer", "CallQueue", "Kind", "Pending", "read_result", "write_results"]
+__all__ = ["Answer", "CallQueue", "Kind", "Pending", "first_refusal", "read_result", "write_results"]
 
 
 class Kind(Enum):
@@ -38,6 +47,11 @@ class Kind(Enum):
     READ = "Read"
     WRITE = "Write of a record"
     READ_IMPLICIT = "ReadImplicit"
+    # while data flow (:mod:`cmctl_rounds`)
+    ROUND_BEGIN = "PrmBegin"
+    ROUND_WRITE = "Write of a parameter"
+    ROUND_END = "PrmEnd after PrmBegin"
+    ROUND_END_PLUG = "PrmEnd.plug"
 
 
 #: Calls that make sense without the AR, too.
@@ -48,7 +62,8 @@ _OUTLIVE_THE_AR = {Kind.READ_IMPLICIT, Kind.RELEASE, Kind.FAREWELL}
 class Pending:
     """A call that waits for its turn or is under way.
 
-    ``tags`` and ``wants`` belong together, one for each record; ``length`` is what a read takes at most.
+    ``tags`` and ``wants`` belong together, one for each record; ``length`` is what a read takes at most; ``owner`` is
+    whose call it is, where the kind does not say it.
     """
 
     kind: Kind
@@ -57,6 +72,7 @@ class Pending:
     wants: tuple[RecordAddress, ...] = ()
     tags: tuple[Hashable, ...] = ()
     length: int = 0
+    owner: object = None
     deadline: int = 0
 
 
@@ -91,6 +107,10 @@ class CallQueue:
             Kind.READ: timeouts.record_ns,
             Kind.WRITE: timeouts.record_ns,
             Kind.READ_IMPLICIT: timeouts.record_ns,
+            Kind.ROUND_BEGIN: timeouts.parameter_end_ns,
+            Kind.ROUND_WRITE: timeouts.write_ns,
+            Kind.ROUND_END: timeouts.parameter_end_ns,
+            Kind.ROUND_END_PLUG: timeouts.parameter_end_ns,
         }
         self._waiting: deque[Pending] = deque()
         self._under_way: Pending | None = None
@@ -115,11 +135,33 @@ class CallQueue:
         wants: tuple[RecordAddress, ...] = (),
         tags: tuple[Hashable, ...] = (),
         length: int = 0,
+        owner: object = None,
     ) -> None:
         """Append a call."""
         call = ControllerCall(self._next_key, int(opnum), args_maximum(opnum, payload, len(wants), length), payload)
         self._next_key += 1
-        self._waiting.append(Pending(kind, call, self._limits[kind], wants, tags, length))
+        self._waiting.append(Pending(kind, call, self._limits[kind], wants, tags, length, owner))
+
+    def put_read(self, kind: Kind, ar_uuid: UUID, place: tuple[int, int, int, int], length: int, tag: Hashable) -> None:
+        """Append the read of a record: ``place`` is API, slot, subslot and index."""
+        at = self.address(*place)
+        opnum = Opnum.READ if kind is Kind.READ else Opnum.READ_IMPLICIT
+        self.put(kind, opnum, read_payload(ar_uuid, at, length), (at,), (tag,), length)
+
+    def put_records(
+        self, kind: Kind, plan: ArPlan, records: Sequence[ParameterRecord], *, owner: object = None
+    ) -> None:
+        """Append the writes of parameter records, one by one or many in a call, as the plan says."""
+        size = plan.multiple_write_octets if plan.multiple_write else 0
+        for group in groups_of_records(records, size):
+            outer = self.sequence_number() if plan.multiple_write else 0
+            wants = tuple(self.address(r.api, r.slot, r.subslot, r.index) for r in group)
+            writes = [(at, record.data) for at, record in zip(wants, group, strict=True)]
+            if plan.multiple_write:
+                payload = multiple_write_payload(plan.ar_uuid, outer, writes)
+            else:
+                payload = write_payload(plan.ar_uuid, *writes[0])
+            self.put(kind, Opnum.WRITE, payload, wants, group, owner=owner)
 
     def next_calls(self, now: int) -> list[ControllerCall]:
         """The next call, if none is under way; its time limit runs from here."""
@@ -152,6 +194,12 @@ class CallQueue:
     def is_under_way(self, kind: Kind) -> bool:
         return self._under_way is not None and self._under_way.kind is kind
 
+    def drop_owned(self, owner: object, reason: str) -> list[RecordWriteDone]:
+        """Forget the waiting calls of ``owner``; the ends of the records among them."""
+        dropped = [pending for pending in self._waiting if pending.owner is owner]
+        self._waiting = deque(pending for pending in self._waiting if pending.owner is not owner)
+        return [end for pending in dropped for end in write_results(pending, Answer(None, reason=reason))]
+
     def drop_waiting(self, reason: str) -> list[RecordRead | RecordWriteDone]:
         """Forget the waiting calls that need the AR; the ends of the records among them."""
         ends: list[RecordRead | RecordWriteDone] = []
@@ -161,7 +209,7 @@ class CallQueue:
                 self._waiting.append(pending)
             elif pending.kind is Kind.READ:
                 ends.append(read_result(pending, Answer(None, reason=reason)))
-            elif pending.kind is Kind.WRITE:
+            elif pending.kind in {Kind.WRITE, Kind.ROUND_WRITE}:
                 ends += write_results(pending, Answer(None, reason=reason))
         return ends
 
@@ -191,3 +239,12 @@ def write_results(pending: Pending, answer: Answer) -> list[RecordWriteDone]:
         RecordWriteDone(tag, status, reason if status is None else "")
         for tag, status in zip(pending.tags, statuses, strict=True)
     ]
+
+
+def first_refusal(pending: Pending, results: Sequence[RecordWriteDone]) -> tuple[str, PnioStatus | None] | None:
+    """The first record of a write that the device did not take: a sentence, and the device's status if it gave one."""
+    for at, result in zip(pending.wants, results, strict=True):
+        if not result.ok:
+            words = result.reason if result.status is None else describe_status(result.status)
+            return f"slot {at.slot} subslot 0x{at.subslot:04X} index 0x{at.index:04X}: {words}", result.status
+    return None

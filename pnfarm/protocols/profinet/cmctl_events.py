@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable
+    from collections.abc import Hashable, Mapping
 
-    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cmctl_response import ModuleDeviation
     from pnfarm.protocols.profinet.wire.alarms import AlarmNotification
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
@@ -27,10 +27,12 @@ __all__ = [
     "CmctlEvent",
     "Connected",
     "ControllerCall",
+    "ParametersEnded",
     "Parametrised",
     "Phase",
     "RecordRead",
     "RecordWriteDone",
+    "SubmodulesChanged",
     "Timeouts",
 ]
 
@@ -106,6 +108,27 @@ class AlarmIndicated:
 
 
 @dataclass(frozen=True, slots=True)
+class SubmodulesChanged:
+    """Which submodules cannot be used from now on, and why; the controller's own data for them are to be BAD."""
+
+    unusable: Mapping[ExpectedKey, str]
+
+
+@dataclass(frozen=True, slots=True)
+class ParametersEnded:
+    """Parameters that were written while data flow: after an alarm (``after_plug``), or from PrmBegin on.
+
+    ``reason`` is empty when the device is ready with them.  ``code`` is the RtaError that the AR ends with, None when
+    it goes on.
+    """
+
+    submodules: tuple[ExpectedKey, ...]
+    after_plug: bool
+    reason: str = ""
+    code: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class ArFailed:
     """The AR did not come up.  ``status`` is the device's, when it was the device that refused."""
 
@@ -172,4 +195,6 @@ CmctlEvent = (
     | ArReleased
     | RecordRead
     | RecordWriteDone
+    | SubmodulesChanged
+    | ParametersEnded
 )

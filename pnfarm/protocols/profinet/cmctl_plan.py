@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.ar import DataPlace, IocrLayout, IocsPlace
 from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
-from pnfarm.protocols.profinet.wire.blocks_connect import STARTUP_ADVANCED, STARTUP_LEGACY, ArType
+from pnfarm.protocols.profinet.wire.blocks_connect import STARTUP_ADVANCED, STARTUP_LEGACY, ArProperties, ArType
 from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties, SubmoduleType
 from pnfarm.protocols.profinet.wire.frame_id import RT_UDP_UNICAST, RTC1_UNICAST
 from pnfarm.protocols.profinet.wire.iocr import (
@@ -138,6 +138,10 @@ class ArPlan:
     submodules: tuple[PlannedSubmodule, ...]
     # How the AR starts
     ar_type: int = ArType.IOCAR_SINGLE
+    #: A supervisor may take submodules over; the AR goes on with the others until it gives them back.
+    takeover_allowed: bool = False
+    #: Records alone: an AR without cyclic data, alarms and submodules of its own (a supervisor's, ``ArType.IOSAR``).
+    device_access: bool = False
     startup: Literal["legacy", "advanced"] = "legacy"
     activity_timeout_factor: int = 600
     expected_blocks: Literal["per-api", "per-slot"] = "per-api"
@@ -175,8 +179,13 @@ class ArPlan:
 
     @property
     def ar_properties(self) -> int:
-        """ARProperties: State = Active, ParametrizationServer = CM initiator, and bit 30 for the advanced start-up."""
-        return STARTUP_ADVANCED if self.startup == "advanced" else STARTUP_LEGACY
+        """ARProperties: State = Active, ParametrizationServer = CM initiator, and what the plan adds to them."""
+        properties = STARTUP_ADVANCED if self.startup == "advanced" else STARTUP_LEGACY
+        if self.takeover_allowed:
+            properties |= ArProperties.SUPERVISOR_TAKEOVER_ALLOWED
+        if self.device_access:
+            properties |= ArProperties.DEVICE_ACCESS
+        return properties
 
     @property
     def device_object_uuid(self) -> UUID:
@@ -244,7 +253,9 @@ def _problems(plan: ArPlan) -> Iterator[str]:
 
 
 def _check_submodules(plan: ArPlan) -> None:
-    if not plan.submodules:
+    if plan.device_access and (plan.submodules or plan.ar_type != ArType.IOSAR):
+        raise ConfigError("device access is a supervisor's AR (ar_type 6) and expects no submodules")
+    if not plan.submodules and not plan.device_access:
         raise ConfigError("the plan expects no submodule, at least the device's access point (slot 0) is needed")
     seen: set[tuple[int, int, int]] = set()
     modules: dict[tuple[int, int], int] = {}
@@ -305,7 +316,8 @@ def _layout(plan: ArPlan, iocr_type: IocrType, name: str) -> IocrLayout:
 def plan_frames(plan: ArPlan) -> tuple[IocrLayout, IocrLayout]:
     """The layouts of the input and of the output CR.
 
-    Raises ConfigError when the plan expects nothing, one place twice, or more data than a frame takes.
+    Both are empty for device access.  Raises ConfigError when another plan expects nothing, when one place stands
+    twice, or when there is more data than a frame takes.
     """
     _check_submodules(plan)
     return _layout(plan, IocrType.INPUT, "input"), _layout(plan, IocrType.OUTPUT, "output")

@@ -14,7 +14,13 @@ from pnfarm.protocols.profinet.cmctl_plan import INPUT_REFERENCE, OUTPUT_REFEREN
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
 from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockReq, ArBlockReq
-from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock, ControlCommand, emit_control_block
+from pnfarm.protocols.profinet.wire.blocks_control import (
+    ControlBlock,
+    ControlCommand,
+    SubmoduleList,
+    emit_control_block,
+    emit_submodule_list,
+)
 from pnfarm.protocols.profinet.wire.blocks_expected import (
     DataDescription,
     DataDirection,
@@ -40,7 +46,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from uuid import UUID
 
-    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cmctl_plan import ArPlan, ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.wire.blocks_any import Block
 
@@ -50,6 +56,7 @@ __all__ = [
     "connect_payload",
     "groups_of_records",
     "multiple_write_payload",
+    "parameter_begin_payload",
     "parameter_end_payload",
     "read_payload",
     "release_payload",
@@ -117,19 +124,22 @@ def _iocr_block(plan: ArPlan, reference: int, layout: IocrLayout) -> IocrBlockRe
 
 
 def connect_payload(plan: ArPlan, input_layout: IocrLayout, output_layout: IocrLayout) -> bytes:
-    """IODConnectReq."""
+    """IODConnectReq; without cyclic data it is the AR's block alone."""
+    ar = ArBlockReq(
+        ar_type=plan.ar_type,
+        ar_uuid=plan.ar_uuid,
+        session_key=plan.session_key,
+        initiator_mac=plan.controller_mac,
+        initiator_object_uuid=plan.controller_object_uuid,
+        properties=plan.ar_properties,
+        activity_timeout_factor=plan.activity_timeout_factor,
+        udp_rt_port=ETHERTYPE_PROFINET,
+        station_name=plan.controller_name.encode("latin-1"),
+    )
+    if plan.device_access:
+        return emit_blocks([ar])
     blocks: list[Block] = [
-        ArBlockReq(
-            ar_type=plan.ar_type,
-            ar_uuid=plan.ar_uuid,
-            session_key=plan.session_key,
-            initiator_mac=plan.controller_mac,
-            initiator_object_uuid=plan.controller_object_uuid,
-            properties=plan.ar_properties,
-            activity_timeout_factor=plan.activity_timeout_factor,
-            udp_rt_port=ETHERTYPE_PROFINET,
-            station_name=plan.controller_name.encode("latin-1"),
-        ),
+        ar,
         _iocr_block(plan, INPUT_REFERENCE, input_layout),
         _iocr_block(plan, OUTPUT_REFERENCE, output_layout),
         *_expected_blocks(plan),
@@ -147,13 +157,21 @@ def connect_payload(plan: ArPlan, input_layout: IocrLayout, output_layout: IocrL
 # Control
 
 
-def _control(plan: ArPlan, block_type: int, command: int) -> bytes:
-    return emit_control_block(ControlBlock(block_type, plan.ar_uuid, plan.session_key, command))
+def _control(plan: ArPlan, block_type: int, command: int, sequence: int = 0) -> bytes:
+    return emit_control_block(ControlBlock(block_type, plan.ar_uuid, plan.session_key, command, sequence))
 
 
-def parameter_end_payload(plan: ArPlan) -> bytes:
-    """IODControlReq with ControlCommand PrmEnd."""
-    return _control(plan, BlockType.PRM_END_REQ, ControlCommand.PRM_END)
+def parameter_begin_payload(plan: ArPlan, submodules: Sequence[ExpectedKey]) -> bytes:
+    """IODControlReq with ControlCommand PrmBegin and the submodules that it is about."""
+    begin = _control(plan, BlockType.PRM_BEGIN_REQ, ControlCommand.PRM_BEGIN)
+    return begin + emit_submodule_list(SubmoduleList(tuple(submodules)))
+
+
+def parameter_end_payload(plan: ArPlan, sequence: int | None = None) -> bytes:
+    """IODControlReq with ControlCommand PrmEnd; with an alarm's sequence number it is the end after a plug."""
+    if sequence is None:
+        return _control(plan, BlockType.PRM_END_REQ, ControlCommand.PRM_END)
+    return _control(plan, BlockType.PRM_END_PLUG_REQ, ControlCommand.PRM_END, sequence)
 
 
 def release_payload(plan: ArPlan) -> bytes:

@@ -50,6 +50,7 @@ __all__ = [
     "ModuleDeviation",
     "ReadyCall",
     "addressed_ar",
+    "check_access",
     "check_connect",
     "check_control",
     "check_ready",
@@ -76,6 +77,11 @@ class ModuleDeviation:
     text: str
     fits: bool
 
+    @property
+    def words(self) -> str:
+        """``text`` without the place."""
+        return self.text.partition(": ")[2]
+
 
 @dataclass(frozen=True, slots=True)
 class ConnectAnswer:
@@ -91,11 +97,12 @@ class ConnectAnswer:
 
 @dataclass(frozen=True, slots=True)
 class ReadyCall:
-    """A good ApplicationReady call and the payload that confirms it."""
+    """A good ApplicationReady call and the payload that confirms it; ``sequence`` is the alarm's, after a plug."""
 
     module_diff: tuple[ModuleDeviation, ...]
     after_plug: bool
     answer: bytes
+    sequence: int = 0
 
 
 class CallRefusedError(RemoteError):
@@ -211,6 +218,29 @@ def _module_diff(blocks: Sequence[RawBlock]) -> tuple[ModuleDeviation, ...]:
     return tuple(d for block in blocks for d in deviations(parse_module_diff_block(block)))
 
 
+def _check_ar(plan: ArPlan, blocks: Sequence[RawBlock]) -> bytes:
+    """The device's MAC address, out of an ARBlockRes that answers the plan's."""
+    ar = _parsed(parse_ar_block_res, blocks, "ARBlockRes")
+    _same("ARBlockRes", "ARType", ar.ar_type, int(plan.ar_type))
+    _same("ARBlockRes", "ARUUID", ar.ar_uuid, plan.ar_uuid)
+    _same("ARBlockRes", "SessionKey", ar.session_key, plan.session_key)
+    _same("ARBlockRes", "CMResponderUDPRTPort", ar.udp_rt_port, ETHERTYPE_PROFINET)
+    if ar.responder_mac[0] & 1 or not any(ar.responder_mac):
+        raise RemoteError(
+            f"ARBlockRes of the Connect response has the MAC {ar.responder_mac.hex(':')}, which is no station's"
+        )
+    return ar.responder_mac
+
+
+def check_access(plan: ArPlan, payload: bytes) -> bytes:
+    """Read a positive Connect response to device access: the device's MAC address.  Raises RemoteError."""
+    try:
+        blocks = split_blocks(payload)
+    except DecodeError as exc:
+        raise RemoteError(f"the Connect response is malformed ({exc})") from exc
+    return _check_ar(plan, [block for block in blocks if block.block_type == BlockType.AR_RES])
+
+
 def check_connect(plan: ArPlan, payload: bytes) -> ConnectAnswer:
     """Read a positive Connect response.  Raises RemoteError with a sentence on the first thing that is wrong.
 
@@ -225,22 +255,13 @@ def check_connect(plan: ArPlan, payload: bytes) -> ConnectAnswer:
     for block in blocks:
         of_type.setdefault(block.block_type, []).append(block)
 
-    ar = _parsed(parse_ar_block_res, of_type.get(BlockType.AR_RES, []), "ARBlockRes")
-    _same("ARBlockRes", "ARType", ar.ar_type, int(plan.ar_type))
-    _same("ARBlockRes", "ARUUID", ar.ar_uuid, plan.ar_uuid)
-    _same("ARBlockRes", "SessionKey", ar.session_key, plan.session_key)
-    _same("ARBlockRes", "CMResponderUDPRTPort", ar.udp_rt_port, ETHERTYPE_PROFINET)
-    if ar.responder_mac[0] & 1 or not any(ar.responder_mac):
-        raise RemoteError(
-            f"ARBlockRes of the Connect response has the MAC {ar.responder_mac.hex(':')}, which is no station's"
-        )
-
+    device_mac = _check_ar(plan, of_type.get(BlockType.AR_RES, []))
     iocrs = [_parsed(parse_iocr_block_res, [block], "IOCRBlockRes") for block in of_type.get(BlockType.IOCR_RES, [])]
     alarm = _parsed(parse_alarm_cr_block_res, of_type.get(BlockType.ALARM_CR_RES, []), "AlarmCRBlockRes")
     return ConnectAnswer(
         input_frame_id=_frame_id(iocrs, IocrType.INPUT, INPUT_REFERENCE),
         output_frame_id=_frame_id(iocrs, IocrType.OUTPUT, OUTPUT_REFERENCE),
-        device_mac=ar.responder_mac,
+        device_mac=device_mac,
         alarm_reference=alarm.local_alarm_reference,
         max_alarm_data_length=alarm.max_alarm_data_length,
         module_diff=module_diff,
@@ -250,8 +271,11 @@ def check_connect(plan: ArPlan, payload: bytes) -> ConnectAnswer:
 # Control
 
 
-def check_control(plan: ArPlan, payload: bytes, block_type: int, name: str) -> None:
-    """Read the positive answer to PrmEnd or Release.  Raises RemoteError with a sentence."""
+def check_control(plan: ArPlan, payload: bytes, block_type: int, name: str, sequence: int = 0) -> None:
+    """Read the positive answer to PrmEnd and its kin, or to Release.  Raises RemoteError with a sentence.
+
+    ``sequence`` is the alarm's in an answer to PrmEnd.plug; a device may leave it out.
+    """
     try:
         blocks = [parse_control_block(b) for b in split_blocks(payload) if b.block_type == block_type]
     except DecodeError as exc:
@@ -263,6 +287,10 @@ def check_control(plan: ArPlan, payload: bytes, block_type: int, name: str) -> N
         raise RemoteError(f"the answer to {name} is for AR {answer.ar_uuid}")
     if answer.session_key != plan.session_key:
         raise RemoteError(f"the answer to {name} has session key {answer.session_key}, asked was {plan.session_key}")
+    if answer.alarm_sequence_number not in {0, sequence}:
+        raise RemoteError(
+            f"the answer to {name} has alarm sequence number {answer.alarm_sequence_number}, asked was {sequence}"
+        )
     if not answer.command & ControlCommand.DONE:
         raise RemoteError(f"the answer to {name} has ControlCommand 0x{answer.command:04X} instead of Done")
 
@@ -308,7 +336,8 @@ def check_ready(plan: ArPlan, opnum: int, payload: bytes) -> ReadyCall:
         module_diff = _module_diff([b for b in rest if b.block_type == BlockType.MODULE_DIFF])
     except DecodeError as exc:
         raise CallRefusedError("ready-malformed-module-diff", ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS) from exc
-    return ReadyCall(module_diff, after_plug, emit_control_block(control_response(block)))
+    answer = emit_control_block(control_response(block))
+    return ReadyCall(module_diff, after_plug, answer, block.alarm_sequence_number)
 
 
 # Records

@@ -1,4 +1,4 @@
-"""States and signals of CMCTL, and how an AR ends; the table itself stands with its actions in :mod:`cmctl`."""
+"""States, signals and table of CMCTL, and how an AR ends; the actions are :mod:`cmctl`'s."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cmctl_events import Phase
     from pnfarm.protocols.profinet.errors import PnioStatus
 
-__all__ = ["CONNECTED", "PHASES", "CmctlEnd", "CmctlSignal", "CmctlState"]
+__all__ = ["CONNECTED", "PHASES", "TRANSITIONS", "CmctlEnd", "CmctlSignal", "CmctlState"]
 
 
 class CmctlState(StrEnum):
@@ -31,6 +31,7 @@ class CmctlState(StrEnum):
 class CmctlSignal(Enum):
     CONNECT = "connect.req"
     CONNECT_CNF = "connect.cnf"
+    ACCESS_CNF = "connect.cnf for device access"
     RECORDS_WRITTEN = "write.cnf of the last record"
     PRM_END_CNF = "dcontrol.cnf"
     READY_IND = "ccontrol.ind"
@@ -49,6 +50,46 @@ PHASES: dict[CmctlState, Phase] = {
 }
 #: States in which the device has the AR, so that records can be read and written in it.
 CONNECTED = {CmctlState.W_WCNF, CmctlState.W_PECNF, CmctlState.W_ARDY, CmctlState.DATA}
+
+
+_S, _E = CmctlState, CmctlSignal
+
+#: (state, signal) -> (next state, name of the machine's action).  IEC 61158-6-10 names the services; a pair that does
+#: not stand here is counted in ``dropped`` and changes nothing.
+TRANSITIONS: dict[tuple[CmctlState, CmctlSignal], tuple[CmctlState, str]] = {
+    (_S.IDLE, _E.CONNECT): (_S.W_CCNF, "send_connect"),
+    (_S.IDLE, _E.RELEASE): (_S.CLOSED, "never_connected"),
+    (_S.IDLE, _E.ABORT): (_S.CLOSED, "never_connected"),
+    # connecting
+    (_S.W_CCNF, _E.CONNECT_CNF): (_S.W_WCNF, "connected"),
+    (_S.W_CCNF, _E.ACCESS_CNF): (_S.DATA, "accessible"),
+    (_S.W_CCNF, _E.FAULT): (_S.CLOSED, "failed"),
+    (_S.W_CCNF, _E.ABORT): (_S.CLOSED, "connect_given_up"),
+    (_S.W_CCNF, _E.RELEASE): (_S.W_RLCNF, "send_release"),
+    # writing the parameter records
+    (_S.W_WCNF, _E.RECORDS_WRITTEN): (_S.W_PECNF, "send_parameter_end"),
+    (_S.W_WCNF, _E.FAULT): (_S.CLOSED, "failed"),
+    (_S.W_WCNF, _E.ABORT): (_S.CLOSED, "failed"),
+    (_S.W_WCNF, _E.RELEASE): (_S.W_RLCNF, "send_release"),
+    # ending the parametrisation
+    (_S.W_PECNF, _E.READY_IND): (_S.W_PECNF, "hold_ready"),
+    (_S.W_PECNF, _E.PRM_END_CNF): (_S.W_ARDY, "parametrised"),
+    (_S.W_PECNF, _E.FAULT): (_S.CLOSED, "failed"),
+    (_S.W_PECNF, _E.ABORT): (_S.CLOSED, "failed"),
+    (_S.W_PECNF, _E.RELEASE): (_S.W_RLCNF, "send_release"),
+    # waiting for the application of the device
+    (_S.W_ARDY, _E.READY_IND): (_S.DATA, "established"),
+    (_S.W_ARDY, _E.FAULT): (_S.CLOSED, "failed"),
+    (_S.W_ARDY, _E.ABORT): (_S.CLOSED, "failed"),
+    (_S.W_ARDY, _E.RELEASE): (_S.W_RLCNF, "send_release"),
+    # exchanging data
+    (_S.DATA, _E.READY_IND): (_S.DATA, "ready_again"),
+    (_S.DATA, _E.ABORT): (_S.CLOSED, "aborted"),
+    (_S.DATA, _E.RELEASE): (_S.W_RLCNF, "send_release"),
+    # releasing
+    (_S.W_RLCNF, _E.RELEASE_CNF): (_S.CLOSED, "released"),
+    (_S.W_RLCNF, _E.ABORT): (_S.CLOSED, "released"),
+}
 
 
 @dataclass(frozen=True, slots=True)

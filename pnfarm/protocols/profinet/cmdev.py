@@ -81,7 +81,8 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cmdev_alarms import AlarmFrame
     from pnfarm.protocols.profinet.cmdev_check import ConnectRequest
     from pnfarm.protocols.profinet.cmdev_control import ControlCall
-    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, Plugged
+    from pnfarm.protocols.profinet.cmdev_modules import Before
+    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, Plugged, SlotState
     from pnfarm.protocols.profinet.events import CmEvent
     from pnfarm.protocols.profinet.record_store import RecordHandler
     from pnfarm.protocols.profinet.rpc_fragments import Peer
@@ -304,7 +305,7 @@ class CmDevice:
 
     def pull(self, slot: int, subslot: int | None, now: int) -> None:
         """Take a module, or one submodule of it, out of a slot."""
-        before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        before = self._modules.before(self.ars, slot)
         module = self.plugged.module(slot)
         for sub in module.submodules if module is not None else ():
             if subslot in {None, sub.subslot}:
@@ -314,8 +315,19 @@ class CmDevice:
 
     def plug(self, slot: int, module: ModuleDescription | None, now: int, *, substitute: bool = False) -> None:
         """Put a module into a slot; None for the one that was pulled.  See :meth:`Plugged.plug`."""
-        before = {ar.key: self._modules.usable(ar) for ar in self.ars}
+        before = self._modules.before(self.ars, slot)
         self.plugged.plug(slot, module, substitute=substitute)
+        self._moved(slot, before, now, whole=True)
+
+    def put(self, slot: int, state: SlotState, now: int) -> None:
+        """Make a slot what ``state`` says (:meth:`Plugged.put`), however it differs from what is there."""
+        before = self._modules.before(self.ars, slot)
+        had = self.plugged.module(slot)
+        stays = state.module.submodules if state.module is not None else ()
+        for sub in had.submodules if had is not None else ():
+            if sub not in stays:
+                self.diagnosis.forget((sub.api, sub.slot, sub.subslot))
+        self.plugged.put(slot, state)
         self._moved(slot, before, now, whole=True)
 
     def alarm(
@@ -327,17 +339,17 @@ class CmDevice:
         items: tuple[AlarmItem, ...] = (),
         specifier: int = 0,
         high: bool = False,
-    ) -> int:
-        """An alarm about one submodule to every AR that owns it; how many ARs are told."""
-        told = 0
+    ) -> tuple[int, ...]:
+        """An alarm about one submodule to every AR that owns it; the alarms' numbers, without those refused."""
+        told: list[int] = []
         for ar in self.ars:
             if key in ar.owned and ar.alarm_cr is not None:
                 ar_state = AlarmSpecifier.AR_DIAGNOSIS_STATE if self.diagnosis.has_fault(ar.owned) else 0
                 flags = specifier | ar_state
-                self.alarms.tell(ar.key, alarm_type, key, now, items=items, specifier=flags, high=high)
-                told += 1
+                number = self.alarms.tell(ar.key, alarm_type, key, now, items=items, specifier=flags, high=high)
+                told += [] if number is None else [number]
         self._take_alarms(now)
-        return told
+        return tuple(told)
 
     def tell_diagnosis(self, now: int) -> bool:
         """Alarms for what has changed in :attr:`diagnosis`, and the ARs' DataStatus; False when nothing has."""
@@ -546,10 +558,13 @@ class CmDevice:
         ar.module_diff = self._modules.diff(ar)
         self._events.append(SubmodulesChanged(ar.key, self._modules.unusable(ar)))
 
-    def _moved(self, slot: int, before: dict[int, set[ExpectedKey]], now: int, *, whole: bool) -> None:
+    def _moved(self, slot: int, before: Before, now: int, *, whole: bool) -> None:
         """Something was pulled from or plugged into ``slot``: tell every AR that expects something there."""
+        wanted = (e.module_ident for ar in self.ars for e in ar.expected if e.slot == slot)
+        # a slot that nobody holds any more is again what the controller expects, the oldest one that does
+        self.plugged.follow(slot, next(wanted, 0))
         for ar in self.ars:
-            if self._modules.moved(ar, slot, before[ar.key], now, whole=whole):
+            if self._modules.moved(ar, slot, before, now, whole=whole):
                 self._changed(ar)
         self._take_alarms(now)
 

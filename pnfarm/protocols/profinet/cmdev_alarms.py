@@ -94,6 +94,11 @@ class DeviceAlarms:
             total.update(_reasons(line))
         return total
 
+    @property
+    def last_number(self) -> int:
+        """That of the latest alarm; 0 before the first."""
+        return self._number
+
     # the ARs
 
     def open(self, ar: Ar, max_alarm_data_length: int) -> None:

@@ -26,10 +26,18 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.events import AlarmConfirmed
     from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
 
-__all__ = ["Modules"]
+__all__ = ["Before", "Modules"]
 
 #: The controller has ApplicationReady's ModuleDiffBlock, or will: what happens from here on takes an alarm.
 _TOLD = frozenset({CmdevState.W_ARDYCNF, CmdevState.WDATA, CmdevState.DATA})
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """How a slot was: what really stood there, and what each AR could use of all that it expects."""
+
+    real: dict[ExpectedKey, tuple[int, int]]
+    usable: dict[int, set[ExpectedKey]]
 
 
 @dataclass(slots=True)
@@ -75,34 +83,48 @@ class Modules:
 
     # what happens to it
 
-    def moved(self, ar: Ar, slot: int, had: set[ExpectedKey], now: int, *, whole: bool) -> bool:
-        """Something was pulled from or plugged into ``slot``; ``had`` was usable before, ``whole`` means a module.
+    def before(self, ars: Iterable[Ar], slot: int) -> Before:
+        """How a slot is, for :meth:`moved` afterwards."""
+        return Before(self._real(slot), {ar.key: self.usable(ar) for ar in ars})
+
+    def _real(self, slot: int) -> dict[ExpectedKey, tuple[int, int]]:
+        """What stands in a slot: the idents of module and submodule, by place."""
+        module = self._plugged.module(slot)
+        return {} if module is None else {
+            (s.api, slot, s.subslot): (module.module_ident, s.submodule_ident) for s in module.submodules
+        }  # fmt: skip
+
+    def moved(self, ar: Ar, slot: int, before: Before, now: int, *, whole: bool) -> bool:
+        """Something was pulled from or plugged into ``slot``; ``whole`` means a module.
 
         False when the AR expects nothing there.
         """
         expected = [key for key in expected_keys(ar.expected) if key[1] == slot]
         if not expected:
             return False
-        has = self.usable(ar)
-        gone = [key for key in expected if key in had - has and key in ar.owned]
-        if ar.state in _TOLD and gone:
+        had, has, real = before.usable[ar.key], self.usable(ar), self._real(slot)
+        owned = [key for key in expected if key in ar.owned]
+        gone = [key for key in owned if key in before.real and key not in real]
+        wrong = [key for key in owned if key in real and key not in has and before.real.get(key) != real[key]]
+        if ar.state in _TOLD:
             self._tell_gone(ar, slot, gone, now, whole=whole)
-        self._forget(ar, gone)
-        for key in expected:
-            if key in has - had and key in ar.owned:
+            for key in wrong:
+                self._alarms.tell(ar.key, AlarmType.PLUG_WRONG_SUBMODULE, key, now)
+        self._forget(ar, [*gone, *wrong])
+        for key in owned:
+            if key in has - had:
                 self.await_parameters(ar, AlarmType.PLUG, key, now)
         return True
 
     def _tell_gone(self, ar: Ar, slot: int, gone: list[ExpectedKey], now: int, *, whole: bool) -> None:
-        if whole and self._plugged.module(slot) is None:
+        if gone and whole and self._plugged.module(slot) is None:
             # one alarm for the module: subslot 0, of its own type where the controller knows it
             known = ar.properties & ArProperties.PULL_MODULE_ALARM_ALLOWED
             alarm_type = AlarmType.PULL_MODULE if known else AlarmType.PULL
             self._alarms.tell(ar.key, alarm_type, (gone[0][0], slot, 0), now)
             return
         for key in gone:
-            wrong = self._plugged.submodule(*key) is not None
-            self._alarms.tell(ar.key, AlarmType.PLUG_WRONG_SUBMODULE if wrong else AlarmType.PULL, key, now)
+            self._alarms.tell(ar.key, AlarmType.PULL, key, now)
 
     def taken_over(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
         """A supervisor has taken some of a controller's submodules."""

@@ -21,6 +21,7 @@ __all__ = [
     "Limits",
     "ModuleDescription",
     "Plugged",
+    "SlotState",
     "SubmoduleDescription",
 ]
 
@@ -159,11 +160,24 @@ class DeviceDescription:
         return (self.dap.slot, *dict.fromkeys(m.slot for m in self.modules))
 
 
+@dataclass(frozen=True, slots=True)
+class SlotState:
+    """What :class:`Plugged` knows of one slot.
+
+    ``held``: it does not follow the controller; ``pulled`` is what stood there before something of it was pulled.
+    """
+
+    module: ModuleDescription | None
+    held: bool = False
+    substitute: bool = False
+    pulled: ModuleDescription | None = None
+
+
 class Plugged:
     """The modules in the slots: a mapping ``(slot, subslot) -> SubmoduleDescription`` with hands.
 
-    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`plug` and :meth:`restore` are for the one who disturbs
-    the device.
+    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`plug`, :meth:`put` and :meth:`restore` are for the one
+    who disturbs the device.
     """
 
     __slots__ = ("_description", "_fixed", "_modules", "_pulled", "_substitutes")
@@ -228,6 +242,25 @@ class Plugged:
             self._modules.pop(slot, None)
         else:
             self._modules[slot] = module
+
+    def state(self, slot: int) -> SlotState:
+        """For :meth:`put`."""
+        module, pulled = self._modules.get(slot), self._pulled.get(slot)
+        return SlotState(module, slot in self._fixed, slot in self._substitutes, pulled)
+
+    def put(self, slot: int, state: SlotState) -> None:
+        """The slot as ``state`` says, whatever was there before."""
+        self.restore(slot)
+        if state.module is None:
+            self._modules.pop(slot, None)
+        else:
+            self._modules[slot] = state.module
+        if state.held:
+            self._fixed.add(slot)
+        if state.substitute:
+            self._substitutes.add(slot)
+        if state.pulled is not None:
+            self._pulled[slot] = state.pulled
 
     def held(self, slot: int) -> bool:
         """Somebody pulled or plugged here: the slot does not follow the controller."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
+from pnfarm.protocols.profinet.wire.alarms import AlarmSpecifier, AlarmType
 from pnfarm.protocols.profinet.wire.blocks import VERSION_1_1
 from pnfarm.protocols.profinet.wire.diagnosis import (
     WHOLE_SUBMODULE,
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.diagnosis import DiagnosisItem
 
 __all__ = [
-    "AlarmSpecifier",
-    "DiagnosisAlarm",
     "DiagnosisAppeared",
     "DiagnosisDisappeared",
     "DiagnosisEntry",
@@ -65,40 +64,18 @@ class Severity(IntEnum):
     FAULT = 3
 
 
-class DiagnosisAlarm:
-    """AlarmTypes of diagnosis: an error type of the network's has its own, for both ways."""
-
-    DIAGNOSIS = 0x0001
-    DIAGNOSIS_DISAPPEARS = 0x000C
-    MULTICAST_COMMUNICATION_MISMATCH = 0x000D
-    PORT_DATA_CHANGE = 0x000E
-    SYNC_DATA_CHANGED = 0x000F
-    ISOCHRONOUS_MODE_PROBLEM = 0x0010
-    NETWORK_COMPONENT_PROBLEM = 0x0011
-    TIME_DATA_CHANGED = 0x0012
-    DYNAMIC_FRAME_PACKING_PROBLEM = 0x0013
-
-
+#: An error type of the network has an alarm type of its own, for both ways.
 _ALARM_TYPES = {
-    0x8000: DiagnosisAlarm.PORT_DATA_CHANGE,
-    0x8001: DiagnosisAlarm.PORT_DATA_CHANGE,
-    0x8003: DiagnosisAlarm.SYNC_DATA_CHANGED,
-    0x8004: DiagnosisAlarm.ISOCHRONOUS_MODE_PROBLEM,
-    0x8005: DiagnosisAlarm.MULTICAST_COMMUNICATION_MISMATCH,
-    0x8007: DiagnosisAlarm.PORT_DATA_CHANGE,
-    0x8008: DiagnosisAlarm.NETWORK_COMPONENT_PROBLEM,
-    0x8009: DiagnosisAlarm.TIME_DATA_CHANGED,
-    0x800A: DiagnosisAlarm.DYNAMIC_FRAME_PACKING_PROBLEM,
+    0x8000: AlarmType.PORT_DATA_CHANGE,
+    0x8001: AlarmType.PORT_DATA_CHANGE,
+    0x8003: AlarmType.SYNC_DATA_CHANGED,
+    0x8004: AlarmType.ISOCHRONOUS_MODE_PROBLEM,
+    0x8005: AlarmType.MULTICAST_COMMUNICATION_MISMATCH,
+    0x8007: AlarmType.PORT_DATA_CHANGE,
+    0x8008: AlarmType.NETWORK_COMPONENT_PROBLEM,
+    0x8009: AlarmType.TIME_DATA_CHANGED,
+    0x800A: AlarmType.DYNAMIC_FRAME_PACKING_PROBLEM,
 }
-
-
-class AlarmSpecifier:
-    """Bits of the field AlarmSpecifier; bits 0 to 10 are the sequence number."""
-
-    CHANNEL_DIAGNOSIS = 1 << 11
-    MANUFACTURER_DIAGNOSIS = 1 << 12
-    SUBMODULE_DIAGNOSIS_STATE = 1 << 13
-    AR_DIAGNOSIS_STATE = 1 << 15
 
 
 class _SubmoduleStateBits:
@@ -365,7 +342,7 @@ class DiagnosisStore:
         entry: DiagnosisEntry,
         specifier: ChannelSpecifier,
     ) -> None:
-        plain = DiagnosisAlarm.DIAGNOSIS if kind is DiagnosisAppeared else DiagnosisAlarm.DIAGNOSIS_DISAPPEARS
+        plain = AlarmType.DIAGNOSIS if kind is DiagnosisAppeared else AlarmType.DIAGNOSIS_DISAPPEARS
         alarm_type = _ALARM_TYPES.get(entry.error_type, plain)
         flags, status = self.alarm_specifier(entry.place), self.maintenance_status(entry.place)
         self._events.append(kind(entry, specifier, alarm_type, flags, status))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 from pnfarm.protocols.profinet.wire.rpc import BODY_MAX, RPC_PORT, UUID_PNIO_DEVICE, PnioStatus
 
@@ -26,6 +26,7 @@ __all__ = [
     "CallReturned",
     "ClientEvent",
     "Interface",
+    "LateAnswers",
     "RpcClientConfig",
     "RpcServerConfig",
     "ServerEvent",
@@ -79,6 +80,18 @@ class CallCancelled:
     call: CallKey
     peer: Peer
     orphaned: bool = False
+
+
+class LateAnswers(Protocol):
+    """Whom a server asks how long it keeps an answer back (a fault kind is such a one)."""
+
+    def wait_ns(self, call: CallKey, opnum: int, now: int) -> int:
+        """Nanoseconds; 0: the answer leaves at once, and :meth:`left` is not called."""
+        ...
+
+    def left(self, call: CallKey, *, sent: bool) -> None:
+        """The answer left; ``sent`` False: the call was no longer open."""
+        ...
 
 
 ServerEvent = CallReceived | CallCancelled
@@ -160,6 +173,18 @@ class CallFailed:
     peer: Peer
     code: int = 0
 
+    @property
+    def words(self) -> str:
+        """The reason as a sentence's end, for a person."""
+        return _FAILURES.get(self.reason, self.reason)
+
+
+_FAILURES = {
+    "no-answer": "nobody answers",
+    "timeout": "no answer in time",
+    "nocall": "the other side loses the call again and again",
+    "bad-response": "the answer has no PNIOStatus that could be read",
+}
 
 ClientEvent = CallReturned | CallFailed
 

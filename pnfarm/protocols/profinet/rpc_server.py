@@ -38,6 +38,7 @@ from pnfarm.protocols.profinet.rpc_events import (
     CallKey,
     CallReceived,
     Interface,
+    LateAnswers,
     RpcServerConfig,
     ServerEvent,
 )
@@ -86,7 +87,10 @@ NO_ADDRESS: Final = IPv4Address(0)
 
 
 class RpcServer:
-    """See the module's text.  ``address`` is the device's own, which the endpoint mapper tells; 0.0.0.0 is none yet."""
+    """See the module's text.  ``address`` is the device's own, which the endpoint mapper tells; 0.0.0.0 is none yet.
+
+    ``late``, when set, is asked about every answer of the application; one that is kept back leaves its call EXECUTING.
+    """
 
     def __init__(self, config: RpcServerConfig, address: IPv4Address = NO_ADDRESS) -> None:
         self.config = config
@@ -97,6 +101,8 @@ class RpcServer:
         self._activities = ActivityTable(config.activities_max, config.held_octets_max, self.dropped)
         self._out: list[Datagram] = []
         self._events: list[ServerEvent] = []
+        self.late: LateAnswers | None = None
+        self._kept: list[tuple[int, CallKey, PnioStatus, bytes]] = []
 
     # --- the outside ---------------------------------------------------------------------------------------
 
@@ -143,6 +149,25 @@ class RpcServer:
         activity = self._open_call(call)
         if activity is None:
             return False
+        wait_ns = self.late.wait_ns(call, activity.request.opnum, now) if self.late is not None else 0
+        if wait_ns > 0:
+            self._kept.append((now + wait_ns, call, status, payload))
+            return True
+        return self._respond(activity, status, payload, now)
+
+    def release_answers(self, now: int) -> None:
+        """Let every answer go that is kept back."""
+        kept, self._kept = self._kept, []
+        for _, call, status, payload in kept:
+            self._answer_late(call, status, payload, now)
+
+    def _answer_late(self, call: CallKey, status: PnioStatus, payload: bytes, now: int) -> None:
+        activity = self._open_call(call)
+        sent = activity is not None and self._respond(activity, status, payload, now)
+        if self.late is not None:
+            self.late.left(call, sent=sent)
+
+    def _respond(self, activity: Activity, status: PnioStatus, payload: bytes, now: int) -> bool:
         if len(payload) > min(activity.args_maximum, STUB_MAX - ARGS_HEADER_LENGTH):
             self._answer_status(activity, NcaStatus.OUT_ARGS_TOO_BIG, now)
             return True
@@ -168,9 +193,16 @@ class RpcServer:
         return events
 
     def next_deadline(self) -> int | None:
-        return self._activities.next_deadline()
+        first = self._activities.next_deadline()
+        if self._kept:
+            kept = min(entry[0] for entry in self._kept)
+            return kept if first is None else min(first, kept)
+        return first
 
     def handle_timeout(self, now: int) -> None:
+        for late in [entry for entry in self._kept if entry[0] <= now]:
+            self._kept.remove(late)
+            self._answer_late(*late[1:], now)
         for activity in self._activities.due(now):
             match activity.state:
                 case ServerState.IDLE | ServerState.RECEIVING:

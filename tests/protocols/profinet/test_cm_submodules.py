@@ -7,8 +7,12 @@ from dataclasses import replace
 import pytest
 from cm_controllers import TAKEOVER_ALLOWED, Controller, dap_only, drive_only, everything
 from cm_support import ADVANCED, DRIVE, DRIVE_API, LEGACY, Bench, telegram
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.description import Plugged, SlotState
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.errors import PnioStatus
 from pnfarm.protocols.profinet.events import (
     AlarmConfirmed,
@@ -119,6 +123,19 @@ def test_a_wrong_module_is_told_as_such_and_stays_unusable():
     diff = bench.cm.ars[0].module_diff
     assert diff.apis[0].modules[0].state == ModuleState.SUBSTITUTE
     assert states(diff)[1, 2] == (IdentInfo.WRONG, ArInfo.OWN)
+
+
+def test_a_wrong_module_in_a_slot_that_was_empty_at_connect_is_told_and_its_going_as_well():
+    bench = Bench()
+    bench.plugged.pull(1)
+    controller = Controller(bench, 1)
+    controller.establish()
+    bench.cm.plug(1, telegram(0x555, 0x70, 12, 12), 0)
+    assert {a.alarm_type for a in controller.pump()} == {AlarmType.PLUG_WRONG_SUBMODULE}
+    bench.cm.pull(1, None, 0)
+    assert places(controller.pump()) == [(AlarmType.PULL, DRIVE_API, 1, 0)]
+    bench.cm.pull(1, None, 0)
+    assert controller.pump() == []
 
 
 def test_a_substitute_is_usable_and_said_to_be_one():
@@ -236,6 +253,74 @@ def test_a_submodule_pulled_again_is_not_awaited_any_more():
     assert bench.cm.ars[0].pending == set()
 
 
+def test_a_slot_put_back_as_it_was_is_what_the_controller_expects_and_takes_its_parameters():
+    bench, controller = one_controller()
+    before = bench.plugged.state(1)
+    bench.cm.put(1, SlotState(None, held=True, pulled=before.module), 0)
+    assert places(controller.pump()) == [(AlarmType.PULL, DRIVE_API, 1, 0)]
+    bench.cm.put(1, before, 0)
+    assert bench.plugged.state(1) == before
+    alarms = controller.pump()
+    assert places(alarms) == [(AlarmType.PLUG, *PAP), (AlarmType.PLUG, *TELEGRAM)]
+    for alarm in alarms:
+        assert controller.prm_end_plug(alarm.sequence_number)[0].ok
+        assert bench.cm.application_ready(controller.key, 0, alarm.sequence_number)
+    controller.confirm_calls()
+    assert unusable(bench) == frozenset()
+
+
+def test_a_slot_put_as_it_is_tells_nobody_anything():
+    bench, controller = one_controller()
+    bench.cm.put(1, bench.plugged.state(1), 0)
+    assert controller.pump() == []
+    assert unusable(bench) == frozenset()
+
+
+def test_a_slot_that_is_free_again_follows_the_controller_that_stands():
+    bench = Bench()
+    other = bench.plugged.state(1)
+    bench.plugged.put(1, SlotState(None, held=True))
+    controller = Controller(bench, 1)
+    controller.establish()
+    bench.cm.put(1, other, 0)
+    assert (other.module.module_ident, bench.plugged.module(1).module_ident) == (0x101, 0x100)
+    assert {a.alarm_type for a in controller.pump()} == {AlarmType.PLUG}
+
+
+def test_diagnosis_goes_with_the_submodule_that_is_replaced_and_stays_with_the_others():
+    bench, _ = one_controller()
+    for key in (PAP, TELEGRAM):
+        bench.cm.diagnosis.add(DiagnosisEntry(*key, error_type=1))
+    module = bench.plugged.module(1)
+    bench.cm.put(1, SlotState(replace(module, submodules=module.submodules[:1]), held=True), 0)
+    assert [entry.place for entry in bench.cm.diagnosis] == [PAP]
+
+
+@given(st.lists(st.sampled_from(["pull", "pull 2", "plug", "plug other", "restore", "follow"]), max_size=6))
+def test_what_a_slot_was_can_be_put_back_after_anything(hands):
+    plugged = Plugged(DRIVE)
+    plugged.pull(1, 2)
+    state = plugged.state(1)
+    for hand in hands:
+        match hand:
+            case "pull":
+                plugged.pull(1)
+            case "pull 2":
+                plugged.pull(1, 2)
+            case "plug":
+                plugged.plug(1)
+            case "plug other":
+                plugged.plug(1, telegram(0x555, 0x70, 12, 12), substitute=True)
+            case "restore":
+                plugged.restore(1)
+            case "follow":
+                plugged.follow(1, 0x100)
+    plugged.put(1, state)
+    assert plugged.state(1) == state
+    plugged.plug(1)
+    assert plugged.state(1) == SlotState(DRIVE.default_module(1))
+
+
 # whose submodules they are
 
 
@@ -244,7 +329,7 @@ def test_two_controllers_share_a_device_and_the_alarms_go_to_the_owner():
     first, second = Controller(bench, 1, dap_only), Controller(bench, 2, drive_only)
     assert first.diff(first.establish()) is None
     assert second.diff(second.establish()) is None
-    assert bench.cm.alarm(AlarmType.DIAGNOSIS, TELEGRAM, 0) == 1
+    assert len(bench.cm.alarm(AlarmType.DIAGNOSIS, TELEGRAM, 0)) == 1
     assert first.pump(second) == []
     assert places(second.heard()) == [(AlarmType.DIAGNOSIS, *TELEGRAM)]
     assert [ar.state for ar in bench.cm.ars] == [CmdevState.DATA] * 2
@@ -343,7 +428,7 @@ def test_one_supervisor_at_a_time():
 def test_a_controller_parametrises_anew_while_data_flow():
     bench, controller = one_controller()
     assert controller.prm_begin(TELEGRAM)[0].ok
-    assert bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0, high=True) == 1
+    assert len(bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0, high=True)) == 1
     assert controller.pump() == []
     assert controller.prm_end()[0].ok
     assert bench.events()[-1] == PrmEndReceived(controller.key)
@@ -395,7 +480,7 @@ def test_a_second_prm_begin_is_a_state_conflict_and_after_prm_end_the_end_of_the
 def test_an_alarm_carries_its_items_and_is_confirmed_by_its_number():
     bench, controller = one_controller()
     item = AlarmItem(0x8000, bytes.fromhex("80006800900f"))
-    assert bench.cm.alarm(AlarmType.DIAGNOSIS, TELEGRAM, 0, items=(item,), specifier=0xA800) == 1
+    assert len(bench.cm.alarm(AlarmType.DIAGNOSIS, TELEGRAM, 0, items=(item,), specifier=0xA800)) == 1
     (alarm,) = controller.pump()
     assert (alarm.items, alarm.specifier) == ((item,), 0xA800)
     (event,) = bench.events()
@@ -418,7 +503,7 @@ def test_an_ar_without_submodules_there_hears_nothing_and_device_access_has_no_c
     bench = shared_bench()
     first = Controller(bench, 1, dap_only)
     first.establish()
-    assert bench.cm.alarm(AlarmType.DIAGNOSIS, TELEGRAM, 0) == 0
+    assert bench.cm.alarm(AlarmType.DIAGNOSIS, TELEGRAM, 0) == ()
     assert first.pump() == []
 
 

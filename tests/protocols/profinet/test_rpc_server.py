@@ -87,6 +87,85 @@ def test_a_request_repeated_while_the_call_is_open_is_working():
     assert len(device.events()) == 1
 
 
+class Late:
+    """Keeps answers to Read back."""
+
+    def __init__(self, wait_ns: int) -> None:
+        self.wait, self.told = wait_ns, []
+
+    def wait_ns(self, call, opnum, now) -> int:
+        del call, now
+        return self.wait if opnum == Opnum.READ else 0
+
+    def left(self, call, *, sent) -> None:
+        self.told.append((call.sequence, sent))
+
+
+def late_server(wait_ns: int = 50 * MS, **settings_) -> RpcServer:
+    device = server(**settings_)
+    device.late = Late(wait_ns)
+    return device
+
+
+def test_an_answer_that_is_kept_back_leaves_at_its_time_and_the_call_is_working_until_then():
+    device = late_server()
+    put(device, request())
+    assert device.respond(received(device).call, OK, b"answer", 0)
+    assert [pdu.kind for pdu in put(device, request(), 10 * MS)] == [PacketType.WORKING]
+    assert device.next_deadline() == 50 * MS
+    device.handle_timeout(49 * MS)
+    assert sent(device) == []
+    device.handle_timeout(50 * MS)
+    [answer] = sent(device)
+    assert parse_response_args(answer.body, little_endian=True).payload == b"answer"
+    assert device.late.told == [(0, True)]
+
+
+def test_only_the_answers_that_are_asked_for_are_kept_back():
+    device = late_server()
+    put(device, request(opnum=Opnum.WRITE))
+    device.respond(received(device).call, OK, b"answer", 0)
+    assert len(sent(device)) == 1
+    assert device.late.told == []
+
+
+def test_an_answer_to_a_call_that_was_replaced_meanwhile_never_leaves():
+    device = late_server()
+    put(device, request(1))
+    device.respond(received(device).call, OK, b"old", 0)
+    put(device, request(2, opnum=Opnum.WRITE), 10 * MS)
+    (new,) = [event for event in device.events() if isinstance(event, CallReceived)]
+    device.respond(new.call, OK, b"new", 10 * MS)
+    device.handle_timeout(60 * MS)
+    answers = [parse_response_args(pdu.body, little_endian=True).payload for pdu in sent(device)]
+    assert answers == [b"new"]
+    assert device.late.told == [(1, False)]
+    assert device.dropped["late-answer"] == 1
+
+
+def test_answers_that_are_kept_back_can_be_let_go():
+    device = late_server(3600_000 * MS)
+    put(device, request())
+    device.respond(received(device).call, OK, b"answer", 0)
+    device.release_answers(5 * MS)
+    assert len(sent(device)) == 1
+    assert device.late.told == [(0, True)]
+    device.release_answers(6 * MS)
+    assert sent(device) == []
+
+
+def test_an_answer_later_than_a_call_is_kept_never_leaves():
+    device = late_server(10_000 * MS, execution_ns=5_000 * MS)
+    put(device, request())
+    device.respond(received(device).call, OK, b"answer", 0)
+    device.handle_timeout(5_000 * MS)
+    assert device.next_deadline() == 10_000 * MS
+    assert [pdu.kind for pdu in sent(device)] == [PacketType.FAULT]
+    device.handle_timeout(10_000 * MS)
+    assert sent(device) == []
+    assert device.late.told == [(0, False)]
+
+
 def test_a_ping_before_any_call_is_no_call():
     device = server()
     [answer] = put(device, about(request(), PacketType.PING, serial=1))

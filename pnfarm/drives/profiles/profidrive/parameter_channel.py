@@ -6,7 +6,6 @@ one request at a time (profile 4.1, 8.6): a read while none is pending is a stat
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
@@ -110,6 +109,12 @@ class ParameterChannel:
 
     def _answer(self, request: ParameterRequest) -> ParameterResponse:
         access = self._store.model.access
+        if request.request_id not in {REQUEST_READ, REQUEST_CHANGE} and access.unknown_service_id:
+            entry = error_values(ParameterError(ParameterErrorNumber.SERVICE_NOT_SUPPORTED))
+            return ParameterResponse(request.reference, access.unknown_service_id, request.axis, 1, (entry,))
+        if request.count > 1 and not access.multi_parameter and request.request_id in {REQUEST_READ, REQUEST_CHANGE}:
+            entry = error_values(ParameterError(ParameterErrorNumber.MULTI_PARAMETER))
+            return ParameterResponse(request.reference, request.request_id | NEGATIVE, request.axis, 1, (entry,))
         if request.fault is not None:
             return self._refused(request, request.fault.number)
         if not self._local and request.axis not in access.axis:
@@ -121,9 +126,6 @@ class ParameterChannel:
         negative = False
         used = HEADER_OCTETS
         for position, address in enumerate(request.addresses):
-            if access.zero_elements and not address.elements:
-                # "0..1" elements of a plain parameter (Moog MSD manual, tables 9.8 to 9.16)
-                address = replace(address, elements=1)
             # room for the errors of those that follow, so that the response never outgrows its block
             room = limit - used - ERROR_OCTETS * (request.count - position - 1)
             try:
@@ -132,7 +134,7 @@ class ParameterChannel:
                     raise ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG)
             except ParameterError as exc:
                 negative = True
-                entry = error_values(exc)
+                entry = error_values(exc if access.error_subindex else ParameterError(exc.number))
             entries.append(entry)
             used += entry_octets(entry)
         if not negative and request.request_id == REQUEST_CHANGE:
@@ -172,37 +174,52 @@ class ParameterChannel:
         parameter = self._store.model.parameters.get(address.pnu)
         if parameter is None:
             raise ParameterError(ParameterErrorNumber.IMPERMISSIBLE_PNU)
-        if not 1 <= address.elements <= self._store.model.limits.max_elements or address.subindex > 0xFFFE:
+        least = 0 if self._store.model.access.zero_elements else 1
+        if not least <= address.elements <= self._store.model.limits.max_elements or address.subindex > 0xFFFE:
             raise ParameterError(ParameterErrorNumber.ADDRESS_IMPERMISSIBLE)
         return parameter
+
+    @staticmethod
+    def _place(parameter: Parameter, address: ParameterAddress) -> tuple[int, int]:
+        """Subindex and number of values: 0 elements are one value, whose subindex matters in an array only."""
+        if address.elements:
+            return address.subindex, address.elements
+        return (address.subindex if parameter.elements else 0), 1
 
     def _read(self, address: ParameterAddress) -> ParameterValues:
         parameter = self._row(address)
         mask = (1 << (8 * parameter.octets)) - 1
-        values = self._store.read(address.pnu, address.subindex, address.elements)
-        return ParameterValues(format_of(parameter), tuple(value & mask for value in values))
+        values = self._store.read(address.pnu, *self._place(parameter, address))
+        code = format_of(parameter, typed=self._store.model.access.typed_formats)
+        return ParameterValues(code, tuple(value & mask for value in values))
 
     def _change(self, address: ParameterAddress, given: ParameterValues) -> ParameterValues:
         parameter = self._row(address)
         if not parameter.writable:
             raise ParameterError(ParameterErrorNumber.NOT_CHANGEABLE, address.subindex)
+        formats = self._store.model.access.formats
+        if formats and given.format not in formats:
+            raise ParameterError(ParameterErrorNumber.ILLEGAL_FORMAT)
         if given.format not in _INTEGER_FORMATS:
             raise ParameterError(ParameterErrorNumber.INCORRECT_DATA_TYPE)
         # a command takes a value of any width (AKD EtherNet/IP manual 6.6 writes one of one octet and one of four)
         command = parameter.behaviour is Behaviour.COMMAND
         if not command and format_octets(given.format) != parameter.octets:
             raise ParameterError(ParameterErrorNumber.INCORRECT_DATA_TYPE)
-        if len(given.values) != address.elements:
+        subindex, count = self._place(parameter, address)
+        if len(given.values) != count:
             raise ParameterError(ParameterErrorNumber.NUMBER_OF_VALUES)
         values = (
             [min(value, parameter.maximum) for value in given.values]
             if command and parameter.maximum == parameter.highest
             else [parameter.wrap(value) for value in given.values]
         )
-        self._store.write(address.pnu, address.subindex, values)
+        self._store.write(address.pnu, subindex, values)
         return ParameterValues(FORMAT_ZERO)
 
     def _describe(self, address: ParameterAddress) -> ParameterValues:
         parameter = self._row(address)
+        if not self._store.model.access.descriptions:
+            raise ParameterError(ParameterErrorNumber.NO_DESCRIPTION)
         octets = describe(parameter, address.subindex, changed=self._store.changed(parameter))
         return ParameterValues(FORMAT_OCTET_STRING, tuple(octets))

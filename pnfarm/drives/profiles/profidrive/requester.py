@@ -39,11 +39,16 @@ __all__ = [
 ]
 
 _FORMATS = {1: FORMAT_BYTE, 2: FORMAT_WORD, 4: FORMAT_DWORD}
+#: Integer8..32 and Unsigned8..32 by (signed, octets).
+_TYPED_FORMATS = {(True, 1): 2, (True, 2): 3, (True, 4): 4, (False, 1): 5, (False, 2): 6, (False, 4): 7}
 
 
-def format_of(parameter: Parameter) -> int:
-    """The format in which a parameter's values travel: byte, word or double word (AKD PROFINET manual 5.6)."""
-    return _FORMATS[parameter.octets]
+def format_of(parameter: Parameter, *, typed: bool = False) -> int:
+    """The format in which a parameter's values travel: byte, word or double word (AKD PROFINET manual 5.6).
+
+    ``typed``: as integers with or without a sign (HIWIN E1 manual 4.3.5).
+    """
+    return _TYPED_FORMATS[parameter.signed, parameter.octets] if typed else _FORMATS[parameter.octets]
 
 
 def read_request(reference: int, addresses: Sequence[ParameterAddress], axis: int = 0) -> ParameterRequest:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.alarms import describe_alarm, describe_item
+from pnfarm.protocols.profinet.wire.alarms import AlarmType, describe_alarm, describe_item
 from pnfarm.protocols.profinet.wire.diagnosis import (
     WHOLE_SUBMODULE,
     ChannelDiagnosis,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification
     from pnfarm.protocols.profinet.wire.diagnosis import DiagnosisItem
 
-__all__ = ["alarm_in_words", "item_in_words"]
+__all__ = ["alarm_in_words", "item_in_words", "only_disappears"]
 
 _SPECIFIERS = {
     ChannelSpecifier.ALL_DISAPPEAR: "all gone",
@@ -38,7 +38,8 @@ _MAINTENANCE = {
     Maintenance.DEMANDED: "maintenance demanded",
     Maintenance.QUALIFIED: "qualified",
 }
-_KNOWN = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL, Usi.MAINTENANCE})
+_CHANNELS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})
+_KNOWN = _CHANNELS | {Usi.MAINTENANCE}
 
 
 def _status(status: int) -> str:
@@ -86,3 +87,30 @@ def item_in_words(item: AlarmItem, api: int = 0) -> str:
 def alarm_in_words(alarm: AlarmNotification) -> str:
     """One line with what the items say."""
     return describe_alarm(alarm, lambda item: item_in_words(item, alarm.api))
+
+
+def only_disappears(alarm: AlarmNotification) -> bool:
+    """It tells of an end and of nothing new.
+
+    Some devices raise no "diagnosis disappears": they send AlarmType diagnosis for the end as well, and only
+    ChannelProperties.Specifier of its channels tells.
+    """
+    if alarm.alarm_type == AlarmType.DIAGNOSIS_DISAPPEARS:
+        return True
+    if alarm.alarm_type != AlarmType.DIAGNOSIS or not alarm.items:
+        return False
+    return all(_channels_disappear(item) for item in alarm.items)
+
+
+def _channels_disappear(item: AlarmItem) -> bool:
+    if item.usi not in _CHANNELS:
+        return False
+    try:
+        entries = parse_items(item.data, item.usi)
+    except DecodeError:
+        return False
+    return bool(entries) and all(
+        isinstance(entry, ChannelDiagnosis | ExtChannelDiagnosis | QualifiedChannelDiagnosis)
+        and entry.properties.specifier != ChannelSpecifier.APPEARS
+        for entry in entries
+    )

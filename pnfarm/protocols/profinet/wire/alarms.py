@@ -92,7 +92,7 @@ _WORDS: dict[int, str] = {
     AlarmType.UPDATE: "update alarm",
     AlarmType.MEDIA_REDUNDANCY: "media redundancy alarm",
     AlarmType.CONTROLLED_BY_SUPERVISOR: "controlled by a supervisor",
-    AlarmType.RELEASED: "released by the supervisor",
+    AlarmType.RELEASED: "released by its former owner",
     AlarmType.PLUG_WRONG_SUBMODULE: "wrong submodule plugged",
     AlarmType.RETURN_OF_SUBMODULE: "submodule returns",
     AlarmType.DIAGNOSIS_DISAPPEARS: "diagnosis disappears",

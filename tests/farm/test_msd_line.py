@@ -136,7 +136,6 @@ def test_a_free_mapping_brings_the_speed_in_two_words_behind_the_parameter_chann
     assert [s.name if s else None for s in station.store.mapping(setpoint=True)] == [
         None, None, None, None, "STW1", "REF_SPEED", "REF_SPEED", "DRV_ACC", "DRV_DEC", None,
     ]  # fmt: skip
-    assert station.handle.axis.velocity_signal == 2
 
 
 # faults
@@ -285,3 +284,22 @@ def test_people_read_the_manuals_way_to_write_a_fault() -> None:
     seen = drive_snapshot(line.farm, line.farm.stations[0], line.world.now)
     assert seen["fault_counts"] == {"11-1": 1}
     assert seen["last_fault"]["number"] == 11 | 1 << 16
+
+
+def test_four_failed_signs_of_life_at_a_limit_of_four_are_32_3() -> None:
+    """8.3.2: the counter goes up by ten with each, and ten times P-0925 is the fault."""
+    line = running(telegram=2, params="{P-0925: 4}")
+    store = line.farm.stations[0].store
+    assert faults(line) == []
+    assert store.get("P-1296") == 0
+    line.plc.columns.program[0].life = 0
+    line.run(0.05)
+    assert faults(line) == ["32-3"]
+    assert store.get("P-1296") >= 40
+
+
+def test_signs_of_life_do_not_matter_as_the_factory_has_it() -> None:
+    line = running(telegram=2)
+    line.plc.columns.program[0].life = 0
+    line.run(0.2)
+    assert faults(line) == []

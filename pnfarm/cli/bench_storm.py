@@ -1,0 +1,139 @@
+"""The benchmark ``connect-storm``: many drives at once, with farm and controller on one CPU.
+
+Two controllers stand behind one end of the wire, each on a macvlan and in a network namespace of its own.  One runs 64
+drives already; the other connects 256 of the same farm.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+from pnfarm.cli.bench import FARM_CPU, PARENT, PEER, PEER_CPU, Child, Result, percentile, wire
+from pnfarm.cli.bench_child import difference
+from pnfarm.errors import InternalError
+
+__all__ = ["storm"]
+
+#: Two controllers behind one end of the wire.
+CALM, STORMY = "pnbcalm", "pnbstorm"
+#: Priority of the farm's engine where its lateness has a goal although another process wants the same CPU.
+STORM_FIFO = 20
+
+STORM_DRIVES = """
+  - name: {name}-{{n:04}}
+    count: {count}
+    model: akd-profinet
+    ip: {ip}/16
+    limits: lax
+"""
+STORM = """
+farm: {name}
+link: {{kind: macvlan, parent: {parent}}}
+api: off
+realtime: {realtime}
+drives:{drives}
+"""
+STORM_CONTROLLER = """
+controller:
+  name: {name}
+  ip: {ip}/16
+  interface: {interface}
+  cycle: {cycle}
+  watchdog_factor: {watchdog}
+  program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 100ms}}
+"""
+
+
+def _storm_files(realtime: dict[str, int]) -> tuple[str, str, str]:
+    """Of the farm, of the controller whose 64 drives run already, and of the one that connects 256."""
+    running = STORM_DRIVES.format(name="run", count=64, ip="10.64.0.11")
+    many = STORM_DRIVES.format(name="storm", count=256, ip="10.64.2.1")
+    farm = STORM.format(name="bench", parent=PARENT, realtime=json.dumps(realtime), drives=running + many)
+    calm = STORM.format(name="calm", parent=PARENT, realtime=json.dumps({"cpu": PEER_CPU}), drives=running)
+    calm += STORM_CONTROLLER.format(name="plc-calm", ip="10.64.255.250", interface=CALM, cycle="4ms", watchdog=400)
+    storm = STORM.format(name="storm", parent=PARENT, realtime=json.dumps({"cpu": FARM_CPU}), drives=many)
+    storm += STORM_CONTROLLER.format(name="plc-storm", ip="10.64.255.251", interface=STORMY, cycle="16ms", watchdog=100)
+    return farm, calm, storm
+
+
+@dataclass(frozen=True, slots=True)
+class _Storm:
+    """Seconds, milliseconds of CPU per connection at either end, microseconds of lateness before and during."""
+
+    seconds: float
+    farm_ms: float
+    plc_ms: float
+    quiet_p99: float
+    p99: float
+    lost: int
+
+
+def _storm(seconds: float, realtime: dict[str, int]) -> _Storm:
+    farm_file, calm_file, storm_file = _storm_files(realtime)
+    with wire(), ExitStack() as stack:
+        for name in (CALM, STORMY):
+            subprocess.run(["ip", "link", "add", "link", PEER, name, "type", "macvlan", "mode", "bridge"], check=True)
+        farm = Child("farm", FARM_CPU, file=farm_file)
+        stack.callback(farm.close)
+        farm.answer()
+        calm = Child("plc", PEER_CPU, file=calm_file, interface_from_outside=CALM)
+        stack.callback(calm.close)
+        calm.answer()
+        plc = Child("plc", FARM_CPU, file=storm_file, interface_from_outside=STORMY, hold=True)
+        stack.callback(plc.close)
+        plc.answer()
+        calm.ask("connected 60")
+        if not calm.answer()["connected"]:
+            raise InternalError("64 drives did not connect within 60 s")
+        time.sleep(2.0)
+        before = _marks(farm)
+        time.sleep(seconds)
+        begin = _marks(farm)
+        start = time.monotonic()
+        plc.ask("connected 120")
+        connected = plc.answer()
+        took = time.monotonic() - start
+        during, quiet = difference(begin, _marks(farm)), difference(before, begin)
+        lost = during["expirations"] + _marks(calm)["expirations"]
+    if not connected["connected"]:
+        raise InternalError("256 drives did not connect within 120 s")
+    # what the 64 cost anyway does not belong to the connections
+    farm_cpu = during["cpu"] - quiet["cpu"] / quiet["wall"] * during["wall"]
+    return _Storm(
+        took,
+        farm_cpu / 256 * 1e3,
+        connected["cpu"] / 256 * 1e3,
+        percentile(quiet["lateness"], 0.99),
+        percentile(during["lateness"], 0.99),
+        lost,
+    )
+
+
+def storm(seconds: float) -> list[Result]:
+    """256 drives, from nothing to data both ways, both ends on one core, while 64 others run at 4 ms."""
+    first = _storm(seconds, {"cpu": FARM_CPU, "fifo": STORM_FIFO})
+    other = _storm(seconds, {"cpu": FARM_CPU})
+    took, lost = max(first.seconds, other.seconds), first.lost + other.lost
+    farm_ms, plc_ms = max(first.farm_ms, other.farm_ms), max(first.plc_ms, other.plc_ms)
+    ratio, ordinary = first.p99 / first.quiet_p99, other.p99 / other.quiet_p99
+    unit = "ms of CPU per connection"
+    return [
+        Result("connect-storm-256", took, "s", None, "<= 8", took <= 8),
+        Result("connect-storm-farm", farm_ms, unit, None, "<= 20", farm_ms <= 20),
+        Result("connect-storm-controller", plc_ms, unit, None, "<= 20", plc_ms <= 20),
+        Result("connect-storm-lateness-p99", first.p99, "us, SCHED_FIFO", None, "none", True),
+        Result("connect-storm-lateness-ratio", ratio, "during over before", None, "<= 2", ratio <= 2),
+        Result("connect-storm-ordinary-p99", other.p99, "us, ordinary scheduler", None, "none", True),
+        Result("connect-storm-ordinary-ratio", ordinary, "during over before", None, "none", True),
+        Result("connect-storm-expirations", lost, "of 64 connections", None, "0", lost == 0),
+    ]
+
+
+def _marks(child: Child) -> dict[str, Any]:
+    child.ask("mark")
+    return child.answer()

@@ -1,0 +1,97 @@
+"""The cyclic channels of the controller's sessions: rows of the tables, and what of a frame can be used."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
+from pnfarm.protocols.profinet.binding import channel_layout
+
+if TYPE_CHECKING:
+    from collections.abc import Container
+
+    from pnfarm.controller.session import DeviceSession
+    from pnfarm.links.base import Port
+    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.cmctl_events import Connected
+    from pnfarm.table.columns import Columns
+
+__all__ = ["SessionChannels"]
+
+
+class SessionChannels:
+    """``port`` is where the controller's frames go out and come in."""
+
+    def __init__(self, columns: Columns, port: Port) -> None:
+        self._columns = columns
+        self._table = ChannelTable(columns)
+        self._port = port
+
+    def open(self, session: DeviceSession, event: Connected) -> None:
+        """A drive accepted the Connect: both channels start, the controller's data are BAD yet."""
+        self.close(session)
+        plan = session.plan
+        self._columns.image[session.index].good = 0
+        output, inputs = event.output_layout, event.input_layout
+        session.layouts = (output, inputs)
+        sent = channel_layout(output, plan.output_words, ())
+        taken = channel_layout(inputs, plan.input_words, ())
+        common: dict[str, Any] = {"image": session.index, "port": self._port.index}
+        session.provider = self._table.open_provider(
+            ProviderPlan(
+                **common,
+                **_clock(output),
+                destination=event.device_mac,
+                source=self._port.mac,
+                frame_id=output.frame_id,
+                data_length=output.data_length,
+                words=sent.words,
+                iops=sent.iops,
+                constants=sent.constants,
+                phase=max(0, output.phase - 1),
+            )
+        )
+        session.consumer = self._table.open_consumer(
+            ConsumerPlan(
+                **common,
+                **_clock(inputs),
+                source=event.device_mac,
+                frame_id=inputs.frame_id,
+                data_length=inputs.data_length,
+                data_hold_factor=inputs.data_hold_factor,
+                words=taken.words,
+                iops=taken.iops,
+            )
+        )
+
+    def relay(self, session: DeviceSession, unusable: Container[ExpectedKey]) -> None:
+        """Submodules came or went: what is unusable carries no word and BAD status, both ways.
+
+        A drive of which no data is left counts as one that sends none: its axis program stands still.
+        """
+        if session.provider is None or session.consumer is None or session.layouts is None:
+            return
+        output, inputs = session.layouts
+        sent = channel_layout(output, session.plan.output_words, unusable)
+        self._table.relay_provider(session.provider, sent.words, sent.iops, sent.constants)
+        taken = channel_layout(inputs, session.plan.input_words, unusable)
+        carries = any(d.data_length for d in inputs.data)
+        feeds = not carries or any(d.data_length and (d.api, d.slot, d.subslot) not in unusable for d in inputs.data)
+        self._table.relay_consumer(session.consumer, taken.words, taken.iops, feeds=feeds)
+
+    def close(self, session: DeviceSession) -> None:
+        """A row starts at zero for its next connection; what is counted of a drive does not."""
+        if session.provider is not None:
+            self._table.close_provider(session.provider)
+            session.measures.frames_sent += int(self._columns.ppm[session.provider].sent)
+            session.provider = None
+        if session.consumer is not None:
+            self._table.close_consumer(session.consumer)
+            session.measures.frames_received += int(self._columns.cpm[session.consumer].received)
+            session.consumer = None
+        session.layouts = None
+        session.unusable = {}
+
+
+def _clock(layout: IocrLayout) -> dict[str, Any]:
+    return {"send_clock_factor": layout.send_clock_factor, "reduction_ratio": layout.reduction_ratio}

@@ -1,0 +1,164 @@
+"""Who a drive says it is: I&M0 to I&M3 (PI profile guideline 1), read once a connection stands.
+
+Reading must not disturb: of all drives of a controller only a few are read at once, and one alone while others are
+being connected.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.records import parse_im0, parse_im_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.controller.records import RecordJob, RecordJobs
+    from pnfarm.controller.session import DeviceSession
+    from pnfarm.farm.event_log import EventLog
+
+__all__ = ["IM0_INDEX", "Identification", "IdentificationReader", "read_im", "words_of_revision"]
+
+IM0_INDEX = 0xAFF0
+#: Drives that are read at once; while others are being connected, one.
+UNDER_WAY = 4
+#: Octets of I&M0 to I&M4 with their block's header, the longest of them.
+IM_LENGTH = 64
+#: I&M1: 32 octets of function, then 22 of location.
+_FUNCTION = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """``im_supported`` has bit n for I&M n; the texts of records that a drive does not have are empty."""
+
+    vendor_id: int
+    order_id: str
+    serial_number: str
+    hardware_revision: int
+    software_revision: str
+    revision_counter: int
+    profile_id: int
+    profile_specific_type: int
+    im_supported: int
+    tag_function: str = ""
+    tag_location: str = ""
+    installation_date: str = ""
+    descriptor: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def words_of_revision(revision: tuple[str, int, int, int]) -> str:
+    """``V1.17.0``."""
+    prefix, *numbers = revision
+    return prefix + ".".join(map(str, numbers))
+
+
+def _text(octets: bytes) -> str:
+    return octets.decode("latin-1").rstrip("\0 ")
+
+
+def read_im(before: Identification | None, data: bytes) -> Identification:
+    """Take one of I&M0 to I&M3 into what is known; I&M0 comes first.  Raises DecodeError."""
+    blocks = split_blocks(data)
+    if not blocks:
+        raise DecodeError("bad-count", "an I&M record without a block")
+    block = blocks[0]
+    if block.block_type == BlockType.IM0:
+        im0 = parse_im0(block)
+        return Identification(
+            vendor_id=im0.vendor_id,
+            order_id=_text(im0.order_id),
+            serial_number=_text(im0.serial_number),
+            hardware_revision=im0.hardware_revision,
+            software_revision=words_of_revision(im0.software_revision),
+            revision_counter=im0.revision_counter,
+            profile_id=im0.profile_id,
+            profile_specific_type=im0.profile_specific_type,
+            im_supported=im0.im_supported,
+        )
+    if before is None:
+        raise DecodeError("bad-type", f"block 0x{block.block_type:04X} before I&M0")
+    text = parse_im_text(block)
+    match text.block_type:
+        case BlockType.IM1:
+            function, location = _text(text.text[:_FUNCTION]), _text(text.text[_FUNCTION:])
+            return replace(before, tag_function=function, tag_location=location)
+        case BlockType.IM2:
+            return replace(before, installation_date=_text(text.text))
+        case BlockType.IM3:
+            return replace(before, descriptor=_text(text.text))
+    return before
+
+
+class IdentificationReader:
+    """``connecting`` says whether some drive is being connected just now."""
+
+    def __init__(self, jobs: RecordJobs, log: EventLog, connecting: Callable[[], bool]) -> None:
+        self._jobs = jobs
+        self._log = log
+        self._connecting = connecting
+        self._waiting: deque[DeviceSession] = deque()
+        self._under_way: dict[str, DeviceSession] = {}
+
+    def want(self, session: DeviceSession) -> None:
+        """This drive's connection stands: read it when its turn comes."""
+        if session.plan.read_identification and session not in self._waiting:
+            self._waiting.append(session)
+
+    def pump(self, now: int) -> bool:
+        """Begin with as many of those that wait as may be read at once; false when none began."""
+        began = False
+        while self._waiting and len(self._under_way) < (1 if self._connecting() else UNDER_WAY):
+            session = self._waiting.popleft()
+            if session.plan.name not in self._under_way:
+                self._under_way[session.plan.name] = session
+                self._ask(session, 0, now)
+                began = True
+        return began
+
+    def _ask(self, session: DeviceSession, number: int, now: int) -> None:
+        first = min((s for s in session.plan.submodules if s.slot == 0), key=lambda s: s.subslot, default=None)
+        place = (0, 0, 1 if first is None else first.subslot, IM0_INDEX + number)
+        self._jobs.read(
+            session, place, now, length=IM_LENGTH, then=lambda job, at: self._took(session, number, job, at)
+        )
+
+    def _took(self, session: DeviceSession, number: int, job: RecordJob, now: int) -> None:
+        known = session.identification if number else None
+        words = job.words
+        if job.data is not None:
+            try:
+                session.identification = known = read_im(known, job.data)
+            except DecodeError as exc:
+                words = str(exc)
+            else:
+                if number == 0:
+                    self._compare(session, known, now)
+        if words:
+            self._log.record(now, session.plan.name, "identification unread", level="warning", detail=words)
+        following = next((n for n in range(number + 1, 4) if known is not None and known.im_supported >> n & 1), None)
+        if following is None or job.data is None:
+            del self._under_way[session.plan.name]
+        else:
+            self._ask(session, following, now)
+
+    def _compare(self, session: DeviceSession, known: Identification, now: int) -> None:
+        """Another drive than the plan's is worth a warning; it may be a spare part that is as good."""
+        plan = session.plan
+        if known.vendor_id != plan.vendor_id:
+            self._warn(session, "vendor", f"0x{known.vendor_id:04X}", f"0x{plan.vendor_id:04X}", now)
+        if plan.serial_number and known.serial_number != plan.serial_number:
+            self._warn(session, "serial number", known.serial_number, plan.serial_number, now)
+
+    def _warn(self, session: DeviceSession, what: str, found: str, planned: str, now: int) -> None:
+        self._log.record(
+            now, session.plan.name, "identification differs", level="warning", what=what, found=found, planned=planned
+        )

@@ -1,0 +1,57 @@
+"""Names of the bits of control and status words, as a model's ``telegrams.toml`` gives them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Container, Mapping, Sequence
+
+__all__ = ["WordBits", "bit_names", "read_bits"]
+
+
+@dataclass(frozen=True, slots=True)
+class WordBits:
+    """Names of a word's bits, bit 0 first, empty where a bit has no meaning.
+
+    ``telegrams`` are those in which they hold; empty for all others.
+    """
+
+    word: str
+    telegrams: tuple[int, ...]
+    names: tuple[str, ...]
+    source: str
+    note: str = ""
+
+
+def bit_names(known: Sequence[WordBits], word: str, telegram: int) -> tuple[str, ...]:
+    """The names that hold in this telegram, empty where there are none."""
+    own = next((bits.names for bits in known if bits.word == word and telegram in bits.telegrams), None)
+    if own is not None:
+        return own
+    return next((bits.names for bits in known if bits.word == word and not bits.telegrams), ())
+
+
+def read_bits(
+    tables: Sequence[Mapping[str, Any]], where: str, words: Container[str], telegrams: Container[int]
+) -> tuple[WordBits, ...]:
+    """The sections ``[[bits]]`` of a file; raises :class:`ConfigError` that names the section and the field."""
+    found: list[WordBits] = []
+    for index, table in enumerate(tables, 1):
+        here = f"{where}, bits {index}"
+        for key in ("word", "names", "source"):
+            if key not in table:
+                raise ConfigError(f"{here}, {key}: missing")
+        if table["word"] not in words:
+            raise ConfigError(f"{here}, word: there is no signal {table['word']!r}")
+        names = tuple(table["names"])
+        if len(names) > 16 or not all(isinstance(name, str) for name in names):
+            raise ConfigError(f"{here}, names: a word has up to 16 bits, each with a name or an empty one")
+        wanted = tuple(table.get("telegrams", ()))
+        if unknown := [number for number in wanted if number not in telegrams]:
+            raise ConfigError(f"{here}, telegrams: there is no telegram {unknown[0]}")
+        found.append(WordBits(table["word"], wanted, names, table["source"], table.get("note", "")))
+    return tuple(found)

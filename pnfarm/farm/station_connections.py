@@ -1,0 +1,238 @@
+"""The connections of one drive, as its station lives through them: from the events of context management to rows of the
+channel tables, to the drive's own fault, and to the log.
+
+* an AR that was connected opens rows, one that ended closes them;
+* a submodule that comes, goes or changes hands has its AR's rows laid anew;
+* the engine's word that a data hold timer ran out aborts the AR;
+* an established connection that is lost is the drive's fault, if it fed the drive.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.farm.record_memory import record_word
+from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
+from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.protocols.profinet.events import (
+    AlarmConfirmed,
+    ApplicationReadyConfirmed,
+    ArAborted,
+    ArConnected,
+    ArEstablished,
+    ArReleased,
+    ConnectRefused,
+    DiagnosisChanged,
+    PrmEndReceived,
+    RecordWritten,
+    SubmodulesChanged,
+)
+from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
+from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
+from pnfarm.table.axis import CMD_RAISE_FAULT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.farm.station import DriveStation
+    from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.events import CmEvent
+
+__all__ = ["SLOWEST_STEP_NS", "StationConnections"]
+
+#: Fastest firmware step; slower channels step four times a cycle.
+FASTEST_STEP_NS = 1_000_000
+SLOWEST_STEP_NS = 4_000_000
+
+
+class StationConnections:
+    """See the module's head.  What is counted here outlives a power cycle."""
+
+    def __init__(self, station: DriveStation) -> None:
+        self._station = station
+        self.connects = 0
+        self.aborts: dict[str, int] = {}
+        self.watchdog_expirations = 0
+        #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
+        self.ready_delay_ns: int | None = 0
+        #: Called with (event, now) for each event of context management, after the station took it.
+        self.listeners: list[Callable[[CmEvent, int], None]] = []
+        self._ready_due: list[tuple[int, int, int | None]] = []
+
+    # -- time --------------------------------------------------------------------------------------------------------
+
+    def next_deadline(self) -> int | None:
+        """When an ApplicationReady that was held back is due."""
+        return min((entry[0] for entry in self._ready_due), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        for entry in [e for e in self._ready_due if e[0] <= now]:
+            self._ready_due.remove(entry)
+            self._station.cm.application_ready(entry[1], now, entry[2])
+
+    def forget(self) -> None:
+        """The supply went: nobody waits any more."""
+        self._ready_due.clear()
+
+    # -- events of context management --------------------------------------------------------------------------------
+
+    def take(self, event: CmEvent, now: int) -> None:
+        match event:
+            case ArConnected():
+                self._connected(event, now)
+            case ConnectRefused(ip, status, detail):
+                self._station.note(
+                    now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail
+                )
+            case PrmEndReceived(key, sequence):
+                if self.ready_delay_ns is None:
+                    self._station.note(now, "application ready withheld")
+                elif self.ready_delay_ns == 0:
+                    self._station.cm.application_ready(key, now, sequence)
+                else:
+                    self._ready_due.append((now + self.ready_delay_ns, key, sequence))
+            case SubmodulesChanged(key, unusable):
+                self._submodules_changed(key, unusable, now)
+            case AlarmConfirmed():
+                self._station.note(
+                    now,
+                    "alarm acknowledged",
+                    level="info" if event.status.ok else "warning",
+                    alarm=alarm_type_words(event.alarm_type),
+                    slot=event.slot,
+                    subslot=event.subslot,
+                    status=describe_status(event.status),
+                )
+            case ApplicationReadyConfirmed():
+                pass
+            case ArEstablished(key):
+                ar = self._station.ars.get(key)
+                if ar is not None and not ar.established:
+                    ar.established = True
+                    self.connects += 1
+                    self._station.note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
+            case ArAborted(key, code1, code2, reason, by_peer):
+                self._lost(key)
+                self.aborts[reason] = self.aborts.get(reason, 0) + 1
+                self._station.note(
+                    now, "ar aborted", level="warning", reason=reason, code1=code1, code2=code2, by_controller=by_peer
+                )
+            case ArReleased(key):
+                self.close(key)
+                self._station.note(now, "ar released")
+            case DiagnosisChanged(change):
+                self._diagnosis_changed(change, now)
+            case RecordWritten(_, api, slot, subslot, index, data):
+                place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
+                self._station.note(now, "record written", level="debug", octets=len(data), **place)
+                self._station.addressing.record_written(index, data, now)
+                if self._station.neighbours.pdev.handles(slot, subslot, index):
+                    self._station.keep(
+                        now,
+                        "pdev",
+                        {record_word(key): octets for key, octets in self._station.neighbours.pdev.written.items()},
+                    )
+
+    # -- channels ----------------------------------------------------------------------------------------------------
+
+    def _connected(self, event: ArConnected, now: int) -> None:
+        if not event.iocrs:
+            return
+        self._follow_telegram()
+        words = self._station.store.input_words(), self._station.store.output_words()
+        ar = self._station.channels.open(event, *words, self._set_points(), now)
+        self._tell_problem(event.ar_key)
+        if ar.feeds:
+            self._station.store.watchdog_ns = ar.watchdog_ns
+        fastest_ns = min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers)
+        self._station.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, fastest_ns // 4))
+        self._station.note(
+            now,
+            "ar connected",
+            controller=event.initiator_name,
+            ip=str(event.initiator_ip),
+            telegram=self._station.store.telegram_number,
+            cycle_seconds=ar.cycle_ns / 1e9,
+            watchdog_seconds=ar.watchdog_ns / 1e9,
+        )
+
+    def _follow_telegram(self) -> None:
+        """The module that is plugged says which telegram the frames carry."""
+        module = self._station.cm.plugged.module(self._station.description.modules[0].slot)
+        telegram = self._station.model.telegram_by_module(module.module_ident) if module else None
+        if module is not None and telegram is not None:
+            self._station.store.plug_telegram(telegram.number, module.module_ident)
+
+    def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
+        """In the log in words; a fault also shows in the DataStatus of the frames ("problem")."""
+        entry = change.entry
+        for key in self._station.ars:
+            self._tell_problem(key)
+        appears = isinstance(change, DiagnosisAppeared)
+        self._station.note(
+            now,
+            "diagnosis appears" if appears else "diagnosis disappears",
+            level="warning" if appears else "info",
+            slot=entry.slot,
+            subslot=entry.subslot,
+            channel=entry.channel,
+            diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api),
+        )
+
+    def _tell_problem(self, key: int) -> None:
+        """In the DataStatus: is there a fault in one of the AR's submodules?"""
+        ar = self._station.cm.ar(key)
+        if ar is not None and key in self._station.ars:
+            self._station.channels.problem(key, there=self._station.cm.diagnosis.has_fault(ar.owned))
+
+    def _set_points(self) -> set[tuple[int, int]]:
+        """(slot, subslot) of the submodules whose owner feeds the drive: those with outputs, else all of its slot."""
+        slot = self._station.description.modules[0].slot
+        module = self._station.cm.plugged.module(slot)
+        submodules = module.submodules if module is not None else ()
+        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
+
+    def _submodules_changed(self, key: int, unusable: frozenset[ExpectedKey], now: int) -> None:
+        """Something was pulled, plugged, taken over or released: its data are bad, or good again."""
+        self._follow_telegram()
+        words = self._station.store.input_words(), self._station.store.output_words()
+        self._station.channels.relay(key, unusable, *words, self._set_points())
+        # the diagnosis of what was pulled went with it
+        self._tell_problem(key)
+        self._station.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
+
+    def close(self, key: int) -> None:
+        ar = self._station.channels.close(key)
+        if ar is not None:
+            self._station.traffic.channels_closed(ar)
+        if ar is not None and not self._station.channels.any_cyclic:
+            self._station.handle.axis.step_ns = SLOWEST_STEP_NS
+            self._station.parameter_records.reset()
+
+    def _lost(self, key: int) -> None:
+        """An established connection ended without a release: the drive's own fault, unless it has it already."""
+        ar = self._station.ars.get(key)
+        if ar is None:
+            return
+        self.close(key)
+        code = int(self._station.handle.axis.loss_fault)
+        # with two controllers on one drive, only the loss of the one that feeds it is the drive's; a drive that waits
+        # for telegrams for a time of its own finds out by itself
+        if ar.established and code and ar.feeds and not int(self._station.handle.axis.loss_delay_ns):
+            self._station.handle.push_command(CMD_RAISE_FAULT, code)
+
+    # -- the engine's events -----------------------------------------------------------------------------------------
+
+    def first_frame(self, row: int, now: int) -> None:
+        """Valid cyclic data arrived on this consumer for the first time."""
+        key = self._station.channels.of_consumer(row)
+        if key is not None:
+            self._station.cm.data_received(key, now)
+
+    def expired(self, row: int, silent_ns: int, now: int) -> None:
+        """The data hold timer of this consumer ran out."""
+        key = self._station.channels.of_consumer(row)
+        if key is not None:
+            self.watchdog_expirations += 1
+            self._station.note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)
+            self._station.cm.watchdog_expired(key, now)

@@ -1,0 +1,97 @@
+"""Sign of life: a count from 1 to 15 in bits 12..15 of STW2 and ZSW2 (PROFIdrive 4.2; Moog MSD manual 8.3.2).
+
+The controller counts each frame of set points; the drive counts its own with each frame that it takes, and watches the
+controller's:
+
+* watching begins after 15 frames in sequence, so that a controller without a sign of life is left in peace;
+* a frame whose count does not follow the last one takes the error counter up by ten, every other takes it down by one;
+* ten times the tolerance (PNU 925) is a fault.  A tolerance of 65535 is none.
+
+:func:`count_life` runs in every tick, because a frame may come more often than the drive is stepped; :func:`check_life`
+belongs to the step, which raises the fault.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.faults import raise_fault
+from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import STW2, ZSW2
+
+__all__ = ["check_life", "count_life", "following", "forget_life", "second_status_word"]
+
+#: Where the count stands.
+SHIFT = 12
+#: Largest count; the one behind it is 1.
+LARGEST = 15
+#: Frames in sequence until the controller is watched.
+SEQUENCE = 15
+FAILED = 10
+ALL_TOLERATED = 0xFFFF
+PULSES_ENABLED = 0x0800
+
+
+@compiled
+def following(count: int, frames: int) -> int:
+    """The count ``frames`` frames after ``count``; 0, none yet, is followed by 1."""
+    if frames == 0:
+        return count
+    return 1 + (count + frames - 1) % LARGEST
+
+
+@compiled
+def second_status_word(axis: Any) -> int:
+    """ZSW2: the drive's sign of life, and in position mode whether pulses are enabled (HIWIN E1 manual 3.6)."""
+    word = int(axis.life_sent) << SHIFT
+    if axis.opmode == 2 and axis.state >= 4:
+        word |= PULSES_ENABLED
+    return word
+
+
+@compiled
+def forget_life(axis: Any) -> None:
+    """Cyclic data began anew: nothing is known of the controller's count."""
+    axis.life_seen = 0
+    axis.life_run = 0
+    axis.life_count = 0
+    axis.life_failed = 0
+
+
+@compiled
+def count_life(axis: Any, image: Any) -> None:
+    """Take the frames since the last call into account; nothing happens without one."""
+    frames = (int(image.frames) - int(axis.life_frames)) & 0xFFFFFFFF
+    axis.life_frames = image.frames
+    if not image.valid:
+        forget_life(axis)
+        return
+    if frames == 0:
+        return
+    axis.life_sent = following(int(axis.life_sent), frames)
+    image.sent[ZSW2] = second_status_word(axis)
+    seen = (image.received[STW2] >> SHIFT) & 0xF
+    good = axis.life_seen != 0 and seen == following(int(axis.life_seen), frames)
+    axis.life_seen = seen
+    if axis.life_run < SEQUENCE:
+        # the frame that begins a sequence is its first
+        axis.life_run = min(SEQUENCE, int(axis.life_run) + frames) if good else (1 if seen else 0)
+        axis.life_count = 0
+        return
+    if good:
+        axis.life_count = max(0, int(axis.life_count) - frames)
+        return
+    axis.life_errors += 1
+    if axis.life_tolerance == ALL_TOLERATED:
+        return
+    axis.life_count = min(int(axis.life_count) + FAILED, FAILED * ALL_TOLERATED)
+    if axis.life_count >= FAILED * int(axis.life_tolerance):
+        axis.life_failed = 1
+
+
+@compiled
+def check_life(axis: Any, now: int) -> None:
+    """Raise the model's fault when a failed sign of life was one too many."""
+    if axis.life_failed:
+        axis.life_failed = 0
+        raise_fault(axis, axis.life_fault, now)

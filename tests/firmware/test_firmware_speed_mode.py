@@ -1,0 +1,213 @@
+"""Speed mode without a ramp generator, 32-bit velocities, the dynamic brake, the message word (HIWIN E1 manual)."""
+
+from __future__ import annotations
+
+import pytest
+from bench_axis import VELOCITY_STEP, BenchAxis
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pnfarm.firmware.telegram import from_setpoints, message_word, to_actuals
+from pnfarm.table.axis import CMD_CLEAR_HISTORY, CMD_RAISE_FAULT
+from pnfarm.table.signals import FAULT_CODE, G1_XIST1, MELDW, NIST_A, NIST_B, NSOLL_A, NSOLL_B, WARN_CODE
+
+RPM_3000 = 3000.0 / 0x4000
+
+
+@pytest.fixture
+def drive() -> BenchAxis:
+    bench = BenchAxis()
+    bench.axis.no_ramp_generator = 1
+    bench.axis.velocity_step = RPM_3000
+    return bench
+
+
+def command(drive: BenchAxis, rpm: float, stw1: int = 0x040F, run: int = 1) -> None:
+    drive.image.received[NSOLL_B] = round(rpm / 3000.0 * 0x40000000)
+    drive.write(stw1, run=run)
+    drive.image.received[NSOLL_A] = 0
+
+
+# 6.1
+
+
+@pytest.mark.parametrize(
+    ("word", "rpm"), [(0x40000000, 3000.0), (0x20000000, 1500.0), (-0x40000000, -3000.0), (1, 3000.0 / 2**30)]
+)
+def test_nsoll_b_is_a_share_of_the_reference_value(drive, word, rpm):
+    drive.image.received[NSOLL_B] = word
+    from_setpoints(drive.axis, drive.image)
+    assert drive.axis.setpoint == pytest.approx(rpm, rel=1e-12)
+
+
+@pytest.mark.parametrize(("word", "rpm"), [(0x4000, 3000.0), (0xC000, -3000.0)])
+def test_nsoll_a_is_the_same_share_in_16_bits(drive, word, rpm):
+    drive.image.received[NSOLL_A] = word
+    from_setpoints(drive.axis, drive.image)
+    assert drive.axis.setpoint == pytest.approx(rpm)
+
+
+@given(st.floats(-20_000, 20_000))
+def test_nist_b_is_the_upper_half_of_nist_a_and_stops_at_its_range(rpm):
+    drive = BenchAxis()
+    drive.axis.velocity_step = RPM_3000
+    drive.axis.velocity = rpm
+    to_actuals(drive.axis, drive.image)
+    wide, narrow = int(drive.image.sent[NIST_B]), drive.nist_a
+    assert -(2**31) <= wide < 2**31
+    exact = rpm / 3000.0 * 2**30
+    assert wide == pytest.approx(max(-(2**31), min(2**31 - 1, exact)), abs=1)
+    assert abs(wide / 65536 - narrow) <= 0.51 or abs(exact) > 2**31 - 2**16
+
+
+# telegram 3: 3.3.1 reserves bits 4 to 6, 8 and 9
+
+
+def test_the_set_point_needs_no_bits_of_a_ramp_generator_and_knows_no_ramp(drive):
+    for word in (0x0400, 0x0406, 0x0407, 0x040F):
+        drive.write(word)
+    command(drive, 1000.0)
+    assert drive.axis.ramp == pytest.approx(1000.0, abs=1e-5)
+    command(drive, -500.0, stw1=0x040F | 0x0300)
+    assert drive.axis.ramp == pytest.approx(-500.0, abs=1e-5)
+    drive.run(100)
+    assert drive.axis.velocity == pytest.approx(-500.0, abs=0.1)
+
+
+def test_the_limits_of_motor_and_parameter_hold(drive):
+    drive.enable()
+    drive.axis.max_velocity = 2000.0
+    command(drive, 3000.0)
+    assert drive.axis.ramp == 2000.0
+    drive.axis.velocity_limit = 800.0
+    command(drive, -3000.0)
+    assert drive.axis.ramp == -800.0
+    drive.axis.velocity_limit = 9000.0
+    command(drive, 3000.0)
+    assert drive.axis.ramp == 2000.0
+
+
+@pytest.mark.parametrize(("stw1", "then"), [(0x040E, 2), (0x040B, 1)])
+def test_off_and_quick_stop_use_the_same_ramp(drive, stw1, then):
+    drive.axis.quick_stop_deceleration = 10_000.0
+    drive.enable()
+    command(drive, 1000.0, run=200)
+    drive.write(stw1, run=50)
+    assert drive.axis.state == 5
+    assert drive.axis.ramp == pytest.approx(500.0, abs=21)
+    drive.run(80)
+    assert drive.axis.velocity == pytest.approx(0.0, abs=0.5)
+    assert drive.axis.state == then
+
+
+# 6.5
+
+
+def stopped_after(method: int, brake: float = 0.01) -> tuple[BenchAxis, int]:
+    drive = BenchAxis()
+    drive.axis.coast_method = method
+    drive.axis.brake_damping = brake
+    drive.axis.friction = 0.001
+    drive.enable(1000.0)
+    drive.run(1000)
+    drive.write(0x047D)
+    assert drive.axis.state == 1
+    time = 0
+    while abs(drive.axis.velocity) > drive.axis.standstill and time < 5000:
+        drive.run(1)
+        time += 1
+    return drive, time
+
+
+def test_the_dynamic_brake_stops_a_motor_that_runs_free_for_long():
+    assert stopped_after(0)[1] < 300
+    assert stopped_after(1)[1] < 300
+    assert stopped_after(2)[1] > 1000
+    assert stopped_after(0, brake=0.0)[1] > 1000
+
+
+def test_the_brake_stays_on_or_lets_go_after_the_stop():
+    speeds = []
+    for method in (0, 1):
+        drive, _ = stopped_after(method)
+        drive.axis.standstill = 50.0  # well above the creeping of a braked load
+        drive.axis.load_torque = -0.02
+        drive.run(300)
+        speeds.append(abs(float(drive.axis.velocity)))
+    held, free = speeds
+    assert held < 0.6 * free
+
+
+def test_a_very_light_load_stays_stable_under_the_brake():
+    drive = BenchAxis()
+    drive.axis.brake_damping = 1.0
+    drive.enable(1000.0)
+    drive.run(1000)
+    drive.axis.inertia = 1e-7
+    drive.axis.friction = 0.0
+    drive.write(0x047D, run=100)
+    assert abs(drive.axis.velocity) < 1.0
+
+
+# 3.16, FAULT_CODE, PNU 944 and 952
+
+
+def test_meldw_tells_enable_ready_and_pulses(drive):
+    assert message_word(drive.axis) == 0x01C2
+    drive.enable()
+    drive.run(1)
+    assert int(drive.image.sent[MELDW]) == 0x39C2
+    drive.axis.current = -drive.axis.peak_current
+    assert message_word(drive.axis) == 0x39C0
+
+
+def test_fault_code_is_the_models_word_or_the_number(drive):
+    drive.axis.fault_words[73] = 0xFB1
+    assert drive.image.sent[FAULT_CODE] == 0
+    drive.command(CMD_RAISE_FAULT, 73)
+    drive.run(1)
+    assert drive.image.sent[FAULT_CODE] == 0xFB1
+    assert drive.image.sent[WARN_CODE] == 0
+    other = BenchAxis()
+    other.command(CMD_RAISE_FAULT, 702)
+    other.run(1)
+    assert other.image.sent[FAULT_CODE] == 702
+
+
+def test_every_change_of_the_fault_buffer_counts_and_its_history_can_be_forgotten(drive):
+    axis = drive.axis
+    for number in (17, 18):
+        drive.command(CMD_RAISE_FAULT, number)
+        drive.run(1)
+    assert (axis.fault_changes, axis.fault_counter) == (2, 1)
+    drive.write(0x0480)
+    assert (axis.fault_changes, axis.fault_counter) == (3, 1)
+    drive.command(CMD_RAISE_FAULT, 19)
+    drive.run(1)
+    assert (axis.fault_changes, axis.fault_counter) == (4, 2)
+    drive.command(CMD_CLEAR_HISTORY)
+    drive.run(1)
+    assert (axis.fault_changes, axis.fault_counter) == (5, 1)
+    assert [int(number) for number in axis.fault_buffer if number] == [19]
+    drive.write(0x0400)
+    drive.write(0x0480)
+    drive.command(CMD_CLEAR_HISTORY)
+    drive.run(1)
+    assert axis.fault_counter == 0
+    assert not axis.fault_buffer.any()
+
+
+def test_a_sensor_without_a_step_sends_no_position(drive):
+    drive.axis.position = 1.5
+    drive.run(1)
+    assert drive.image.sent[G1_XIST1] == 0
+    drive.axis.sensor_step = 2.0**-23
+    drive.run(1)
+    assert drive.image.sent[G1_XIST1] == 3 << 22
+
+
+def test_a_drive_with_a_ramp_generator_keeps_it():
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    assert drive.axis.ramp == pytest.approx(10.0, abs=0.5)
+    assert drive.image.sent[NIST_A] == round(drive.axis.velocity / VELOCITY_STEP)
