@@ -43,7 +43,7 @@ GROUP = """
     cycle: {cycle}
     load: {{inertia: 2.0e-4, friction: 0.05}}"""
 #: Models beside the AKD, each with a cycle that its manual grants; one drive in eight is of each.
-OTHERS = (("akd-profinet-2012", "8ms"), ("hiwin-e1", "4ms"))
+OTHERS = (("akd-profinet-2012", "8ms"), ("hiwin-e1", "4ms"), ("moog-msd", "4ms"))
 PARENT, PEER = "pndemo0", "pndemo1"
 
 

@@ -37,7 +37,7 @@ def demo(tmp_path: Path, *options: str, **environment: str) -> tuple[str, dict, 
 
 
 #: Every PROFINET model, with a cycle that its manual grants.
-CYCLES = {"akd-profinet": 0.016, "akd-profinet-2012": 0.008, "hiwin-e1": 0.004}
+CYCLES = {"akd-profinet": 0.016, "akd-profinet-2012": 0.008, "hiwin-e1": 0.004, "moog-msd": 0.004}
 
 
 def check(output: str, summary: dict, code: int, drives: int) -> None:
