@@ -383,10 +383,12 @@ def _reading(results: list[Result]) -> list[str]:
             "  means that the farm scales.",
         ]
     lines += [
-        "- Above 128 drives the kernel's time stamps are off unless the farm file says `engine: {timestamps: true}`:",
-        "  they cost about a tenth of a frame. `frame-cost-192` and `full-port-*` are therefore without them.",
-        "- `connect-storm-*` measures twice, with `realtime: {fifo: 20}` and without. A second process that is busy on",
-        "  the engine's CPU delays its ticks unless the engine may go first; `connect-storm-ordinary-*` says how much.",
+        "- Above 128 drives the kernel's time stamps are off unless the farm file says",
+        "  `realtime: {timestamps: true}`: they cost about a tenth of a frame. `frame-cost-192` and `full-port-*` are",
+        "  therefore without them.",
+        "- `connect-storm-*` measures twice, with `realtime: {fifo: 20}` and with the ordinary scheduler and the",
+        "  niceness that engines ask for. The controller that connects is busy on the same CPU with an even share of",
+        "  it; how much it delays the farm's ticks then, `connect-storm-ordinary-*` says.",
     ]
     return lines
 

@@ -56,7 +56,7 @@ def _storm_files(realtime: dict[str, int]) -> tuple[str, str, str]:
     farm = STORM.format(name="bench", parent=PARENT, realtime=json.dumps(realtime), drives=running + many)
     calm = STORM.format(name="calm", parent=PARENT, realtime=json.dumps({"cpu": PEER_CPU}), drives=running)
     calm += STORM_CONTROLLER.format(name="plc-calm", ip="10.64.255.250", interface=CALM, cycle="4ms", watchdog=400)
-    storm = STORM.format(name="storm", parent=PARENT, realtime=json.dumps({"cpu": FARM_CPU}), drives=many)
+    storm = STORM.format(name="storm", parent=PARENT, realtime=json.dumps({"cpu": FARM_CPU, "nice": 0}), drives=many)
     storm += STORM_CONTROLLER.format(name="plc-storm", ip="10.64.255.251", interface=STORMY, cycle="16ms", watchdog=100)
     return farm, calm, storm
 

@@ -81,6 +81,9 @@ class RealTimeSettings:
     timer_slack_ns: int | None = 1
     #: Time slice of the ordinary scheduler: a short one lets the engine's ticks interrupt a busy neighbour on its CPU.
     slice_ns: int | None = 100_000
+    #: Under the ordinary scheduler.  A thread that has used more than its even share waits for its busy neighbours'
+    #: whole slices, however short its own; with a larger share it does not, and takes no more time than it needs.
+    nice: int | None = -11
     timestamps: bool = True
 
 
@@ -115,6 +118,15 @@ class _SchedAttr(ctypes.Structure):
     )
 
 
+def _ask_nice(nice: int) -> str | None:
+    """Why this thread may not be so nice; None when it is."""
+    try:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), nice)
+    except OSError as exc:
+        return exc.strerror
+    return None
+
+
 def _ask_slice(libc: ctypes.CDLL, slice_ns: int) -> str | None:
     """Why the ordinary scheduler does not take this slice; None when it does.
 
@@ -123,7 +135,7 @@ def _ask_slice(libc: ctypes.CDLL, slice_ns: int) -> str | None:
     number = SYS_SCHED_SETATTR.get(platform.machine())
     if number is None:
         return f"not known on {platform.machine()}"
-    nice = os.getpriority(os.PRIO_PROCESS, 0)
+    nice = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
     attr = _SchedAttr(ctypes.sizeof(_SchedAttr), os.SCHED_OTHER, 0, nice, 0, slice_ns, 0, 0)
     failed = libc.syscall(number, 0, ctypes.byref(attr), 0)
     return os.strerror(ctypes.get_errno()) if failed else None
@@ -151,8 +163,11 @@ def _apply(settings: RealTimeSettings, report: RealTimeReport) -> None:
             note(f"SCHED_FIFO {settings.fifo_priority}", None)
         except OSError as exc:
             note(f"SCHED_FIFO {settings.fifo_priority}", exc.strerror)
-    elif settings.slice_ns is not None:
-        note(f"slice {settings.slice_ns} ns", _ask_slice(libc, settings.slice_ns))
+    else:
+        if settings.nice is not None:
+            note(f"nice {settings.nice}", _ask_nice(settings.nice))
+        if settings.slice_ns is not None:
+            note(f"slice {settings.slice_ns} ns", _ask_slice(libc, settings.slice_ns))
     if settings.lock_memory:
         failed = libc.mlockall(MCL_CURRENT | MCL_FUTURE)
         note("mlockall", os.strerror(ctypes.get_errno()) if failed else None)

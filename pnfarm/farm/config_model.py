@@ -174,6 +174,12 @@ class Realtime(_Section):
     fifo: int | None = Field(
         default=None, ge=1, le=99, description="SCHED_FIFO priority; left out, the ordinary scheduler."
     )
+    nice: int | None = Field(
+        default=-11,
+        ge=-20,
+        le=19,
+        description="Niceness of the engine's thread under the ordinary scheduler; it may be refused.",
+    )
     mlockall: bool = Field(default=False, description="Keep all memory in RAM.")
     timestamps: bool | None = Field(
         default=None,

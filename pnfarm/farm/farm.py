@@ -87,6 +87,7 @@ def realtime_settings(config: FarmConfig, drives: int) -> RealTimeSettings:
         fifo_priority=section.fifo,
         lock_memory=section.mlockall,
         timer_slack_ns=section.timer_slack_ns,
+        nice=section.nice,
         timestamps=stamped,
     )
 
@@ -239,8 +240,11 @@ class Farm:
         self.log.record(now, "", "farm started", drives=len(self.drives), link=self.link.kind, granted=granted)
         if self.capture is not None:
             self.log.record(now, "", "capture started", file=str(self.capture.path))
+        asked = self.config.realtime.model_fields_set
         for what, why in refused.items():
-            self.log.record(now, "", "real-time option refused", level="warning", option=what, reason=why)
+            by_default = what.startswith("nice") and "nice" not in asked
+            level = "info" if by_default else "warning"
+            self.log.record(now, "", "real-time option refused", level=level, option=what, reason=why)
 
     async def close(self) -> None:
         """Stop, tell the controllers, and remove every interface that the farm made."""
