@@ -1,4 +1,4 @@
-"""What could not be run, and why: said at the end; with ``PNFARM_REQUIRE_ALL=1`` it is a failure."""
+"""Says at the end what could not be run, and why; with ``PNFARM_REQUIRE_ALL=1`` that is a failure."""
 
 from __future__ import annotations
 
@@ -6,6 +6,11 @@ import os
 from collections import Counter
 
 import pytest
+from hypothesis import settings
+
+# A time is no property: the machine may be busy, or the code interpreted.
+settings.register_profile("pnfarm", deadline=None)
+settings.load_profile("pnfarm")
 
 REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
 _skipped: Counter[tuple[str, str]] = Counter()

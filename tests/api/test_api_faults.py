@@ -108,7 +108,7 @@ FIELDS = st.sampled_from(
 KIND = st.sampled_from(list(KINDS))
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(body=JSON | st.dictionaries(FIELDS, JSON, max_size=6), kind=KIND | st.none(), on=st.sampled_from(["all", None]))
 def test_any_body_is_a_fault_or_a_problem(still, body, kind, on):
     if isinstance(body, dict):
@@ -122,7 +122,7 @@ def test_any_body_is_a_fault_or_a_problem(still, body, kind, on):
     still.post("/api/v1/reset")
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(value=JSON, pnu=st.sampled_from(["DRV.OPMODE", "VL.FB", "922", "915.1", "PN.POSSCALE", "1"]))
 def test_any_value_is_written_or_a_problem(still, value, pnu):
     response = still.request(

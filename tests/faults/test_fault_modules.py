@@ -437,7 +437,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.too_slow])
 @given(STEPS)
 def test_any_faults_in_any_order_with_reboots_between_leave_nothing_behind(steps):
     line = FaultLine()

@@ -100,7 +100,7 @@ def check(wire: Wire, wanted: list[AlarmNotification], sender: list[AlarmEvent],
         assert not wire.controller.is_open
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(fates, st.lists(st.booleans(), max_size=8), st.lists(st.booleans(), max_size=4))
 def test_every_alarm_arrives_once_and_in_order_or_both_ends_report_failure(fates, raised, returned):
     wire = Wire(list(fates))
@@ -115,7 +115,7 @@ def test_every_alarm_arrives_once_and_in_order_or_both_ends_report_failure(fates
     check(wire, back, wire.controller_events, wire.device_events)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(mild_fates, st.lists(st.booleans(), min_size=1, max_size=10))
 def test_with_retries_enough_every_loss_is_made_good(fates, raised):
     wire = Wire(list(fates), device_end(retries=100), controller_end(retries=100))
@@ -148,7 +148,7 @@ hostile = st.builds(
 deeds = st.one_of(hostile, st.sampled_from(("notify-low", "notify-high", "acknowledge", "time")))
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(st.lists(deeds, max_size=60))
 def test_no_sequence_of_pdus_breaks_a_channel_and_each_alarm_ends_once(sequence):
     device, now, taken, handles, ended = device_end(), 0, [], set(), []

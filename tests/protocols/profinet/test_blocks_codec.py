@@ -123,7 +123,7 @@ BLOCKS = {
 
 @pytest.mark.parametrize("kind", BLOCKS)
 def test_what_is_emitted_is_parsed_back(kind):
-    @settings(max_examples=40, deadline=None)
+    @settings(max_examples=40)
     @given(BLOCKS[kind])
     def run(value):
         assert parse_blocks(emit_block(value)) == (value,)
@@ -204,7 +204,7 @@ headers = {
 }
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(headers["write"], octets, headers["write-res"], headers["read"] | headers["implicit"], headers["read-res"])
 def test_record_headers_are_parsed_back(write, data, write_res, read, read_res):
     parsed = iod.parse_write_request(iod.emit_write_request(write, data))
@@ -231,13 +231,13 @@ def only_decode_errors(parser, data):
         parser(data)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(st.binary(max_size=200), st.sampled_from(PARSERS))
 def test_any_octets_give_a_value_or_a_decode_error(data, parser):
     only_decode_errors(parser, data)
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=600)
 @given(st.sampled_from(sorted(_PARSERS)), st.binary(max_size=120), u16)
 def test_any_body_of_any_known_block_gives_a_value_or_a_decode_error(block_type, body, version):
     only_decode_errors(parse_block, RawBlock(block_type, body, version))

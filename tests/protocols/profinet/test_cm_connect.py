@@ -439,7 +439,7 @@ def test_a_device_that_fits_answers_a_captured_connect_as_the_captured_device_di
     assert {(d.api, d.slot, d.subslot) for c in event.iocrs for d in c.data} <= set(expected)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.data())
 def test_mutated_connects_get_one_answer_and_never_an_exception(data):
     payload = bytearray(P.payload())
@@ -451,7 +451,7 @@ def test_mutated_connects_get_one_answer_and_never_an_exception(data):
     assert describe_status(status)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.binary(max_size=120), st.integers(0, 6), st.integers(0, 5000))
 def test_any_octets_in_any_call_get_one_answer(payload, opnum, room):
     Bench().call(opnum, payload, room)

@@ -473,7 +473,7 @@ def test_captured_err_rta_pdus_are_parsed_and_built():
     assert parse_rta_error(bytes.fromhex("fe01000000001401000500050004cf81fd0b002a010e")).status.error_code2 == 11
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(
     st.builds(
         RtaErrorPdu,
@@ -490,7 +490,7 @@ def test_err_rta_pdus_are_parsed_back(pdu):
     assert parse_rta_error(emit_rta_error(pdu)) == pdu
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.binary(max_size=40))
 def test_any_alarm_octets_are_harmless(frame):
     with contextlib.suppress(DecodeError):
@@ -507,7 +507,7 @@ ACTIONS = st.lists(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(ACTIONS)
 def test_any_order_of_happenings_keeps_the_machine_whole(actions):
     bench = Bench()

@@ -97,7 +97,7 @@ def test_data_without_octets_takes_the_place_of_its_status_alone():
 small = st.integers(0, 12)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.integers(1, 2),
     st.lists(st.builds(FrameSlot, st.integers(0, 2), st.integers(1, 4), small), max_size=4),

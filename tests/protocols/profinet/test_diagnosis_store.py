@@ -239,7 +239,7 @@ entries = st.builds(
 )  # fmt: skip
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(st.tuples(st.booleans(), entries), max_size=25))
 def test_a_controller_that_follows_the_alarms_knows_what_is_wrong(steps):
     """It keeps what appeared and drops what the specifiers say; in the end it holds what the store holds."""

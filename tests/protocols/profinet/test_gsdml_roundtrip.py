@@ -164,7 +164,7 @@ GSDML = st.builds(
 )
 
 
-@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large], max_examples=60, deadline=None)
+@settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large], max_examples=60)
 @given(GSDML)
 def test_a_description_is_written_and_read_back(gsdml):
     text = emit_gsdml(gsdml)

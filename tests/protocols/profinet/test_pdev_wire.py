@@ -69,7 +69,7 @@ BLOCKS = {
 
 @pytest.mark.parametrize("kind", BLOCKS)
 def test_what_is_emitted_is_parsed_back(kind):
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=60)
     @given(BLOCKS[kind])
     def run(value):
         (raw,) = split_blocks(emit_block(value))

@@ -530,7 +530,7 @@ def test_a_payload_beyond_64_kib_is_the_callers_mistake():
         call(client(), bytes(65_537))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(st.integers(0, 12), st.integers(0, 0x7F), st.integers(0, 4), st.binary(max_size=40), st.booleans()),

@@ -45,7 +45,7 @@ def payload(size: int, seed: int) -> bytes:
     return bytes((index * 7 + seed * 31) & 0xFF for index in range(size))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(
     fates,
     st.lists(st.tuples(st.integers(0, 1), st.integers(0, 1), st.sampled_from([10, 1_400, 9_000])), max_size=6),

@@ -559,7 +559,7 @@ def test_an_answer_that_does_not_fit_into_memory_is_a_fault():
     assert parse_status(answer.body, little_endian=True) == NcaStatus.FAULT_REMOTE_NO_MEMORY
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.lists(
         st.one_of(

@@ -126,7 +126,7 @@ def test_an_application_slower_than_the_calls_time_ends_in_a_timeout():
     assert net.ends == [CallFailed(number, "timeout", DEVICE)]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(fates, st.sampled_from([10, 4_096, 20_000]), st.sampled_from([10, 4_096, 61_440]), st.sampled_from([0, 300]))
 def test_whatever_the_network_does_a_call_ends_once_and_runs_once(fate, size, answer_size, think_ms):
     payload = bytes(index * 13 & 0xFF for index in range(size))
@@ -150,7 +150,7 @@ def test_whatever_the_network_does_a_call_ends_once_and_runs_once(fate, size, an
     assert isinstance(net.ends[-1], CallReturned)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.sets(st.integers(0, 40), max_size=2), st.sampled_from([10, 4_096]), st.sampled_from([10, 20_000]))
 def test_two_lost_datagrams_never_cost_a_call(lost, size, answer_size):
     fate = [() if index in lost else PERFECT for index in range(41)]
@@ -161,7 +161,7 @@ def test_two_lost_datagrams_never_cost_a_call(lost, size, answer_size):
     assert len(net.calls) == 1
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(fates)
 def test_calls_in_parallel_do_not_mix(fate):
     net = Net(fate)
