@@ -34,7 +34,10 @@ _FUNCTION = 32
 
 @dataclass(frozen=True, slots=True)
 class Identification:
-    """``im_supported`` has bit n for I&M n; the texts of records that a drive does not have are empty."""
+    """``im_supported`` has bit n for I&M n; the texts of records that a drive does not have are empty.
+
+    ``signature`` is hexadecimal, without the zeros at its end.
+    """
 
     vendor_id: int
     order_id: str
@@ -49,6 +52,7 @@ class Identification:
     tag_location: str = ""
     installation_date: str = ""
     descriptor: str = ""
+    signature: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -66,7 +70,7 @@ def _text(octets: bytes) -> str:
 
 
 def read_im(before: Identification | None, data: bytes) -> Identification:
-    """Take one of I&M0 to I&M3 into what is known; I&M0 comes first.  Raises DecodeError."""
+    """Take one of I&M0 to I&M4 into what is known; I&M0 comes first.  Raises DecodeError."""
     blocks = split_blocks(data)
     if not blocks:
         raise DecodeError("bad-count", "an I&M record without a block")
@@ -95,6 +99,8 @@ def read_im(before: Identification | None, data: bytes) -> Identification:
             return replace(before, installation_date=_text(text.text))
         case BlockType.IM3:
             return replace(before, descriptor=_text(text.text))
+        case BlockType.IM4:
+            return replace(before, signature=text.text.rstrip(b"\0").hex())
     return before
 
 
@@ -144,7 +150,7 @@ class IdentificationReader:
                     self._compare(session, known, now)
         if words:
             self._log.record(now, session.plan.name, "identification unread", level="warning", detail=words)
-        following = next((n for n in range(number + 1, 4) if known is not None and known.im_supported >> n & 1), None)
+        following = next((n for n in range(number + 1, 5) if known is not None and known.im_supported >> n & 1), None)
         if following is None or job.data is None:
             del self._under_way[session.plan.name]
         else:

@@ -191,18 +191,19 @@ def test_a_drive_is_identified_once_it_is_connected() -> None:
     assert shown["order_id"] == im0.order_id
     assert shown["serial_number"] == im0.serial_number
     assert shown["software_revision"].startswith(im0.software_revision[0])
-    assert (shown["vendor_id"], shown["im_supported"]) == (line.plc.sessions[0].plan.vendor_id, 0b1110)
+    assert (shown["vendor_id"], shown["im_supported"]) == (line.plc.sessions[0].plan.vendor_id, 0b11110)
     assert shown["tag_function"] == ""
     assert logged(line, "identification differs") == []
 
 
-def test_what_was_written_into_im1_shows_after_the_next_connection() -> None:
+def test_what_was_written_into_im1_and_im4_shows_after_the_next_connection() -> None:
     line = VirtualLine()
     line.connect()
     line.run(0.5)
-    text = bytes.fromhex("0021 0038 0100") + b"feed".ljust(32) + b"hall 3".ljust(22)
-    line.plc.write_record("axis-01", (0, 0, 1, 0xAFF1), text, line.world.now)
-    line.run(0.1)
+    for number, octets in ((1, b"feed".ljust(32) + b"hall 3".ljust(22)), (4, b"\xf0\x0d".ljust(54, b"\0"))):
+        text = bytes.fromhex(f"002{number} 0038 0100") + octets
+        line.plc.write_record("axis-01", (0, 0, 1, 0xAFF0 + number), text, line.world.now)
+        line.run(0.1)
     line.farm.stations[0].cm.abort_all(1, line.world.now)
     line.farm.settle(line.farm.stations[0], line.world.now)
     line.run(0.2)
@@ -210,6 +211,7 @@ def test_what_was_written_into_im1_shows_after_the_next_connection() -> None:
     line.run(0.5)
     shown = row(line)["identification"]
     assert (shown["tag_function"], shown["tag_location"]) == ("feed", "hall 3")
+    assert (shown["descriptor"], shown["signature"]) == ("", "f00d")
 
 
 def test_another_drive_than_the_plans_is_a_warning_and_nothing_more() -> None:

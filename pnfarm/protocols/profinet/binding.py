@@ -35,8 +35,9 @@ __all__ = ["ChannelLayout", "DriveRecords", "channel_layout", "describe_device",
 _EVERY_SEND_CLOCK = (1, 2, 4, 8, 16, 32, 64, 128)
 
 
-#: I&M1 to I&M3, which every device has to keep since V2.31 of the specification; no manual speaks of I&M4.
-_IM_SUPPORTED = 0b1110
+#: I&M1 to I&M3, which every device has to keep since V2.31 of the specification, and I&M4, which it may.  Assumed: no
+#: manual speaks of them, and engineering that writes a signature shall find it again.
+_IM_SUPPORTED = 0b11110
 
 
 def serial_number(mac: bytes) -> str:

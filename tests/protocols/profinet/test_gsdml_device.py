@@ -59,10 +59,10 @@ LIMITS = {
 }
 #: What each model's file says, as a digest: a file that says something else needs another date (see the test).
 DIGESTS = {
-    "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "dd734ba02db33156",
-    "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "d1ace49c8f94de45",
-    "GSDML-V2.35-pnfarm-akd-profinet-2012-20261121.xml": "4a2c371ffe30f95b",
-    "GSDML-V2.35-pnfarm-hiwin-e1-20261121.xml": "7c7c1309b387c2f4",
+    "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "d3b9626be7ca3023",
+    "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "ef698145015a9ba2",
+    "GSDML-V2.35-pnfarm-akd-profinet-2012-20261121.xml": "37056c60b134abeb",
+    "GSDML-V2.35-pnfarm-hiwin-e1-20261121.xml": "868d8f81c52a3046",
 }
 
 
