@@ -27,9 +27,16 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     ResetToFactoryBlock,
 )
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
+from pnfarm.protocols.profinet.wire.iod import (
+    IodReadReqHeader,
+    IodWriteReqHeader,
+    emit_read_request,
+    emit_write_request,
+)
 from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import (
+    NIL_UUID,
     RPC_PORT,
     UUID_EPM,
     UUID_PNIO_CONTROLLER,
@@ -69,6 +76,14 @@ OWN_OBJECT = UUID("dea00000-6c97-11d1-8271-006600660066")
 #: Octets of UDP data in one frame, and of an RPC body in one PDU.
 DATAGRAM, BODY = 1472, 1384
 UDP = 17
+#: Submodules of a drive: api, slot, subslot.
+PLACES = ((0, 0, 1), (0, 0, 0x8000), (0, 0, 0x8001), (0x3A00, 1, 1), (0x3A00, 1, 2))
+#: Records with what may be in them: the name of a layer of the corpus.
+RECORDS = (
+    (0xAFF1, "record"), (0xAFF2, "block-0022"), (0xAFF3, "record"), (47, "base-request"), (0xB02E, "base-request"),
+    (0x801E, "record"), (0x802B, "pdev"), (0x802F, "pdev"), (0x8071, "pdev"), (0x8090, "record"), (0xE040, "record"),
+    *((index, "record") for index in (0xF841, 0xF842, 0xF80C, 0xF830, 0xF820, 0xE002, 0x8028, 0x8029, 0xFBFF, 0xF831)),
+)  # fmt: skip
 #: What is kept of inputs that met something new.
 KEPT = 2000
 
@@ -186,10 +201,11 @@ class Attacker:
         self.to_controller = [_rewrapped(frame, disguise) for frame in corpus.to_controller]
         self.corpus = corpus
         self._access = self._access_calls()
-        self.makers = (
-            *(self.frame,) * 4, *(self.dcp,) * 2, self.lldp, self.arp, *(self.ip_packet,) * 2, *(self.rpc,) * 4,
-            *(self.call,) * 5, *(self.rta,) * 2, *(self.snmp,) * 2, *(self.cyclic,) * 2, *(self.again,) * 4,
-        )  # fmt: skip
+        weights = {
+            self.frame: 4, self.dcp: 2, self.lldp: 1, self.arp: 1, self.ip_packet: 2, self.rpc: 4, self.call: 5,
+            self.record: 3, self.mapper: 1, self.rta: 2, self.snmp: 2, self.cyclic: 2, self.again: 4,
+        }  # fmt: skip
+        self.makers = [maker for maker, weight in weights.items() for _ in range(weight)]
 
     def _access_calls(self) -> list[tuple[int, bytes]]:
         """A supervisor's own connections, acyclic and taking over, for what is possible behind a Connect."""
@@ -367,6 +383,44 @@ class Attacker:
             drep=bytes((0x10 if little else 0, 0, 0)), flags1=rng.choice((0, 0x20, 0x20, 0x08)),
         )  # fmt: skip
         return self._sent("call", prey, *self._pdus(prey, head, body))
+
+    def record(self, prey: Prey) -> Shot | None:
+        """Records of every kind, read and written in right and wrong places, under a connection that may stand."""
+        rng = self.rng
+        if not prey.is_drive:
+            return None
+        uuids = prey.live() if self.impostor else (OWN_UUID,)
+        uuid = rng.choice((*uuids, OWN_UUID))
+        api, slot, subslot = rng.choice(PLACES) if rng.random() < 0.9 else (0, rng.getrandbits(4), rng.getrandbits(16))
+        index, pool = rng.choice(RECORDS)
+        if rng.random() < 0.1:
+            index = rng.getrandbits(16)
+        data = rng.choice(self.layers[pool])
+        if rng.random() < 0.6:
+            data = deep_blocks(rng, data, self.layers[pool], rng.choice((5, 6)))
+        opnum = rng.choice((Opnum.READ, Opnum.READ_IMPLICIT, Opnum.WRITE, Opnum.WRITE))
+        if opnum == Opnum.WRITE:
+            payload = emit_write_request(IodWriteReqHeader(1, uuid, api, slot, subslot, index), data)
+        else:
+            asked = NIL_UUID if opnum == Opnum.READ_IMPLICIT else uuid
+            payload = emit_read_request(
+                IodReadReqHeader(1, asked, api, slot, subslot, index, rng.choice((0, 64, 8192)))
+            )
+        body = emit_request_args(RequestArgs(65536, payload), little_endian=True)
+        interface, target = self._endpoint(prey)
+        head = RpcPdu(PacketType.REQUEST, interface, UUID(bytes=rng.randbytes(16)), target, opnum=opnum, flags1=0x20)
+        return self._sent("record", prey, *self._pdus(prey, head, body))
+
+    def mapper(self, prey: Prey) -> Shot:
+        """Lookups, and what else the endpoint mapper may be asked."""
+        rng = self.rng
+        body = variation(rng, self.layers["epm"])
+        pdu = RpcPdu(
+            PacketType.REQUEST, UUID_EPM, UUID(int=rng.randrange(1, 20)), NIL_UUID, sequence=rng.getrandbits(32),
+            opnum=rng.choice((2, 2, 2, 3, 4, 5, 6)), body=body, flags1=0x20, interface_version=3,
+            drep=bytes((rng.choice((0x10, 0)), 0, 0)),
+        )  # fmt: skip
+        return self._sent("mapper", prey, *self._udp(prey, RPC_PORT, emit_rpc(pdu)))
 
     def _pdus(self, prey: Prey, head: RpcPdu, body: bytes) -> list[bytes]:
         if len(body) <= BODY:
