@@ -85,6 +85,8 @@ CALL_PORT = 49_153
 FIRST_FRAME_ID = 0x8000
 #: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
 ACTIVITY_TIMEOUT = 200
+#: After the start-up a drive's first cyclic frame must come within this time.
+FIRST_DATA_NS = 2_000_000_000
 
 
 class ControllerCore:
@@ -372,10 +374,17 @@ class ControllerCore:
             measures.reconnect_ns = now - measures.lost_ns
             measures.lost_ns = None
         self.columns.image[session.index].good = 1
+        session.due_ns = now + FIRST_DATA_NS
         self._identification.want(session)
         self.log.record(
             now, session.plan.name, "connected", connect_seconds=measures.connect_ns / 1e9, mac=session.mac.hex(":")
         )
+
+    def _do_expect_data(self, session: DeviceSession, now: int) -> None:
+        """The data hold timer runs from the first frame on: a drive that never sends one is found here."""
+        row = session.consumer
+        if row is not None and session.machine is not None and self.columns.cpm[row].received == 0:
+            session.machine.watchdog_expired(now)
 
     def _do_pause(self, session: DeviceSession, now: int) -> None:
         self.channels.close(session)
@@ -556,6 +565,11 @@ class ControllerCore:
 
     def _take_machine(self, session: DeviceSession, event: object, now: int) -> None:
         match event:
+            case Connected(device_mac=mac) if mac != session.mac and session.machine is not None:
+                # two stations have the drive's address, and the other one took the Connect
+                words = f"{mac.hex(':')} has the address of {session.plan.name} ({session.mac.hex(':')}) and answered"
+                session.machine.abort(now, reason=words)
+                self._touched[session.index] = session
             case Connected():
                 self.channels.open(session, event)
             case Parametrised():

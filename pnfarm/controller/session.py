@@ -43,7 +43,7 @@ class SessionState(StrEnum):
 class Sign(Enum):
     """What can happen to a session."""
 
-    TIME = auto()  # the pause is over
+    TIME = auto()  # the pause is over, or the time for the first cyclic data
     FOUND = auto()  # the drive answered, with another address than it shall have
     FOUND_READY = auto()  # the drive answered and has its address
     MISSED = auto()  # nobody answered, or Set IP failed
@@ -70,6 +70,7 @@ TRANSITIONS: dict[tuple[SessionState, Sign], tuple[SessionState, str]] = {
     (_S.CONNECT, _E.ESTABLISHED): (_S.DATA, "established"),
     (_S.CONNECT, _E.LOST): (_S.WAIT, "pause"),
     (_S.CONNECT, _E.RELEASE): (_S.RELEASE, "release"),
+    (_S.DATA, _E.TIME): (_S.DATA, "expect_data"),
     (_S.DATA, _E.LOST): (_S.WAIT, "pause"),
     (_S.DATA, _E.RELEASE): (_S.RELEASE, "release"),
     (_S.RELEASE, _E.ESTABLISHED): (_S.RELEASE, ""),

@@ -176,7 +176,9 @@ class StationConnections:
             slot=entry.slot,
             subslot=entry.subslot,
             channel=entry.channel,
-            diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api),
+            diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api)
+            if entry.channel_coded
+            else f"USI 0x{entry.usi:04X} {entry.data.hex(' ', 2).upper()}".rstrip(),
         )
 
     def _tell_problem(self, key: int) -> None:

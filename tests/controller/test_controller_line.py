@@ -165,3 +165,52 @@ def test_a_drive_without_limits_runs_at_every_cycle_from_one_send_clock_unit_on(
     line = VirtualLine(cycle=cycle, limits="lax")
     line.connect()
     line.enable(20.0)
+
+
+def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
+    """Both have the address; the Connect for axis-01 goes to where axis-02 said that it was."""
+    line = VirtualLine(drives=2)
+    first, second = line.farm.stations
+    wanted = first.config.ip
+    second.dcp.address = wanted
+    second.addressing.set_address(wanted, None)
+    plc = line.plc
+    learn = plc.ip.learn
+    plc.ip.learn = lambda ip, mac, now: learn(ip, second.port.mac if ip == wanted.ip else mac, now)
+    line.run(0.5)
+    session = plc.sessions[0]
+    assert session.mac == first.port.mac
+    assert session.measures.connects == 0
+    assert session.measures.last_reason.endswith(
+        "has the address of axis-01 ({}) and answered".format(first.port.mac.hex(":"))
+    )
+    plc.ip.learn = learn
+    line.connect()
+    assert [s.mac for s in plc.sessions] == [first.port.mac, second.port.mac]
+    assert {ar.initiator_name for ar in first.cm.ars} == {"plc"}
+
+
+def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_anew():
+    """The data hold timer starts with the first frame; without one nothing else would tell."""
+    line = VirtualLine()
+    (station,) = line.farm.stations
+    (session,) = line.plc.sessions
+    opened = station.channels.open
+
+    def mute(*arguments):
+        ar = opened(*arguments)
+        for row, _ in ar.providers:
+            line.farm.columns.ppm[row].active = 0
+        return ar
+
+    station.channels.open = mute
+    assert line.world.run(5, until=lambda: session.state is SessionState.DATA)
+    began = line.world.now
+    assert line.world.run(5, until=lambda: session.state is not SessionState.DATA)
+    assert line.world.now - began == pytest.approx(2e9, rel=0.1)
+    assert session.measures.last_reason == "no input data within the data hold time"
+    assert session.measures.losses == 1
+    station.channels.open = opened
+    line.connect()
+    line.run(5)
+    assert session.measures.losses == 1

@@ -18,6 +18,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 )
 from pnfarm.drives.profiles.profidrive.requester import change_request, read_request, results
 from pnfarm.protocols.profinet.cmctl_events import RecordRead, RecordWriteDone
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.errors import AccessError, RtaError
 
 API = 0x3A00
@@ -375,3 +376,14 @@ def test_an_active_fault_is_read_back_by_pnu_947_and_counted_by_944():
     line.run(0.05)
     assert value_of(line, 947, 0, 2) == (702, 0)
     assert value_of(line, 944) == (1,)
+
+
+def test_a_makers_own_diagnosis_is_logged_with_its_structure_and_octets():
+    line = VirtualLine()
+    line.connect()
+    (station,) = line.farm.stations
+    for entry in (DiagnosisEntry(0x3A00, 1, 2, 0x1234, data=b"maker"), DiagnosisEntry(0x3A00, 1, 2, error_type=0x10)):
+        station.cm.diagnosis.add(entry)
+        line.farm.settle(station, line.world.now)
+    told = [entry.data["diagnosis"] for entry in line.log.entries("axis-01") if entry.event == "diagnosis appears"]
+    assert told == ["USI 0x1234 6D 616B 6572", "parametrisation fault"]

@@ -24,9 +24,12 @@ from typing import NoReturn
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "support"))
 
-from tests.fuzz.corpus import Conversation, captured_frames, layers  # noqa: E402
+from tests.fuzz import running  # noqa: E402
+from tests.fuzz.corpus import gather  # noqa: E402
 from tests.fuzz.machines import MACHINES  # noqa: E402
+from tests.fuzz.machines_more import MORE  # noqa: E402
 from tests.fuzz.targets import parsers  # noqa: E402
+from tests.fuzz.watch import FailureFoundError, resident  # noqa: E402
 
 #: Processor time that one input may take; the longest are a thousand times below.
 PARSER_SECONDS = 0.25
@@ -36,7 +39,6 @@ GROWTH_BYTES = 64 * 1024 * 1024
 #: Inputs of one turn.
 PARSER_TURN, MACHINE_TURN = 1500, 4000
 REPORT_SECONDS = 10.0
-PAGE = 4096
 
 
 @dataclass
@@ -49,15 +51,6 @@ class Tally:
     total_ns: int = 0
 
 
-class FailureFoundError(Exception):
-    """A target did what it must not."""
-
-
-def resident() -> int:
-    """Octets of memory that this process holds now."""
-    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * PAGE
-
-
 class Run:
     def __init__(self, options: argparse.Namespace) -> None:
         self.options = options
@@ -66,17 +59,12 @@ class Run:
         self.began = time.monotonic()
         self.reported = self.began
         self.memory: int | None = None
-        self.frames: list[bytes] = []
-        for startup in ("legacy", "advanced"):
-            talk = Conversation(startup)
-            talk.end()
-            self.frames += [frame for _, frame in talk.frames]
-        self.own = len(self.frames)
-        self.frames += captured_frames()
-        self.layers = layers(self.frames)
+        corpus = gather()
+        self.own, self.captured = len(corpus.to_drive) + len(corpus.to_controller), len(corpus.captured)
+        self.layers = corpus.layers
         wanted = options.target
         self.parsers = [parser for parser in parsers(self.layers) if fnmatchcase(parser.name, wanted)]
-        self.machines = [machine for machine in MACHINES if fnmatchcase(machine.name, wanted)]
+        self.machines = [machine for machine in (*MACHINES, *MORE) if fnmatchcase(machine.name, wanted)]
 
     @property
     def names(self) -> list[str]:
@@ -140,7 +128,7 @@ class Run:
         strings = sum(map(len, self.layers.values()))
         print(
             f"{len(self.parsers)} parsers, {len(self.machines)} machines; {self.own} own frames,"
-            f" {len(self.frames) - self.own} captured, {strings} octet strings of {len(self.layers)} layers;"
+            f" {self.captured} captured, {strings} octet strings of {len(self.layers)} layers;"
             f" seed {options.seed}"
         )
         if options.turn is not None:
@@ -207,11 +195,20 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--target", default="*", help="glob over the targets' names")
     parser.add_argument("--turn", type=int, help="this turn of each target alone, to repeat a failure")
     parser.add_argument("--list", action="store_true", help="name the targets and stop")
+    farm = parser.add_argument_group("a running farm", "A hostile station beside a farm and its controller at work.")
+    farm.add_argument("--running", action="store_true", help="this, instead of parsers and machines one by one")
+    farm.add_argument("--minutes", type=float, default=10.0, help="how long (default %(default)s)")
+    farm.add_argument("--drives", type=int, default=4, help="drives of the farm (default %(default)s)")
+    farm.add_argument("--mode", choices=("both", "stranger", "impostor"), default="both", help="who is hostile")
+    farm.add_argument("--shots", type=int, default=100_000, help="of one episode (default %(default)s)")
+    farm.add_argument("--episode", type=int, help="this one alone, to repeat a failure")
     return parser.parse_args()
 
 
 def main() -> int:
     options = arguments()
+    if options.running:
+        return running.main(options)
     run = Run(options)
     if not run.names:
         print(f"no target is named {options.target!r}; --list names them", file=sys.stderr)

@@ -8,23 +8,29 @@ from __future__ import annotations
 import struct
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from ipaddress import IPv4Address
 from pathlib import Path
 from uuid import UUID
 
 from virtual_line import VirtualLine
 
+from pnfarm.drives import catalogue
 from pnfarm.drives.profiles.profidrive import base_mode
 from pnfarm.errors import DecodeError
+from pnfarm.farm.station_modules import plug_module, pull_module
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.gsdml.describe import describe_model
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.protocols.profinet.lldp import LocalPort, LocalSystem, local_lldpdu
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import lldp_tlvs as tlvs
 from pnfarm.protocols.profinet.wire import pdev, records, snmp
 from pnfarm.protocols.profinet.wire import pdev_blocks as wanted
+from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmType
 from pnfarm.protocols.profinet.wire.ber import emit_oid
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import Block, emit_block
+from pnfarm.protocols.profinet.wire.blocks_any import Block, emit_block, parse_blocks
 from pnfarm.protocols.profinet.wire.dcp import (
     SERVICE_GET,
     SERVICE_IDENTIFY,
@@ -44,6 +50,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     StationTypeBlock,
     UnknownBlock,
 )
+from pnfarm.protocols.profinet.wire.diagnosis import Maintenance, Usi
 from pnfarm.protocols.profinet.wire.epm import (
     EntryHandle,
     EptEntry,
@@ -75,7 +82,7 @@ from pnfarm.wire.icmp import IcmpMessage, emit_icmp
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import parse_udp
 
-__all__ = ["BASE_MODE", "CAPTURES", "Conversation", "captured_frames", "layers"]
+__all__ = ["BASE_MODE", "CAPTURES", "Conversation", "Corpus", "captured_frames", "gather", "layers"]
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
 #: Frames of each capture that are kept; cyclic ones are all alike.
@@ -118,6 +125,8 @@ class Conversation:
         self.line.connect()
         self._access_records()
         self.line.run(0.3)
+        self._tell_alarms()
+        self._move_modules()
 
     def end(self) -> None:
         """The drive aborts, the controller connects again and releases."""
@@ -128,6 +137,39 @@ class Conversation:
         line.run(2.0)
         line.plc.release(line.world.now)
         line.run(1.0)
+
+    def _tell_alarms(self):
+        """A diagnosis of each coding comes and goes, and an alarm of high priority."""
+        station = self.line.farm.stations[0]
+        place = (0x3A00, 1, 2)
+        entries = (
+            DiagnosisEntry(*place, error_type=0x10),
+            DiagnosisEntry(*place, Usi.EXT_CHANNEL, 1, error_type=0x8000, ext_error_type=0x8001, ext_add_value=7),
+            DiagnosisEntry(
+                *place, Usi.QUALIFIED_CHANNEL, 2, error_type=0x11, ext_error_type=1,
+                maintenance=Maintenance.QUALIFIED, qualifier=1 << 27,
+            ),
+            DiagnosisEntry(*place, 0x1234, data=b"maker"),
+        )  # fmt: skip
+        for change in (station.cm.diagnosis.add, station.cm.diagnosis.remove):
+            for entry in entries:
+                change(entry)
+                self._settled(station)
+        station.cm.alarm(AlarmType.PROCESS, place, self.line.world.now, items=(AlarmItem(0x4321, b"12"),), high=True)
+        self._settled(station)
+
+    def _move_modules(self):
+        """A submodule and a whole module are pulled and plugged again."""
+        station = self.line.farm.stations[0]
+        for subslot in (2, None):
+            pull_module(station, 1, subslot, self.line.world.now)
+            self._settled(station)
+            plug_module(station, 1, self.line.world.now)
+            self._settled(station)
+
+    def _settled(self, station):
+        self.line.farm.settle(station, self.line.world.now)
+        self.line.run(0.05)
 
     def untap(self) -> None:
         """Record no more."""
@@ -164,6 +206,50 @@ class Conversation:
                 asked(machine.read_implicit, api, slot, subslot, index, 4096)
 
 
+@dataclass(frozen=True)
+class Corpus:
+    """Everything to start from, and whose addresses and names are in it."""
+
+    to_drive: tuple[bytes, ...]
+    to_controller: tuple[bytes, ...]
+    captured: tuple[bytes, ...]
+    layers: dict[str, list[bytes]]
+    drive_mac: bytes
+    drive_ip: IPv4Address
+    controller_mac: bytes
+    controller_ip: IPv4Address
+    controller_objects: tuple[UUID, ...]
+
+    @property
+    def ar_uuids(self) -> list[bytes]:
+        return self.layers["ar-uuid"]
+
+
+def gather() -> Corpus:
+    """Both start-ups of a farm and its controller, and what the captures hold."""
+    to_drive: list[bytes] = []
+    to_controller: list[bytes] = []
+    for startup in ("legacy", "advanced"):
+        talk = Conversation(startup)
+        talk.end()
+        for is_to_drive, frame in talk.frames:
+            (to_drive if is_to_drive else to_controller).append(frame)
+    captured = tuple(captured_frames())
+    line = talk.line
+    found = layers([*to_drive, *to_controller, *captured])
+    objects = {
+        block.initiator_object_uuid
+        for payload in found["request-0"]
+        for block in parse_blocks(payload)
+        if isinstance(block, connect.ArBlockReq)
+    }
+    return Corpus(
+        tuple(to_drive), tuple(to_controller), captured, found,
+        line.farm.stations[0].port.mac, IPv4Address("10.77.0.11"), line.plc.port.mac, IPv4Address("10.77.1.250"),
+        tuple(sorted(objects)),
+    )  # fmt: skip
+
+
 def captured_frames() -> Iterator[bytes]:
     """Frames of the captures beside the project; none where there are none."""
     for path in sorted(CAPTURES.glob("*.pcap")) if CAPTURES.is_dir() else ():
@@ -197,7 +283,7 @@ def layers(frames: Iterable[bytes]) -> dict[str, list[bytes]]:
         elif ether.ethertype == 0x0800:
             _dig_ip(ether.payload, found)
     found["base-request"].update(dict.fromkeys(BASE_MODE))
-    for name, octets in unheard():
+    for name, octets in (*unheard(), *_descriptions()):
         found[name][octets] = None
     return {name: list(octets) for name, octets in found.items()}
 
@@ -290,6 +376,13 @@ def unheard() -> Iterator[tuple[str, bytes]]:
     for block_type, size in records.IM_TEXT_SIZES.items():
         yield f"block-{block_type:04x}", b"\1\0" + b"A" * size
     yield from _managers()
+
+
+def _descriptions() -> Iterator[tuple[str, bytes]]:
+    """Files of makers: those that the project writes, and a small one that has a little of everything."""
+    for name in catalogue.models():
+        yield "gsdml", emit_gsdml(describe_model(catalogue.model(name))).encode()
+    yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
 
 
 def _managers() -> Iterator[tuple[str, bytes]]:

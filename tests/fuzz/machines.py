@@ -67,7 +67,7 @@ from pnfarm.wire.udp import emit_udp, parse_udp
 from tests.fuzz.corpus import Conversation
 from tests.fuzz.mutate import mutated, random_octets, variation
 
-__all__ = ["MACHINES", "Machine", "deep"]
+__all__ = ["MACHINES", "Machine", "about_a_call", "deep", "deep_blocks", "deep_rpc", "varied_snmp"]
 
 #: Inputs between two moments in which time passes and a lost connection comes back.
 BETWEEN = 20
@@ -147,6 +147,59 @@ def deep_blocks(rng: Random, payload: bytes, pool: Sequence[bytes], depth: int =
             block = blocks[place]
             blocks[place] = replace(block, body=mutated(rng, block.body, [b.body for b in blocks])[:0xFFF0])
     return b"".join(emit_raw_block(block) for block in blocks)
+
+
+def about_a_call(rng: Random, data: bytes, endpoint: tuple[UUID, UUID]) -> bytes:
+    """Mostly for this endpoint (interface, object), and often about one of a few calls, to meet them in all states."""
+    pdu = parse_rpc(data)
+    if pdu.interface != UUID_EPM and rng.random() < 0.9:
+        pdu = replace(pdu, interface=endpoint[0], object_uuid=endpoint[1])
+    if rng.random() < 0.3:
+        pdu = replace(pdu, activity=UUID(int=rng.randrange(1, 4)), sequence=rng.randrange(3))
+    match rng.randrange(10):
+        case 0:
+            kinds = (PacketType.PING, PacketType.ACK, PacketType.CL_CANCEL)
+            pdu = replace(pdu, packet_type=rng.choice(kinds), body=b"")
+        case 1:
+            body = emit_cancel(CancelBody(rng.randrange(3)), little_endian=pdu.little_endian)
+            pdu = replace(pdu, packet_type=PacketType.CL_CANCEL, body=mutated(rng, body, [body]))
+        case 2:
+            flags = rng.choice((Flags1(0), Flags1.LAST_FRAGMENT)) | rng.choice((Flags1(0), Flags1.NO_FACK))
+            number = rng.choice((0, 0, 1, 2, 0xFFFF))
+            pdu = replace(pdu, flags1=int(Flags1.FRAGMENT | flags), fragment_number=number)
+        case _:
+            pass
+    return emit_rpc(pdu)
+
+
+def varied_snmp(rng: Random, pool: Sequence[bytes]) -> bytes:
+    """A manager's message with octets wrong, or with its list of variables changed and the lengths around it right."""
+    data = rng.choice(pool)
+    if rng.random() < 0.5:
+        return mutated(rng, data, pool)
+    message = parse_snmp(data)
+    if isinstance(message.pdu, OtherPdu):
+        return emit_snmp(replace(message, version=rng.randrange(2), pdu=OtherPdu(rng.randrange(0xA0, 0xAA), data)))
+    varbinds = list(message.pdu.varbinds) * rng.choice((1, 1, 1, 5, 30))
+    rng.shuffle(varbinds)
+    names = [varbind.name for varbind in varbinds]
+    if varbinds and rng.random() < 0.8:
+        place = rng.randrange(len(varbinds))
+        name = (
+            *rng.choice(names)[: rng.randrange(2, 20)],
+            *(rng.choice((0, 1, 2, 127, 128, 2**32 - 1)),) * rng.randrange(3),
+        )
+        value = rng.choice((varbinds[place].value, Value(OCTET_STRING, random_octets(rng)[:300]), Value(0x4F, b"x")))
+        varbinds[place] = VarBind(name, value)
+    pdu = replace(
+        message.pdu,
+        tag=rng.choice((message.pdu.tag, GET, GET_NEXT, SET, GET_BULK)),
+        error_status=rng.choice((0, 0, 1, 5, -1, 2**31 - 1)),
+        error_index=rng.choice((0, 1, 10, 50, -1, 2**31 - 1)),
+        varbinds=tuple(varbinds),
+    )
+    community = rng.choice((b"public", b"private", b"private", b"no"))
+    return emit_snmp(replace(message, version=rng.randrange(2), community=community, pdu=pdu))
 
 
 class Machine:
@@ -356,27 +409,8 @@ class RpcServerMachine(Machine):
             return variation(rng, self.layers["rpc"])
 
     def about_a_call(self, rng, data):
-        """Mostly for this drive's object, and often about one of a few calls, so that their states are met."""
-        pdu = parse_rpc(data)
-        if pdu.interface != UUID_EPM and rng.random() < 0.9:
-            endpoint = self.station.rpc.config.endpoints[0]
-            pdu = replace(pdu, interface=endpoint.interface, object_uuid=endpoint.object_uuid)
-        if rng.random() < 0.3:
-            pdu = replace(pdu, activity=UUID(int=rng.randrange(1, 4)), sequence=rng.randrange(3))
-        match rng.randrange(10):
-            case 0:
-                kinds = (PacketType.PING, PacketType.ACK, PacketType.CL_CANCEL)
-                pdu = replace(pdu, packet_type=rng.choice(kinds), body=b"")
-            case 1:
-                body = emit_cancel(CancelBody(rng.randrange(3)), little_endian=pdu.little_endian)
-                pdu = replace(pdu, packet_type=PacketType.CL_CANCEL, body=mutated(rng, body, [body]))
-            case 2:
-                flags = rng.choice((Flags1(0), Flags1.LAST_FRAGMENT)) | rng.choice((Flags1(0), Flags1.NO_FACK))
-                number = rng.choice((0, 0, 1, 2, 0xFFFF))
-                pdu = replace(pdu, flags1=int(Flags1.FRAGMENT | flags), fragment_number=number)
-            case _:
-                pass
-        return emit_rpc(pdu)
+        endpoint = self.station.rpc.config.endpoints[0]
+        return about_a_call(rng, data, (endpoint.interface, endpoint.object_uuid))
 
     def take(self, rng, data):
         self.station.rpc.receive(Peer(PEER, rng.choice((RPC_PORT, 49153))), RPC_PORT, data, self.now)
@@ -428,34 +462,7 @@ class SnmpAgentMachine(Machine):
     name = "snmp-agent"
 
     def next_input(self, rng):
-        data = rng.choice(self.layers["snmp"])
-        if rng.random() < 0.5:
-            return mutated(rng, data, self.layers["snmp"])
-        message = parse_snmp(data)
-        if isinstance(message.pdu, OtherPdu):
-            return emit_snmp(replace(message, version=rng.randrange(2), pdu=OtherPdu(rng.randrange(0xA0, 0xAA), data)))
-        varbinds = list(message.pdu.varbinds) * rng.choice((1, 1, 1, 5, 30))
-        rng.shuffle(varbinds)
-        names = [varbind.name for varbind in varbinds]
-        if varbinds and rng.random() < 0.8:
-            place = rng.randrange(len(varbinds))
-            name = (
-                *rng.choice(names)[: rng.randrange(2, 20)],
-                *(rng.choice((0, 1, 2, 127, 128, 2**32 - 1)),) * rng.randrange(3),
-            )
-            value = rng.choice(
-                (varbinds[place].value, Value(OCTET_STRING, random_octets(rng)[:300]), Value(0x4F, b"x"))
-            )
-            varbinds[place] = VarBind(name, value)
-        pdu = replace(
-            message.pdu,
-            tag=rng.choice((message.pdu.tag, GET, GET_NEXT, SET, GET_BULK)),
-            error_status=rng.choice((0, 0, 1, 5, -1, 2**31 - 1)),
-            error_index=rng.choice((0, 1, 10, 50, -1, 2**31 - 1)),
-            varbinds=tuple(varbinds),
-        )
-        community = rng.choice((b"public", b"private", b"private", b"no"))
-        return emit_snmp(replace(message, version=rng.randrange(2), community=community, pdu=pdu))
+        return varied_snmp(rng, self.layers["snmp"])
 
     def take(self, rng, data):
         self.station.snmp.receive(Peer(PEER, 40_000), data, self.now)

@@ -5,10 +5,11 @@ Everything comes from one :class:`random.Random`, so that an input can be made a
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from random import Random
 
-__all__ = ["LIMIT", "mutated", "random_octets", "variation"]
+__all__ = ["LIMIT", "mutated", "random_octets", "variation", "varied_xml"]
 
 #: No input is longer: two full datagrams.
 LIMIT = 4096
@@ -135,3 +136,31 @@ def variation(rng: Random, pool: Sequence[bytes]) -> bytes:
         return random_octets(rng)
     chosen = rng.choice(pool)
     return chosen if chance < 0.15 else mutated(rng, chosen, pool)
+
+
+_ATTRIBUTE = re.compile(rb'="([^"]*)"')
+_ELEMENT = re.compile(rb"<([A-Za-z:]+)( [^<>]*)?/>|<([A-Za-z:]+)( [^<>]*)?>[^<>]*</\3>")
+_VALUES = (b"", b"0", b"-1", b"65535", b"65536", b"4294967296", b"1..4294967295", b"0x", b"0xFFFFFFFFF", b"1 2 3",
+           b"true", b"a" * 300, b"\xc3\xa9", b"..", b"1..0", b"&#0;", b"&amp;", b"NaN", b"1e999")  # fmt: skip
+
+
+def varied_xml(rng: Random, pool: Sequence[bytes]) -> bytes:
+    """A document with other values, with elements doubled, left out or moved; now and then no document any more."""
+    data = bytearray(rng.choice(pool))
+    if rng.random() < 0.1:
+        for _ in range(rng.randrange(1, 4)):
+            rng.choice(_MUTATIONS)(rng, data, pool)
+        return bytes(data)
+    for _ in range(rng.choice((1, 1, 2, 4, 8))):
+        pattern = _ATTRIBUTE if rng.random() < 0.6 else _ELEMENT
+        found = list(pattern.finditer(data))
+        if not found:
+            return bytes(data)
+        chosen, other = rng.choice(found), rng.choice(found)
+        if pattern is _ATTRIBUTE:
+            value = rng.choice(_VALUES) if rng.random() < 0.5 else other[1]
+            data[chosen.start(1) : chosen.end(1)] = value
+        else:
+            part = rng.choice((b"", chosen[0] * 2, other[0], chosen[0] + other[0]))
+            data[chosen.start() : chosen.end()] = part
+    return bytes(data)

@@ -24,7 +24,7 @@ from pnfarm.protocols.profinet.wire.blocks import RawBlock
 from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS
 from pnfarm.protocols.profinet.wire.rta import RtaType, parse_rta
 from pnfarm.wire.octets import Reader
-from tests.fuzz.mutate import variation
+from tests.fuzz.mutate import variation, varied_xml
 
 __all__ = ["Parser", "parsers"]
 
@@ -79,7 +79,11 @@ LAYERS = {
     "parse_snmp": ("snmp",),
     "parse_oid": ("oid",),
     "parse_integer": ("oid",),
+    "parse_gsdml": ("gsdml",),
+    "parse_xml": ("gsdml",),
 }
+#: Parsers of text with a syntax of its own: octets changed at random would mostly break that alone.
+DOCUMENTS = {"parse_gsdml", "parse_xml"}
 
 
 @dataclass(frozen=True)
@@ -89,9 +93,10 @@ class Parser:
     name: str
     call: Callable[[bytes], object]
     pool: Sequence[bytes]
+    vary: Callable[[Random, Sequence[bytes]], bytes] = variation
 
     def next_input(self, rng: Random) -> bytes:
-        return variation(rng, self.pool)
+        return self.vary(rng, self.pool)
 
     def feed(self, data: bytes) -> str:
         """``ok``, or the reason of the :class:`DecodeError`."""
@@ -202,5 +207,5 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             else:
                 pool = [octets for layer in LAYERS.get(name, ()) for octets in layers.get(layer, ())] or everything
             title = f"{module.__name__.rsplit('.', 1)[-1]}.{name}{suffix}"
-            found[title] = Parser(title, call, pool)
+            found[title] = Parser(title, call, pool, varied_xml if name in DOCUMENTS else variation)
     return sorted(found.values(), key=lambda parser: parser.name)

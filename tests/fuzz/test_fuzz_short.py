@@ -1,11 +1,14 @@
-"""A few inputs for every parser and machine; ``python -m tests.fuzz`` gives them a million."""
+"""A few inputs for every parser, machine and running farm; ``python -m tests.fuzz`` gives them a million."""
 
 from __future__ import annotations
 
+import argparse
 import re
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -33,6 +36,31 @@ def test_the_same_seed_makes_the_same_inputs():
     assert len(outcomes(first)) > 5
     assert outcomes(first) == outcomes(second)
     assert outcomes(first) != outcomes(other)
+
+
+@pytest.mark.parametrize(("mode", "ends"), [("stranger", False), ("impostor", True)])
+def test_a_running_farm_stands_a_hostile_station_and_the_same_seed_makes_the_same_one(mode, ends):
+    options = ("--running", "--mode", mode, "--episode", "1", "--shots", "2000", "--drives", "2", "--seed", "5")
+    first, second = (fuzz(*options) for _ in range(2))
+    assert first.returncode == 0, first.stdout + first.stderr
+    told = [re.search(r"digest (\w+); (\d+) connections lost and back", done.stdout) for done in (first, second)]
+    assert told[0].groups() == told[1].groups()
+    assert (int(told[0][2]) > 0) == ends, "an impostor is to end some connections, a stranger none"
+
+
+def test_a_finding_is_told_with_its_shots_and_how_to_repeat_it(monkeypatch, capsys):
+    """The bound of memory made absurd: the first look finds something."""
+    monkeypatch.syspath_prepend(str(ROOT))
+    monkeypatch.syspath_prepend(str(ROOT / "tests" / "support"))
+    from tests.fuzz import running, watch
+
+    monkeypatch.setattr(watch, "MOST_ENTRIES", 1)
+    options = argparse.Namespace(seed=3, minutes=1, drives=1, mode="stranger", shots=300, episode=0)
+    assert running.main(options) == 1
+    said = capsys.readouterr().err
+    assert "episode 0 failed at shot 250 (seed 3)" in said
+    assert "axis-01 holds" in said
+    assert "again: python -m tests.fuzz --running --seed 3 --drives 1 --mode stranger --episode 0" in said
 
 
 def test_an_unknown_target_is_a_wrong_argument():

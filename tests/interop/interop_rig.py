@@ -243,6 +243,12 @@ def tshark_tree(path, number):
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60).stdout
 
 
+def tshark_words(path, where):
+    """The whole trees of some frames, as one text."""
+    command = ["tshark", "-n", "-r", str(path), *STRICT, "-V", "-Y", where]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=60).stdout
+
+
 def captured_datagrams(name):
     """(source ip, destination ip, UDP payload) of a captured start-up's DCE/RPC datagrams, in order."""
     path = CAPTURES / f"{name}.pcap"

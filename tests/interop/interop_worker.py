@@ -24,6 +24,9 @@ from pnfarm.farm.config import load_farm
 from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.station_modules import plug_module, pull_module
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
 from pnfarm.table.signals import WORD_NONE
 
 ANSWER_SECONDS = 10.0
@@ -129,6 +132,38 @@ class FarmWorker:
         station, now = self.station(name), time.monotonic_ns()
         (station.power_on if on else station.power_off)(now)
         self.farm.core.settle(station, now)
+
+    def _settled(self, station, now):
+        self.farm.core.settle(station, now)
+        self.farm.driver.poke()
+
+    def do_diagnosis(self, name, appears, place, **fields):
+        """One diagnosis entry comes or goes; ``data`` is hexadecimal."""
+        station, now = self.station(name), time.monotonic_ns()
+        if "data" in fields:
+            fields["data"] = bytes.fromhex(fields["data"])
+        if "maintenance" in fields:
+            fields["maintenance"] = Maintenance(fields["maintenance"])
+        entry = DiagnosisEntry(*place, **fields)
+        done = (station.cm.diagnosis.add if appears else station.cm.diagnosis.remove)(entry)
+        self._settled(station, now)
+        return done
+
+    def do_alarm(self, name, kind, place, high=False):
+        station, now = self.station(name), time.monotonic_ns()
+        told = station.cm.alarm(kind, tuple(place), now, high=high)
+        self._settled(station, now)
+        return len(told)
+
+    def do_pull(self, name, slot, subslot=None):
+        station, now = self.station(name), time.monotonic_ns()
+        pull_module(station, slot, subslot, now)
+        self._settled(station, now)
+
+    def do_plug(self, name, slot, ident=None):
+        station, now = self.station(name), time.monotonic_ns()
+        plug_module(station, slot, now, ident=ident)
+        self._settled(station, now)
 
     def do_ready_delay(self, name, nanoseconds):
         self.station(name).ready_delay_ns = nanoseconds

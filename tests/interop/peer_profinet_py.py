@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import logging
 import sys
@@ -11,6 +12,7 @@ import time
 import warnings
 
 from profinet import IOCRSetup, IOSlot, ProfinetDevice, dcp, scan
+from profinet.exceptions import PNIOError, RPCFaultError
 from profinet.gsdml import load_gsdml
 from profinet.rpc import RPCCon, epm_lookup
 from profinet.util import ethernet_socket, get_mac
@@ -158,7 +160,128 @@ def run(station, factor, ratio, seconds, gsdml=None):
     return found
 
 
-VERBS = {"discover": discover, "rename": rename, "reset": reset, "acyclic": acyclic, "run": run}
+def plain(value):
+    """Something that JSON can hold, of whatever the package answers."""
+    if isinstance(value, bytes):
+        return value.hex()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return {name: plain(getattr(value, name)) for name in value._fields}
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple, set)):
+        return [plain(item) for item in value]
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+def tried(what, *arguments, **named):
+    """What a function of the package answers, or which error it makes of the drive's answer."""
+    try:
+        return plain(what(*arguments, **named))
+    except PNIOError as exc:
+        codes = (exc.error_code, exc.error_decode, exc.error_code1, exc.error_code2)
+        return {"pnio": "".join(f"{code:02x}" for code in codes), "text": str(exc)}
+    except RPCFaultError as exc:
+        return {"fault": str(exc)}
+
+
+def im_text(number, text, length):
+    """An I&M record: block header and text. The package's own writers put two octets between them, which none has."""
+    return (0x20 + number).to_bytes(2) + (length + 2).to_bytes(2) + b"\1\0" + text.encode().ljust(length)
+
+
+def texts(station):
+    """I&M1 to 3 written, read back, and what it makes of those that a drive has not."""
+    with by_name(station) as device:
+        found = {"own writer": tried(device.write_im1, "pump 3", "hall 7")}
+        device.write(0, 1, 0xAFF1, im_text(1, "pump 3".ljust(32) + "hall 7", 54))
+        device.write(0, 1, 0xAFF2, im_text(2, "2026-01-31 10:00", 16))
+        device.write(0, 1, 0xAFF3, im_text(3, "the third pump", 54))
+        for number in range(6):
+            found[f"im{number}"] = tried(getattr(device, f"read_im{number}"))
+        found["all"] = sorted(device.read_all_im())
+        return found
+
+
+def places(station):
+    """What it finds of slots, differences, the log, the port and the neighbour."""
+    with by_name(station) as device:
+        device.connect()
+        rpc = device._rpc
+        names = (
+            "discover_slots", "read_real_identification_data", "read_inm0filter", "read_module_diff", "read_logbook",
+            "read_ar_info", "read_pd_real_data", "read_topology", "read_all_diagnosis", "read_diagnosis",
+        )  # fmt: skip
+        found = {name: tried(getattr(rpc, name)) for name in names}
+        found["interface"] = tried(rpc.read_interface_info)
+        found["port"] = tried(rpc.read_port_info, 0, 0x8001)
+        found["statistics"] = tried(rpc.read_port_statistics, 0, 0x8001)
+        found["indices"] = tried(rpc.enumerate_indices)
+        found["records"] = tried(rpc.enumerate_records)
+        found["scan"] = tried(rpc.scan_slots, 2)
+        found["info"] = tried(device.get_info, include_topology=True)
+        return found
+
+
+def refusals(station):
+    """Wrong places, indices and lengths, and writes in one call, with the codes that it makes of them."""
+    with by_name(station) as device:
+        device.connect()
+        rpc = device._rpc
+        return {
+            "no such index": tried(rpc.read, 0, 0, 1, 0x1234),
+            "no such slot": tried(rpc.read, 0, 9, 1, 0xAFF0),
+            "no such subslot": tried(rpc.read, 0, 0, 77, 0xAFF0),
+            "no such api": tried(rpc.read, 0x1111, 1, 1, 47),
+            "nothing asked yet": tried(rpc.read, PROFIDRIVE, 1, 1, 47),
+            "too short": tried(rpc.write, 0, 0, 1, 0xAFF1, b"12"),
+            "read only": tried(rpc.write, 0, 0, 1, 0xAFF0, bytes(60)),
+            "no such index to write": tried(rpc.write, 0, 0, 1, 0x1234, b"x"),
+            "implicit": tried(rpc.read_implicit, 0, 9, 1, 0xAFF0),
+        }
+
+
+def described(path):
+    """What its GSDML reader makes of a file."""
+    return plain(load_gsdml(path))
+
+
+def listen(station, *_):
+    """A connection with cyclic data and its listener for alarms, while somebody tells it on standard input what to do.
+
+    Each line is a call of the connection: ``["alarms"]``, ``["read_all_diagnosis"]``, ``["read_module_diff"]`` ...;
+    the answer is a line, too.
+    """
+    device = by_name(station)
+    alarms = []
+    device.on_alarm(lambda alarm: alarms.append(plain(alarm)))
+    hold = int(1.6 / (32 * 8 * 31.25e-6))
+    setup = IOCRSetup(
+        slots=slots(), send_clock_factor=32, reduction_ratio=8, watchdog_factor=hold, data_hold_factor=hold
+    )
+    cyclic = device.start_cyclic(setup, max_consecutive_timeouts=0)
+    print(json.dumps("up"), flush=True)
+    for line in sys.stdin:
+        name, *arguments = json.loads(line)
+        if name == "alarms":
+            wanted = arguments[0]
+            wait(lambda wanted=wanted: len(alarms) >= wanted, 5)
+            answer = list(alarms)
+        elif name == "input":
+            answer = plain(cyclic.get_input_data(*arguments))
+        else:
+            answer = tried(getattr(device._rpc, name), *arguments)
+        print(json.dumps(answer, default=str), flush=True)
+    cyclic.stop()
+    device._rpc.disconnect()
+    device.close()
+    return "released"
+
+
+VERBS = {
+    verb.__name__: verb for verb in (discover, rename, reset, acyclic, run, texts, places, refusals, described, listen)
+}
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")

@@ -120,6 +120,8 @@ class Activity:
     serial: int = 0
     tries: int = 0
     cancelled: bool = False
+    #: Nothing but the endpoint mapper was called so far.
+    lookups_only: bool = True
     #: Of the table: its name for the row, and the octets of it that are in its sum.
     number: int = 0
     accounted: int = 0

@@ -237,6 +237,9 @@ class RpcServer:
                 self._reject(peer, local_port, pdu, NcaStatus.SERVER_TOO_BUSY)
                 return
             event = _Event.REQUEST_NEW
+        elif activity.lookups_only and pdu.interface != UUID_EPM:
+            # a client may count anew for the interface that the endpoint mapper told it of; C706 does not
+            event = _Event.REQUEST_NEW
         elif pdu.sequence == activity.request.sequence:
             event = _Event.REQUEST_NEW if activity.runs_again(pdu) else _Event.REQUEST_SAME
         elif is_newer(pdu.sequence, activity.request.sequence) or now - activity.touched >= self.config.stale_ns:
@@ -321,6 +324,7 @@ class RpcServer:
     def _do_begin(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:
         assert pdu is not None
         activity.request = replace(pdu, body=b"")
+        activity.lookups_only &= pdu.interface == UUID_EPM
         activity.reassembly = Reassembly(STUB_MAX)
         activity.reply = None
         activity.serial = activity.tries = 0

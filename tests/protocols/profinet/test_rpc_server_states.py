@@ -7,7 +7,7 @@ from ipaddress import IPv4Address
 from uuid import UUID
 
 import pytest
-from rpc_support import MS, PEER, about, fragments, put, received, request, sent, server
+from rpc_support import ENDPOINTS, MS, PEER, about, fragments, put, received, request, sent, server
 
 from pnfarm.protocols.profinet.rpc_activities import TRANSITIONS, ServerEventKind
 from pnfarm.protocols.profinet.rpc_events import (
@@ -19,10 +19,13 @@ from pnfarm.protocols.profinet.rpc_events import (
     RpcServerConfig,
 )
 from pnfarm.protocols.profinet.rpc_server import CallCancelled, CallReceived, Peer, RpcServer, ServerState
+from pnfarm.protocols.profinet.wire.epm import LookupRequest, emit_lookup_request
 from pnfarm.protocols.profinet.wire.rpc import (
     FRAGMENT_NONE,
+    NIL_UUID,
     OK,
     RPC_PORT,
+    UUID_EPM,
     Flags1,
     NcaStatus,
     Opnum,
@@ -446,3 +449,40 @@ def test_the_memory_of_a_call_that_ended_is_free():
     assert device.held_octets == 3_020
     put(device, about(CALL, PacketType.CL_CANCEL))
     assert device.held_octets == 0
+
+
+# -- lookups before calls --------------------------------------------------------------------------------------------
+
+
+def after_lookups(number):
+    """A server of which the same activity asked its endpoint mapper, the last time under ``number``."""
+    device = server(endpoints=ENDPOINTS)
+    lookup = request(number, opnum=2, interface=UUID_EPM, object_uuid=NIL_UUID, interface_version=3)
+    [answer] = put(device, replace(lookup, body=emit_lookup_request(LookupRequest(), little_endian=True)))
+    assert answer.kind == PacketType.RESPONSE
+    return device
+
+
+@pytest.mark.parametrize("number", [0, 1, 3])
+def test_a_client_may_count_anew_behind_its_lookups(number):
+    """py-profinet looks a device up under 1, 2 and 3 and connects under 0, all in one activity."""
+    device = after_lookups(3)
+    assert put(device, request(number, opnum=Opnum.CONNECT)) == []
+    event = received(device)
+    assert (event.opnum, event.call.sequence) == (Opnum.CONNECT, number)
+    device.respond(event.call, OK, b"connected", 0)
+    assert [answer.kind for answer in sent(device)] == [PacketType.RESPONSE]
+
+
+def test_behind_the_first_call_numbers_count_for_lookups_too():
+    """So that a Connect that the network delivers twice is not run twice, whatever came between."""
+    device = after_lookups(1)
+    connect = request(5, opnum=Opnum.CONNECT, flags1=0)
+    put(device, connect)
+    device.respond(received(device).call, OK, b"connected", 0)
+    sent(device)
+    lookup = request(6, opnum=2, interface=UUID_EPM, object_uuid=NIL_UUID, interface_version=3)
+    put(device, replace(lookup, body=emit_lookup_request(LookupRequest(), little_endian=True)))
+    assert put(device, connect) == []
+    assert device.events() == []
+    assert device.dropped["old-sequence"] == 1
