@@ -23,10 +23,10 @@ succeeds).  A Connect of the same controller with a new UUID replaces its old AR
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.ar import Ar, CmdevState
+from pnfarm.protocols.profinet.cmdev_admission import check_resources, of_same_initiator
 from pnfarm.protocols.profinet.cmdev_alarms import AlarmEnded, DeviceAlarms
 from pnfarm.protocols.profinet.cmdev_check import RefusedError, check_connect, check_plugged, parse_connect
 from pnfarm.protocols.profinet.cmdev_connect import connect_response, fill
@@ -35,6 +35,7 @@ from pnfarm.protocols.profinet.cmdev_diff import unusable_submodules
 from pnfarm.protocols.profinet.cmdev_modules import Modules
 from pnfarm.protocols.profinet.cmdev_ownership import claim, pass_on, settle_claim
 from pnfarm.protocols.profinet.cmdev_plug import CmpbeEvent, CmpbeState, Plug, PlugsmEvent
+from pnfarm.protocols.profinet.cmdev_ready import OutgoingCall, ReadyCalls
 from pnfarm.protocols.profinet.cmdev_records import serve_read, serve_write
 from pnfarm.protocols.profinet.cmdev_states import TRANSITIONS, CmdevEvent
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
@@ -62,11 +63,7 @@ from pnfarm.protocols.profinet.events import (
 )
 from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmSpecifier
 from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
 from pnfarm.protocols.profinet.wire.blocks_control import (
-    ControlBlock,
-    ControlCommand,
     control_response,
     emit_control_block,
 )
@@ -86,40 +83,10 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.events import CmEvent
     from pnfarm.protocols.profinet.record_store import RecordHandler
     from pnfarm.protocols.profinet.rpc_fragments import Peer
-    from pnfarm.protocols.profinet.wire.blocks_any import Block
     from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
 __all__ = ["CmDevice", "OutgoingCall"]
-
-
-@dataclass(frozen=True, slots=True)
-class OutgoingCall:
-    """A call to the controller's object; ``port`` is where an ARRPCBlock asked for it, None for the usual one.
-
-    ``token`` names the call in :meth:`CmDevice.call_returned`; ``sequence`` is the alarm that it follows, if any.
-    """
-
-    token: int
-    ar_key: int
-    peer_ip: IPv4Address
-    object_uuid: UUID
-    opnum: int
-    payload: bytes
-    port: int | None = None
-    block_type: BlockType = BlockType.APPLICATION_READY_REQ
-    sequence: int = 0
-
-
-def _same_initiator(one: ArBlockReq, other: ArBlockReq) -> bool:
-    """Both requests come from one controller and want the same kind of AR."""
-    access = ArProperties.DEVICE_ACCESS
-    return (one.initiator_object_uuid, one.station_name, one.ar_type, one.properties & access) == (
-        other.initiator_object_uuid,
-        other.station_name,
-        other.ar_type,
-        other.properties & access,
-    )
 
 
 class CmDevice:
@@ -150,11 +117,9 @@ class CmDevice:
         self._ars: dict[int, Ar] = {}
         self._deadlines: dict[int, int] = {}
         self._next_key = 1
-        self._next_token = 1
         self._events: list[CmEvent] = []
         self._responses: list[tuple[Hashable, PnioStatus, bytes]] = []
-        self._calls: list[OutgoingCall] = []
-        self._under_way: dict[int, OutgoingCall] = {}
+        self._ready = ReadyCalls()
         self.alarms = DeviceAlarms(plugged)
         self.diagnosis = diagnosis if diagnosis is not None else DiagnosisStore()
         self._modules = Modules(plugged, self.alarms, self.diagnosis)
@@ -184,8 +149,8 @@ class CmDevice:
         return drained
 
     def calls(self) -> list[OutgoingCall]:
-        drained, self._calls = self._calls, []
-        return drained
+        """ApplicationReady, to be carried to controllers."""
+        return self._ready.to_send()
 
     def rta_to_send(self) -> list[AlarmFrame]:
         """Alarm frames: destination MAC, VLAN priority, octets behind EtherType 0x8892."""
@@ -250,7 +215,7 @@ class CmDevice:
         self._abort(ar, rta_status(RtaError.RPC_CLIENT_CALL_FAILED), now, f"ApplicationReady: {reason}")
 
     def _called(self, token: int) -> tuple[OutgoingCall | None, Ar | None]:
-        call = self._under_way.pop(token, None)
+        call = self._ready.ended(token)
         return call, None if call is None else self._ars.get(call.ar_key)
 
     def data_received(self, ar_key: int, now: int, iocr_reference: int | None = None) -> None:
@@ -371,7 +336,9 @@ class CmDevice:
             request = parse_connect(payload, self.description)
             self._check_free(request, now)
             layouts = check_connect(request, self.description)
-            self._check_resources(request, now)
+            for older in of_same_initiator(request.ar, self.ars):
+                self.abort(older.key, RtaError.RE_RUN_ABORTS_EXISTING, now)
+            check_resources(request.ar, self.ars, self.description.limits)
             self._follow(request)
             check_plugged(request, self.plugged)
         except RefusedError as exc:
@@ -430,20 +397,6 @@ class CmDevice:
         status_wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
         if status_wanted is not None:
             raise RefusedError(status_wanted, "refused on purpose")
-
-    def _check_resources(self, request: ConnectRequest, now: int) -> None:
-        """Is there room for one more AR of this kind?  The same controller's older one gives way."""
-        for ar in self.ars:
-            if _same_initiator(ar.request, request.ar):
-                self.abort(ar.key, RtaError.RE_RUN_ABORTS_EXISTING, now)
-        limits = self.description.limits
-        access = bool(request.ar.properties & ArProperties.DEVICE_ACCESS)
-        supervisor = request.ar.ar_type == ArType.IOSAR and not access
-        standing = sum((ar.device_access, ar.supervisor) == (access, supervisor) for ar in self.ars)
-        most = limits.max_device_access_ars if access else limits.max_supervisor_ars if supervisor else limits.max_ars
-        if standing >= most:
-            status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.OUT_OF_AR_RESOURCES)
-            raise RefusedError(status, f"ARs that stand already: {standing}")
 
     def _follow(self, request: ConnectRequest) -> None:
         """Slots that no other AR uses take the expected module, where they can."""
@@ -509,27 +462,7 @@ class CmDevice:
 
     def _call_ready(self, ar: Ar, plug: Plug | None = None) -> None:
         ar.module_diff = self._modules.diff(ar)
-        block_type = BlockType.APPLICATION_READY_REQ if plug is None else BlockType.APPLICATION_READY_PLUG_REQ
-        sequence = 0 if plug is None or plug.sequence is None else plug.sequence
-        blocks: list[Block] = [
-            ControlBlock(block_type, ar.uuid, ar.session_key, ControlCommand.APPLICATION_READY, sequence)
-        ]
-        if ar.module_diff is not None:
-            blocks.append(ar.module_diff)
-        call = OutgoingCall(
-            token=self._next_token,
-            ar_key=ar.key,
-            peer_ip=ar.peer_ip,
-            object_uuid=ar.request.initiator_object_uuid,
-            opnum=Opnum.CONTROL,
-            payload=emit_blocks(blocks),
-            port=ar.initiator_rpc_port,
-            block_type=block_type,
-            sequence=sequence,
-        )
-        self._next_token += 1
-        self._under_way[call.token] = call
-        self._calls.append(call)
+        self._ready.call(ar, plug)
 
     def _plug_ready(self, ar: Ar, sequence: int) -> bool:
         plug = self._modules.plug(ar.key, sequence)
@@ -616,9 +549,7 @@ class CmDevice:
         self._modules.close(ar.key)
         self._deadlines.pop(ar.key, None)
         self.alarms.close(ar.key)
-        self._calls = [call for call in self._calls if call.ar_key != ar.key]
-        for token in [t for t, call in self._under_way.items() if call.ar_key == ar.key]:
-            del self._under_way[token]
+        self._ready.forget(ar.key)
         for heir_key, keys in pass_on(ar, self.ars).items():
             self._modules.inherited(self._ars[heir_key], keys, now)
             self._changed(self._ars[heir_key])
