@@ -9,31 +9,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.controller.channels import SessionChannels
-from pnfarm.controller.identification import IdentificationReader
-from pnfarm.controller.records import READ_LENGTH, RecordJob, RecordJobs, RecordPlace
+from pnfarm.controller.records import READ_LENGTH, RecordJob, RecordPlace
 from pnfarm.controller.search import Duplicate, Outcome, Search
-from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
+from pnfarm.controller.session import DeviceSession, SessionState, Sign
+from pnfarm.controller.session_life import SessionLife
 from pnfarm.controller.snapshot import PHASES, snapshot_row
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.farm.core import uuid_source
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
-from pnfarm.protocols.profinet.cmctl import CmController
-from pnfarm.protocols.profinet.cmctl_events import (
-    AlarmIndicated,
-    ApplicationReadyReceived,
-    ArAborted,
-    ArEstablished,
-    ArFailed,
-    ArReleased,
-    Connected,
-    ParametersEnded,
-    Parametrised,
-    RecordRead,
-    RecordWriteDone,
-    SubmodulesChanged,
-)
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan
 from pnfarm.protocols.profinet.cmctl_response import addressed_ar
 from pnfarm.protocols.profinet.dcp_client import (
     DcpClient,
@@ -42,13 +26,12 @@ from pnfarm.protocols.profinet.dcp_client import (
 )
 from pnfarm.protocols.profinet.dcp_device import DcpDevice
 from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
-from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, describe_status, pnio_error
+from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, pnio_error
 from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem, NeighbourAppeared, NeighbourChanged
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.rpc_server import RpcServer
-from pnfarm.protocols.profinet.wire.alarm_words import only_disappears
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc import (
     RPC_PORT,
@@ -76,17 +59,13 @@ if TYPE_CHECKING:
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.cmctl import CmController
+    from pnfarm.protocols.profinet.cmctl_events import RecordRead, RecordWriteDone
 
 __all__ = ["ControllerCore"]
 
 #: UDP port of our own calls.
 CALL_PORT = 49_153
-#: First frame id of the input CRs (RT_CLASS_2 unicast); each drive has its own.
-FIRST_FRAME_ID = 0x8000
-#: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
-ACTIVITY_TIMEOUT = 200
-#: After the start-up a drive's first cyclic frame must come within this time.
-FIRST_DATA_NS = 2_000_000_000
 
 
 class ControllerCore:
@@ -142,18 +121,18 @@ class ControllerCore:
         )
         self.client = RpcClient(self._uuids)
         self._search = Search(self.dcp, count)
-        self._by_call: dict[int, DeviceSession] = {}
-        self._by_ar: dict[Any, DeviceSession] = {}
-        self._by_mac: dict[bytes, DeviceSession] = {}
-        self._touched: dict[int, DeviceSession] = {}
+        self.life = SessionLife(
+            name,
+            port.mac,
+            self._object_uuid,
+            columns=self.columns,
+            channels=self.channels,
+            search=self._search,
+            log=log,
+            uuids=self._uuids,
+        )
         self._deadlines = Deadlines()
-        self._session_key = 0
         self._tail = 0
-        self.jobs = RecordJobs(lambda session: self._touched.setdefault(session.index, session))
-        self._connecting = 0
-        self._identification = IdentificationReader(self.jobs, log, lambda: self._connecting > 0)
-        #: Ends of record accesses that a machine was asked for directly: (session index, event); drain them.
-        self.records: list[tuple[int, RecordRead | RecordWriteDone]] = []
         for session in self.sessions:
             self._configure(session)
         link.set_receiver(self.receive)
@@ -200,22 +179,22 @@ class ControllerCore:
             else:
                 self.dcp_self.receive(frame, now)
         else:
-            session = self._by_mac.get(frame.source)
+            session = self.life.by_mac.get(frame.source)
             if session is None or session.machine is None:
                 self._drop("alarm-of-nobody")
             else:
                 session.machine.receive_rta(frame.payload, frame.source, now)
-                self._touched[session.index] = session
+                self.life.touch(session)
         self._settle(now)
 
     def service(self, now: int) -> None:
         self._drain(now)
         for index in self._deadlines.take(now):
             session = self.sessions[index]
-            self._touched[index] = session
+            self.life.touch(session)
             if session.due_ns is not None and session.due_ns <= now:
                 session.due_ns = None
-                self._sign(session, Sign.TIME, now)
+                self.life.sign(session, Sign.TIME, now)
             if session.machine is not None:
                 session.machine.handle_timeout(now)
         for machine in self._machines:
@@ -242,8 +221,8 @@ class ControllerCore:
     def release(self, now: int) -> None:
         """Take every connection down in order."""
         for session in self.sessions:
-            self._touched[session.index] = session
-            self._sign(session, Sign.RELEASE, now)
+            self.life.touch(session)
+            self.life.sign(session, Sign.RELEASE, now)
         if self.lldp is not None:
             self.lldp.shut_down(now)
         self._settle(now)
@@ -265,12 +244,17 @@ class ControllerCore:
             for s in self.sessions
         )
 
+    @property
+    def records(self) -> list[tuple[int, RecordRead | RecordWriteDone]]:
+        """Ends of record accesses that a machine was asked for directly: (session index, event); drain them."""
+        return self.life.records
+
     def session(self, name: str) -> DeviceSession | None:
         return self._by_name.get(name)
 
     def touch(self, session: DeviceSession, now: int) -> None:
         """Something was asked of a session's machine (a record): carry it out."""
-        self._touched[session.index] = session
+        self.life.touch(session)
         self._settle(now)
 
     def read_record(
@@ -278,14 +262,14 @@ class ControllerCore:
     ) -> RecordJob:
         """Read a record of a drive: API, slot, subslot, index.  Raises :class:`ConfigError` for an unknown drive."""
         session = self._named(name)
-        job = self.jobs.read(session, place, now, length=length, implicit=implicit)
+        job = self.life.jobs.read(session, place, now, length=length, implicit=implicit)
         self.touch(session, now)
         return job
 
     def write_record(self, name: str, place: RecordPlace, data: bytes, now: int) -> RecordJob:
         """Write a record of a drive.  Raises :class:`ConfigError` for an unknown drive."""
         session = self._named(name)
-        job = self.jobs.write(session, place, data, now)
+        job = self.life.jobs.write(session, place, data, now)
         self.touch(session, now)
         return job
 
@@ -309,117 +293,6 @@ class ControllerCore:
         """One dict for each drive, for the terminal and for JSON."""
         return [snapshot_row(session, self.columns) for session in self.sessions]
 
-    # -- sessions ----------------------------------------------------------------------------------------------------
-
-    def _sign(self, session: DeviceSession, sign: Sign, now: int) -> None:
-        """The only writer of a session's state."""
-        row = TRANSITIONS.get((session.state, sign))
-        if row is None:
-            return
-        before = session.state
-        session.state, action = row
-        self._connecting += (session.state is SessionState.CONNECT) - (before is SessionState.CONNECT)
-        if action:
-            getattr(self, f"_do_{action}")(session, now)
-        self._touched[session.index] = session
-
-    def _do_search(self, session: DeviceSession, now: int) -> None:
-        session.measures.search_ns = now
-        self._search.seek(session)
-
-    def _do_address(self, session: DeviceSession, now: int) -> None:
-        self._search.address(session, now)
-
-    def _do_connect(self, session: DeviceSession, now: int) -> None:
-        self._session_key = self._session_key % 0xFFFF + 1
-        plan = session.plan
-        uuid = self._uuids()
-        machine = CmController(
-            ArPlan(
-                vendor_id=plan.vendor_id,
-                device_id=plan.device_id,
-                instance=plan.instance,
-                controller_name=self.name,
-                controller_mac=self.port.mac,
-                controller_object_uuid=self._object_uuid,
-                ar_uuid=uuid,
-                session_key=self._session_key,
-                submodules=plan.submodules,
-                startup=plan.startup,
-                ar_type=plan.ar_type,
-                takeover_allowed=plan.takeover_allowed,
-                expected_blocks="per-slot",
-                activity_timeout_factor=ACTIVITY_TIMEOUT,
-                records=plan.records,
-                multiple_write=plan.multiple_write,
-                send_clock_factor=plan.send_clock_factor,
-                reduction_ratio=plan.reduction_ratio,
-                phase=session.index % plan.reduction_ratio + 1,
-                watchdog_factor=plan.watchdog_factor,
-                input_frame_id=FIRST_FRAME_ID + session.index,
-                local_alarm_reference=session.index + 1,
-            )
-        )
-        self._forget_machine(session, now)
-        session.machine, session.ar_uuid = machine, uuid
-        self._by_ar[uuid] = session
-        self._by_mac[session.mac] = session
-        machine.connect(now)
-
-    def _do_established(self, session: DeviceSession, now: int) -> None:
-        measures = session.measures
-        measures.connects += 1
-        measures.connect_ns = now - measures.search_ns
-        if measures.lost_ns is not None:
-            measures.reconnect_ns = now - measures.lost_ns
-            measures.lost_ns = None
-        self.columns.image[session.index].good = 1
-        session.due_ns = now + FIRST_DATA_NS
-        self._identification.want(session)
-        self.log.record(
-            now, session.plan.name, "connected", connect_seconds=measures.connect_ns / 1e9, mac=session.mac.hex(":")
-        )
-
-    def _do_expect_data(self, session: DeviceSession, now: int) -> None:
-        """The data hold timer runs from the first frame on: a drive that never sends one is found here."""
-        row = session.consumer
-        if row is not None and session.machine is not None and self.columns.cpm[row].received == 0:
-            session.machine.watchdog_expired(now)
-
-    def _do_pause(self, session: DeviceSession, now: int) -> None:
-        self.channels.close(session)
-        after = session.plan.reconnect_after_ns
-        if after is None and session.measures.connects:
-            session.state = SessionState.STOPPED
-            return
-        session.due_ns = now + (1_000_000_000 if after is None else after)
-
-    def _do_release(self, session: DeviceSession, now: int) -> None:
-        if session.machine is not None:
-            session.machine.release(now)
-
-    def _lost(self, session: DeviceSession, reason: str, now: int, *, established: bool) -> None:
-        measures = session.measures
-        measures.last_reason = reason
-        if established:
-            measures.losses += 1
-        else:
-            measures.refusals += 1
-        if measures.lost_ns is None and measures.connects:
-            measures.lost_ns = now
-        event = "connection lost" if established else "connect failed"
-        self.log.record(now, session.plan.name, event, level="warning", reason=reason)
-        self._sign(session, Sign.LOST, now)
-
-    def _forget_machine(self, session: DeviceSession, now: int) -> None:
-        self.jobs.forget(session, now)
-        if session.ar_uuid is not None:
-            self._by_ar.pop(session.ar_uuid, None)
-        for call_id in session.calls:
-            self._by_call.pop(call_id, None)
-        session.calls.clear()
-        session.machine = session.ar_uuid = None
-
     # -- between the machines ----------------------------------------------------------------------------------------
 
     def _settle(self, now: int) -> None:
@@ -431,7 +304,7 @@ class ControllerCore:
             moved = self._pump_ip(now) or moved
             moved = self._pump_rpc(now) or moved
             moved = self._pump_sessions(now) or moved
-            if self._identification.pump(now):
+            if self.life.identification.pump(now):
                 moved = True
         for datagram in (*self.rpc.to_send(now), *self.client.to_send(now)):
             self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
@@ -480,14 +353,14 @@ class ControllerCore:
         elif outcome.reason and session.measures.lost_ns is None:
             # why a connection was lost says more than that its drive does not answer yet
             session.measures.last_reason = outcome.reason
-        self._sign(session, outcome.sign, now)
+        self.life.sign(session, outcome.sign, now)
 
     def _hello(self, event: HelloReceived, now: int) -> None:
         """A drive came up: no need to wait for the next search."""
         session = self._by_name.get(event.info.name or "")
         if session is not None and session.state is SessionState.WAIT:
             session.due_ns = None
-            self._sign(session, Sign.TIME, now)
+            self.life.sign(session, Sign.TIME, now)
 
     def _pump_ip(self, now: int) -> bool:
         events = self.ip.events()
@@ -506,16 +379,16 @@ class ControllerCore:
             if not isinstance(request, CallReceived):
                 continue
             uuid = addressed_ar(request.payload)
-            session = self._by_ar.get(uuid) if uuid is not None else None
+            session = self.life.by_ar.get(uuid) if uuid is not None else None
             if session is None or session.machine is None:
                 status = pnio_error(ErrorCode.CONTROL, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
                 self.rpc.respond(request.call, status, b"", now)
                 continue
             session.machine.receive_call(request.call, request.opnum, request.payload, request.peer, now)
-            self._touched[session.index] = session
+            self.life.touch(session)
         answers = self.client.events()
         for answer in answers:
-            session = self._by_call.pop(answer.call_id, None)
+            session = self.life.by_call.pop(answer.call_id, None)
             if session is None or session.machine is None:
                 continue
             key = session.calls.pop(answer.call_id)
@@ -523,11 +396,11 @@ class ControllerCore:
                 session.machine.call_returned(key, answer.status, answer.payload, now)
             elif isinstance(answer, CallFailed):
                 session.machine.call_failed(key, answer.words, now)
-            self._touched[session.index] = session
+            self.life.touch(session)
         return bool(requests or answers)
 
     def _pump_sessions(self, now: int) -> bool:
-        touched, self._touched = self._touched, {}
+        touched, self.life.touched = self.life.touched, {}
         moved = False
         for session in touched.values():
             machine = session.machine
@@ -535,7 +408,7 @@ class ControllerCore:
                 moved = self._pump_machine(session, machine, now) or moved
             deadlines = [d for d in (session.due_ns, machine.next_deadline() if machine else None) if d is not None]
             self._deadlines.set(session.index, min(deadlines, default=None))
-        return moved or bool(self._touched)
+        return moved or bool(self.life.touched)
 
     def _pump_machine(self, session: DeviceSession, machine: CmController, now: int) -> bool:
         responses = machine.responses()
@@ -554,63 +427,14 @@ class ControllerCore:
                 now,
             )
             session.calls[call_id] = call.key
-            self._by_call[call_id] = session
+            self.life.by_call[call_id] = session
         for destination, payload, tag in machine.rta_to_send():
             frame = EthernetFrame(destination, self.port.mac, ETHERTYPE_PROFINET, payload, tag)
             self.link.send(self.port.index, emit_ethernet(frame))
         events = machine.events()
         for event in events:
-            self._take_machine(session, event, now)
+            self.life.take(session, event, now)
         return bool(responses or calls or events)
-
-    def _take_machine(self, session: DeviceSession, event: object, now: int) -> None:
-        match event:
-            case Connected(device_mac=mac) if mac != session.mac and session.machine is not None:
-                # two stations have the drive's address, and the other one took the Connect
-                words = f"{mac.hex(':')} has the address of {session.plan.name} ({session.mac.hex(':')}) and answered"
-                session.machine.abort(now, reason=words)
-                self._touched[session.index] = session
-            case Connected():
-                self.channels.open(session, event)
-            case Parametrised():
-                pass
-            case ApplicationReadyReceived(module_diff=deviations):
-                for deviation in deviations:
-                    self.log.record(now, session.plan.name, "module differs", level="warning", detail=deviation.text)
-            case AlarmIndicated(alarm=alarm, words=words):
-                session.measures.alarms_received += 1
-                session.measures.last_alarm = words
-                gone = only_disappears(alarm)
-                self.log.record(
-                    now,
-                    session.plan.name,
-                    "alarm",
-                    level="info" if gone else "warning",
-                    detail=words,
-                    priority="high" if alarm.high else "low",
-                )
-            case SubmodulesChanged(unusable=unusable):
-                session.unusable = dict(unusable)
-                self.channels.relay(session, session.unusable)
-                level = "warning" if unusable else "info"
-                self.log.record(now, session.plan.name, "submodules changed", level=level, unusable=session.out_of_use)
-            case ParametersEnded(reason=reason):
-                level = "warning" if reason else "info"
-                self.log.record(now, session.plan.name, "parameters written anew", level=level, reason=reason)
-            case ArEstablished():
-                self._sign(session, Sign.ESTABLISHED, now)
-            case ArFailed(phase=phase, status=status, reason=reason):
-                words = reason if status is None else describe_status(status)
-                self._lost(session, f"{phase}: {words}", now, established=False)
-            case ArAborted(reason=reason):
-                self._lost(session, reason, now, established=True)
-            case ArReleased():
-                self.channels.close(session)
-                self.log.record(now, session.plan.name, "released")
-                self._sign(session, Sign.RELEASED, now)
-            case RecordRead() | RecordWriteDone():
-                if not self.jobs.take(session, event, now):
-                    self.records.append((session.index, event))
 
     # -- the engine's events -----------------------------------------------------------------------------------------
 
@@ -627,7 +451,7 @@ class ControllerCore:
                 if session.consumer == row and session.machine is not None:
                     session.measures.expirations += 1
                     session.machine.watchdog_expired(now)
-                    self._touched[session.index] = session
+                    self.life.touch(session)
             elif kind == engine_row.PHASE_CHANGED:
                 session = self.sessions[row]
                 self.log.record(when, session.plan.name, "axis " + PHASES[value & 0xFF], before=PHASES[value >> 8])

@@ -26,7 +26,7 @@ def logged(line: VirtualLine, event: CmctlEvent) -> list[tuple[str, str, str]]:
     """What the terminal shows of an event: level, event, detail."""
     line.plc.log.quiet = False
     with capture_logs() as shown:
-        line.plc._take_machine(line.plc.sessions[0], event, line.world.now)
+        line.plc.life.take(line.plc.sessions[0], event, line.world.now)
     return [(entry["log_level"], entry["event"], entry["detail"]) for entry in shown]
 
 

@@ -192,8 +192,7 @@ class Conversation:
 
         def asked(call, *arguments):
             call(object(), *arguments)
-            core._touched[session.index] = session
-            core._settle(self.line.world.now)
+            core.touch(session, self.line.world.now)
             self.line.run(0.01)
 
         for octets in BASE_MODE:

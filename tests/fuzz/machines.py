@@ -536,8 +536,7 @@ class CmControllerMachine(Machine):
             status = PnioStatus.from_int(rng.choice((0, 0, 0, 0xDB814105, 0xDE80B000, rng.getrandbits(32))))
             machine.call_returned(rng.choice(keys), status, payload, self.now)
         self.answers += len(machine.responses())
-        self.line.plc._touched[self.session.index] = self.session
-        self.line.plc._settle(self.now)
+        self.line.plc.touch(self.session, self.now)
 
 
 class AlarmChannelMachine(Machine):

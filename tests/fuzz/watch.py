@@ -137,7 +137,7 @@ class Memory:
         """Under fire, when the tables are full."""
         line = self.line
         owners = [(station.configured_name, machines_of(station)) for station in line.farm.stations]
-        owners.append(("plc", [*line.plc._machines, line.plc.dropped, line.plc._by_call, line.plc.records]))
+        owners.append(("plc", [*line.plc._machines, line.plc.dropped, line.plc.life.by_call, line.plc.records]))
         for name, machines in owners:
             entries, octets = holdings(machines)
             if entries > self.most_entries:

@@ -234,8 +234,7 @@ class PlcWorker:
         tag = object()
         core.records.clear()
         ask(session.machine, tag)
-        core._touched[session.index] = session
-        core._settle(time.monotonic_ns())
+        core.touch(session, time.monotonic_ns())
         self.plc.driver.poke()
         for _ in range(int(ANSWER_SECONDS / 0.005)):
             for _, event in core.records:

@@ -1,0 +1,245 @@
+"""What becomes of each session: its signs and their actions, and what its AR machine reports."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.controller.identification import IdentificationReader
+from pnfarm.controller.records import RecordJobs
+from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
+from pnfarm.protocols.profinet.cmctl import CmController
+from pnfarm.protocols.profinet.cmctl_events import (
+    AlarmIndicated,
+    ApplicationReadyReceived,
+    ArAborted,
+    ArEstablished,
+    ArFailed,
+    ArReleased,
+    Connected,
+    ParametersEnded,
+    Parametrised,
+    RecordRead,
+    RecordWriteDone,
+    SubmodulesChanged,
+)
+from pnfarm.protocols.profinet.cmctl_plan import ArPlan
+from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.protocols.profinet.wire.alarm_words import only_disappears
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from uuid import UUID
+
+    from pnfarm.controller.channels import SessionChannels
+    from pnfarm.controller.search import Search
+    from pnfarm.farm.event_log import EventLog
+    from pnfarm.table.columns import Columns
+
+__all__ = ["SessionLife"]
+
+#: First frame id of the input CRs (RT_CLASS_2 unicast); each drive has its own.
+FIRST_FRAME_ID = 0x8000
+#: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
+ACTIVITY_TIMEOUT = 200
+#: After the start-up a drive's first cyclic frame must come within this time.
+FIRST_DATA_NS = 2_000_000_000
+
+
+class SessionLife:
+    """``name``, ``mac`` and ``object_uuid`` are the controller's.
+
+    ``touched`` holds the sessions that something was done to; the controller carries their machines' events on.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        mac: bytes,
+        object_uuid: UUID,
+        *,
+        columns: Columns,
+        channels: SessionChannels,
+        search: Search,
+        log: EventLog,
+        uuids: Callable[[], UUID],
+    ) -> None:
+        self._name = name
+        self._mac = mac
+        self._object_uuid = object_uuid
+        self._columns = columns
+        self._channels = channels
+        self._search = search
+        self._log = log
+        self._uuids = uuids
+        self._session_key = 0
+        self.touched: dict[int, DeviceSession] = {}
+        self.by_call: dict[int, DeviceSession] = {}
+        self.by_ar: dict[Any, DeviceSession] = {}
+        self.by_mac: dict[bytes, DeviceSession] = {}
+        #: Sessions whose start-up is under way.
+        self.connecting = 0
+        self.jobs = RecordJobs(self.touch)
+        self.identification = IdentificationReader(self.jobs, log, lambda: self.connecting > 0)
+        #: See :attr:`ControllerCore.records`.
+        self.records: list[tuple[int, RecordRead | RecordWriteDone]] = []
+
+    def touch(self, session: DeviceSession) -> None:
+        self.touched[session.index] = session
+
+    def sign(self, session: DeviceSession, sign: Sign, now: int) -> None:
+        """The only writer of a session's state."""
+        row = TRANSITIONS.get((session.state, sign))
+        if row is None:
+            return
+        before = session.state
+        session.state, action = row
+        self.connecting += (session.state is SessionState.CONNECT) - (before is SessionState.CONNECT)
+        if action:
+            getattr(self, f"_do_{action}")(session, now)
+        self.touch(session)
+
+    def _do_search(self, session: DeviceSession, now: int) -> None:
+        session.measures.search_ns = now
+        self._search.seek(session)
+
+    def _do_address(self, session: DeviceSession, now: int) -> None:
+        self._search.address(session, now)
+
+    def _do_connect(self, session: DeviceSession, now: int) -> None:
+        self._session_key = self._session_key % 0xFFFF + 1
+        plan = session.plan
+        uuid = self._uuids()
+        machine = CmController(
+            ArPlan(
+                vendor_id=plan.vendor_id,
+                device_id=plan.device_id,
+                instance=plan.instance,
+                controller_name=self._name,
+                controller_mac=self._mac,
+                controller_object_uuid=self._object_uuid,
+                ar_uuid=uuid,
+                session_key=self._session_key,
+                submodules=plan.submodules,
+                startup=plan.startup,
+                ar_type=plan.ar_type,
+                takeover_allowed=plan.takeover_allowed,
+                expected_blocks="per-slot",
+                activity_timeout_factor=ACTIVITY_TIMEOUT,
+                records=plan.records,
+                multiple_write=plan.multiple_write,
+                send_clock_factor=plan.send_clock_factor,
+                reduction_ratio=plan.reduction_ratio,
+                phase=session.index % plan.reduction_ratio + 1,
+                watchdog_factor=plan.watchdog_factor,
+                input_frame_id=FIRST_FRAME_ID + session.index,
+                local_alarm_reference=session.index + 1,
+            )
+        )
+        self._forget_machine(session, now)
+        session.machine, session.ar_uuid = machine, uuid
+        self.by_ar[uuid] = session
+        self.by_mac[session.mac] = session
+        machine.connect(now)
+
+    def _do_established(self, session: DeviceSession, now: int) -> None:
+        measures = session.measures
+        measures.connects += 1
+        measures.connect_ns = now - measures.search_ns
+        if measures.lost_ns is not None:
+            measures.reconnect_ns = now - measures.lost_ns
+            measures.lost_ns = None
+        self._columns.image[session.index].good = 1
+        session.due_ns = now + FIRST_DATA_NS
+        self.identification.want(session)
+        self._log.record(
+            now, session.plan.name, "connected", connect_seconds=measures.connect_ns / 1e9, mac=session.mac.hex(":")
+        )
+
+    def _do_expect_data(self, session: DeviceSession, now: int) -> None:
+        """The data hold timer runs from the first frame on: a drive that never sends one is found here."""
+        row = session.consumer
+        if row is not None and session.machine is not None and self._columns.cpm[row].received == 0:
+            session.machine.watchdog_expired(now)
+
+    def _do_pause(self, session: DeviceSession, now: int) -> None:
+        self._channels.close(session)
+        after = session.plan.reconnect_after_ns
+        if after is None and session.measures.connects:
+            session.state = SessionState.STOPPED
+            return
+        session.due_ns = now + (1_000_000_000 if after is None else after)
+
+    def _do_release(self, session: DeviceSession, now: int) -> None:
+        if session.machine is not None:
+            session.machine.release(now)
+
+    def _lost(self, session: DeviceSession, reason: str, now: int, *, established: bool) -> None:
+        measures = session.measures
+        measures.last_reason = reason
+        if established:
+            measures.losses += 1
+        else:
+            measures.refusals += 1
+        if measures.lost_ns is None and measures.connects:
+            measures.lost_ns = now
+        event = "connection lost" if established else "connect failed"
+        self._log.record(now, session.plan.name, event, level="warning", reason=reason)
+        self.sign(session, Sign.LOST, now)
+
+    def _forget_machine(self, session: DeviceSession, now: int) -> None:
+        self.jobs.forget(session, now)
+        if session.ar_uuid is not None:
+            self.by_ar.pop(session.ar_uuid, None)
+        for call_id in session.calls:
+            self.by_call.pop(call_id, None)
+        session.calls.clear()
+        session.machine = session.ar_uuid = None
+
+    def take(self, session: DeviceSession, event: object, now: int) -> None:
+        match event:
+            case Connected(device_mac=mac) if mac != session.mac and session.machine is not None:
+                # two stations have the drive's address, and the other one took the Connect
+                words = f"{mac.hex(':')} has the address of {session.plan.name} ({session.mac.hex(':')}) and answered"
+                session.machine.abort(now, reason=words)
+                self.touch(session)
+            case Connected():
+                self._channels.open(session, event)
+            case Parametrised():
+                pass
+            case ApplicationReadyReceived(module_diff=deviations):
+                for deviation in deviations:
+                    self._log.record(now, session.plan.name, "module differs", level="warning", detail=deviation.text)
+            case AlarmIndicated(alarm=alarm, words=words):
+                session.measures.alarms_received += 1
+                session.measures.last_alarm = words
+                gone = only_disappears(alarm)
+                self._log.record(
+                    now,
+                    session.plan.name,
+                    "alarm",
+                    level="info" if gone else "warning",
+                    detail=words,
+                    priority="high" if alarm.high else "low",
+                )
+            case SubmodulesChanged(unusable=unusable):
+                session.unusable = dict(unusable)
+                self._channels.relay(session, session.unusable)
+                level = "warning" if unusable else "info"
+                self._log.record(now, session.plan.name, "submodules changed", level=level, unusable=session.out_of_use)
+            case ParametersEnded(reason=reason):
+                level = "warning" if reason else "info"
+                self._log.record(now, session.plan.name, "parameters written anew", level=level, reason=reason)
+            case ArEstablished():
+                self.sign(session, Sign.ESTABLISHED, now)
+            case ArFailed(phase=phase, status=status, reason=reason):
+                words = reason if status is None else describe_status(status)
+                self._lost(session, f"{phase}: {words}", now, established=False)
+            case ArAborted(reason=reason):
+                self._lost(session, reason, now, established=True)
+            case ArReleased():
+                self._channels.close(session)
+                self._log.record(now, session.plan.name, "released")
+                self.sign(session, Sign.RELEASED, now)
+            case RecordRead() | RecordWriteDone():
+                if not self.jobs.take(session, event, now):
+                    self.records.append((session.index, event))
