@@ -189,7 +189,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "faults": [
             {
                 "number": fault.number,
-                "words": fault.words,
+                "label": fault.label,
                 "name": fault.name,
                 "kind": "warning" if fault.warning else "fault",
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],

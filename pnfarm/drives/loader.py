@@ -28,8 +28,8 @@ from pnfarm.drives.model import (
     Model,
     ParameterAccess,
     SignOfLife,
+    fault_label,
     fault_number,
-    fault_words,
 )
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterType
 from pnfarm.drives.telegram import MappingError, Module, Signal, Submodule, Telegram, signal_codes
@@ -455,17 +455,7 @@ def _faults(path: Path) -> dict[int, Fault]:
         word = _integer(row.get("word", ""), where, "word", 0)
         if not 0 <= word <= 0xFFFF or (word and number >= FAULT_WORDS):
             raise ConfigError(f"{where}, word: {word} does not fit in 16 bits, or its fault is above {FAULT_WORDS - 1}")
-        faults[number] = Fault(
-            number,
-            row["name"],
-            warning,
-            reaction,
-            row["cause"],
-            row["source"],
-            row["note"],
-            word,
-            fault_words(number),
-        )
+        faults[number] = Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word)
     return faults
 
 
@@ -532,7 +522,7 @@ def _sign_of_life(facts: Mapping[str, Fact] | None, faults: Mapping[int, Fault],
     life: SignOfLife = _build(SignOfLife, facts, where)
     life = replace(life, fault=_fault_number(str(life.fault), where, "fault"))
     if life.fault not in faults:
-        raise ConfigError(f"{where}.fault: there is no fault {fault_words(life.fault)}")
+        raise ConfigError(f"{where}.fault: there is no fault {fault_label(life.fault)}")
     return life
 
 

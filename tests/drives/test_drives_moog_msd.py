@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,7 +12,7 @@ from drives_kit import Drive, new_drive
 
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
-from pnfarm.drives.model import fault_number, fault_words
+from pnfarm.drives.model import fault_label, fault_number
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError
 
@@ -174,12 +175,12 @@ def test_the_signal_lists_are_those_of_table_14_5(msd: Drive) -> None:
 
 @pytest.mark.parametrize("wanted", ["32-1", "F32-1", "communication-loss", 32 | 1 << 16])
 def test_a_fault_is_found_by_its_two_numbers(wanted: str | int) -> None:
-    assert MSD.fault(wanted).words == "32-1"
+    assert MSD.fault(wanted).label == "32-1"
 
 
 def test_numbers_in_two_parts_go_into_one_and_back() -> None:
     assert [fault_number(text) for text in ("702", "0x20", "32-1", "11-255")] == [702, 32, 0x10020, 0xFF000B]
-    assert [fault_words(number) for number in (702, 0x10020, 0xFF000B)] == ["702", "32-1", "11-255"]
+    assert [fault_label(number) for number in (702, 0x10020, 0xFF000B)] == ["702", "32-1", "11-255"]
     for text in ("", "32-", "-1", "32-256", "65536-1", "a-b", "32-1-1"):
         with pytest.raises(ValueError):
             fault_number(text)
@@ -187,9 +188,13 @@ def test_numbers_in_two_parts_go_into_one_and_back() -> None:
         MSD.fault("32-2")
 
 
+def test_the_label_of_a_fault_is_its_number_as_the_manual_writes_it() -> None:
+    assert replace(MSD.fault("32-1"), number=11 | 2 << 16).label == "11-2"
+
+
 def test_the_json_shows_faults_modules_and_what_moves_nothing() -> None:
     described = as_json(MSD)
-    assert {"32-1", "32-3", "11-1"} <= {fault["words"] for fault in described["faults"]}
+    assert {"32-1", "32-3", "11-1"} <= {fault["label"] for fault in described["faults"]}
     telegrams = {telegram["number"]: telegram for telegram in described["telegrams"]}
     assert [module["module_ident"] for module in telegrams[1]["other_modules"]] == [1, 0x101]
     for number in (5, 7, 8, 9):

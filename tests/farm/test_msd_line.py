@@ -59,7 +59,7 @@ def axis(line):
 
 def faults(line) -> list[str]:
     known = line.farm.stations[0].model.faults
-    return [known[int(code) & 0xFFFFFF].words for code in axis(line).fault_code if code]
+    return [known[int(code) & 0xFFFFFF].label for code in axis(line).fault_code if code]
 
 
 # velocity
