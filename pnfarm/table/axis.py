@@ -66,7 +66,7 @@ AXIS = Layout(
             "f8",
             "rpm",
             "parameter",
-            "one increment of NSOLL_B and NIST_B, 0 = a 65536th of NSOLL_A's",
+            "one increment of NSOLL_B and NIST_B, 0 = a 65536th of velocity_step",
         ),
         Field("setpoint_direct", "u1", "", "parameter", "1 = velocity set points pass the ramp generator by"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),

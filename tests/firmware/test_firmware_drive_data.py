@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import pytest
 from bench_axis import MS, BenchAxis, take_commands
 
 from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.firmware.axis_program import step_program
 from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_RAISE_FAULT
-from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
-from pnfarm.table.signals import NIST_B, NSOLL_A, NSOLL_B, REF_SPEED, STW1
+from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
+from pnfarm.table.program import CONSTANT, PROGRAM
+from pnfarm.table.signals import NIST_B, NSOLL_A, NSOLL_B, REF_SPEED, STW1, ZSW1
 
 FULL = 0x40000000
 
@@ -47,6 +50,23 @@ def test_nist_b_stops_at_its_ends() -> None:
         bench.axis.friction = 0.0
         bench.run(1)
         assert int(bench.image.sent[NIST_B]) == end
+
+
+@pytest.mark.parametrize(("step_b", "increments"), [(0.0, 600 << 16), (3000.0 / FULL, round(FULL / 5))])
+def test_a_program_gives_its_speed_in_both_widths(step_b: float, increments: int) -> None:
+    """NSOLL_B in the drive's own step, or 65536 increments to one of NSOLL_A."""
+    program, image = PROGRAM.allocate(1)[0], IMAGE.allocate(1)[0]
+    program.enable, program.kind, program.speed = 1, CONSTANT, -600.0
+    program.velocity_step, program.velocity_step_b = 1.0, step_b
+    image.valid, image.received[ZSW1] = 1, 0x0237
+    step_program(program, image, MS)
+    assert (image.sent[NSOLL_A], image.sent[NSOLL_B]) == (0x10000 - 600, -increments)
+    program.speed = 1e9
+    step_program(program, image, 2 * MS)
+    assert (image.sent[NSOLL_A], image.sent[NSOLL_B]) == (0x7FFF, 0x7FFFFFFF)
+    program.velocity_step = program.velocity_step_b = 0.0
+    step_program(program, image, 3 * MS)
+    assert (image.sent[NSOLL_A], image.sent[NSOLL_B]) == (0, 0)
 
 
 def test_a_speed_in_two_words_has_the_step_of_nsoll_a() -> None:
