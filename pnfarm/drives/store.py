@@ -20,7 +20,15 @@ from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.telegram import MappingError, Signal, Telegram, signal_codes, signal_numbers
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_SET_POSITION
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_CLEAR_HISTORY,
+    CMD_SET_POSITION,
+    VELOCITY_NSOLL_A,
+    VELOCITY_NSOLL_B,
+    VELOCITY_REF_SPEED,
+)
+from pnfarm.table.signals import NSOLL_B, REF_SPEED
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -228,7 +236,7 @@ class ParameterStore:
             for pnu, value in {**telegram.settings, **module.settings}.items():
                 self._values[pnu] = value
                 self._apply_written(self.model.parameters[pnu])
-        self._apply_opmode()
+        self._apply_telegram()
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
         """The signals of the frames, word by word: those of the telegram, or PNU 915 or 916 where the mapping is free.
@@ -285,7 +293,7 @@ class ParameterStore:
         if self.model.sign_of_life is not None:
             axis.life = 1
             axis.life_fault = self.model.faults[self.model.sign_of_life.fault].code
-        self._apply_opmode()
+        self._apply_telegram()
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
@@ -434,10 +442,15 @@ class ParameterStore:
         self.handle.axis.loss_fault = code
         self.handle.axis.stop_fault = code if on_stop else 0
 
-    def _apply_opmode(self) -> None:
-        opmode = self.telegram.opmode
-        if opmode is not None:
-            self.handle.axis.opmode = opmode
+    def _apply_telegram(self) -> None:
+        """Tell the firmware what comes with the telegram in force: operation mode and velocity set point."""
+        axis = self.handle.axis
+        if self.telegram.opmode is not None:
+            axis.opmode = self.telegram.opmode
+        slots = {signal.slot for signal in self.mapping(setpoint=True) if signal is not None}
+        axis.velocity_signal = (
+            VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
+        )
 
     def _clear_faults(self, parameter: Parameter, value: int) -> None:
         """PNU 952: zero forgets the fault buffer, nothing else may be written."""
@@ -471,6 +484,7 @@ class ParameterStore:
             if not self.telegram.free_mapping:
                 raise self._refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
             self._values[parameter.pnu] = self._checked_mapping(parameter, subindex, values)
+        self._apply_telegram()
         self._events.append(TelegramChanged(self.telegram_number))
 
     def _check_telegram(self, number: int, parameter: Parameter) -> None:

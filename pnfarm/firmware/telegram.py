@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.sign_of_life import second_status_word
-from pnfarm.table.axis import FAULT_WORDS
+from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_SPEED,
@@ -97,14 +97,18 @@ def long_step(row: Any) -> float:
 
 @compiled
 def from_setpoints(axis: Any, image: Any) -> None:
-    """The velocity set point out of the signal that the telegram has; ramps out of DRV_ACC and DRV_DEC.
+    """The velocity set point out of the signal that brings it; ramps out of DRV_ACC and DRV_DEC.
 
     NSOLL_A: AKD PROFINET manual 6.5; NSOLL_B: HIWIN E1 manual 6.1, Moog MSD manual 10.7; in two words and the drive's
     own units: Moog MSD manual 14.2; ramps: AKD PROFINET manual 6.1.  A telegram without those two, or one
     that leaves them zero, keeps the drive's own ramps.
     """
-    steps = signed16(image.received[NSOLL_A]) + float(image.received[REF_SPEED])
-    axis.setpoint = steps * axis.velocity_step + image.received[NSOLL_B] * long_step(axis)
+    if axis.velocity_signal == VELOCITY_NSOLL_B:
+        axis.setpoint = image.received[NSOLL_B] * long_step(axis)
+    elif axis.velocity_signal == VELOCITY_REF_SPEED:
+        axis.setpoint = image.received[REF_SPEED] * axis.velocity_step
+    else:
+        axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
     axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration

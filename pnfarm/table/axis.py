@@ -35,6 +35,10 @@ CMD_RAISE_WARNING = 7  # argument: warning number
 CMD_CLEAR_WARNING = 8  # argument: warning number
 CMD_CLEAR_HISTORY = 9  # forget the acknowledged fault situations
 
+# Which set point the telegram brings (``velocity_signal``).
+VELOCITY_NSOLL_A = 0
+VELOCITY_NSOLL_B = 1
+VELOCITY_REF_SPEED = 2
 
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
@@ -68,6 +72,7 @@ AXIS = Layout(
             "parameter",
             "one increment of NSOLL_B and NIST_B, 0 = a 65536th of velocity_step",
         ),
+        Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_* above"),
         Field("setpoint_direct", "u1", "", "parameter", "1 = velocity set points pass the ramp generator by"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
         Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),

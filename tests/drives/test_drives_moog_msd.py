@@ -15,6 +15,7 @@ from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import fault_label, fault_number
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError
+from pnfarm.table.axis import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -168,6 +169,22 @@ def test_the_signal_lists_are_those_of_table_14_5(msd: Drive) -> None:
     assert writable <= set(msd.store.read(1284, 0, 32)) <= writable | {5, 0}
     assert readable <= set(msd.store.read(1285, 0, 32)) <= readable | {6, 33, 0}
     assert writable | readable <= set(msd.store.read(923, 0, 32))
+
+
+def test_the_telegram_in_force_says_which_velocity_set_point_counts(msd: Drive) -> None:
+    found = {}
+    for number in (1, 2, 3, 5, 101):
+        msd.store.plug_telegram(number)
+        found[number] = int(msd.axis.velocity_signal)
+    a, b = VELOCITY_NSOLL_A, VELOCITY_NSOLL_B
+    assert found == {1: a, 2: b, 3: b, 5: b, 101: a}
+    msd.store.plug_telegram(105)
+    msd.store.write(915, 0, [967, 1270, 1270])
+    assert msd.axis.velocity_signal == VELOCITY_REF_SPEED
+    msd.store.write(915, 1, [1261, 1261])
+    assert msd.axis.velocity_signal == VELOCITY_NSOLL_B
+    msd.store.power_on()
+    assert msd.axis.velocity_signal == VELOCITY_NSOLL_A
 
 
 # faults

@@ -91,6 +91,14 @@ def test_100_percent_of_nsoll_b_is_the_maximum_speed_of_p_0338() -> None:
     assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
 
 
+@pytest.mark.parametrize("telegram", [2, 3])
+def test_p_1270_moves_nothing_while_the_telegram_brings_nsoll_b(telegram: int) -> None:
+    line = running(telegram=telegram)
+    line.farm.stations[0].store.set("P-1270", 500)
+    line.run(0.5)
+    assert (axis(line).setpoint, axis(line).velocity) == pytest.approx((60.0, 60.0), abs=0.1)
+
+
 @pytest.mark.parametrize(("module", "direct"), [(0x1001, 1), (0x0001, 0), (0x0101, 1)])
 def test_the_module_of_telegram_1_says_whether_the_ramp_generator_works(module: int, direct: int) -> None:
     """10.1: RT modules set the profile generating mode, the others the interpolating one."""

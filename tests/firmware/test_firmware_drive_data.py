@@ -7,7 +7,15 @@ from bench_axis import MS, BenchAxis, take_commands
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.firmware.axis_program import step_program
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_RAISE_FAULT
+from pnfarm.firmware.telegram import from_setpoints
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_CLEAR_HISTORY,
+    CMD_RAISE_FAULT,
+    VELOCITY_NSOLL_A,
+    VELOCITY_NSOLL_B,
+    VELOCITY_REF_SPEED,
+)
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
 from pnfarm.table.program import CONSTANT, PROGRAM
 from pnfarm.table.signals import NIST_B, NSOLL_A, NSOLL_B, REF_SPEED, STW1, ZSW1
@@ -34,7 +42,7 @@ def faults(bench: BenchAxis) -> list[int]:
 
 def test_nsoll_b_is_a_part_of_the_drives_full_speed_and_so_is_nist_b() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.velocity_step_b = 3000.0 / FULL
+    bench.axis.velocity_signal, bench.axis.velocity_step_b = VELOCITY_NSOLL_B, 3000.0 / FULL
     bench.image.received[NSOLL_B] = -FULL // 10
     bench.run(500)
     assert abs(float(bench.axis.velocity) + 300.0) < 0.1
@@ -71,10 +79,22 @@ def test_a_program_gives_its_speed_in_both_widths(step_b: float, increments: int
 
 def test_a_speed_in_two_words_has_the_step_of_nsoll_a() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.velocity_step = 1.0
+    bench.axis.velocity_signal, bench.axis.velocity_step = VELOCITY_REF_SPEED, 1.0
     bench.image.received[REF_SPEED] = -250
     bench.run(500)
     assert abs(float(bench.axis.velocity) + 250.0) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("signal", "rpm"), [(VELOCITY_NSOLL_A, 100.0), (VELOCITY_NSOLL_B, 300.0), (VELOCITY_REF_SPEED, -250.0)]
+)
+def test_only_the_set_point_that_the_telegram_brings_counts(signal: int, rpm: float) -> None:
+    bench = BenchAxis()
+    bench.axis.velocity_signal, bench.axis.velocity_step, bench.axis.velocity_step_b = signal, 1.0, 3000.0 / FULL
+    bench.image.received[NSOLL_A], bench.image.received[REF_SPEED] = 100, -250
+    bench.image.received[NSOLL_B] = FULL // 10
+    from_setpoints(bench.axis, bench.image)
+    assert abs(float(bench.axis.setpoint) - rpm) < 0.001
 
 
 def test_a_direct_set_point_passes_the_ramp_generator_and_stops_keep_their_ramps() -> None:
