@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.drives.telegram import signal_numbers
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS, RAMP_GENERATED
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -83,7 +83,7 @@ def _operation_mode(store: ParameterStore, _parameter: Parameter) -> Sequence[in
     axis = store.handle.axis
     if int(axis.opmode) == 2:
         return [2]
-    return [3 if axis.no_ramp_generator else 1]
+    return [1 if int(axis.ramp_generator) == RAMP_GENERATED else 3]
 
 
 def _encoder_format(store: ParameterStore, parameter: Parameter) -> Sequence[int]:

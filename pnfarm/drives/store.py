@@ -56,10 +56,9 @@ AT_ONCE = 1e12
 #: Fields of the axis that are zero in models that do not speak of them.
 OPTIONAL_FIELDS = (
     "velocity_step_b",
-    "setpoint_direct",
+    "ramp_generator",
     "loss_delay_ns",
     "fault_places",
-    "no_ramp_generator",
     "velocity_limit",
     "sensor_step",
     "coast_method",

@@ -40,6 +40,11 @@ VELOCITY_NSOLL_A = 0
 VELOCITY_NSOLL_B = 1
 VELOCITY_REF_SPEED = 2
 
+# What becomes of velocity set points (``ramp_generator``).
+RAMP_GENERATED = 0
+RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
+RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
+
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
 FIRMWARE_PROFIDRIVE = 1
@@ -73,7 +78,7 @@ AXIS = Layout(
             "one increment of NSOLL_B and NIST_B, 0 = a 65536th of velocity_step",
         ),
         Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_* above"),
-        Field("setpoint_direct", "u1", "", "parameter", "1 = velocity set points pass the ramp generator by"),
+        Field("ramp_generator", "u1", "", "parameter", "what becomes of velocity set points: RAMP_* above"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
         Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),
         Field("acceleration_step", "f8", "rpm/s", "parameter", "one increment of DRV_ACC and DRV_DEC (PN.ACCSCALING)"),
@@ -102,7 +107,6 @@ AXIS = Layout(
         Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
         Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006; 0 = as acceleration"),
         Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
-        Field("no_ramp_generator", "u1", "", "parameter", "1 = no ramp generator: STW1.4-6, 8 and 9 have no meaning"),
         Field("velocity_limit", "f8", "rpm", "parameter", "limit of the velocity command beside the motor's, 0 = none"),
         Field("sensor_step", "f8", "rev", "parameter", "one increment of G1_XIST1, 0 = no such signal"),
         Field("coast_method", "u1", "", "parameter", "dynamic brake: 0 always, 1 until standstill, 2 never"),

@@ -306,7 +306,7 @@ def test_6_4_the_stop_time_is_a_ramp(e1: Drive, milliseconds: int, deceleration:
 def test_another_model_clears_what_this_one_sets(e1: Drive) -> None:
     store = ParameterStore(model("akd"), e1.store.handle)
     store.power_on()
-    assert [e1.axis[name] for name in ("no_ramp_generator", "life", "velocity_limit", "sensor_step")] == [0, 0, 0, 0]
+    assert [e1.axis[name] for name in ("ramp_generator", "life", "velocity_limit", "sensor_step")] == [0, 0, 0, 0]
 
 
 # parameter access (4.3)

@@ -106,7 +106,7 @@ def test_the_module_of_telegram_1_says_whether_the_ramp_generator_works(module: 
     (station,) = line.farm.stations
     station.store.plug_telegram(1, module)
     assert station.store.get("CON_REF_Mode") == direct
-    assert station.handle.axis.setpoint_direct == direct
+    assert station.handle.axis.ramp_generator == direct
     assert (station.store.get("P-0300"), station.store.get("P-0159"), station.store.get("P-0165")) == (2, 7, 9)
 
 

@@ -12,6 +12,8 @@ from pnfarm.table.axis import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_HISTORY,
     CMD_RAISE_FAULT,
+    RAMP_ABSENT,
+    RAMP_PASSED_BY,
     VELOCITY_NSOLL_A,
     VELOCITY_NSOLL_B,
     VELOCITY_REF_SPEED,
@@ -99,7 +101,7 @@ def test_only_the_set_point_that_the_telegram_brings_counts(signal: int, rpm: fl
 
 def test_a_direct_set_point_passes_the_ramp_generator_and_stops_keep_their_ramps() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.setpoint_direct = 1
+    bench.axis.ramp_generator = RAMP_PASSED_BY
     bench.axis.velocity_step = 1.0
     bench.image.received[NSOLL_A] = 1000
     bench.run(1)
@@ -108,6 +110,15 @@ def test_a_direct_set_point_passes_the_ramp_generator_and_stops_keep_their_ramps
     valid(bench, 0x047E, 50)
     # 5000 rpm/s for 50 ms
     assert abs(float(bench.axis.ramp) - 750.0) < 10.0
+
+
+def test_bits_4_to_6_work_where_the_ramp_generator_is_passed_by_and_not_where_there_is_none() -> None:
+    for kind, rpm in ((RAMP_PASSED_BY, 0.0), (RAMP_ABSENT, 1000.0)):
+        bench = enabled(BenchAxis())
+        bench.axis.ramp_generator, bench.axis.velocity_step = kind, 1.0
+        bench.image.received[NSOLL_A] = 1000
+        valid(bench, 0x047F & ~0x0040, 5)
+        assert bench.axis.ramp == rpm
 
 
 def test_a_jog_without_ramps_of_its_own_takes_those_of_the_drive() -> None:
