@@ -60,7 +60,8 @@ def _fault_counter(store: ParameterStore, _parameter: Parameter) -> Sequence[int
 
 
 def _fault_buffer(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return [parameter.clamp(number) for number in fault_numbers(store.handle.axis)]
+    """PNU 947; in two parts: error in the lower word, location in the upper one (Moog MSD manual 10.9, P-0949)."""
+    return [parameter.clamp(number) for number in fault_numbers(store.handle.axis)[: parameter.elements]]
 
 
 def _fault_changes(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
@@ -140,11 +141,6 @@ def _changed_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     return _fill(store.changed_numbers()[: parameter.elements], parameter)
 
 
-def _fault_values(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    """The newest faults: error in the lower word, location in the upper one (Moog MSD manual 10.9, P-0949)."""
-    return fault_numbers(store.handle.axis)[: parameter.elements]
-
-
 def _fault_classes(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     """The newest faults by the profile's classes: places in the list of P-0951 (Moog MSD manual, table 10.22).
 
@@ -153,16 +149,12 @@ def _fault_classes(store: ParameterStore, parameter: Parameter) -> Sequence[int]
     diagnoses = store.model.diagnoses
     return [
         min(diagnoses.get(number, OTHER_FAULT) - FIRST_CLASS + 1, OTHER_FAULT - FIRST_CLASS + 1) if number else 0
-        for number in _fault_values(store, parameter)
+        for number in fault_numbers(store.handle.axis)[: parameter.elements]
     ]
 
 
-def _fault_identity(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """The fault at hand, 0 for none (Moog MSD manual 10.9, P-39)."""
-    return (active_faults(store.handle.axis) or [0])[:1]
-
-
 def _fault(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """One of the faults at hand, oldest first; 0 for none."""
     active = active_faults(store.handle.axis)
     return [active[parameter.index] if parameter.index < len(active) else 0]
 
@@ -219,7 +211,5 @@ COMPUTED: dict[str, _Function] = {
     "setpoint-signals": _setpoint_signals,
     "actual-signals": _actual_signals,
     "changed-list": _changed_list,
-    "fault-values": _fault_values,
     "fault-classes": _fault_classes,
-    "fault-identity": _fault_identity,
 }

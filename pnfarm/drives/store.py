@@ -155,7 +155,7 @@ class ParameterStore:
         if target.behaviour is Behaviour.SIGNAL:
             self._write_signal(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED and target.argument == "fault-situations":
-            self._clear_faults(target, values[0])
+            self._clear_history(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED:
             self._write_telegram(target, subindex, values)
         elif target.elements:
@@ -451,7 +451,7 @@ class ParameterStore:
             VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
         )
 
-    def _clear_faults(self, parameter: Parameter, value: int) -> None:
+    def _clear_history(self, parameter: Parameter, value: int) -> None:
         """PNU 952: zero forgets the fault buffer, nothing else may be written."""
         if value:
             raise self._refusal(ParameterErrorNumber.ONLY_RESET, parameter, 0)

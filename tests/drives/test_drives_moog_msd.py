@@ -13,6 +13,7 @@ from drives_kit import Drive, new_drive
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import fault_label, fault_number
+from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
@@ -207,6 +208,16 @@ def test_numbers_in_two_parts_go_into_one_and_back() -> None:
 
 def test_the_label_of_a_fault_is_its_number_as_the_manual_writes_it() -> None:
     assert replace(MSD.fault("32-1"), number=11 | 2 << 16).label == "11-2"
+
+
+def test_the_error_memory_is_read_as_far_as_its_twenty_places(msd: Drive) -> None:
+    numbers = [32 | 1 << 16] + [0] * 18 + [11 | 1 << 16, 9 | 1 << 16]
+    for place, number in enumerate(numbers):
+        msd.axis.fault_buffer[place] = number
+    assert msd.store.read(949, 0, 20) == numbers[:20]
+    assert msd.store.read(947, 0, 20) == [9] + [0] * 18 + [16]
+    with pytest.raises(ParameterError, match="faulty subindex"):
+        msd.store.read(949, 0, 21)
 
 
 def test_the_json_shows_faults_modules_and_what_moves_nothing() -> None:
