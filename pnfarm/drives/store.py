@@ -61,6 +61,7 @@ OPTIONAL_FIELDS = (
     "fault_places",
     "velocity_limit",
     "sensor_step",
+    "sensor_step_2",
     "coast_method",
     "life",
     "life_tolerance",

@@ -131,8 +131,8 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
     if axis.sensor_step > 0.0:
         image.sent[G1_XIST1] = signed32(int(round(axis.position / axis.sensor_step)))  # noqa: RUF046 - as above
-        # both positions of a sensor are the same (Moog MSD manual 11.3)
-        image.sent[G1_XIST2] = image.sent[G1_XIST1]
+    if axis.sensor_step_2 > 0.0:
+        image.sent[G1_XIST2] = signed32(int(round(axis.position / axis.sensor_step_2)))  # noqa: RUF046 - as above
     image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
     image.sent[XIST_A] = signed32(int(round(axis.position / axis.position_step)))  # noqa: RUF046 - as above
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

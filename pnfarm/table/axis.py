@@ -109,6 +109,7 @@ AXIS = Layout(
         Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
         Field("velocity_limit", "f8", "rpm", "parameter", "limit of the velocity command beside the motor's, 0 = none"),
         Field("sensor_step", "f8", "rev", "parameter", "one increment of G1_XIST1, 0 = no such signal"),
+        Field("sensor_step_2", "f8", "rev", "parameter", "one increment of G1_XIST2, 0 = no such signal"),
         Field("coast_method", "u1", "", "parameter", "dynamic brake: 0 always, 1 until standstill, 2 never"),
         Field("life", "u1", "", "parameter", "1 = sign of life in STW2 and ZSW2"),
         Field("life_tolerance", "u2", "", "parameter", "failed signs of life that are too many (PNU 925), 65535 = all"),

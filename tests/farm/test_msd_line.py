@@ -12,7 +12,7 @@ from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
-from pnfarm.table.signals import G1_XIST1, NIST_A, NIST_B, NSOLL_A, NSOLL_B, ZSW1
+from pnfarm.table.signals import G1_XIST1, G1_XIST2, NIST_A, NIST_B, NSOLL_A, NSOLL_B, ZSW1
 
 FULL = 0x40000000  # 100 % of NSOLL_B and NIST_B (10.7)
 MAXIMUM_RPM = 3000
@@ -83,6 +83,8 @@ def test_the_sensor_of_telegram_3_counts_1048576_to_a_revolution() -> None:
     line.run(1.0)
     turned = (int(line.plc.columns.image[0].received[G1_XIST1]) - before) / 1048576
     assert turned == pytest.approx(1.0, rel=0.01)
+    image = line.plc.columns.image[0]
+    assert image.received[G1_XIST2] == image.received[G1_XIST1]  # 11.3.1
 
 
 def test_100_percent_of_nsoll_b_is_the_maximum_speed_of_p_0338() -> None:
