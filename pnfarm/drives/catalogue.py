@@ -153,6 +153,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "number": telegram.number,
                 "name": telegram.name,
                 "opmode": telegram.opmode,
+                "pulses_enabled": telegram.pulses_enabled,
                 "free_mapping": telegram.free_mapping,
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),

@@ -348,6 +348,7 @@ def _telegram(
         parameter_words=table.get("parameter_words", 0),
         settings=_settings(table, where),
         opmode=table.get("opmode"),
+        pulses_enabled=table.get("pulses_enabled"),
     )
 
 
@@ -418,6 +419,10 @@ def _telegrams(
             raise ConfigError(f"{path}, telegram {index}, number: {telegram.number} stands twice")
         if telegram.opmode not in {None, 0, 1, 2}:
             raise ConfigError(f"{path}, telegram {index}, opmode: {telegram.opmode!r} is none of 0, 1, 2")
+        if telegram.pulses_enabled is not None and telegram.pulses_enabled not in range(12):
+            raise ConfigError(
+                f"{path}, telegram {index}, pulses_enabled: {telegram.pulses_enabled!r} is not within 0..11"
+            )
         telegrams[telegram.number] = telegram
     idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
     twice = next((ident for ident in idents if idents.count(ident) > 1), None)

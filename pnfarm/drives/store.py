@@ -443,10 +443,11 @@ class ParameterStore:
         self.handle.axis.stop_fault = code if on_stop else 0
 
     def _apply_telegram(self) -> None:
-        """Tell the firmware what comes with the telegram in force: operation mode and velocity set point."""
-        axis = self.handle.axis
-        if self.telegram.opmode is not None:
-            axis.opmode = self.telegram.opmode
+        """Tell the firmware what comes with the telegram in force: operation mode, velocity set point, bit of ZSW2."""
+        axis, telegram = self.handle.axis, self.telegram
+        if telegram.opmode is not None:
+            axis.opmode = telegram.opmode
+        axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
         slots = {signal.slot for signal in self.mapping(setpoint=True) if signal is not None}
         axis.velocity_signal = (
             VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A

@@ -29,7 +29,6 @@ LARGEST = 15
 SEQUENCE = 15
 FAILED = 10
 ALL_TOLERATED = 0xFFFF
-PULSES_ENABLED = 0x0800
 
 
 @compiled
@@ -42,10 +41,13 @@ def following(count: int, frames: int) -> int:
 
 @compiled
 def second_status_word(axis: Any) -> int:
-    """ZSW2: the drive's sign of life, and in position mode whether pulses are enabled (HIWIN E1 manual 3.6)."""
+    """ZSW2: the drive's sign of life, and in some telegrams whether pulses are enabled.
+
+    HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
+    """
     word = int(axis.life_sent) << SHIFT
-    if axis.opmode == 2 and axis.state >= 4:
-        word |= PULSES_ENABLED
+    if axis.state >= 4:
+        word |= int(axis.pulses_enabled)
     return word
 
 

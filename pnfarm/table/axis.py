@@ -114,6 +114,7 @@ AXIS = Layout(
         Field("life", "u1", "", "parameter", "1 = sign of life in STW2 and ZSW2"),
         Field("life_tolerance", "u2", "", "parameter", "failed signs of life that are too many (PNU 925), 65535 = all"),
         Field("life_fault", "u4", "", "parameter", "fault raised then (number | reaction << 24), 0 = none"),
+        Field("pulses_enabled", "u2", "", "parameter", "bit of ZSW2 while pulses are enabled, 0 = no such bit"),
         Field("command", "i8", "", "station", "ring of commands to the firmware", (COMMANDS,)),
         Field("command_head", "u4", "", "station", "commands written so far"),
         Field("command_tail", "u4", "", "firmware", "commands taken so far"),

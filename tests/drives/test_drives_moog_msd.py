@@ -188,6 +188,15 @@ def test_the_telegram_in_force_says_which_velocity_set_point_counts(msd: Drive) 
     assert msd.axis.velocity_signal == VELOCITY_NSOLL_A
 
 
+def test_pulses_are_bit_10_of_zsw2_in_the_telegrams_that_set_the_profiles_mode(msd: Drive) -> None:
+    """10.1 and 10.7, table 10.17; table 10.9 reserves the bit for the others."""
+    for number in MSD.telegrams:
+        msd.store.set("P-1258", 0)
+        msd.store.plug_telegram(number)
+        assert msd.store.get("P-1258") == (number in {2, 3, 5})
+        assert int(msd.axis.pulses_enabled) == (1 << 10 if number in {2, 3, 5} else 0)
+
+
 # faults
 
 
@@ -330,6 +339,7 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
         ("telegrams.toml", "301 = 1", "302 = 1", r"telegram 1, settings: no parameter 302"),
         ("telegrams.toml", "301 = 1", "301 = 2", r"telegram 1, settings\.301: 2 is not within 0\.\.1"),
         ("telegrams.toml", 'name = "Standard telegram 1, IRT", ', "", r"other_modules 2, name: missing"),
+        ("telegrams.toml", "pulses_enabled = 10", "pulses_enabled = 12", r"telegram 2, pulses_enabled: 12"),
         ("faults.csv", "32-3,", "32-300,", r"number: '32-300' is not a number, nor two"),
         ("model.toml", 'value = "32-1"', 'value = "32-2"', r"communication_loss: names a fault"),
         ("model.toml", "action_parameter = { value = 1283", "action_parameter = { value = 1282", r"communication_loss"),
