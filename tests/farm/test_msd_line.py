@@ -12,7 +12,7 @@ from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
-from pnfarm.table.signals import G1_XIST1, G1_XIST2, NIST_A, NIST_B, NSOLL_A, NSOLL_B, ZSW1
+from pnfarm.table.signals import G1_XIST1, G1_XIST2, NIST_A, NIST_B, NSOLL_A, NSOLL_B, STW2, ZSW1, ZSW2
 
 FULL = 0x40000000  # 100 % of NSOLL_B and NIST_B (10.7)
 MAXIMUM_RPM = 3000
@@ -296,20 +296,72 @@ def test_people_read_the_manuals_way_to_write_a_fault() -> None:
     assert seen["last_fault"]["number"] == 11 | 1 << 16
 
 
-def test_four_failed_signs_of_life_at_a_limit_of_four_are_32_3() -> None:
-    """8.3.2: the counter goes up by ten with each, and ten times P-0925 is the fault."""
-    line = running(telegram=2, params="{P-0925: 4}")
-    store = line.farm.stations[0].store
-    assert faults(line) == []
-    assert store.get("P-1296") == 0
+# sign of life (8.3.2)
+
+
+def living(tolerance: int, telegram: int = 3) -> MsdLine:
+    line = running(telegram=telegram, params=f"{{P-0925: {tolerance}}}")
+    assert axis(line).life_run == 15
+    return line
+
+
+@pytest.mark.parametrize("telegram", [2, 3, 5])
+def test_both_ends_count_with_each_telegram_and_of_bits_0_to_11_of_zsw2_only_pulses_are_told(telegram: int) -> None:
+    """Table 10.17: bit 10."""
+    line = living(65535, telegram)
+    counts = []
+    for _ in range(31):
+        line.run(0.001)
+        word = int(line.plc.columns.image[0].received[ZSW2]) & 0xFFFF
+        assert word & 0x0FFF == 0x0400
+        counts.append((int(line.farm.columns.image[0].received[STW2]) >> 12 & 0xF, word >> 12))
+    for series in zip(*counts, strict=True):
+        assert [1 + n % 15 for n in series[:-1]] == list(series[1:])
+    line.plc.columns.program[0].enable = 0
+    line.run(0.5)
+    assert not int(line.plc.columns.image[0].received[ZSW2]) & 0x0FFF
+
+
+def errors(line: MsdLine, frames: int) -> list[int]:
+    """P-1296 frame by frame."""
+    found = []
+    for _ in range(frames):
+        line.run(0.001)
+        found.append(line.farm.stations[0].store.get("P-1296"))
+    return found
+
+
+def test_p_1296_goes_up_by_ten_and_down_by_one_to_zero() -> None:
+    """Figure 8.4."""
+    line = living(100)
     line.plc.columns.program[0].life = 0
-    line.run(0.05)
+    standing = errors(line, 6)
+    assert standing[-3:] == [standing[-1] - 20, standing[-1] - 10, standing[-1]]
+    line.plc.columns.program[0].life = 1
+    counting = errors(line, 100)
+    top = max(counting)
+    behind = counting[counting.index(top) :]
+    assert behind == [max(0, top - n) for n in range(len(behind))]
+    assert behind[-1] == 0
+    assert faults(line) == []
+
+
+def test_four_errors_with_a_limit_of_four_are_fault_32_3_and_silence_clears_the_counter() -> None:
+    """Figure 8.5."""
+    line = living(4)
+    line.plc.columns.program[0].life = 0
+    found = errors(line, 7)
+    assert found[found.index(30) + 1] == 40
+    line.run(0.002)
     assert faults(line) == ["32-3"]
-    assert store.get("P-1296") >= 40
+    line.plc.columns.ppm["active"] = 0
+    line.run(0.05)
+    assert line.farm.stations[0].store.get("P-1296") == 0
 
 
-def test_signs_of_life_do_not_matter_as_the_factory_has_it() -> None:
-    line = running(telegram=2)
+def test_65535_switches_it_off_which_is_the_factory_setting() -> None:
+    line = running(telegram=3)
+    assert line.farm.stations[0].store.get("P-0925") == 65535
     line.plc.columns.program[0].life = 0
-    line.run(0.2)
-    assert faults(line) == []
+    line.run(0.1)
+    assert (faults(line), line.farm.stations[0].store.get("P-1296")) == ([], 0)
