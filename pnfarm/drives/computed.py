@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.drives.telegram import signal_numbers
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS, RAMP_GENERATED
+from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS, LIFE_GOOD, RAMP_GENERATED
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -25,6 +25,8 @@ FIRST_CLASS = 0x9000
 OTHER_FAULT = 0x9012
 #: PNU 980..989 do not list themselves (profile 4.1, 6.2.1.2).
 LISTS = range(980, 990)
+#: Bit of P-0953: too many signs of life failed (Moog MSD manual 8.3.2).
+LIFE_WARNING = 0x0010
 #: PNU 979: version 1.1 of its structure, one encoder, five values for it; a rotary encoder whose values hold.
 ENCODER_HEADER = 0x5111
 ENCODER_TYPE = 0x80000000
@@ -163,6 +165,11 @@ def _warning(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     return [int(store.handle.axis.warning_code) if parameter.index == 0 else 0]
 
 
+def _bus_warnings(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """P-0953 (Moog MSD manual 8.3.2): a failed sign of life stays until cyclic data begin anew."""
+    return [LIFE_WARNING if int(store.handle.axis.life_failed) != LIFE_GOOD else 0]
+
+
 def _active(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     return [int(store.handle.in_operation)]
 
@@ -203,6 +210,7 @@ COMPUTED: dict[str, _Function] = {
     "parameter-list": _parameter_list,
     "fault": _fault,
     "warning": _warning,
+    "bus-warnings": _bus_warnings,
     "active": _active,
     "controlled-stop": _controlled_stop,
     "velocity-error": _velocity_error,

@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.table.axis import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import STW2, ZSW2
 
@@ -57,7 +58,7 @@ def forget_life(axis: Any) -> None:
     axis.life_seen = 0
     axis.life_run = 0
     axis.life_count = 0
-    axis.life_failed = 0
+    axis.life_failed = LIFE_GOOD
 
 
 @compiled
@@ -88,12 +89,12 @@ def count_life(axis: Any, image: Any) -> None:
         return
     axis.life_count = min(int(axis.life_count) + FAILED, FAILED * ALL_TOLERATED)
     if axis.life_count >= FAILED * int(axis.life_tolerance):
-        axis.life_failed = 1
+        axis.life_failed = LIFE_FAILED
 
 
 @compiled
 def check_life(axis: Any, now: int) -> None:
     """Raise the model's fault when a failed sign of life was one too many."""
-    if axis.life_failed:
-        axis.life_failed = 0
+    if axis.life_failed == LIFE_FAILED:
+        axis.life_failed = LIFE_TOLD
         raise_fault(axis, axis.life_fault, now)

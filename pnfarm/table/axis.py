@@ -45,6 +45,11 @@ RAMP_GENERATED = 0
 RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
 RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
 
+# Whether too many signs of life failed since cyclic data began (``life_failed``).
+LIFE_GOOD = 0
+LIFE_FAILED = 1  # and the step raises the fault
+LIFE_TOLD = 2  # and it has raised it
+
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
 FIRMWARE_PROFIDRIVE = 1
@@ -150,7 +155,7 @@ AXIS = Layout(
         Field("life_run", "u1", "", "firmware", "frames in sequence, 15 = the controller is watched"),
         Field("life_sent", "u1", "", "firmware", "the drive's own count, 1..15, 0 = none yet"),
         Field("life_count", "u4", "", "firmware", "error counter: 10 up on a failure, 1 down on a good frame"),
-        Field("life_failed", "u1", "", "firmware", "1 until the step has raised the fault"),
+        Field("life_failed", "u1", "", "firmware", "too many failed: LIFE_* above"),
         Field("life_errors", "i8", "", "firmware", "failed signs of life"),
         # the motor
         Field("velocity", "f8", "rpm", "firmware", "shaft speed (VL.FB)"),

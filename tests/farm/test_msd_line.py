@@ -359,9 +359,26 @@ def test_four_errors_with_a_limit_of_four_are_fault_32_3_and_silence_clears_the_
     assert line.farm.stations[0].store.get("P-1296") == 0
 
 
+def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin_anew() -> None:
+    line = living(4)
+    store = line.farm.stations[0].store
+    assert store.get("P-0953") == 0
+    line.plc.columns.program[0].life = 0
+    errors(line, 8)
+    assert (faults(line), store.get("P-0953")) == (["32-3"], 0x0010)
+    line.plc.columns.program[0].life = 1
+    line.enable()
+    line.run(0.5)
+    assert (faults(line), store.get("P-1296"), store.get("P-0953")) == ([], 0, 0x0010)
+    line.plc.columns.ppm["active"] = 0
+    line.run(0.05)
+    assert store.get("P-0953") == 0
+
+
 def test_65535_switches_it_off_which_is_the_factory_setting() -> None:
     line = running(telegram=3)
     assert line.farm.stations[0].store.get("P-0925") == 65535
     line.plc.columns.program[0].life = 0
     line.run(0.1)
     assert (faults(line), line.farm.stations[0].store.get("P-1296")) == ([], 0)
+    assert line.farm.stations[0].store.get("P-0953") == 0

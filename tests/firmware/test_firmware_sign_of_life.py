@@ -213,6 +213,17 @@ def test_a_fault_comes_back_while_the_count_stands_and_stays_away_when_it_runs(d
     assert drive.faults == []
 
 
+def test_after_an_acknowledgement_further_failures_raise_the_fault_again(drive):
+    drive.good(20)
+    drive.stand(6)
+    drive.write(0x0476 | 0x0080)
+    assert drive.faults == []
+    drive.good(1)
+    assert drive.faults == []
+    drive.stand(1)
+    assert drive.faults == [FAULT]
+
+
 def test_it_is_watched_without_control_by_the_plc(drive):
     drive.image.received[0] = 0
     drive.good(20)
