@@ -167,8 +167,8 @@ class ParameterStore:
             self._values[target.pnu] = values[0]
             if not target.after_power_on:
                 self._apply_written(target)
-            if self.model.access.saves_at_once and target.nonvolatile:
-                self._save()
+        if self.model.access.saves_at_once and target.nonvolatile:
+            self._save()
         self._events.append(ParameterWritten(pnu, subindex, tuple(values)))
 
     def get(self, text: str | int) -> int:
