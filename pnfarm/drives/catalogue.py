@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.loader import load_model, read_toml
+from pnfarm.drives.data_files import read_toml
+from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
 from pnfarm.errors import ConfigError
 
