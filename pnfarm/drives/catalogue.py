@@ -8,7 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.loader import load_model, read_toml
+from pnfarm.drives.data_files import read_toml
+from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
 from pnfarm.errors import ConfigError
 
@@ -153,6 +154,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "number": telegram.number,
                 "name": telegram.name,
                 "opmode": telegram.opmode,
+                "pulses_enabled": telegram.pulses_enabled,
                 "free_mapping": telegram.free_mapping,
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),
@@ -189,7 +191,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "faults": [
             {
                 "number": fault.number,
-                "words": fault.words,
+                "label": fault.label,
                 "name": fault.name,
                 "kind": "warning" if fault.warning else "fault",
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.drives.telegram import signal_numbers
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS, LIFE_GOOD, RAMP_GENERATED
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -25,6 +25,8 @@ FIRST_CLASS = 0x9000
 OTHER_FAULT = 0x9012
 #: PNU 980..989 do not list themselves (profile 4.1, 6.2.1.2).
 LISTS = range(980, 990)
+#: Bit of P-0953: too many signs of life failed (Moog MSD manual 8.3.2).
+LIFE_WARNING = 0x0010
 #: PNU 979: version 1.1 of its structure, one encoder, five values for it; a rotary encoder whose values hold.
 ENCODER_HEADER = 0x5111
 ENCODER_TYPE = 0x80000000
@@ -60,7 +62,8 @@ def _fault_counter(store: ParameterStore, _parameter: Parameter) -> Sequence[int
 
 
 def _fault_buffer(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return [parameter.clamp(number) for number in fault_numbers(store.handle.axis)]
+    """PNU 947; in two parts: error in the lower word, location in the upper one (Moog MSD manual 10.9, P-0949)."""
+    return [parameter.clamp(number) for number in fault_numbers(store.handle.axis)[: parameter.elements]]
 
 
 def _fault_changes(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
@@ -83,7 +86,7 @@ def _operation_mode(store: ParameterStore, _parameter: Parameter) -> Sequence[in
     axis = store.handle.axis
     if int(axis.opmode) == 2:
         return [2]
-    return [3 if axis.no_ramp_generator else 1]
+    return [1 if int(axis.ramp_generator) == RAMP_GENERATED else 3]
 
 
 def _encoder_format(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
@@ -140,11 +143,6 @@ def _changed_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     return _fill(store.changed_numbers()[: parameter.elements], parameter)
 
 
-def _fault_values(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    """The newest faults: error in the lower word, location in the upper one (Moog MSD manual 10.9, P-0949)."""
-    return fault_numbers(store.handle.axis)[: parameter.elements]
-
-
 def _fault_classes(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     """The newest faults by the profile's classes: places in the list of P-0951 (Moog MSD manual, table 10.22).
 
@@ -153,22 +151,23 @@ def _fault_classes(store: ParameterStore, parameter: Parameter) -> Sequence[int]
     diagnoses = store.model.diagnoses
     return [
         min(diagnoses.get(number, OTHER_FAULT) - FIRST_CLASS + 1, OTHER_FAULT - FIRST_CLASS + 1) if number else 0
-        for number in _fault_values(store, parameter)
+        for number in fault_numbers(store.handle.axis)[: parameter.elements]
     ]
 
 
-def _fault_identity(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """The fault at hand, 0 for none (Moog MSD manual 10.9, P-39)."""
-    return (active_faults(store.handle.axis) or [0])[:1]
-
-
 def _fault(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """One of the faults at hand, oldest first; 0 for none."""
     active = active_faults(store.handle.axis)
     return [active[parameter.index] if parameter.index < len(active) else 0]
 
 
 def _warning(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     return [int(store.handle.axis.warning_code) if parameter.index == 0 else 0]
+
+
+def _bus_warnings(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """P-0953 (Moog MSD manual 8.3.2): a failed sign of life stays until cyclic data begin anew."""
+    return [LIFE_WARNING if int(store.handle.axis.life_failed) != LIFE_GOOD else 0]
 
 
 def _active(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
@@ -211,6 +210,7 @@ COMPUTED: dict[str, _Function] = {
     "parameter-list": _parameter_list,
     "fault": _fault,
     "warning": _warning,
+    "bus-warnings": _bus_warnings,
     "active": _active,
     "controlled-stop": _controlled_stop,
     "velocity-error": _velocity_error,
@@ -219,7 +219,5 @@ COMPUTED: dict[str, _Function] = {
     "setpoint-signals": _setpoint_signals,
     "actual-signals": _actual_signals,
     "changed-list": _changed_list,
-    "fault-values": _fault_values,
     "fault-classes": _fault_classes,
-    "fault-identity": _fault_identity,
 }

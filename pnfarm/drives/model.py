@@ -32,8 +32,8 @@ __all__ = [
     "Model",
     "ParameterAccess",
     "SignOfLife",
+    "fault_label",
     "fault_number",
-    "fault_words",
 ]
 
 #: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
@@ -135,7 +135,8 @@ class DescriptionFile:
 class CommunicationLoss:
     """The fault on lost cyclic data, and the parameters that govern it; 0 is a drive without such a parameter.
 
-    Without ``stop_parameter``, ``on_stop`` says whether the fault is also raised when the controller goes to STOP.
+    A value of 0 of ``action_parameter`` is no fault.  Without ``stop_parameter``, ``on_stop`` says whether the fault is
+    also raised when the controller goes to STOP.
     """
 
     fault: int
@@ -182,8 +183,11 @@ class Fault:
     note: str
     #: The word that PNU 945 and the signal FAULT_CODE show, 0 where the manual has none.
     word: int = 0
-    #: The manual's way to write the number.
-    words: str = ""
+
+    @property
+    def label(self) -> str:
+        """The manual's way to write the number."""
+        return fault_label(self.number)
 
     @property
     def code(self) -> int:
@@ -203,7 +207,7 @@ def fault_number(text: str) -> int:
     return int(error) | int(location) << LOCATION_SHIFT
 
 
-def fault_words(number: int) -> str:
+def fault_label(number: int) -> str:
     """A fault's number as its manual writes it: in two parts if it has a location."""
     location = number >> LOCATION_SHIFT
     return f"{number & ((1 << LOCATION_SHIFT) - 1)}-{location}" if location else str(number)
@@ -280,14 +284,14 @@ class Model:
         text = str(wanted).strip()
         number = text[1:] if text[:1] in {"F", "f", "n"} and text[1:2].isdigit() else text
         for fault in self.faults.values():
-            if number == fault.words:
+            if number == fault.label:
                 return fault
         if number.isascii() and number.isdigit() and int(number) in self.faults:
             return self.faults[int(number)]
         for fault in self.faults.values():
             if text.lower() in {fault.name.lower(), fault.cause} and text:
                 return fault
-        known = ", ".join(fault.words for fault in self.faults.values())
+        known = ", ".join(fault.label for fault in self.faults.values())
         raise ConfigError(f"{self.name} has no fault {text!r}; it has {known}, their names and causes")
 
     # telegrams

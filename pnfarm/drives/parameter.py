@@ -11,7 +11,7 @@ from enum import IntEnum
 
 from pnfarm.errors import PnfarmError
 
-__all__ = ["Behaviour", "Parameter", "ParameterError", "ParameterErrorNumber", "ParameterType"]
+__all__ = ["Behaviour", "Parameter", "ParameterError", "ParameterErrorNumber", "ParameterType", "refusal"]
 
 
 class ParameterErrorNumber(IntEnum):
@@ -183,3 +183,8 @@ class Parameter:
     def clamp(self, value: int) -> int:
         """``value`` held within the type's range."""
         return min(max(value, self.lowest), self.highest)
+
+
+def refusal(number: ParameterErrorNumber, parameter: Parameter, value: int | None = None) -> ParameterError:
+    """The error of an access to ``parameter``, which it names; ``value`` is the offending subindex or value."""
+    return ParameterError(number, value, f"{parameter.pnu} {parameter.name}")

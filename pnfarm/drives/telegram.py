@@ -88,6 +88,7 @@ class Telegram:
     ``output`` and ``input`` name the signals, None for a word without one; ``output_words`` and ``input_words`` are the
     same as word codes (:func:`pnfarm.table.signals.word_code`).  With ``free_mapping`` the words are only the default.
     ``opmode`` is the axis's operation mode that comes with the telegram, None where a parameter sets it.
+    ``pulses_enabled`` is the bit of ZSW2 that says so in this telegram, None where none does.
     """
 
     number: int
@@ -101,6 +102,7 @@ class Telegram:
     source: str
     note: str
     opmode: int | None = None
+    pulses_enabled: int | None = None
     others: tuple[Module, ...] = ()
     parameter_words: int = 0
     settings: Mapping[int, int] = field(default_factory=dict)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.model import fault_words
+from pnfarm.drives.model import fault_label
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
@@ -162,7 +162,7 @@ def drive_snapshot(
         "faults": [_fault(station, code) for code in codes],
         "last_fault": _last_fault(station),
         "neighbours": _neighbours(station, now),
-        "fault_counts": {fault_words(number): count for number, count in sorted(station.fault_counts.items())},
+        "fault_counts": {fault_label(number): count for number, count in sorted(station.fault_counts.items())},
         "warning": _fault(station, int(axis.warning_code)) if axis.warning_code else None,
         "setpoint_rpm": float(axis.setpoint),
         "velocity_rpm": float(axis.velocity),

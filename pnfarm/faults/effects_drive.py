@@ -72,7 +72,7 @@ class DriveFaultEffect(_Shown):
                 [
                     (
                         "params.fault",
-                        f"{self._fault.words} is a warning of this drive",
+                        f"{self._fault.label} is a warning of this drive",
                         "a fault; drive-warning raises warnings",
                     )
                 ]
@@ -136,7 +136,7 @@ class WarningEffect(_Shown):
                 [
                     (
                         "params.warning",
-                        f"{self._warning.words} is a fault of this drive",
+                        f"{self._warning.label} is a fault of this drive",
                         "a warning; drive-fault raises faults",
                     )
                 ]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Any
 
+from pnfarm.firmware.telegram import clamp16, clamp32, long_step
 from pnfarm.table.compiled import compiled
 from pnfarm.table.program import (
     ACKNOWLEDGING,
@@ -64,7 +65,7 @@ def _speed(program: Any, now: int) -> float:
 
 @compiled
 def step_program(program: Any, image: Any, now: int) -> None:
-    """Look at ZSW1, decide on STW1 and the speed; count the sign of life with each frame that left."""
+    """Look at ZSW1, decide on STW1 and the velocity set points; count the sign of life with each frame that left."""
     stw1 = READY
     speed = 0.0
     if not image.valid:
@@ -103,11 +104,6 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 stw1 = RUN
             elif zsw1 & 0x0001:
                 stw1 = ON
-    steps = speed / program.velocity_step if program.velocity_step > 0.0 else 0.0
-    increments = max(-32768, min(32767, int(round(steps))))  # noqa: RUF046 - round() of a compiled float stays a float
-    # the same in 32 bits: 0x40000000 is what 0x4000 is in 16, unless the drive has a step of its own
-    fine = speed / program.velocity_step_b if program.velocity_step_b > 0.0 else steps * 65536.0
-    long_increments = max(-0x80000000, min(0x7FFFFFFF, int(round(fine))))  # noqa: RUF046 - as above
     if program.asked_ns != 0 and (zsw1 ^ int(program.zsw1)) & STATE_BITS:
         program.reaction_ns = now - program.asked_ns
         program.reaction_max_ns = max(program.reaction_max_ns, program.reaction_ns)
@@ -117,7 +113,7 @@ def step_program(program: Any, image: Any, now: int) -> None:
     program.zsw1 = zsw1
     program.stw1 = stw1
     image.sent[STW1] = stw1
-    image.sent[NSOLL_A] = increments & 0xFFFF
-    image.sent[NSOLL_B] = long_increments
+    image.sent[NSOLL_A] = clamp16(speed / program.velocity_step) if program.velocity_step > 0.0 else 0
+    image.sent[NSOLL_B] = clamp32(speed / long_step(program)) if long_step(program) > 0.0 else 0
     if program.life:
         image.sent[STW2] = (1 + int(image.filled) % 15) << 12

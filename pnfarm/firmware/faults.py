@@ -35,7 +35,7 @@ NUMBER_MASK = 0xFFFFFF
 @compiled
 def _places(axis: Any) -> int:
     """Faults of one situation in the fault buffer."""
-    return axis.fault_places or FAULT_SLOTS
+    return int(axis.fault_places) or FAULT_SLOTS
 
 
 @compiled

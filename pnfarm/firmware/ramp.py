@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.table.axis import RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["approach", "limited", "velocity_command"]
@@ -59,7 +60,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
     stw1 = axis.stw1
     if axis.state == 5:
         # a drive without a ramp generator has one ramp for every stop
-        down = axis.ramp_down if axis.stop == 1 and not axis.no_ramp_generator else axis.quick_stop_deceleration
+        down = axis.ramp_down if axis.stop == 1 and axis.ramp_generator != RAMP_ABSENT else axis.quick_stop_deceleration
         axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
         return
     if axis.state != 4:
@@ -69,7 +70,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
     if axis.opmode != 1:
         axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
         return
-    if axis.no_ramp_generator:
+    if axis.ramp_generator == RAMP_ABSENT:
         axis.ramp = limited(axis, axis.setpoint)
         return
     working = stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED)
@@ -88,7 +89,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
     if not stw1 & RAMP_UNFROZEN:
         return
     target = limited(axis, axis.setpoint) if stw1 & SETPOINT_ENABLED else 0.0
-    if axis.setpoint_direct:
+    if axis.ramp_generator == RAMP_PASSED_BY:
         # the controller interpolates (Moog MSD manual, table 10.1: the set point acts directly on the control)
         axis.ramp = target
         return

@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.table.axis import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import STW2, ZSW2
 
@@ -29,7 +30,6 @@ LARGEST = 15
 SEQUENCE = 15
 FAILED = 10
 ALL_TOLERATED = 0xFFFF
-PULSES_ENABLED = 0x0800
 
 
 @compiled
@@ -42,10 +42,13 @@ def following(count: int, frames: int) -> int:
 
 @compiled
 def second_status_word(axis: Any) -> int:
-    """ZSW2: the drive's sign of life, and in position mode whether pulses are enabled (HIWIN E1 manual 3.6)."""
+    """ZSW2: the drive's sign of life, and in some telegrams whether pulses are enabled.
+
+    HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
+    """
     word = int(axis.life_sent) << SHIFT
-    if axis.opmode == 2 and axis.state >= 4:
-        word |= PULSES_ENABLED
+    if axis.state >= 4:
+        word |= int(axis.pulses_enabled)
     return word
 
 
@@ -55,7 +58,7 @@ def forget_life(axis: Any) -> None:
     axis.life_seen = 0
     axis.life_run = 0
     axis.life_count = 0
-    axis.life_failed = 0
+    axis.life_failed = LIFE_GOOD
 
 
 @compiled
@@ -86,12 +89,12 @@ def count_life(axis: Any, image: Any) -> None:
         return
     axis.life_count = min(int(axis.life_count) + FAILED, FAILED * ALL_TOLERATED)
     if axis.life_count >= FAILED * int(axis.life_tolerance):
-        axis.life_failed = 1
+        axis.life_failed = LIFE_FAILED
 
 
 @compiled
 def check_life(axis: Any, now: int) -> None:
     """Raise the model's fault when a failed sign of life was one too many."""
-    if axis.life_failed:
-        axis.life_failed = 0
+    if axis.life_failed == LIFE_FAILED:
+        axis.life_failed = LIFE_TOLD
         raise_fault(axis, axis.life_fault, now)

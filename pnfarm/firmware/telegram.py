@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.sign_of_life import second_status_word
-from pnfarm.table.axis import FAULT_WORDS
+from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_SPEED,
@@ -29,7 +29,7 @@ from pnfarm.table.signals import (
     ZSW2,
 )
 
-__all__ = ["from_setpoints", "message_word", "signed16", "signed32", "to_actuals"]
+__all__ = ["clamp16", "clamp32", "from_setpoints", "long_step", "message_word", "signed16", "signed32", "to_actuals"]
 
 #: 100 % of a signal in N2 normalisation (AKD PROFINET manual 5.12.4).
 N2_FULL = 16384.0
@@ -52,7 +52,8 @@ def signed32(value: int) -> int:
 
 
 @compiled
-def _clamp16(value: float) -> int:
+def clamp16(value: float) -> int:
+    """The nearest 16-bit signal, as it stands in a word."""
     if value >= 32767.0:
         return 0x7FFF
     if value <= -32768.0:
@@ -61,7 +62,8 @@ def _clamp16(value: float) -> int:
 
 
 @compiled
-def _clamp32(value: float) -> int:
+def clamp32(value: float) -> int:
+    """The nearest signed 32-bit number."""
     if value >= 2147483647.0:
         return 0x7FFFFFFF
     if value <= -2147483648.0:
@@ -85,21 +87,28 @@ def message_word(axis: Any) -> int:
 
 
 @compiled
-def _step_b(axis: Any) -> float:
-    """rpm of one increment of NSOLL_B: its own (Moog MSD manual 10.7), or from that of NSOLL_A."""
-    return axis.velocity_step_b if axis.velocity_step_b > 0.0 else axis.velocity_step / B_STEPS
+def long_step(row: Any) -> float:
+    """rpm of one increment of NSOLL_B and NIST_B, of an axis or a program.
+
+    Its own (Moog MSD manual 10.7), or a part of that of NSOLL_A (HIWIN E1 manual 6.1).
+    """
+    return row.velocity_step_b if row.velocity_step_b > 0.0 else row.velocity_step / B_STEPS
 
 
 @compiled
 def from_setpoints(axis: Any, image: Any) -> None:
-    """The velocity set point out of the signal that the telegram has; ramps out of DRV_ACC and DRV_DEC.
+    """The velocity set point out of the signal that brings it; ramps out of DRV_ACC and DRV_DEC.
 
     NSOLL_A: AKD PROFINET manual 6.5; NSOLL_B: HIWIN E1 manual 6.1, Moog MSD manual 10.7; in two words and the drive's
     own units: Moog MSD manual 14.2; ramps: AKD PROFINET manual 6.1.  A telegram without those two, or one
     that leaves them zero, keeps the drive's own ramps.
     """
-    steps = signed16(image.received[NSOLL_A]) + float(image.received[REF_SPEED])
-    axis.setpoint = steps * axis.velocity_step + image.received[NSOLL_B] * _step_b(axis)
+    if axis.velocity_signal == VELOCITY_NSOLL_B:
+        axis.setpoint = image.received[NSOLL_B] * long_step(axis)
+    elif axis.velocity_signal == VELOCITY_REF_SPEED:
+        axis.setpoint = image.received[REF_SPEED] * axis.velocity_step
+    else:
+        axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
     axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration
@@ -111,9 +120,9 @@ def to_actuals(axis: Any, image: Any) -> None:
     """Status words, actual velocity, current, messages and the position signals."""
     image.sent[ZSW1] = axis.zsw1
     steps = axis.velocity / axis.velocity_step
-    image.sent[NIST_A] = _clamp16(steps)
-    image.sent[NIST_B] = _clamp32(axis.velocity / _step_b(axis))
-    image.sent[ACT_SPEED] = _clamp32(steps)
+    image.sent[NIST_A] = clamp16(steps)
+    image.sent[NIST_B] = clamp32(axis.velocity / long_step(axis))
+    image.sent[ACT_SPEED] = clamp32(steps)
     if axis.life:
         image.sent[ZSW2] = second_status_word(axis)
     image.sent[MELDW] = message_word(axis)
@@ -122,8 +131,8 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
     if axis.sensor_step > 0.0:
         image.sent[G1_XIST1] = signed32(int(round(axis.position / axis.sensor_step)))  # noqa: RUF046 - as above
-        # both positions of a sensor are the same (Moog MSD manual 11.3)
-        image.sent[G1_XIST2] = image.sent[G1_XIST1]
-    image.sent[ITIST_GLATT] = _clamp16(axis.current / axis.peak_current * N2_FULL)
+    if axis.sensor_step_2 > 0.0:
+        image.sent[G1_XIST2] = signed32(int(round(axis.position / axis.sensor_step_2)))  # noqa: RUF046 - as above
+    image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
     image.sent[XIST_A] = signed32(int(round(axis.position / axis.position_step)))  # noqa: RUF046 - as above
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

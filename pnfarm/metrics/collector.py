@@ -14,7 +14,7 @@ from prometheus_client import CollectorRegistry, ProcessCollector, generate_late
 from prometheus_client.registry import Collector
 
 from pnfarm import __version__
-from pnfarm.drives.model import fault_words
+from pnfarm.drives.model import fault_label
 from pnfarm.farm.snapshot import ar_state
 from pnfarm.faults.catalogue import KINDS
 from pnfarm.firmware.faults import NUMBER_MASK
@@ -241,7 +241,7 @@ class FarmCollector(Collector):
 
     def _fault_counts(self) -> Counts:
         return {
-            (station.configured_name, fault_words(number)): count
+            (station.configured_name, fault_label(number)): count
             for station in self._core.stations
             for number, count in station.fault_counts.items()
         }

@@ -35,6 +35,20 @@ CMD_RAISE_WARNING = 7  # argument: warning number
 CMD_CLEAR_WARNING = 8  # argument: warning number
 CMD_CLEAR_HISTORY = 9  # forget the acknowledged fault situations
 
+# Which set point the telegram brings (``velocity_signal``).
+VELOCITY_NSOLL_A = 0
+VELOCITY_NSOLL_B = 1
+VELOCITY_REF_SPEED = 2
+
+# What becomes of velocity set points (``ramp_generator``).
+RAMP_GENERATED = 0
+RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
+RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
+
+# Whether too many signs of life failed since cyclic data began (``life_failed``).
+LIFE_GOOD = 0
+LIFE_FAILED = 1  # and the step raises the fault
+LIFE_TOLD = 2  # and it has raised it
 
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
@@ -66,9 +80,10 @@ AXIS = Layout(
             "f8",
             "rpm",
             "parameter",
-            "one increment of NSOLL_B and NIST_B, 0 = a 65536th of NSOLL_A's",
+            "one increment of NSOLL_B and NIST_B, 0 = a 65536th of velocity_step",
         ),
-        Field("setpoint_direct", "u1", "", "parameter", "1 = velocity set points pass the ramp generator by"),
+        Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_* above"),
+        Field("ramp_generator", "u1", "", "parameter", "what becomes of velocity set points: RAMP_* above"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
         Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),
         Field("acceleration_step", "f8", "rpm/s", "parameter", "one increment of DRV_ACC and DRV_DEC (PN.ACCSCALING)"),
@@ -97,13 +112,14 @@ AXIS = Layout(
         Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
         Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006; 0 = as acceleration"),
         Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
-        Field("no_ramp_generator", "u1", "", "parameter", "1 = no ramp generator: STW1.4-6, 8 and 9 have no meaning"),
         Field("velocity_limit", "f8", "rpm", "parameter", "limit of the velocity command beside the motor's, 0 = none"),
         Field("sensor_step", "f8", "rev", "parameter", "one increment of G1_XIST1, 0 = no such signal"),
+        Field("sensor_step_2", "f8", "rev", "parameter", "one increment of G1_XIST2, 0 = no such signal"),
         Field("coast_method", "u1", "", "parameter", "dynamic brake: 0 always, 1 until standstill, 2 never"),
         Field("life", "u1", "", "parameter", "1 = sign of life in STW2 and ZSW2"),
         Field("life_tolerance", "u2", "", "parameter", "failed signs of life that are too many (PNU 925), 65535 = all"),
         Field("life_fault", "u4", "", "parameter", "fault raised then (number | reaction << 24), 0 = none"),
+        Field("pulses_enabled", "u2", "", "parameter", "bit of ZSW2 while pulses are enabled, 0 = no such bit"),
         Field("command", "i8", "", "station", "ring of commands to the firmware", (COMMANDS,)),
         Field("command_head", "u4", "", "station", "commands written so far"),
         Field("command_tail", "u4", "", "firmware", "commands taken so far"),
@@ -139,7 +155,7 @@ AXIS = Layout(
         Field("life_run", "u1", "", "firmware", "frames in sequence, 15 = the controller is watched"),
         Field("life_sent", "u1", "", "firmware", "the drive's own count, 1..15, 0 = none yet"),
         Field("life_count", "u4", "", "firmware", "error counter: 10 up on a failure, 1 down on a good frame"),
-        Field("life_failed", "u1", "", "firmware", "1 until the step has raised the fault"),
+        Field("life_failed", "u1", "", "firmware", "too many failed: LIFE_* above"),
         Field("life_errors", "i8", "", "firmware", "failed signs of life"),
         # the motor
         Field("velocity", "f8", "rpm", "firmware", "shaft speed (VL.FB)"),

@@ -30,7 +30,7 @@ PROGRAM = Layout(
         Field("speed", "f8", "rpm", "station", "speed, or amplitude"),
         Field("period_ns", "i8", "ns", "station", "of ramp and sine"),
         Field("velocity_step", "f8", "rpm", "station", "one increment of NSOLL_A"),
-        Field("velocity_step_b", "f8", "rpm", "station", "one increment of NSOLL_B, 0 = a 65536th of NSOLL_A's"),
+        Field("velocity_step_b", "f8", "rpm", "station", "one increment of NSOLL_B, 0 = a 65536th of velocity_step"),
         Field("life", "u1", "", "station", "1 = send a running sign of life in STW2"),
         Field(
             "acknowledge_after_ns",

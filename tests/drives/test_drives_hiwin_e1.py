@@ -183,6 +183,16 @@ def test_3_3_to_3_16_bits_that_are_not_reserved_have_names(word: str, telegram: 
     assert len({name for name in names if name}) == len(bits)
 
 
+def test_3_6_the_bit_of_zsw2_that_says_pulses_are_enabled(e1: Drive) -> None:
+    found = []
+    for number in TELEGRAMS:
+        e1.store.plug_telegram(number)
+        found.append(int(e1.axis.pulses_enabled))
+        names = E1.bit_names("ZSW2", number)
+        assert ["pulses_enabled"] * (found[-1] > 0) == [name for name in names[:12] if name]
+    assert found == [0, 1 << 11, 1 << 11]
+
+
 def test_words_without_bits_have_no_names() -> None:
     assert E1.bit_names("NSOLL_B", 3) == ()
     assert model("akd").bit_names("STW1", 9)[:2] == ("on", "no_coast_stop")
@@ -306,7 +316,7 @@ def test_6_4_the_stop_time_is_a_ramp(e1: Drive, milliseconds: int, deceleration:
 def test_another_model_clears_what_this_one_sets(e1: Drive) -> None:
     store = ParameterStore(model("akd"), e1.store.handle)
     store.power_on()
-    assert [e1.axis[name] for name in ("no_ramp_generator", "life", "velocity_limit", "sensor_step")] == [0, 0, 0, 0]
+    assert [e1.axis[name] for name in ("ramp_generator", "life", "velocity_limit", "sensor_step")] == [0, 0, 0, 0]
 
 
 # parameter access (4.3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,9 +12,11 @@ from drives_kit import Drive, new_drive
 
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
-from pnfarm.drives.model import fault_number, fault_words
+from pnfarm.drives.model import fault_label, fault_number
+from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError
+from pnfarm.table.axis import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -169,17 +172,42 @@ def test_the_signal_lists_are_those_of_table_14_5(msd: Drive) -> None:
     assert writable | readable <= set(msd.store.read(923, 0, 32))
 
 
+def test_the_telegram_in_force_says_which_velocity_set_point_counts(msd: Drive) -> None:
+    found = {}
+    for number in (1, 2, 3, 5, 101):
+        msd.store.plug_telegram(number)
+        found[number] = int(msd.axis.velocity_signal)
+    a, b = VELOCITY_NSOLL_A, VELOCITY_NSOLL_B
+    assert found == {1: a, 2: b, 3: b, 5: b, 101: a}
+    msd.store.plug_telegram(105)
+    msd.store.write(915, 0, [967, 1270, 1270])
+    assert msd.axis.velocity_signal == VELOCITY_REF_SPEED
+    msd.store.write(915, 1, [1261, 1261])
+    assert msd.axis.velocity_signal == VELOCITY_NSOLL_B
+    msd.store.power_on()
+    assert msd.axis.velocity_signal == VELOCITY_NSOLL_A
+
+
+def test_pulses_are_bit_10_of_zsw2_in_the_telegrams_that_set_the_profiles_mode(msd: Drive) -> None:
+    """10.1 and 10.7, table 10.17; table 10.9 reserves the bit for the others."""
+    for number in MSD.telegrams:
+        msd.store.set("P-1258", 0)
+        msd.store.plug_telegram(number)
+        assert msd.store.get("P-1258") == (number in {2, 3, 5})
+        assert int(msd.axis.pulses_enabled) == (1 << 10 if number in {2, 3, 5} else 0)
+
+
 # faults
 
 
 @pytest.mark.parametrize("wanted", ["32-1", "F32-1", "communication-loss", 32 | 1 << 16])
 def test_a_fault_is_found_by_its_two_numbers(wanted: str | int) -> None:
-    assert MSD.fault(wanted).words == "32-1"
+    assert MSD.fault(wanted).label == "32-1"
 
 
 def test_numbers_in_two_parts_go_into_one_and_back() -> None:
     assert [fault_number(text) for text in ("702", "0x20", "32-1", "11-255")] == [702, 32, 0x10020, 0xFF000B]
-    assert [fault_words(number) for number in (702, 0x10020, 0xFF000B)] == ["702", "32-1", "11-255"]
+    assert [fault_label(number) for number in (702, 0x10020, 0xFF000B)] == ["702", "32-1", "11-255"]
     for text in ("", "32-", "-1", "32-256", "65536-1", "a-b", "32-1-1"):
         with pytest.raises(ValueError):
             fault_number(text)
@@ -187,9 +215,23 @@ def test_numbers_in_two_parts_go_into_one_and_back() -> None:
         MSD.fault("32-2")
 
 
+def test_the_label_of_a_fault_is_its_number_as_the_manual_writes_it() -> None:
+    assert replace(MSD.fault("32-1"), number=11 | 2 << 16).label == "11-2"
+
+
+def test_the_error_memory_is_read_as_far_as_its_twenty_places(msd: Drive) -> None:
+    numbers = [32 | 1 << 16] + [0] * 18 + [11 | 1 << 16, 9 | 1 << 16]
+    for place, number in enumerate(numbers):
+        msd.axis.fault_buffer[place] = number
+    assert msd.store.read(949, 0, 20) == numbers[:20]
+    assert msd.store.read(947, 0, 20) == [9] + [0] * 18 + [16]
+    with pytest.raises(ParameterError, match="faulty subindex"):
+        msd.store.read(949, 0, 21)
+
+
 def test_the_json_shows_faults_modules_and_what_moves_nothing() -> None:
     described = as_json(MSD)
-    assert {"32-1", "32-3", "11-1"} <= {fault["words"] for fault in described["faults"]}
+    assert {"32-1", "32-3", "11-1"} <= {fault["label"] for fault in described["faults"]}
     telegrams = {telegram["number"]: telegram for telegram in described["telegrams"]}
     assert [module["module_ident"] for module in telegrams[1]["other_modules"]] == [1, 0x101]
     for number in (5, 7, 8, 9):
@@ -297,6 +339,7 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
         ("telegrams.toml", "301 = 1", "302 = 1", r"telegram 1, settings: no parameter 302"),
         ("telegrams.toml", "301 = 1", "301 = 2", r"telegram 1, settings\.301: 2 is not within 0\.\.1"),
         ("telegrams.toml", 'name = "Standard telegram 1, IRT", ', "", r"other_modules 2, name: missing"),
+        ("telegrams.toml", "pulses_enabled = 10", "pulses_enabled = 12", r"telegram 2, pulses_enabled: 12"),
         ("faults.csv", "32-3,", "32-300,", r"number: '32-300' is not a number, nor two"),
         ("model.toml", 'value = "32-1"', 'value = "32-2"', r"communication_loss: names a fault"),
         ("model.toml", "action_parameter = { value = 1283", "action_parameter = { value = 1282", r"communication_loss"),

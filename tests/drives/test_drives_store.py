@@ -74,6 +74,23 @@ def test_each_parameter_starts_with_its_default(drive: Drive) -> None:
             assert drive.store.read(parameter.pnu, 0, count) == list(parameter.defaults or [parameter.default])
 
 
+@pytest.mark.parametrize(
+    ("pnu", "subindex", "values"), [(1255, 4, [1, 2]), (918, 0, [7]), (922, 0, [104]), (915, 1, [1270, 1270])]
+)
+def test_a_drive_that_saves_at_once_saves_plain_values_arrays_and_mappings(
+    pnu: int, subindex: int, values: list[int]
+) -> None:
+    msd = new_drive("moog-msd")
+    access = dataclasses.replace(msd.model.access, saves_at_once=True)
+    store = ParameterStore(dataclasses.replace(msd.model, access=access), msd.store.handle)
+    store.commission({922: 105})
+    store.power_on()
+    store.write(pnu, subindex, values)
+    assert NonVolatileSaved() in store.events()
+    store.power_on()
+    assert store.read(pnu, subindex, len(values)) == values
+
+
 def test_each_writable_parameter_takes_its_limits_and_refuses_what_lies_beyond(drive: Drive) -> None:
     rows = plain_writable(drive)
     assert rows

@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.cmctl_events import RecordRead
 from pnfarm.table.program import RUNNING
 from pnfarm.table.signals import (
     G1_XIST1,
+    G1_XIST2,
     MELDW,
     NIST_B,
     STW1,
@@ -248,6 +249,14 @@ def test_a_drive_without_sign_of_life_gets_none():
     line.run(0.5)
     assert int(line.farm.columns.image[0].received[STW2]) == 0
     assert seen(line, ZSW2) == 0
+
+
+def test_g1_xist1_counts_the_turns_and_g1_xist2_stays_0():
+    line = line_of()
+    line.enable()
+    line.run(1.0)
+    assert seen(line, G1_XIST1) == pytest.approx(float(axis_of(line).position) * 2**23, rel=0.01)
+    assert seen(line, G1_XIST2) == 0
 
 
 # -- position mode ---------------------------------------------------------------------------------------------------

@@ -84,7 +84,14 @@ def test_a_snapshot_shows_the_neighbour():
 
 def test_without_lldp_nobody_speaks_and_nobody_is_known():
     text = "lldp: false\n" + FILE.format(
-        drives=1, cycle="16ms", limits="strict", watchdog=3, startup="legacy", telegram=1, model="akd-profinet"
+        drives=1,
+        cycle="16ms",
+        limits="strict",
+        watchdog=3,
+        startup="legacy",
+        telegram=1,
+        model="akd-profinet",
+        params="{}",
     )
     line = asyncio.run(controller_line.VirtualLine.create(parse_farm(text)))
     line.world.run(30)

@@ -12,7 +12,7 @@ from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
-from pnfarm.table.signals import G1_XIST1, NIST_A, NIST_B, NSOLL_A, NSOLL_B, ZSW1
+from pnfarm.table.signals import G1_XIST1, G1_XIST2, NIST_A, NIST_B, NSOLL_A, NSOLL_B, STW2, ZSW1, ZSW2
 
 FULL = 0x40000000  # 100 % of NSOLL_B and NIST_B (10.7)
 MAXIMUM_RPM = 3000
@@ -59,7 +59,7 @@ def axis(line):
 
 def faults(line) -> list[str]:
     known = line.farm.stations[0].model.faults
-    return [known[int(code) & 0xFFFFFF].words for code in axis(line).fault_code if code]
+    return [known[int(code) & 0xFFFFFF].label for code in axis(line).fault_code if code]
 
 
 # velocity
@@ -83,12 +83,22 @@ def test_the_sensor_of_telegram_3_counts_1048576_to_a_revolution() -> None:
     line.run(1.0)
     turned = (int(line.plc.columns.image[0].received[G1_XIST1]) - before) / 1048576
     assert turned == pytest.approx(1.0, rel=0.01)
+    image = line.plc.columns.image[0]
+    assert image.received[G1_XIST2] == image.received[G1_XIST1]  # 11.3.1
 
 
 def test_100_percent_of_nsoll_b_is_the_maximum_speed_of_p_0338() -> None:
     line = running(telegram=2, params="{P-0338: 1500}")
     assert line.plc.columns.image[0].sent[NSOLL_B] == round(60 / 1500 * FULL)
     assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
+
+
+@pytest.mark.parametrize("telegram", [2, 3])
+def test_p_1270_moves_nothing_while_the_telegram_brings_nsoll_b(telegram: int) -> None:
+    line = running(telegram=telegram)
+    line.farm.stations[0].store.set("P-1270", 500)
+    line.run(0.5)
+    assert (axis(line).setpoint, axis(line).velocity) == pytest.approx((60.0, 60.0), abs=0.1)
 
 
 @pytest.mark.parametrize(("module", "direct"), [(0x1001, 1), (0x0001, 0), (0x0101, 1)])
@@ -98,7 +108,7 @@ def test_the_module_of_telegram_1_says_whether_the_ramp_generator_works(module: 
     (station,) = line.farm.stations
     station.store.plug_telegram(1, module)
     assert station.store.get("CON_REF_Mode") == direct
-    assert station.handle.axis.setpoint_direct == direct
+    assert station.handle.axis.ramp_generator == direct
     assert (station.store.get("P-0300"), station.store.get("P-0159"), station.store.get("P-0165")) == (2, 7, 9)
 
 
@@ -286,20 +296,89 @@ def test_people_read_the_manuals_way_to_write_a_fault() -> None:
     assert seen["last_fault"]["number"] == 11 | 1 << 16
 
 
-def test_four_failed_signs_of_life_at_a_limit_of_four_are_32_3() -> None:
-    """8.3.2: the counter goes up by ten with each, and ten times P-0925 is the fault."""
-    line = running(telegram=2, params="{P-0925: 4}")
-    store = line.farm.stations[0].store
-    assert faults(line) == []
-    assert store.get("P-1296") == 0
+# sign of life (8.3.2)
+
+
+def living(tolerance: int, telegram: int = 3) -> MsdLine:
+    line = running(telegram=telegram, params=f"{{P-0925: {tolerance}}}")
+    assert axis(line).life_run == 15
+    return line
+
+
+@pytest.mark.parametrize("telegram", [2, 3, 5])
+def test_both_ends_count_with_each_telegram_and_of_bits_0_to_11_of_zsw2_only_pulses_are_told(telegram: int) -> None:
+    """Table 10.17: bit 10."""
+    line = living(65535, telegram)
+    counts = []
+    for _ in range(31):
+        line.run(0.001)
+        word = int(line.plc.columns.image[0].received[ZSW2]) & 0xFFFF
+        assert word & 0x0FFF == 0x0400
+        counts.append((int(line.farm.columns.image[0].received[STW2]) >> 12 & 0xF, word >> 12))
+    for series in zip(*counts, strict=True):
+        assert [1 + n % 15 for n in series[:-1]] == list(series[1:])
+    line.plc.columns.program[0].enable = 0
+    line.run(0.5)
+    assert not int(line.plc.columns.image[0].received[ZSW2]) & 0x0FFF
+
+
+def errors(line: MsdLine, frames: int) -> list[int]:
+    """P-1296 frame by frame."""
+    found = []
+    for _ in range(frames):
+        line.run(0.001)
+        found.append(line.farm.stations[0].store.get("P-1296"))
+    return found
+
+
+def test_p_1296_goes_up_by_ten_and_down_by_one_to_zero() -> None:
+    """Figure 8.4."""
+    line = living(100)
     line.plc.columns.program[0].life = 0
-    line.run(0.05)
+    standing = errors(line, 6)
+    assert standing[-3:] == [standing[-1] - 20, standing[-1] - 10, standing[-1]]
+    line.plc.columns.program[0].life = 1
+    counting = errors(line, 100)
+    top = max(counting)
+    behind = counting[counting.index(top) :]
+    assert behind == [max(0, top - n) for n in range(len(behind))]
+    assert behind[-1] == 0
+    assert faults(line) == []
+
+
+def test_four_errors_with_a_limit_of_four_are_fault_32_3_and_silence_clears_the_counter() -> None:
+    """Figure 8.5."""
+    line = living(4)
+    line.plc.columns.program[0].life = 0
+    found = errors(line, 7)
+    assert found[found.index(30) + 1] == 40
+    line.run(0.002)
     assert faults(line) == ["32-3"]
-    assert store.get("P-1296") >= 40
+    line.plc.columns.ppm["active"] = 0
+    line.run(0.05)
+    assert line.farm.stations[0].store.get("P-1296") == 0
 
 
-def test_signs_of_life_do_not_matter_as_the_factory_has_it() -> None:
-    line = running(telegram=2)
+def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin_anew() -> None:
+    line = living(4)
+    store = line.farm.stations[0].store
+    assert store.get("P-0953") == 0
     line.plc.columns.program[0].life = 0
-    line.run(0.2)
-    assert faults(line) == []
+    errors(line, 8)
+    assert (faults(line), store.get("P-0953")) == (["32-3"], 0x0010)
+    line.plc.columns.program[0].life = 1
+    line.enable()
+    line.run(0.5)
+    assert (faults(line), store.get("P-1296"), store.get("P-0953")) == ([], 0, 0x0010)
+    line.plc.columns.ppm["active"] = 0
+    line.run(0.05)
+    assert store.get("P-0953") == 0
+
+
+def test_65535_switches_it_off_which_is_the_factory_setting() -> None:
+    line = running(telegram=3)
+    assert line.farm.stations[0].store.get("P-0925") == 65535
+    line.plc.columns.program[0].life = 0
+    line.run(0.1)
+    assert (faults(line), line.farm.stations[0].store.get("P-1296")) == ([], 0)
+    assert line.farm.stations[0].store.get("P-0953") == 0

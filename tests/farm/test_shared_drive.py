@@ -57,5 +57,5 @@ def test_the_loss_of_the_owner_of_the_telegram_faults_the_drive_and_the_other_st
     line.run(1.0)
     line.controllers[DRIVE].columns.ppm["active"] = 0
     assert line.until(lambda: station.handle.axis.fault_code[0] != 0, 1.0)
-    assert station.model.faults[int(station.handle.axis.fault_code[0]) & 0xFFFFFF].words == "32-1"
+    assert station.model.faults[int(station.handle.axis.fault_code[0]) & 0xFFFFFF].label == "32-1"
     assert [ar.initiator_name for ar in station.cm.ars] == ["plc-0"]

@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import pytest
 from bench_axis import MS, BenchAxis, take_commands
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_RAISE_FAULT
-from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
-from pnfarm.table.signals import NIST_B, NSOLL_A, NSOLL_B, REF_SPEED, STW1
+from pnfarm.firmware.axis_program import step_program
+from pnfarm.firmware.telegram import from_setpoints
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_CLEAR_HISTORY,
+    CMD_RAISE_FAULT,
+    RAMP_ABSENT,
+    RAMP_PASSED_BY,
+    VELOCITY_NSOLL_A,
+    VELOCITY_NSOLL_B,
+    VELOCITY_REF_SPEED,
+)
+from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
+from pnfarm.table.program import CONSTANT, PROGRAM
+from pnfarm.table.signals import NIST_B, NSOLL_A, NSOLL_B, REF_SPEED, STW1, ZSW1
 
 FULL = 0x40000000
 
@@ -31,7 +44,7 @@ def faults(bench: BenchAxis) -> list[int]:
 
 def test_nsoll_b_is_a_part_of_the_drives_full_speed_and_so_is_nist_b() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.velocity_step_b = 3000.0 / FULL
+    bench.axis.velocity_signal, bench.axis.velocity_step_b = VELOCITY_NSOLL_B, 3000.0 / FULL
     bench.image.received[NSOLL_B] = -FULL // 10
     bench.run(500)
     assert abs(float(bench.axis.velocity) + 300.0) < 0.1
@@ -49,17 +62,46 @@ def test_nist_b_stops_at_its_ends() -> None:
         assert int(bench.image.sent[NIST_B]) == end
 
 
+@pytest.mark.parametrize(("step_b", "increments"), [(0.0, 600 << 16), (3000.0 / FULL, round(FULL / 5))])
+def test_a_program_gives_its_speed_in_both_widths(step_b: float, increments: int) -> None:
+    """NSOLL_B in the drive's own step, or 65536 increments to one of NSOLL_A."""
+    program, image = PROGRAM.allocate(1)[0], IMAGE.allocate(1)[0]
+    program.enable, program.kind, program.speed = 1, CONSTANT, -600.0
+    program.velocity_step, program.velocity_step_b = 1.0, step_b
+    image.valid, image.received[ZSW1] = 1, 0x0237
+    step_program(program, image, MS)
+    assert (image.sent[NSOLL_A], image.sent[NSOLL_B]) == (0x10000 - 600, -increments)
+    program.speed = 1e9
+    step_program(program, image, 2 * MS)
+    assert (image.sent[NSOLL_A], image.sent[NSOLL_B]) == (0x7FFF, 0x7FFFFFFF)
+    program.velocity_step = program.velocity_step_b = 0.0
+    step_program(program, image, 3 * MS)
+    assert (image.sent[NSOLL_A], image.sent[NSOLL_B]) == (0, 0)
+
+
 def test_a_speed_in_two_words_has_the_step_of_nsoll_a() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.velocity_step = 1.0
+    bench.axis.velocity_signal, bench.axis.velocity_step = VELOCITY_REF_SPEED, 1.0
     bench.image.received[REF_SPEED] = -250
     bench.run(500)
     assert abs(float(bench.axis.velocity) + 250.0) < 0.1
 
 
+@pytest.mark.parametrize(
+    ("signal", "rpm"), [(VELOCITY_NSOLL_A, 100.0), (VELOCITY_NSOLL_B, 300.0), (VELOCITY_REF_SPEED, -250.0)]
+)
+def test_only_the_set_point_that_the_telegram_brings_counts(signal: int, rpm: float) -> None:
+    bench = BenchAxis()
+    bench.axis.velocity_signal, bench.axis.velocity_step, bench.axis.velocity_step_b = signal, 1.0, 3000.0 / FULL
+    bench.image.received[NSOLL_A], bench.image.received[REF_SPEED] = 100, -250
+    bench.image.received[NSOLL_B] = FULL // 10
+    from_setpoints(bench.axis, bench.image)
+    assert abs(float(bench.axis.setpoint) - rpm) < 0.001
+
+
 def test_a_direct_set_point_passes_the_ramp_generator_and_stops_keep_their_ramps() -> None:
     bench = enabled(BenchAxis())
-    bench.axis.setpoint_direct = 1
+    bench.axis.ramp_generator = RAMP_PASSED_BY
     bench.axis.velocity_step = 1.0
     bench.image.received[NSOLL_A] = 1000
     bench.run(1)
@@ -68,6 +110,15 @@ def test_a_direct_set_point_passes_the_ramp_generator_and_stops_keep_their_ramps
     valid(bench, 0x047E, 50)
     # 5000 rpm/s for 50 ms
     assert abs(float(bench.axis.ramp) - 750.0) < 10.0
+
+
+def test_bits_4_to_6_work_where_the_ramp_generator_is_passed_by_and_not_where_there_is_none() -> None:
+    for kind, rpm in ((RAMP_PASSED_BY, 0.0), (RAMP_ABSENT, 1000.0)):
+        bench = enabled(BenchAxis())
+        bench.axis.ramp_generator, bench.axis.velocity_step = kind, 1.0
+        bench.image.received[NSOLL_A] = 1000
+        valid(bench, 0x047F & ~0x0040, 5)
+        assert bench.axis.ramp == rpm
 
 
 def test_a_jog_without_ramps_of_its_own_takes_those_of_the_drive() -> None:

@@ -213,6 +213,17 @@ def test_a_fault_comes_back_while_the_count_stands_and_stays_away_when_it_runs(d
     assert drive.faults == []
 
 
+def test_after_an_acknowledgement_further_failures_raise_the_fault_again(drive):
+    drive.good(20)
+    drive.stand(6)
+    drive.write(0x0476 | 0x0080)
+    assert drive.faults == []
+    drive.good(1)
+    assert drive.faults == []
+    drive.stand(1)
+    assert drive.faults == [FAULT]
+
+
 def test_it_is_watched_without_control_by_the_plc(drive):
     drive.image.received[0] = 0
     drive.good(20)
@@ -220,15 +231,18 @@ def test_it_is_watched_without_control_by_the_plc(drive):
     assert drive.faults == [FAULT]
 
 
-def test_pulses_are_told_in_position_mode_only(drive):
+@pytest.mark.parametrize("bit", [0x0400, 0x0800])
+def test_pulses_are_told_by_the_bit_of_the_telegram_and_by_none_without(drive, bit):
+    for opmode in (1, 2):
+        drive.axis.opmode = opmode
+        drive.frame()
+        assert not int(drive.image.sent[ZSW2]) & 0x0FFF
+    drive.axis.pulses_enabled = bit
     drive.frame()
-    assert not int(drive.image.sent[ZSW2]) & 0x0FFF
-    drive.axis.opmode = 2
-    drive.frame()
-    assert int(drive.image.sent[ZSW2]) & 0x0FFF == 0x0800
+    assert int(drive.image.sent[ZSW2]) & 0x0FFF == bit
     drive.write(0x0476)
     drive.run(2000)
-    assert not int(drive.image.sent[ZSW2]) & 0x0800
+    assert not int(drive.image.sent[ZSW2]) & 0x0FFF
 
 
 def test_a_drive_without_sign_of_life_leaves_zsw2_alone():

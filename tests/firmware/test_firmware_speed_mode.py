@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.firmware.telegram import from_setpoints, message_word, to_actuals
-from pnfarm.table.axis import CMD_CLEAR_HISTORY, CMD_RAISE_FAULT
-from pnfarm.table.signals import FAULT_CODE, G1_XIST1, MELDW, NIST_A, NIST_B, NSOLL_A, NSOLL_B, WARN_CODE
+from pnfarm.table.axis import CMD_CLEAR_HISTORY, CMD_RAISE_FAULT, RAMP_ABSENT, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B
+from pnfarm.table.signals import FAULT_CODE, G1_XIST1, G1_XIST2, MELDW, NIST_A, NIST_B, NSOLL_A, NSOLL_B, WARN_CODE
 
 RPM_3000 = 3000.0 / 0x4000
 
@@ -17,7 +17,7 @@ RPM_3000 = 3000.0 / 0x4000
 @pytest.fixture
 def drive() -> BenchAxis:
     bench = BenchAxis()
-    bench.axis.no_ramp_generator = 1
+    bench.axis.ramp_generator, bench.axis.velocity_signal = RAMP_ABSENT, VELOCITY_NSOLL_B
     bench.axis.velocity_step = RPM_3000
     return bench
 
@@ -42,6 +42,7 @@ def test_nsoll_b_is_a_share_of_the_reference_value(drive, word, rpm):
 
 @pytest.mark.parametrize(("word", "rpm"), [(0x4000, 3000.0), (0xC000, -3000.0)])
 def test_nsoll_a_is_the_same_share_in_16_bits(drive, word, rpm):
+    drive.axis.velocity_signal = VELOCITY_NSOLL_A
     drive.image.received[NSOLL_A] = word
     from_setpoints(drive.axis, drive.image)
     assert drive.axis.setpoint == pytest.approx(rpm)
@@ -204,6 +205,16 @@ def test_a_sensor_without_a_step_sends_no_position(drive):
     drive.axis.sensor_step = 2.0**-23
     drive.run(1)
     assert drive.image.sent[G1_XIST1] == 3 << 22
+
+
+def test_the_second_position_of_a_sensor_has_a_step_of_its_own_or_stays_0(drive):
+    drive.axis.position = 1.5
+    drive.axis.sensor_step = 2.0**-23
+    drive.run(1)
+    assert (drive.image.sent[G1_XIST1], drive.image.sent[G1_XIST2]) == (3 << 22, 0)
+    drive.axis.sensor_step_2 = 2.0**-20
+    drive.run(1)
+    assert (drive.image.sent[G1_XIST1], drive.image.sent[G1_XIST2]) == (3 << 22, 3 << 19)
 
 
 def test_a_drive_with_a_ramp_generator_keeps_it():

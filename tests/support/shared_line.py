@@ -9,8 +9,6 @@ from ipaddress import IPv4Interface
 from pnfarm.controller.core import ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.memory import VolatileMemory
-from pnfarm.engine.tick import next_due, receive, tick
-from pnfarm.engine.virtual import deliver
 from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.event_log import EventLog
@@ -19,40 +17,12 @@ from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec
 
 
-class SharedWorld(VirtualWorld):
-    """The farm joins first; any number of controllers follows."""
-
-    def join(self, node, ports):
-        nodes, self._nodes = self._nodes, []
-        try:
-            super().join(node, ports)
-        finally:
-            self._nodes = nodes + self._nodes
-
-    def _cyclic(self, target: int) -> int:
-        farm, *controllers = (node.columns for node in self._nodes)
-        here, *there = self._addresses
-        waiting = [0] * len(controllers)
-        now = self.now
-        heads = [int(columns.engine[0].event_head) for columns in (farm, *controllers)]
-        while now < target and heads == [int(c.engine[0].event_head) for c in (farm, *controllers)]:
-            now = min(target, *(int(next_due(columns, now)) for columns in (farm, *controllers)))
-            for place, columns in enumerate(controllers):
-                sent = tick(columns, waiting[place], now)
-                receive(farm, deliver(columns, sent, farm, *here, now))
-            sent = tick(farm, 0, now)
-            waiting = [deliver(farm, sent, c, *a, now) for c, a in zip(controllers, there, strict=True)]
-        for columns, count in zip(controllers, waiting, strict=True):
-            receive(columns, count)
-        return now
-
-
 class SharedLine:
     """``controllers[i]`` has what ``wants[i]``, a test on a submodule's slot, picks of each drive."""
 
     def __init__(self, text: str, wants) -> None:
         self.log = EventLog(quiet=True)
-        self.world = SharedWorld()
+        self.world = VirtualWorld()
         self.controllers: list[ControllerCore] = []
         asyncio.run(self._create(parse_farm(text), wants))
 

@@ -16,6 +16,7 @@ drives:
   - name: axis-{{n:02}}
     count: {drives}
     model: {model}
+    params: {params}
     ip: 10.77.0.11/23
     limits: {limits}
 controller:
@@ -44,8 +45,8 @@ class VirtualLine:
             startup=startup,
             telegram=telegram,
             model=model,
+            params=params,
         )
-        text = text.replace(f"    model: {model}\n", f"    model: {model}\n    params: {params}\n")
         if not controller:
             text = text[: text.index("controller:")]
         self.memory = memory or VolatileMemory()

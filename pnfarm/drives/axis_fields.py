@@ -1,0 +1,136 @@
+"""What a drive's parameters make of its axis record: every field of writer ``parameter``, in physical units."""
+
+from __future__ import annotations
+
+from math import isfinite, pi
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.parameter import Behaviour, Parameter
+from pnfarm.table.axis import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.signals import NSOLL_B, REF_SPEED
+
+if TYPE_CHECKING:
+    from pnfarm.drives.axis_handle import AxisHandle
+    from pnfarm.drives.stored_values import StoredValues
+    from pnfarm.drives.telegram_selection import TelegramSelection
+
+__all__ = ["AxisFields"]
+
+POSITION_SCALING = 3014
+UNIT_ROTARY = 2393
+UNIT_IN = 2390
+UNIT_OUT = 2392
+#: A ramp whose time is zero, rpm/s.
+AT_ONCE = 1e12
+#: Fields of the axis that are zero in models that do not speak of them.
+OPTIONAL_FIELDS = (
+    "velocity_step_b",
+    "ramp_generator",
+    "loss_delay_ns",
+    "fault_places",
+    "velocity_limit",
+    "sensor_step",
+    "sensor_step_2",
+    "coast_method",
+    "life",
+    "life_tolerance",
+    "life_fault",
+)
+
+
+class AxisFields:
+    """Writes the axis record of ``handle`` from the drive's stored values and its telegram."""
+
+    __slots__ = ("_handle", "_selection", "_values")
+
+    def __init__(self, values: StoredValues, selection: TelegramSelection, handle: AxisHandle) -> None:
+        self._values = values
+        self._selection = selection
+        self._handle = handle
+
+    # from parameters
+
+    def apply_all(self) -> None:
+        """Write every field from the values in force."""
+        axis, model = self._handle.axis, self._values.model
+        for field in OPTIONAL_FIELDS:
+            setattr(axis, field, 0)
+        for field, value in model.firmware.items():
+            setattr(axis, field, value)
+        for parameter in model.axis_parameters:
+            self._apply(parameter)
+        self._apply_communication_loss()
+        if model.sign_of_life is not None:
+            axis.life = 1
+            axis.life_fault = model.faults[model.sign_of_life.fault].code
+        self.apply_telegram()
+
+    def apply_written(self, parameter: Parameter) -> None:
+        """One parameter was changed: write what follows from it."""
+        model = self._values.model
+        if parameter.behaviour is Behaviour.FIELD:
+            self._apply(parameter)
+            if parameter.argument == "acceleration_step":
+                for other in model.axis_parameters:
+                    if other.scale == "acceleration":
+                        self._apply(other)
+        if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
+            self._apply_communication_loss()
+
+    def apply_telegram(self) -> None:
+        """Write what comes with the telegram in force: operation mode, velocity set point, bit of ZSW2."""
+        axis, telegram = self._handle.axis, self._selection.telegram
+        if telegram.opmode is not None:
+            axis.opmode = telegram.opmode
+        axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
+        slots = {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
+        axis.velocity_signal = (
+            VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
+        )
+
+    def _apply(self, parameter: Parameter) -> None:
+        raw = self._values.raw(parameter.pnu)
+        if parameter.choices:
+            value = parameter.choices[raw]
+        elif parameter.scale == "2^-n":
+            value = 2.0**-raw
+        elif parameter.scale.endswith("/n"):
+            value = parameter.factor / raw if raw else AT_ONCE
+        else:
+            value = raw * self._factor(parameter)
+        if parameter.index >= 0:
+            getattr(self._handle.axis, parameter.argument)[parameter.index] = value
+        else:
+            setattr(self._handle.axis, parameter.argument, value)
+
+    def _apply_communication_loss(self) -> None:
+        loss = self._values.model.communication_loss
+        raised = not loss.action_parameter or self._values.raw(loss.action_parameter)
+        code = self._values.model.faults[loss.fault].code if raised else 0
+        on_stop = self._values.raw(loss.stop_parameter) >> loss.stop_bit & 1 if loss.stop_parameter else loss.on_stop
+        self._handle.axis.loss_fault = code
+        self._handle.axis.stop_fault = code if on_stop else 0
+
+    # and back
+
+    def shown(self, parameter: Parameter) -> int:
+        """A field as the raw number of the parameter that shows it."""
+        field = getattr(self._handle.axis, parameter.argument)
+        return self.scaled(parameter, float(field[parameter.index] if parameter.index >= 0 else field))
+
+    def scaled(self, parameter: Parameter, physical: float) -> int:
+        """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""
+        if not isfinite(physical):
+            return parameter.default
+        if parameter.scale == "position":
+            return parameter.wrap(round(physical * self.position_units()))
+        return parameter.clamp(round(physical / self._factor(parameter)))
+
+    def position_units(self) -> float:
+        """Raw numbers of a position parameter to one revolution (UNIT.PROTARY, PN.POSSCALE)."""
+        raw = self._values.raw
+        units = {1: 2.0 * pi, 2: 360.0, 3: raw(UNIT_IN, 1) / max(raw(UNIT_OUT, 1), 1), 4: 65536.0}
+        return units.get(raw(UNIT_ROTARY), 4294967296.0) / max(raw(POSITION_SCALING, 1), 1)
+
+    def _factor(self, parameter: Parameter) -> float:
+        return float(self._handle.axis.acceleration_step) if parameter.scale == "acceleration" else parameter.factor

@@ -1,0 +1,223 @@
+"""A model's ``parameters.csv``: one row a parameter, each checked alone and against the others."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.computed import COMPUTED
+from pnfarm.drives.data_files import integer, required, rows
+from pnfarm.drives.model import COMMANDS
+from pnfarm.drives.parameter import Behaviour, Parameter, ParameterType
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import AXIS
+from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+__all__ = ["axis_parameters", "parameter_names", "read_parameters"]
+
+_TYPES = {
+    "Command": ParameterType.COMMAND,
+    "Byte": ParameterType.BYTE,
+    "Word": ParameterType.WORD,
+    "DWord": ParameterType.DWORD,
+}
+#: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
+#: UNIT.PROTARY.
+#: A number followed by ``/n`` is divided by the raw number: a ramp given as a time.
+_NAMED_SCALES = {"2^-n", "acceleration", "position"}
+_COLUMNS = (
+    "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
+    "source", "values_source", "note",
+)  # fmt: skip
+#: A column that a file may have behind these: ``power-on`` for what takes effect with the next power cycle.
+_EFFECTIVE = "effective"
+_FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
+
+
+def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
+    """The values of a scale such as ``1|0|1``, one for each raw number."""
+    if "|" not in scale:
+        return ()
+    try:
+        choices = tuple(float(text) for text in scale.split("|"))
+    except ValueError:
+        raise ConfigError(f"{where}, scale: {scale!r} has something that is no number between its bars") from None
+    if len(choices) != maximum + 1:
+        raise ConfigError(f"{where}, scale: {scale!r} must have a value for each of 0..{maximum}")
+    return choices
+
+
+def _factor(scale: str, where: str) -> float:
+    if scale in _NAMED_SCALES or not scale or "|" in scale:
+        return 1.0
+    numerator, _, denominator = scale.partition("/")
+    try:
+        factor = float(numerator) / (1.0 if denominator == "n" else float(denominator or 1))
+    except (ValueError, ZeroDivisionError):
+        raise ConfigError(
+            f"{where}, scale: {scale!r} is not a number, a fraction or one of {', '.join(sorted(_NAMED_SCALES))}"
+        ) from None
+    return factor
+
+
+def _behaviour(text: str, where: str, *, writable: bool) -> tuple[Behaviour, str, int]:
+    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``."""
+    kind_name, _, argument = text.partition(":")
+    try:
+        kind = Behaviour[kind_name.upper()]
+    except KeyError:
+        raise ConfigError(
+            f"{where}, behaviour: {kind_name!r} is none of {', '.join(b.name.lower() for b in Behaviour)}"
+        ) from None
+    if kind is Behaviour.ALIAS:
+        return kind, "", integer(argument, where, "behaviour")
+    if kind is Behaviour.FIELD:
+        match = _FIELD.fullmatch(argument)
+        field = AXIS.fields.get(match[1]) if match else None
+        if match is None or field is None:
+            raise ConfigError(f"{where}, behaviour: the axis has no field {argument!r}")
+        index = int(match[2]) if match[2] else -1
+        if (index >= 0) != bool(field.shape) or (field.shape and index >= field.shape[0]):
+            raise ConfigError(f"{where}, behaviour: {argument!r} does not fit the field's shape {field.shape}")
+        if writable and field.writer != "parameter":
+            raise ConfigError(f"{where}, behaviour: {argument!r} is written by {field.writer}, not by a parameter")
+        return kind, field.name, index
+    if kind is Behaviour.SIGNAL:
+        direction, _, name = argument.partition(".")
+        slots = {"received": SETPOINT_SLOTS, "sent": ACTUAL_SLOTS}.get(direction, {})
+        if name not in slots:
+            raise ConfigError(
+                f"{where}, behaviour: {argument!r} is neither received.<set point> nor sent.<actual value>"
+            )
+        return kind, direction, slots[name]
+    index = 0
+    if kind is Behaviour.COMPUTED:
+        name, _, number = argument.rpartition("-")
+        if number.isdigit():
+            argument, index = name, int(number)
+    known = {Behaviour.COMPUTED: set(COMPUTED), Behaviour.COMMAND: COMMANDS}.get(kind, {""})
+    if argument not in known:
+        raise ConfigError(
+            f"{where}, behaviour: {text!r} is unknown; after the colon stands one of {', '.join(sorted(known))}"
+        )
+    return kind, argument, index
+
+
+def _parameter(row: Mapping[str, str], where: str) -> Parameter:
+    for field in ("signed", "nv"):
+        if row[field] not in {"0", "1"}:
+            raise ConfigError(f"{where}, {field}: {row[field]!r} is neither 0 nor 1")
+    if row["type"] not in _TYPES:
+        raise ConfigError(f"{where}, type: {row['type']!r} is none of {', '.join(_TYPES)}")
+    if row["access"] not in {"r", "rw", "w"}:
+        raise ConfigError(f"{where}, access: {row['access']!r} is none of r, rw, w")
+    for field in ("name", "source", "values_source"):
+        if not row[field]:
+            raise ConfigError(f"{where}, {field}: empty")
+    if row["values_source"] == "assumed" and not row["note"] and row["behaviour"] == "stored":
+        raise ConfigError(f"{where}, note: an assumed value needs its reason")
+    kind = _TYPES[row["type"]]
+    signed = row["signed"] == "1"
+    bits = 8 * kind.octets
+    lowest, highest = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
+    minimum = integer(row["min"], where, "min", lowest)
+    maximum = integer(row["max"], where, "max", highest)
+    elements = integer(row["elements"], where, "elements", 0)
+    usual = min(max(0, minimum), maximum)
+    defaults = tuple(integer(text, where, "default") for text in row["default"].split()) or (usual,)
+    default = defaults[0]
+    if len(defaults) > max(elements, 1) or not all(minimum <= value <= maximum for value in defaults[1:]):
+        raise ConfigError(
+            f"{where}, default: {row['default']!r} does not fit {minimum}..{maximum}, {elements} elements"
+        )
+    if not lowest <= minimum <= default <= maximum <= highest:
+        raise ConfigError(
+            f"{where}, min, default, max: {minimum}, {default}, {maximum} do not rise within {lowest}..{highest}"
+        )
+    pnu = integer(row["pnu"], where, "pnu")
+    if not 1 <= pnu <= 0xFFFF:
+        raise ConfigError(f"{where}, pnu: {pnu} is not within 1..65535")
+    if row.get(_EFFECTIVE, "") not in {"", "power-on"}:
+        raise ConfigError(f"{where}, effective: {row[_EFFECTIVE]!r} is neither empty nor power-on")
+    writable = "w" in row["access"]
+    behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable)
+    return Parameter(
+        pnu=pnu,
+        name=row["name"],
+        type=kind,
+        signed=signed,
+        elements=elements,
+        readable="r" in row["access"],
+        writable=writable,
+        minimum=minimum,
+        maximum=maximum,
+        default=default,
+        unit=row["unit"],
+        scale=row["scale"],
+        factor=_factor(row["scale"], where),
+        behaviour=behaviour,
+        argument=argument,
+        index=index,
+        nonvolatile=row["nv"] == "1",
+        source=row["source"],
+        values_source=row["values_source"],
+        note=row["note"],
+        after_power_on=row.get(_EFFECTIVE, "") == "power-on",
+        defaults=defaults + (usual,) * (elements - len(defaults)) if behaviour is Behaviour.STORED and elements else (),
+        choices=_choices(row["scale"], maximum, where),
+    )
+
+
+def read_parameters(path: Path) -> dict[int, Parameter]:
+    """Every row of the file by its PNU, rising."""
+    parameters: dict[int, Parameter] = {}
+    for where, row in rows(path):
+        if not parameters and tuple(row) not in {_COLUMNS, (*_COLUMNS, _EFFECTIVE)}:
+            raise ConfigError(f"{path}, line 1: the columns must be {', '.join(_COLUMNS)}")
+        parameter = _parameter(row, where)
+        if parameter.pnu in parameters:
+            raise ConfigError(f"{where}, pnu: {parameter.pnu} stands twice")
+        parameters[parameter.pnu] = parameter
+    for parameter in parameters.values():
+        if parameter.behaviour is Behaviour.ALIAS:
+            target = parameters.get(parameter.index)
+            if target is None or target.behaviour is Behaviour.ALIAS:
+                raise ConfigError(
+                    f"{path}, PNU {parameter.pnu}, behaviour: alias of {parameter.index}, no parameter of its own"
+                )
+    return dict(sorted(parameters.items()))
+
+
+def parameter_names(
+    parameters: Mapping[int, Parameter], extra: Mapping[str, Any], prefix: str, path: Path
+) -> dict[str, int]:
+    """Upper-case names to PNU: the first row of a name, then names without ``_32``, then names without a row.
+
+    With a ``prefix`` the numbers behind it are names too, in four digits or without zeros in front (P-0925, P-925).
+    """
+    names: dict[str, int] = {}
+    for parameter in parameters.values():
+        names.setdefault(parameter.name.upper(), parameter.pnu)
+    for name, pnu in list(names.items()):
+        if name.endswith("_32"):
+            names.setdefault(name[:-3], pnu)
+    for name, entry in extra.items():
+        pnu = required(entry, "pnu", f"{path}, parameter_names.{name}")
+        if pnu not in parameters:
+            raise ConfigError(f"{path}, parameter_names.{name}: there is no parameter {pnu}")
+        names.setdefault(name.upper(), pnu)
+    if prefix:
+        for pnu in parameters:
+            names.setdefault(f"{prefix}{pnu:04}".upper(), pnu)
+            names.setdefault(f"{prefix}{pnu}".upper(), pnu)
+    return names
+
+
+def axis_parameters(parameters: Mapping[int, Parameter]) -> tuple[Parameter, ...]:
+    """The parameters that write the axis record; those in acceleration steps behind the one that sets the step."""
+    found = [p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable]
+    return tuple(sorted(found, key=lambda p: p.scale == "acceleration"))

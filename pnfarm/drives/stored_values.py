@@ -1,0 +1,147 @@
+"""The values of one drive that differ from its model's: those in force, and those that outlive a power cycle.
+
+Written values live in RAM until DRV.NVSAVE makes them permanent (AKD EtherNet/IP manual 6.7, "Saving to
+Non-volatile Memory"); a power cycle goes back to the permanent ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
+from pnfarm.drives.telegram import MappingError, signal_codes
+
+if TYPE_CHECKING:
+    from pnfarm.drives.model import Model
+
+__all__ = ["StoredValues", "Value", "check_telegram", "mapping_numbers"]
+
+Value = int | tuple[int, ...]
+
+
+def check_telegram(model: Model, parameter: Parameter, number: int) -> None:
+    """Raise :class:`ParameterError` for a telegram that the model does not have."""
+    if number not in model.telegrams:
+        raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, 0)
+
+
+def mapping_numbers(model: Model, parameter: Parameter, numbers: Sequence[int]) -> tuple[int, ...]:
+    """The signals that PNU 915 or 916 shall map, if they can be; raises :class:`ParameterError`."""
+    try:
+        signal_codes(model.signals_of(numbers), setpoint=parameter.argument == "setpoint-mapping")
+    except MappingError as exc:
+        raise ParameterError(
+            ParameterErrorNumber.VALUE_IMPERMISSIBLE, exc.index, f"{parameter.pnu} {parameter.name}, {exc}"
+        ) from exc
+    return tuple(numbers)
+
+
+def _as_list(value: Any, parameter: Parameter) -> list[int]:
+    """A number, or a list of them, from a file."""
+    values = [value] if isinstance(value, int) else value
+    if not isinstance(values, Sequence) or isinstance(values, str) or not values:
+        raise refusal(ParameterErrorNumber.INCORRECT_DATA_TYPE, parameter)
+    if any(not isinstance(number, int) or isinstance(number, bool) for number in values):
+        raise refusal(ParameterErrorNumber.INCORRECT_DATA_TYPE, parameter)
+    return list(values)
+
+
+class StoredValues:
+    """``current`` and ``permanent`` values by PNU; a parameter that is in neither has its model's default."""
+
+    __slots__ = ("current", "model", "permanent")
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.current: dict[int, Value] = {}
+        self.permanent: dict[int, Value] = {}
+
+    def raw(self, pnu: int, default: int = 0) -> int:
+        """The value of a plain parameter, ``default`` for one that the model does not have or does not store."""
+        value = self.current.get(pnu)
+        if isinstance(value, int):
+            return value
+        parameter = self.model.parameters.get(pnu)
+        return (
+            parameter.default
+            if parameter is not None and parameter.behaviour in {Behaviour.STORED, Behaviour.FIELD}
+            else default
+        )
+
+    def array(self, parameter: Parameter) -> tuple[int, ...]:
+        """A stored array's elements."""
+        stored = self.current.get(parameter.pnu)
+        return stored if isinstance(stored, tuple) else parameter.defaults
+
+    def write(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
+        """Change a plain value, or elements of an array from ``subindex`` on."""
+        if parameter.elements:
+            array = list(self.array(parameter))
+            array[subindex : subindex + len(values)] = values
+            self.current[parameter.pnu] = tuple(array)
+        else:
+            self.current[parameter.pnu] = values[0]
+
+    # non-volatile memory
+
+    def save(self) -> None:
+        """What is in force becomes permanent, as far as the drive keeps it."""
+        parameters = self.model.parameters
+        self.permanent = {pnu: value for pnu, value in self.current.items() if parameters[pnu].nonvolatile}
+
+    def load(self) -> None:
+        """The permanent values are in force again."""
+        self.current = dict(self.permanent)
+
+    def snapshot(self) -> dict[str, Any]:
+        """The permanent values as plain JSON: what the farm keeps for this drive."""
+        return {
+            "model": self.model.name,
+            "parameters": {
+                str(pnu): list(value) if isinstance(value, tuple) else value for pnu, value in self.permanent.items()
+            },
+        }
+
+    def restore(self, kept: Mapping[str, Any] | None) -> list[str]:
+        """Take over a :meth:`snapshot`; None keeps the factory values.
+
+        Returns a sentence for each entry that this model cannot take (another model or edition); they are left out.
+        """
+        self.permanent = {}
+        refused: list[str] = []
+        if kept is None:
+            return refused
+        parameters = kept.get("parameters")
+        if not isinstance(parameters, Mapping):
+            return ["the kept values have no parameters; the drive starts with its defaults"]
+        for key, value in parameters.items():
+            try:
+                self.keep(str(key), value)
+            except ParameterError as exc:
+                refused.append(f"kept parameter {key}: {exc}")
+        return refused
+
+    def keep(self, key: str | int, value: Any) -> None:
+        """Check one permanent value, by number or name, and take it over; raises :class:`ParameterError`."""
+        parameter, subindex = self.model.resolve(key)
+        target = self.model.canonical(parameter)
+        if subindex:
+            raise refusal(ParameterErrorNumber.ADDRESS_IMPERMISSIBLE, parameter)
+        if not target.nonvolatile:
+            raise refusal(ParameterErrorNumber.NOT_CHANGEABLE, parameter, 0)
+        values = _as_list(value, parameter)
+        if len(values) > max(parameter.elements, 1):
+            raise refusal(ParameterErrorNumber.NUMBER_OF_VALUES, parameter)
+        for index, number in enumerate(values):
+            if not parameter.minimum <= number <= parameter.maximum:
+                raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, index)
+        if target.elements and target.behaviour is Behaviour.STORED:
+            self.permanent[target.pnu] = tuple(values) + target.defaults[len(values) :]
+            return
+        if target.elements:
+            self.permanent[target.pnu] = mapping_numbers(self.model, target, values)
+            return
+        if target.argument == "telegram":
+            check_telegram(self.model, target, values[0])
+        self.permanent[target.pnu] = values[0]

@@ -1,0 +1,137 @@
+"""Which telegram a drive exchanges and what its words are: the module in slot 1, PNU 922, 915 and 916."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.parameter import ParameterErrorNumber, refusal
+from pnfarm.drives.stored_values import check_telegram, mapping_numbers
+from pnfarm.drives.telegram import signal_codes, signal_numbers
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.stored_values import StoredValues, Value
+    from pnfarm.drives.telegram import Signal, Telegram
+
+__all__ = ["TelegramSelection"]
+
+TELEGRAM_SELECTION = 922
+FREE_TELEGRAM = 0
+SETPOINT_MAPPING = 915
+ACTUAL_MAPPING = 916
+
+
+class TelegramSelection:
+    """The telegram in force; it reads the drive's stored values and writes none."""
+
+    __slots__ = ("_module", "_plugged", "_values")
+
+    def __init__(self, values: StoredValues) -> None:
+        self._values = values
+        self._plugged: int | None = None
+        self._module: int | None = None
+
+    # which
+
+    @property
+    def number(self) -> int:
+        """The number of the plugged module's telegram, or that of PNU 922 while none is plugged.
+
+        PNU 922 = 0 is a free mapping over the frames of whatever module is plugged (AKD PROFINET manual 5.11.1).
+        """
+        selected = self._values.raw(TELEGRAM_SELECTION, self._values.model.default_telegram)
+        return selected if self._plugged is None or selected == FREE_TELEGRAM else self._plugged
+
+    @property
+    def telegram(self) -> Telegram:
+        """The telegram in force."""
+        return self._values.model.telegrams[self.number]
+
+    @property
+    def frame(self) -> Telegram:
+        """The telegram whose module fixes the length of the frames."""
+        return self.telegram if self._plugged is None else self._values.model.telegrams[self._plugged]
+
+    def plug(self, number: int, module_ident: int | None = None) -> dict[int, int]:
+        """A module of telegram ``number`` is in slot 1, its first if ``module_ident`` is none of its modules.
+
+        Returns the settings that it brings, PNU -> raw number: none if it is the module that was there before.
+        Raises :class:`ConfigError` for a number that the model does not know.
+        """
+        model = self._values.model
+        if number not in model.telegrams:
+            raise ConfigError(f"{model.name} has no telegram {number}; it has {', '.join(map(str, model.telegrams))}")
+        telegram = model.telegrams[number]
+        module = next((m for m in telegram.modules if m.ident == module_ident), telegram.module)
+        before = (self._plugged, self._module)
+        self._plugged, self._module = number, module.ident
+        return {} if before == (number, module.ident) else {**telegram.settings, **module.settings}
+
+    def unplug(self) -> None:
+        """No module is plugged: PNU 922 rules."""
+        self._plugged = self._module = None
+
+    # words
+
+    def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
+        """The signals of the frames, word by word: those of the telegram, or PNU 915 or 916 where the mapping is free.
+
+        The length is that of the plugged module; a free mapping that is longer is cut, a double word not torn.
+        """
+        frame = self.frame
+        words = frame.output if setpoint else frame.input
+        head, words = words[: frame.parameter_words], words[frame.parameter_words :]
+        return head + self._mapped(words, setpoint=setpoint)
+
+    def _mapped(self, words: tuple[Signal | None, ...], *, setpoint: bool) -> tuple[Signal | None, ...]:
+        """What a free mapping makes of ``words``."""
+        stored = self._values.current.get(SETPOINT_MAPPING if setpoint else ACTUAL_MAPPING)
+        if not self.telegram.free_mapping or not isinstance(stored, tuple):
+            return words
+        signals = list(self._values.model.signals_of(stored[: len(words)]))
+        if (
+            len(stored) > len(words)
+            and signals
+            and signals[-1] is not None
+            and signals[-1].number == stored[len(words)]
+        ):
+            signals[-1] = None
+        return tuple(signals) + (None,) * (len(words) - len(signals))
+
+    def codes(self, *, setpoint: bool) -> tuple[int, ...]:
+        """Word codes of one direction."""
+        return signal_codes(self.mapping(setpoint=setpoint), setpoint=setpoint)
+
+    # what may be written
+
+    def checked(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> Value:
+        """What PNU 922, 915 or 916 becomes with ``values`` from ``subindex`` on; raises :class:`ParameterError`.
+
+        A mapping only where the telegram has a free one.
+        """
+        if parameter.argument == "telegram":
+            return self._checked_number(parameter, values[0])
+        if not self.telegram.free_mapping:
+            raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
+        return self._checked_mapping(parameter, subindex, values)
+
+    def _checked_number(self, parameter: Parameter, number: int) -> int:
+        check_telegram(self._values.model, parameter, number)
+        if self._plugged is not None and number not in {self._plugged, FREE_TELEGRAM}:
+            # the module in slot 1 fixes the frames
+            raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
+        return number
+
+    def _checked_mapping(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> tuple[int, ...]:
+        setpoint = parameter.argument == "setpoint-mapping"
+        numbers = list(signal_numbers(self.mapping(setpoint=setpoint)))[self.frame.parameter_words :]
+        length = len(numbers)
+        numbers += [0] * (parameter.elements - length)
+        numbers[subindex : subindex + len(values)] = values
+        for index in range(length, parameter.elements):
+            if numbers[index]:
+                raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, index)
+        return mapping_numbers(self._values.model, parameter, numbers[:length])
