@@ -99,7 +99,7 @@ def test_the_summary_is_a_paragraph_for_each_two_stations(pnfarm, virtual):
     lines = pnfarm("decode", virtual, "--summary", "--drive", "axis-01").out.splitlines()
     assert lines[0].startswith("axis-01 <-> plc: ")
     assert any("cycle 16 ms, min/mean/max 16 ms / 16 ms / 16 ms" in line for line in lines)
-    assert "  1 connects, 4 reads" in lines
+    assert "  1 connects, 5 reads" in lines
     assert not any("axis-02" in line for line in lines)
 
 

@@ -192,12 +192,13 @@ def im_text(number, text, length):
 
 
 def texts(station):
-    """I&M1 to 3 written, read back, and what it makes of those that a drive has not."""
+    """I&M1 to 4 written, read back, and what it makes of one that a drive has not."""
     with by_name(station) as device:
         found = {"own writer": tried(device.write_im1, "pump 3", "hall 7")}
         device.write(0, 1, 0xAFF1, im_text(1, "pump 3".ljust(32) + "hall 7", 54))
         device.write(0, 1, 0xAFF2, im_text(2, "2026-01-31 10:00", 16))
         device.write(0, 1, 0xAFF3, im_text(3, "the third pump", 54))
+        device.write(0, 1, 0xAFF4, im_text(4, "signed", 54))
         for number in range(6):
             found[f"im{number}"] = tried(getattr(device, f"read_im{number}"))
         found["all"] = sorted(device.read_all_im())
@@ -269,7 +270,10 @@ def listen(station, *_):
             wait(lambda wanted=wanted: len(alarms) >= wanted, 5)
             answer = list(alarms)
         elif name == "input":
-            answer = plain(cyclic.get_input_data(*arguments))
+            *place, there = arguments
+            # the next frame may still be on its way
+            wait(lambda place=place, there=there: (cyclic.get_input_data(*place) is not None) == there, 5)
+            answer = plain(cyclic.get_input_data(*place))
         else:
             answer = tried(getattr(device._rpc, name), *arguments)
         print(json.dumps(answer, default=str), flush=True)

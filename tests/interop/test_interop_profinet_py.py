@@ -96,11 +96,11 @@ def test_it_writes_and_reads_identification_and_maintenance(peer, farm):
     assert bytes.fromhex(found["im1"]["im_tag_location"]).decode() == "hall 7".ljust(22)
     assert bytes.fromhex(found["im2"]["im_date"]).decode() == "2026-01-31 10:00"
     assert bytes.fromhex(found["im3"]["im_descriptor"]).decode() == "the third pump".ljust(54)
-    for number in (4, 5):
-        assert found[f"im{number}"]["pnio"] == backwards("DE80B000"), "the drive has none: an invalid index"
-    # IM_Supported: bits 1 to 3
-    assert found["im0"]["im_supported"] == 0b1110
-    assert found["all"] == ["im0", "im1", "im2", "im3"], "it stops where I&M0 says"
+    assert bytes.fromhex(found["im4"]["im_signature"]).startswith(b"signed")
+    assert found["im5"]["pnio"] == backwards("DE80B000"), "the drive has none: an invalid index"
+    # IM_Supported: bits 1 to 4
+    assert found["im0"]["im_supported"] == 0b11110
+    assert found["all"] == ["im0", "im1", "im2", "im3", "im4"], "it stops where I&M0 says"
     assert farm.ask("drive", name="axis-01")["ars"] == 0
 
 
@@ -129,7 +129,7 @@ def test_it_sees_slots_ports_records_and_the_log_of_a_drive(peer, farm):
     assert {0xAFF0, 0xAFF1, 0xAFF2, 0xAFF3, 0xF000, 0xF820, 0xF821, 0xF830, 0xF840, 0xF841} <= set(sizes)
     assert sizes[0xAFF0] == 60
     named = {int(index): entry["status"] for index, entry in found["indices"].items()}
-    assert [named[index] for index in (0xAFF0, 0xAFF3, 0xAFF4)] == ["readable", "readable", "error"]
+    assert [named[index] for index in (0xAFF0, 0xAFF4, 0xAFF5)] == ["readable", "readable", "error"]
     assert {place: kind["type"] for place, kind in found["scan"].items()} == {
         "(0, 1)": "DAP", "(0, 32768)": "Interface", "(0, 32769)": "Port1",
     }  # fmt: skip
@@ -240,7 +240,7 @@ def acknowledged(farm):
 def test_a_module_that_is_pulled_and_plugged_shows_in_its_alarms_data_and_differences(lab, farm):
     with Listener(lab, "axis-02") as listener:
         assert farm.until(lambda d: d["established"], "drive", name="axis-02")
-        assert len(bytes.fromhex(listener.ask("input", 1, 2))) == 4
+        assert len(bytes.fromhex(listener.ask("input", 1, 2, True))) == 4
         farm.ask("pull", name="axis-02", slot=1)
         # its ARProperties do not allow the alarm type of a whole module: a submodule's, of subslot 0
         assert listener.alarms(1) == [(PULL, 1, 0)]
@@ -252,7 +252,7 @@ def test_a_module_that_is_pulled_and_plugged_shows_in_its_alarms_data_and_differ
         assert module["module_state"] == 2
         # it never ends the parameters of a plugged submodule: "ApplicationReady pending" (ARInfo 1), no data
         assert {s["submodule_state"] >> 7 & 0xF for s in module["submodules"]} == {1}
-        assert listener.ask("input", 1, 2) is None, "bad data were given out"
+        assert listener.ask("input", 1, 2, False) is None, "bad data were given out"
         # a PrmBegin without a list of submodules: state conflict or unknown blocks, and the connection stands
         assert listener.ask("prm_begin")["pnio"].endswith("81dd")
         assert farm.ask("drive", name="axis-02")["established"]
