@@ -10,6 +10,7 @@ from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.drives.telegram import MappingError, Module, Signal, Submodule, Telegram, signal_codes
 from pnfarm.drives.word_bits import WordBits, read_bits
 from pnfarm.errors import ConfigError
+from pnfarm.table.channel import MAX_WORDS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ def _telegram(
         unknown = [name for name in names if name != "-" and name not in signals]
         if unknown:
             raise ConfigError(f"{where}, {direction}: there is no signal {unknown[0]!r}")
+        if len(names) > MAX_WORDS:
+            raise ConfigError(f"{where}, {direction}: {len(names)} words; a frame carries at most {MAX_WORDS}")
         words[direction] = tuple(None if name == "-" else signals[name] for name in names)
         try:
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")

@@ -21,6 +21,7 @@ from pnfarm.table.channel import (
     DISCARD_INVALID,
     DISCARD_LENGTH,
     DISCARD_SOURCE,
+    DISCARD_TRANSFER,
     FRUN,
     IDLE,
     INTERVAL_BUCKETS,
@@ -119,6 +120,9 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     if not status & STATUS_VALID:
         consumer.discarded[DISCARD_INVALID] += 1
         return
+    if frame[trailer + 3] != 0:
+        consumer.discarded[DISCARD_TRANSFER] += 1
+        return
 
     iops = IOXS_GOOD
     data = start + 2
@@ -160,6 +164,16 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
 
 
 @compiled
+def _stray(columns: Columns, port: int) -> None:
+    """Count a frame that belongs to no channel for the station at whose port it came in."""
+    images = columns.image
+    for i in range(len(images)):
+        if images[i].port == port:
+            images[i].strays += 1
+            return
+
+
+@compiled
 def receive(columns: Columns, count: int) -> None:
     """Take ``count`` frames out of the receive slots; whatever is wrong with one is counted, nothing else."""
     engine = columns.engine[0]
@@ -175,6 +189,7 @@ def receive(columns: Columns, count: int) -> None:
         start = HEADER
         if length < HEADER + 2 + TRAILER or length > frame.shape[0]:
             engine.malformed += 1
+            _stray(columns, columns.rx_port[i])
             continue
         kind = (int(frame[12]) << 8) | int(frame[13])
         if kind == 0x8100 and length >= HEADER + 4 + 2 + TRAILER:
@@ -182,11 +197,14 @@ def receive(columns: Columns, count: int) -> None:
             kind = (int(frame[16]) << 8) | int(frame[17])
         if kind != 0x8892:
             engine.malformed += 1
+            _stray(columns, columns.rx_port[i])
             continue
         frame_id = (int(frame[start]) << 8) | int(frame[start + 1])
         number = lookup_find(table, consumers, columns.rx_port[i], frame_id)
-        if number < 0:
+        if number < 0 or frame[0] & 1:
+            # a group's frames (multicast communication) are nobody's here
             engine.unknown += 1
+            _stray(columns, columns.rx_port[i])
             continue
         _take(engine, events, images, impairments, number, consumers[number], frame, length, start, columns.rx_ns[i])
 

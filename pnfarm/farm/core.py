@@ -139,6 +139,7 @@ class FarmCore:
             model.apply_motor(axis)
             _apply_load(axis, config)
             axis.step_ns = 4_000_000
+            image.port = port.index
             uuids = uuid_source(seed + port.mac)
             services = StationServices(self.channels, self.impairments, memory, log, uuids, lldp)
             station = DriveStation(config, model, index, port, AxisHandle(axis, image), services)

@@ -38,6 +38,8 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "wrong-source": "cyclic frame from another station than the controller",
         "old-counter": "cyclic frame whose cycle counter does not go on: late, or twice",
         "data-invalid": "cyclic frame whose data status says that its data are invalid",
+        "unknown-frame-id": "real-time frame that belongs to none of the drive's connections",
+        "transfer-status": "cyclic frame whose transfer status is not 0",
         "impaired": "cyclic frame kept back by an injected fault",
         # acyclic frames, before any machine
         "other-destination": "addressed to another station",

@@ -140,7 +140,7 @@ class CmTarget:
             if ar.established and ar.connected_ns <= last_ns
             for _, cr in ar.providers
             for data in cr.data
-            if data.data_length and (key := (data.api, data.slot, data.subslot)) not in ar.unusable
+            if data.data_length and (key := (data.api, data.slot, data.subslot)) not in ar.bad
         }
         told = [self._station.cm.alarm(AlarmType.RETURN_OF_SUBMODULE, place, now) for place in sorted(places)]
         self._settle(now)

@@ -80,6 +80,8 @@ __all__ = ["DriveStation", "StationServices"]
 
 #: UDP port from which a device calls its controller (any free one will do; the answer comes back to it).
 CALL_PORT = 49_152
+#: Reason under which cyclic frames of no connection are counted.
+STRAY = "unknown-frame-id"
 #: Octets that an answer of the controller may have.
 ARGS_MAXIMUM = 16_384
 
@@ -244,7 +246,7 @@ class DriveStation:
 
     def start(self, now: int) -> None:
         """The drive came on the wire."""
-        self.dcp.link_up(now)
+        self.addressing.link_up(now)
         self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)
 
     def power_off(self, now: int) -> None:
@@ -319,6 +321,7 @@ class DriveStation:
         for machine in self._machines:
             for reason, count in machine.dropped.items():
                 total[reason] = total.get(reason, 0) + count
+        total[STRAY] = int(self.handle.image.strays)
         return total
 
     def next_deadline(self) -> int | None:
@@ -471,6 +474,10 @@ class DriveStation:
             self.connections.take(event, now)
             for listener in self.connections.listeners:
                 listener(event, now)
+        for call_id in [call_id for call_id, token in self._calls.items() if not self.cm.awaits(token)]:
+            # its connection ended: a controller that comes back would take it for the new one's
+            self.client.forget(call_id, now)
+            del self._calls[call_id]
         texts = self.records.im.events()
         if texts:
             self.keep(now, "im", {record_word(key): data for key, data in self.records.im.texts.items()})

@@ -1,7 +1,7 @@
 """Name and address of one drive: DCP and ARP on one side, non-volatile memory and the event log on the other.
 
 What DCP set is carried to the IP host and into the memory; what ARP found out of a conflict is carried to DCP, which
-shows it.  An address from the memory or the farm file is announced at power-on; one that DCP gave is asked for first.
+shows it.  Every address is asked for before it is announced, be it from the memory, the farm file or DCP.
 """
 
 from __future__ import annotations
@@ -71,14 +71,24 @@ class StationAddress:
         self.ip = IpHost(mac)
         #: Who else uses the address, None for nobody.
         self.conflict_mac: bytes | None = None
-        self.set_address(address, gateway)
+        self.ip.own_address(address, gateway)
+        self._own(address)
 
-    def set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None, now: int | None = None) -> None:
-        """Use an address, or none; with ``now`` another station is asked for it first."""
-        if address is None or now is None:
+    def link_up(self, now: int) -> None:
+        """Ask whether another station has the address before it is announced; it is used meanwhile."""
+        if self.ip.wanted is not None:
+            self.ip.claim_address(self.ip.wanted, self.ip.gateway, now)
+        self.dcp.link_up(now)
+
+    def set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None, now: int) -> None:
+        """Use an address, or none; other stations are asked for it."""
+        if address is None:
             self.ip.set_address(address, gateway)
         else:
             self.ip.claim_address(address, gateway, now)
+        self._own(address)
+
+    def _own(self, address: IPv4Interface | None) -> None:
         self._no_conflict()
         #: The address as in an ARP packet, empty for none: looked at for every broadcast.
         self.own_ip = address.ip.packed if address is not None else b""

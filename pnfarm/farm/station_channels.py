@@ -37,14 +37,21 @@ class ArChannels:
     consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
     expected: frozenset[ExpectedKey] = frozenset()
     unusable: frozenset[ExpectedKey] = frozenset()
+    #: The application was ready once; until then all data are bad.
+    ready: bool = False
     #: The drive's set points come from here.
     feeds: bool = False
     established: bool = False
     connected_ns: int = 0
 
+    @property
+    def bad(self) -> frozenset[ExpectedKey]:
+        """Submodules whose data cannot be used, either way."""
+        return self.unusable if self.ready else self.expected
+
 
 def _feeds(ar: ArChannels, set_points: Container[tuple[int, int]]) -> bool:
-    return any(key[1:] in set_points for key in ar.expected if key not in ar.unusable)
+    return any(key[1:] in set_points for key in ar.expected if key not in ar.bad)
 
 
 class StationChannels:
@@ -102,7 +109,7 @@ class StationChannels:
         return ar
 
     def _provide(self, ar: ArChannels, cr: IocrLayout, words: Sequence[int]) -> None:
-        layout = channel_layout(cr, words, ar.unusable)
+        layout = channel_layout(cr, words, ar.bad)
         row = self._channels.open_provider(
             ProviderPlan(
                 image=self._index,
@@ -124,7 +131,7 @@ class StationChannels:
         self._impairments.channel_opened(self._index, "out", row)
 
     def _consume(self, ar: ArChannels, cr: IocrLayout, words: Sequence[int]) -> None:
-        layout = channel_layout(cr, words, ar.unusable)
+        layout = channel_layout(cr, words, ar.bad)
         row = self._channels.open_consumer(
             ConsumerPlan(
                 image=self._index,
@@ -147,9 +154,9 @@ class StationChannels:
         """A new mapping: other words in the open channels, in place."""
         for ar in self.ars.values():
             for row, cr in ar.providers:
-                self._channels.rewrite_words("ppm", row, channel_layout(cr, input_words, ar.unusable).words)
+                self._channels.rewrite_words("ppm", row, channel_layout(cr, input_words, ar.bad).words)
             for row, cr in ar.consumers:
-                self._channels.rewrite_words("cpm", row, channel_layout(cr, output_words, ar.unusable).words)
+                self._channels.rewrite_words("cpm", row, channel_layout(cr, output_words, ar.bad).words)
 
     def relay(
         self,
@@ -158,18 +165,21 @@ class StationChannels:
         input_words: Sequence[int],
         output_words: Sequence[int],
         set_points: Container[tuple[int, int]],
+        *,
+        ready: bool,
     ) -> None:
-        """Submodules came or went: lay an AR's open channels anew, in place."""
+        """Submodules came or went, or the application is ``ready``: lay an AR's open channels anew, in place."""
         ar = self.ars.get(key)
         if ar is None:
             return
         ar.unusable = unusable
+        ar.ready = ar.ready or ready
         ar.feeds = _feeds(ar, set_points)
         for row, cr in ar.providers:
-            layout = channel_layout(cr, input_words, unusable)
+            layout = channel_layout(cr, input_words, ar.bad)
             self._channels.relay_provider(row, layout.words, layout.iops, layout.constants)
         for row, cr in ar.consumers:
-            layout = channel_layout(cr, output_words, unusable)
+            layout = channel_layout(cr, output_words, ar.bad)
             self._channels.relay_consumer(row, layout.words, layout.iops, feeds=ar.feeds)
 
     def problem(self, key: int, *, there: bool) -> None:

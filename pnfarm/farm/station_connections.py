@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.farm.station import DriveStation
-    from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.events import CmEvent
 
 __all__ = ["SLOWEST_STEP_NS", "StationConnections"]
@@ -91,8 +90,8 @@ class StationConnections:
                     self._station.cm.application_ready(key, now, sequence)
                 else:
                     self._ready_due.append((now + self.ready_delay_ns, key, sequence))
-            case SubmodulesChanged(key, unusable):
-                self._submodules_changed(key, unusable, now)
+            case SubmodulesChanged():
+                self._submodules_changed(event, now)
             case AlarmConfirmed():
                 self._station.note(
                     now,
@@ -142,8 +141,6 @@ class StationConnections:
         words = self._station.store.input_words(), self._station.store.output_words()
         ar = self._station.channels.open(event, *words, self._set_points(), now)
         self._tell_problem(event.ar_key)
-        if ar.feeds:
-            self._station.store.watchdog_ns = ar.watchdog_ns
         fastest_ns = min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers)
         self._station.handle.axis.step_ns = min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, fastest_ns // 4))
         self._station.note(
@@ -194,13 +191,19 @@ class StationConnections:
         submodules = module.submodules if module is not None else ()
         return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
 
-    def _submodules_changed(self, key: int, unusable: frozenset[ExpectedKey], now: int) -> None:
-        """Something was pulled, plugged, taken over or released: its data are bad, or good again."""
+    def _submodules_changed(self, event: SubmodulesChanged, now: int) -> None:
+        """The application is ready, or something was pulled, plugged, taken over or released: data are bad, or good."""
+        key, unusable = event.ar_key, event.unusable
         self._follow_telegram()
         words = self._station.store.input_words(), self._station.store.output_words()
-        self._station.channels.relay(key, unusable, *words, self._set_points())
+        self._station.channels.relay(key, unusable, *words, self._set_points(), ready=event.starting)
+        ar = self._station.ars.get(key)
+        if ar is not None and ar.feeds:
+            self._station.store.watchdog_ns = ar.watchdog_ns
         # the diagnosis of what was pulled went with it
         self._tell_problem(key)
+        if event.starting and not unusable:
+            return
         self._station.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def close(self, key: int) -> None:

@@ -12,18 +12,19 @@ __all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_BUCKETS", "INTERVAL_EDGES_
 
 #: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up.
 FRAME_SLOT = 1536
-#: Telegram words of one channel; the longest telegram of the manuals has 20.
-MAX_WORDS = 32
+#: Telegram words of one channel; the longest telegram of the manuals has 34.
+MAX_WORDS = 64
 #: Provider status octets that a consumer looks at.
 MAX_IOPS = 4
 
 #: Why a cyclic frame was dropped, by index of ``CPM.discarded``.
-DISCARDS = ("wrong-length", "wrong-source", "old-counter", "data-invalid", "impaired")
+DISCARDS = ("wrong-length", "wrong-source", "old-counter", "data-invalid", "impaired", "transfer-status")
 DISCARD_LENGTH = 0
 DISCARD_SOURCE = 1
 DISCARD_COUNTER = 2
 DISCARD_INVALID = 3
 DISCARD_IMPAIRED = 4
+DISCARD_TRANSFER = 5
 
 #: Upper bounds of the interval histogram, nanoseconds; a last bucket takes the rest.
 INTERVAL_EDGES_NS = (

@@ -36,5 +36,7 @@ IMAGE = Layout(
             (SLOTS,),
         ),
         Field("good", "u1", "", "station", "1 = own IOPS is GOOD"),
+        Field("port", "u4", "", "station", "the station's port, as frames that come in name it; 0 = none"),
+        Field("strays", "i8", "frames", "receive", "cyclic frames at this port that belong to no channel"),
     ],
 )

@@ -36,7 +36,7 @@ def test_a_drive_without_its_address_gets_it_from_the_controller_for_this_power_
     line = VirtualLine()
     station = line.farm.stations[0]
     station.dcp.address = None
-    station.addressing.set_address(None, None)
+    station.addressing.set_address(None, None, line.world.now)
     line.connect()
     assert str(station.ip.address) == "10.77.0.11/23"
     assert line.memory.load("axis-01")["ip"] == ""
@@ -173,7 +173,10 @@ def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
     first, second = line.farm.stations
     wanted = first.config.ip
     second.dcp.address = wanted
-    second.addressing.set_address(wanted, None)
+    second.addressing.own_ip = wanted.ip.packed
+    for station in (first, second):
+        # neither asks whether another has it
+        station.ip.set_address(wanted)
     plc = line.plc
     learn = plc.ip.learn
     plc.ip.learn = lambda ip, mac, now: learn(ip, second.port.mac if ip == wanted.ip else mac, now)

@@ -6,7 +6,9 @@ from bench_axis import MS
 from virtual_pair import Pair
 
 from pnfarm.engine.schedule import ChannelTable, ProviderPlan
+from pnfarm.engine.tick import receive
 from pnfarm.errors import InternalError
+from pnfarm.table.channel import MAX_WORDS
 from pnfarm.table.columns import allocate, lookup_find, lookup_rebuild
 from pnfarm.table.impairment import DATA_INVALID, IOPS_BAD, LOSS, PROVIDER_STOP
 from pnfarm.table.program import FAULTED, RUNNING
@@ -189,12 +191,35 @@ def test_a_frame_that_is_not_as_agreed_is_counted_and_dropped(change, reason):
     assert pair.farm.cpm[0].discarded[reason] == 10
 
 
-def test_frames_of_nobody_are_counted_as_unknown():
+def test_frames_of_nobody_are_counted_as_unknown_and_for_the_station_at_whose_port_they_came():
     pair = Pair()
+    pair.farm.image[0].port = pair.farm.cpm[0].port
     pair.run(0.1)
     pair.controller.frames[0][18] = 0xC1
     pair.run(0.01)
     assert pair.farm.engine[0].unknown == 10
+    assert pair.farm.image[0].strays == 10
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [({}, None), ({63: 0x01}, "transfer-status"), ({0: 0xFF}, "stray"), ({0: 0x01}, "stray")],
+)
+def test_a_frame_with_a_transfer_status_or_for_a_group_is_not_taken(change, reason):
+    pair = Pair(hold=64)
+    pair.farm.image[0].port = pair.farm.cpm[0].port
+    pair.run(0.1)
+    farm = pair.farm
+    farm.rx_frames[0][:64] = pair.controller.frames[0][:64]
+    farm.rx_frames[0][61] += 32
+    for place, octet in change.items():
+        farm.rx_frames[0][place] = octet
+    farm.rx_length[0], farm.rx_port[0], farm.rx_ns[0] = 64, farm.cpm[0].port, pair.now
+    before = int(farm.cpm[0].received)
+    receive(farm, 1)
+    assert int(farm.cpm[0].received) == before + (reason is None)
+    assert int(farm.cpm[0].discarded[5]) == (reason == "transfer-status")
+    assert int(farm.image[0].strays) == (reason == "stray")
 
 
 def test_a_repeated_cycle_counter_is_an_old_frame():
@@ -231,7 +256,8 @@ def test_a_full_table_says_so():
 
 
 @pytest.mark.parametrize(
-    ("words", "iops"), [([(0, 39)], [4]), ([(0, -1)], [4]), ([(0, 0)], [40]), ([(0, 0)] * 33, [4]), ([(0, 0)], [1] * 5)]
+    ("words", "iops"),
+    [([(0, 39)], [4]), ([(0, -1)], [4]), ([(0, 0)], [40]), ([(0, 0)] * (MAX_WORDS + 1), [4]), ([(0, 0)], [1] * 5)],
 )
 def test_offsets_outside_of_the_data_are_refused_before_compiled_code_sees_them(words, iops):
     channels = ChannelTable(allocate(stations=1, channels=1))

@@ -435,6 +435,7 @@ def test_an_address_that_another_drive_has_is_not_used_until_that_drive_is_gone(
 def test_an_address_in_use_is_kept_and_the_conflict_shown_until_it_is_over():
     line = VirtualLine()
     line.connect()
+    line.run(1.0)
     tool = Tool(line)
     station = line.farm.stations[0]
     tool.use("10.77.0.11/23")
@@ -448,8 +449,20 @@ def test_an_address_in_use_is_kept_and_the_conflict_shown_until_it_is_over():
     assert [e for e in events if "conflict" in e] == ["address conflict", "address conflict over"]
 
 
+def test_an_address_of_the_farm_file_that_another_station_has_is_not_used():
+    line = Farm()
+    tool = Tool(line)
+    tool.ip.set_address(IPv4Interface("10.77.0.11/23"))
+    line.run(0.1)
+    (said,) = tool.identify().values()
+    assert said.ip_info == 0x80
+    assert "address not used" in line.events()
+    assert shown(line)["ip_conflict"] == tool.mac.hex(":")
+
+
 def test_a_conflict_that_lasts_is_told_once():
     line = Farm()
+    line.run(1.1)
     tool = Tool(line)
     for _ in range(4):
         tool.use("10.77.0.11/23")

@@ -121,7 +121,7 @@ def test_a_sign_of_life_that_runs_is_not_worth_a_line(tmp_path):
 def test_a_start_up_in_words(farm_capture):
     in_order(
         [line for line in texts(farm_capture) if "axis-01" in line],
-        "axis-01 -> everybody ARP announces 10.77.0.11",
+        "axis-01 -> everybody ARP probes 10.77.0.11",
         "plc -> all DCP Identify.req name axis-01",
         "axis-01 -> plc DCP Identify.res name axis-01, IP 10.77.0.11 mask 255.255.255.0",
         "plc -> axis-01 Connect.req AR ",

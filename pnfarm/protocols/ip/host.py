@@ -186,6 +186,10 @@ class IpHost:
         # the two states that these signs lead to wait for nothing
         self._follow(ClaimSign.GIVE_UP if address is None else ClaimSign.CONFIGURE, 0)
 
+    def own_address(self, address: IPv4Interface | None, gateway: IPv4Address | None = None) -> None:
+        """Take an address without a word, before the interface is up; :meth:`claim_address` speaks of it then."""
+        self._take(address, gateway)
+
     def claim_address(self, address: IPv4Interface, gateway: IPv4Address | None, now: int) -> None:
         """Take an address that somebody gave, and ask whether another station has it: that one keeps it then."""
         self._take(address, gateway)

@@ -14,7 +14,10 @@ that come while data flow are :mod:`.cmdev_plug`'s; alarms go through :mod:`.cmd
   :class:`SubmodulesChanged` when a submodule comes or goes.
 * The application says when it is ready (:meth:`CmDevice.application_ready`) after :class:`PrmEndReceived`; that it
   may never do so, or late, is its own affair.
-* The activity timeout of the controller (CMSM) runs from Connect to DATA and starts anew with each record call.
+* The activity timeout of the controller (CMSM) runs from Connect to DATA, and for device access as long as the AR
+  stands; it starts anew with each record call.
+* All data are BAD until :class:`SubmodulesChanged` says that the application is ready for the first time, as in a
+  captured device's frames.
 
 A Connect with the UUID of a standing AR is refused and ends that AR (state conflict; the controller's next try
 succeeds).  A Connect of the same controller with a new UUID replaces its old AR.
@@ -152,6 +155,10 @@ class CmDevice:
         """ApplicationReady, to be carried to controllers."""
         return self._ready.to_send()
 
+    def awaits(self, token: int) -> bool:
+        """Whether the answer to a call still matters: its AR stands."""
+        return self._ready.under_way(token)
+
     def rta_to_send(self) -> list[AlarmFrame]:
         """Alarm frames: destination MAC, VLAN priority, octets behind EtherType 0x8892."""
         return self.alarms.to_send()
@@ -255,6 +262,7 @@ class CmDevice:
         if ar.state is not CmdevState.W_ARDY:
             return False
         self._call_ready(ar)
+        self._events.append(SubmodulesChanged(ar.key, self._modules.unusable(ar), starting=True))
         self._step(ar, CmdevEvent.APPLICATION_READY_REQ, now)
         return True
 
@@ -377,6 +385,7 @@ class CmDevice:
         )
         if ar.device_access:
             self._step(ar, CmdevEvent.CONNECT_RSP_DEVICE_ACCESS, now)
+            self._touch(ar, now)
         else:
             self._step(ar, CmdevEvent.CONNECT_RSP, now)
             self._step(ar, CmdevEvent.STARTUP_CNF, now)
@@ -532,8 +541,14 @@ class CmDevice:
             self._let_alarms_go(ar, now)
 
     def _touch(self, ar: Ar | None, now: int) -> None:
-        """The controller was active: its timeout starts anew, while the AR is not in DATA yet."""
-        if ar is not None and ar.key in self._ars and ar.state is not CmdevState.DATA:
+        """The initiator was active: its timeout starts anew.
+
+        In DATA the cyclic data are watched instead, which device access has not: who only reads and writes is lost
+        when nothing comes for so long.
+        """
+        if ar is None or ar.key not in self._ars:
+            return
+        if ar.state is not CmdevState.DATA or ar.device_access:
             self._deadlines[ar.key] = now + ar.activity_timeout_ns
 
     def _abort(self, ar: Ar, status: PnioStatus, now: int, words: str = "", *, by_peer: bool = False) -> None:

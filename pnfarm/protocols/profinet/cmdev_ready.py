@@ -75,6 +75,10 @@ class ReadyCalls:
         drained, self._waiting = self._waiting, []
         return drained
 
+    def under_way(self, token: int) -> bool:
+        """Whether the call waits for its answer."""
+        return token in self._under_way
+
     def ended(self, token: int) -> OutgoingCall | None:
         """The call that was answered or given up; None when its AR is gone."""
         return self._under_way.pop(token, None)

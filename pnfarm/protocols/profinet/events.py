@@ -33,8 +33,9 @@ __all__ = [
 class ArConnected:
     """Connect was answered positively: the cyclic channels start now, in both start-up modes.
 
-    ``unusable`` are the expected submodules that the device does not have so (:data:`ExpectedKey`): their IOPS
-    and IOCS stay BAD.  ``iocrs`` is empty for an acyclic AR (``device_access``).
+    ``unusable`` are the expected submodules that the device does not have so (:data:`ExpectedKey`).  All IOPS and IOCS
+    are BAD until the first :class:`SubmodulesChanged`; those of ``unusable`` stay so.  ``iocrs`` is empty for an
+    acyclic AR (``device_access``).
     """
 
     ar_key: int
@@ -78,10 +79,14 @@ class ApplicationReadyConfirmed:
 
 @dataclass(frozen=True, slots=True)
 class SubmodulesChanged:
-    """A submodule came or went while the AR stands; ``unusable`` as in :class:`ArConnected`, as it is now."""
+    """A submodule came or went while the AR stands; ``unusable`` as in :class:`ArConnected`, as it is now.
+
+    ``starting``: the application is ready for the first time, and the data of all others become good.
+    """
 
     ar_key: int
     unusable: frozenset[ExpectedKey]
+    starting: bool = False
 
 
 @dataclass(frozen=True, slots=True)

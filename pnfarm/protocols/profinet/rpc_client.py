@@ -158,6 +158,12 @@ class RpcClient:
         if call is not None:
             self._fire(call, _Event.CANCELLED, None, now)
 
+    def forget(self, call_id: int, now: int) -> None:
+        """Give a call up without an event and without a word: what it was about is gone at the other end, too."""
+        call = self._calls.get(call_id)
+        if call is not None:
+            self._fire(call, _Event.FAILED, None, now)
+
     def receive(self, peer: Peer, local_port: int, data: bytes, now: int) -> None:
         """Take one UDP payload; what belongs to no open call is counted in ``dropped``."""
         try:

@@ -37,6 +37,7 @@ from pnfarm.protocols.profinet.events import (
     ArReleased,
     ConnectRefused,
     PrmEndReceived,
+    SubmodulesChanged,
 )
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.wire.blocks import BlockType
@@ -44,7 +45,8 @@ from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_connect import ArRpcBlockReq, ArServerBlock
 from pnfarm.protocols.profinet.wire.blocks_control import ControlCommand, control_response, emit_control_block
 from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+from pnfarm.protocols.profinet.wire.iod import IodReadReqHeader, emit_read_request
+from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
 from pnfarm.protocols.profinet.wire.rta import RtaErrorPdu, emit_rta_error, parse_rta_error, rta_error
 
 P = Plan()
@@ -86,7 +88,7 @@ def test_a_whole_start_up_in_both_modes(startup):
     assert bench.cm.ar(key).state is CmdevState.W_ARDYCNF
 
     bench.confirm(call)
-    assert bench.events() == [ApplicationReadyConfirmed(key)]
+    assert bench.events() == [SubmodulesChanged(key, frozenset(), starting=True), ApplicationReadyConfirmed(key)]
     assert bench.cm.ar(key).state is CmdevState.WDATA
     bench.cm.data_received(key, 0)
     assert bench.events() == [ArEstablished(key)]
@@ -434,6 +436,24 @@ def test_an_acyclic_ar_stands_beside_the_controllers():
     assert bench.cm.ar(key) is None
     bench.cm.abort(tool.key, RtaError.ABORT_REQUEST, 0)
     assert bench.cm.rta_to_send()[-1].destination == CONTROLLER_MAC
+
+
+def test_an_acyclic_ar_whose_tool_fell_silent_ends_with_its_activity_timeout():
+    bench = Bench()
+    bench.call(0, emit_blocks((DEVICE_ACCESS,)))
+    (tool,) = bench.cm.ars
+    silent = tool.activity_timeout_ns
+    assert bench.cm.next_deadline() == silent
+    # each call of its own begins the time anew
+    bench.now = silent - 1
+    bench.call(Opnum.READ, emit_read_request(IodReadReqHeader(1, tool.uuid, 0, 0, 1, 0xAFF0, 4096)))
+    bench.cm.handle_timeout(silent)
+    assert bench.cm.ars == (tool,)
+    bench.events()
+    bench.cm.handle_timeout(2 * silent - 1)
+    (ended,) = bench.events()
+    assert (ended.ar_key, ended.code2) == (tool.key, RtaError.CMI_TIMEOUT)
+    assert bench.cm.ars == ()
 
 
 def test_connect_is_refused_on_purpose_with_any_status():
