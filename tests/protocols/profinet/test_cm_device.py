@@ -452,7 +452,7 @@ def test_an_acyclic_ar_whose_tool_fell_silent_ends_with_its_activity_timeout():
     bench.events()
     bench.cm.handle_timeout(2 * silent - 1)
     (ended,) = bench.events()
-    assert (ended.ar_key, ended.code2) == (tool.key, RtaError.CMI_TIMEOUT)
+    assert (ended.ar_key, ended.error_code2) == (tool.key, RtaError.CMI_TIMEOUT)
     assert bench.cm.ars == ()
 
 
