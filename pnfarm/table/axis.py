@@ -17,6 +17,8 @@ FAULT_SLOTS = 8
 FAULT_SITUATIONS = 8
 #: Fault numbers whose word in the signal FAULT_CODE is the manual's own: 0 to 127.
 FAULT_WORDS = 128
+#: Pieces of the jerk time.
+JERK_TAPS = 16
 #: Entries of the command ring from the event loop to the firmware.
 COMMANDS = 16
 
@@ -44,6 +46,11 @@ VELOCITY_REF_SPEED = 2
 RAMP_GENERATED = 0
 RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
 RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
+
+# What the profile generator of positioning is about (``profile``).
+PROFILE_STOP = 0  # come to rest and stay
+PROFILE_TARGET = 1  # be at rest in ``target``
+PROFILE_VELOCITY = 2  # run at ``task_velocity``, which may be negative
 
 # Whether too many signs of life failed since cyclic data began (``life_failed``).
 LIFE_GOOD = 0
@@ -165,5 +172,19 @@ AXIS = Layout(
         Field("following_error", "f8", "rev", "firmware", "commanded minus actual position (PL.ERR)"),
         Field("commanded_position", "f8", "rev", "firmware", "integral of the velocity command while enabled (PL.CMD)"),
         Field("motion_status", "u4", "", "firmware", "DRV.MOTIONSTAT"),
+        # the profile of positioning
+        Field("profile", "u1", "", "firmware", "what the profile generator is about: PROFILE_* above"),
+        Field("target", "f8", "rev", "firmware", "where PROFILE_TARGET leads to"),
+        Field("task_velocity", "f8", "rpm", "firmware", "of the task at hand, override taken into account"),
+        Field("task_acceleration", "f8", "rpm/s", "firmware", "of the task at hand"),
+        Field("task_deceleration", "f8", "rpm/s", "firmware", "of the task at hand"),
+        Field("profile_velocity", "f8", "rpm", "firmware", "of commanded_position while a profile moves it"),
+        Field("raw_position", "f8", "rev", "firmware", "the trapezoid, before the jerk time"),
+        Field("raw_velocity", "f8", "rev/s", "firmware", "the trapezoid's velocity"),
+        Field("jerk_time", "f8", "s", "parameter", "how long the trapezoid is averaged, 0 = not at all"),
+        Field("jerk_ring", "f8", "rev/s", "firmware", "its last mean velocities, tap by tap", (JERK_TAPS,)),
+        Field("jerk_next", "u1", "", "firmware", "the oldest of these"),
+        Field("jerk_end", "f8", "rev/s", "firmware", "their mean: the velocity at the end of the tap at hand"),
+        Field("jerk_left", "f8", "s", "firmware", "what is left of that tap"),
     ],
 )
