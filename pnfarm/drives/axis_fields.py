@@ -20,6 +20,8 @@ POSITION_SCALING = 3014
 UNIT_ROTARY = 2393
 UNIT_IN = 2390
 UNIT_OUT = 2392
+#: Fields that are places on the shaft; parameters count from the machine's zero.
+PLACES = frozenset({"position", "commanded_position"})
 #: A ramp whose time is zero, rpm/s.
 AT_ONCE = 1e12
 #: Fields of the axis that are zero in models that do not speak of them.
@@ -116,7 +118,10 @@ class AxisFields:
     def shown(self, parameter: Parameter) -> int:
         """A field as the raw number of the parameter that shows it."""
         field = getattr(self._handle.axis, parameter.argument)
-        return self.scaled(parameter, float(field[parameter.index] if parameter.index >= 0 else field))
+        physical = float(field[parameter.index] if parameter.index >= 0 else field)
+        if parameter.argument in PLACES:
+            physical -= float(self._handle.axis.origin)
+        return self.scaled(parameter, physical)
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
         """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""

@@ -26,19 +26,33 @@ from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.table.axis import (
     HOME_AT_ONCE,
-    JOG_MINUS,
     JOG_NONE,
     JOG_PLUS,
     JOG_REAL_TIME,
     PROFILE_STOP,
     PROFILE_TARGET,
     PROFILE_VELOCITY,
-    TASK_ASKED,
-    TASK_NONE,
 )
 from pnfarm.table.compiled import compiled
 
-__all__ = ["BRAKING", "HOMING", "INTERMEDIATE_STOP", "JOG", "OUT", "STANDBY", "TASK", "TRANSITIONS", "positioning_command"]
+__all__ = [
+    "BRAKING",
+    "HOMING",
+    "INTERMEDIATE_STOP",
+    "JOG",
+    "OUT",
+    "PRIORITY",
+    "STANDBY",
+    "TASK",
+    "TRANSITIONS",
+    "first_position_word",
+    "motion_status",
+    "position_bits",
+    "positioning_command",
+    "second_position_word",
+    "standing",
+    "take_motion",
+]
 
 # States (``motion``).
 OUT = 0  # operation is not enabled, or another mode is
@@ -62,7 +76,8 @@ HOME_OFF = 7  # STW1.11 = 0
 JOG_ON = 8
 JOG_OFF = 9
 OVER = 10  # the profile stands where it was to end
-EVENTS = 11
+BLOCKED = 11  # it runs into a limit switch
+EVENTS = 12
 
 TRANSITIONS: dict[tuple[int, int], int] = {
     (OUT, ENTER): STANDBY,
@@ -73,6 +88,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     # a running task
     (TASK, LEAVE): OUT,
     (TASK, REJECT): BRAKING,
+    (TASK, BLOCKED): BRAKING,
     (TASK, PAUSE): INTERMEDIATE_STOP,
     (TASK, START): TASK,
     (TASK, OVER): STANDBY,
@@ -86,6 +102,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     # homing
     (HOMING, LEAVE): OUT,
     (HOMING, HOME_OFF): BRAKING,
+    (HOMING, BLOCKED): BRAKING,
     (HOMING, OVER): STANDBY,
     # jogging
     (JOG, LEAVE): OUT,
@@ -93,16 +110,15 @@ TRANSITIONS: dict[tuple[int, int], int] = {
 }
 
 #: Which event wins when several hold.
-PRIORITY = (LEAVE, REJECT, HOME_OFF, JOG_OFF, PAUSE, RESUME, START, HOME, JOG_ON, OVER, ENTER)
+PRIORITY = (LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, PAUSE, RESUME, START, HOME, JOG_ON, OVER, ENTER)
 
 REJECT_BIT = 0x0010  # STW1.4, 0 = reject
 PAUSE_BIT = 0x0020  # STW1.5, 0 = intermediate stop
+START_BIT = 0x0040  # STW1.6
 HOME_BIT = 0x0800  # STW1.11
 
 #: rpm of one rev/s.
 RPM = 60.0
-#: Increments of an override of 100 %.
-WHOLE_OVERRIDE = 0x4000
 #: Nearer to a reference mark than this, rev, the axis stands on it, and looks for the next one.
 ON_THE_MARK = 1e-6
 
@@ -211,7 +227,7 @@ def _jog(axis: Any) -> None:
         up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
         down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
     axis.target_reached = 0
-    if up <= 0.0 or down <= 0.0:
+    if up <= 0.0 or down <= 0.0 or _limited(axis, velocity):
         axis.profile = PROFILE_STOP
         return
     _take_ramps(axis, velocity, up, down)
@@ -231,7 +247,7 @@ def _held(axis: Any, enabled: bool) -> int:
     if not stw1 & REJECT_BIT:
         held |= 1 << REJECT
     held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
-    if axis.asked == TASK_ASKED and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT) and _can_start(axis):
+    if axis.asked and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT) and _can_start(axis):
         held |= 1 << START
     if not stw1 & HOME_BIT:
         held |= 1 << HOME_OFF
@@ -240,6 +256,8 @@ def _held(axis: Any, enabled: bool) -> int:
     held |= 1 << (JOG_OFF if axis.jog == JOG_NONE else JOG_ON)
     if profile_over(axis):
         held |= 1 << OVER
+    if axis.profile_velocity != 0.0 and _limited(axis, axis.profile_velocity):
+        held |= 1 << BLOCKED
     return held
 
 
@@ -273,17 +291,6 @@ def _advance(axis: Any, held: int) -> None:
 
 
 @compiled
-def _watch(axis: Any, now: int) -> None:
-    """Limit switches stop what runs into them; a following error beyond its limit is a fault."""
-    if axis.profile_velocity != 0.0 and _limited(axis, axis.profile_velocity):
-        axis.profile = PROFILE_STOP
-        if axis.motion in (TASK, HOMING):  # noqa: PLR6201 - a set in compiled code would allocate
-            axis.motion = BRAKING
-    if axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
-        raise_fault(axis, axis.following_fault, now)
-
-
-@compiled
 def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: what the controller asks for, and what becomes of it."""
     enabled = axis.state == 4 and axis.opmode == 2
@@ -292,16 +299,79 @@ def take_motion(axis: Any, now: int) -> None:
         _jog(axis)
     elif axis.motion == TASK:
         axis.task_velocity = axis.task_top * axis.override
-    if enabled:
-        _watch(axis, now)
-    if not axis.motion_toggles and axis.asked == TASK_NONE:
+    if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
+        raise_fault(axis, axis.following_fault, now)
+    if not axis.motion_toggles and not axis.stw1 & START_BIT:
         axis.acknowledged = 0
     axis.motion_seen = axis.stw1
 
 
 @compiled
 def positioning_command(axis: Any, seconds: float) -> float:
-    """The velocity command, rpm: that of the profile and what the position controller adds."""
+    """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
+    # both places of the same moment, the beginning of the step
+    error = axis.commanded_position - axis.position
     step_profile(axis, seconds)
-    axis.following_error = axis.commanded_position - axis.position
-    return axis.profile_velocity + axis.position_gain * axis.following_error * RPM
+    return axis.profile_velocity + axis.position_gain * error * RPM
+
+
+@compiled
+def standing(axis: Any) -> bool:
+    """Whether the axis is at rest: no profile moves it, and the shaft does not turn."""
+    return axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
+
+
+@compiled
+def position_bits(axis: Any) -> int:
+    """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
+    word = 0
+    if abs(axis.following_error) <= axis.following_window:
+        word |= 0x0100
+    if axis.target_reached and abs(axis.following_error) <= axis.target_window:
+        word |= 0x0400
+    if axis.homed:
+        word |= 0x0800
+    if axis.acknowledged:
+        word |= 0x1000
+    if standing(axis):
+        word |= 0x2000
+    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - a tuple would allocate
+        word |= axis.task_active
+    return word
+
+
+@compiled
+def motion_status(axis: Any) -> int:
+    """DRV.MOTIONSTAT, as far as ZSW1 shows it (AKD PROFINET manual 5.5): bits 0, 1, 2 and 11."""
+    word = 0
+    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - as above
+        word |= 0x0001
+    if axis.homed:
+        word |= 0x0006
+    if axis.target_reached:
+        word |= 0x0800
+    return word
+
+
+@compiled
+def first_position_word(axis: Any) -> int:
+    """POS_ZSW1 (HIWIN E1 manual 3.14)."""
+    word = (axis.limit_switch & 0x3) << 8
+    if axis.motion == JOG:
+        word |= 0x0400
+    if axis.motion == HOMING:
+        word |= 0x0800
+    if axis.mdi:
+        word |= 0x8000
+    return word
+
+
+@compiled
+def second_position_word(axis: Any) -> int:
+    """POS_ZSW2 (HIWIN E1 manual 3.15)."""
+    word = 0
+    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - as above
+        word |= 0x8004
+    if not standing(axis):
+        word |= 0x0010 if axis.velocity > 0.0 else 0x0020
+    return word

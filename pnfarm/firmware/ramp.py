@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.table.axis import RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
@@ -66,6 +67,9 @@ def velocity_command(axis: Any, seconds: float) -> None:
     if axis.state != 4:
         # the axis coasts or stands: a later start takes up from the speed that it has
         axis.ramp = axis.velocity
+        return
+    if axis.motion != OUT:
+        axis.ramp = limited(axis, positioning_command(axis, seconds))
         return
     if axis.opmode != 1:
         axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.positioning import first_position_word, motion_status, second_position_word
 from pnfarm.firmware.sign_of_life import second_status_word
 from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_SPEED,
+    DRIVE_MOTION_STATUS,
     DRV_ACC,
     DRV_DEC,
     FAULT_CODE,
@@ -21,6 +23,8 @@ from pnfarm.table.signals import (
     NIST_B,
     NSOLL_A,
     NSOLL_B,
+    POS_ZSW1,
+    POS_ZSW2,
     REF_SPEED,
     WARN_CODE,
     XIST_A,
@@ -134,5 +138,9 @@ def to_actuals(axis: Any, image: Any) -> None:
     if axis.sensor_step_2 > 0.0:
         image.sent[G1_XIST2] = signed32(int(round(axis.position / axis.sensor_step_2)))  # noqa: RUF046 - as above
     image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
-    image.sent[XIST_A] = signed32(int(round(axis.position / axis.position_step)))  # noqa: RUF046 - as above
+    image.sent[XIST_A] = signed32(int(round((axis.position - axis.origin) / axis.position_step)))  # noqa: RUF046 - as above
+    axis.motion_status = motion_status(axis)
+    image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
+    image.sent[POS_ZSW1] = first_position_word(axis)
+    image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above
