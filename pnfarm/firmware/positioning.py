@@ -1,7 +1,7 @@
 """Positioning: traversing tasks, intermediate stop, homing and jogging inside S4 (PROFIdrive application class 3).
 
-What an axis in position mode does while operation is enabled, as a table of its own (AKD PROFINET manual 5.10, HIWIN E1 manual
-3.3.2 and 6.6 to 6.8, Moog MSD manual 10.5; their figures are missing, so the profile's extension of the state machine holds):
+What an axis in position mode does while operation is enabled, as a table of its own (AKD PROFINET manual 5.10, HIWIN E1
+manual 3.3.2 and 6.6 to 6.8, Moog MSD manual 10.5; their figures are missing: the profile's extension of S4 holds):
 
 ==================  ========================================================
 STANDBY             standing, or braked to a stop; a task may begin
@@ -26,8 +26,8 @@ from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.table.axis import (
     HOME_AT_ONCE,
+    JOG_MINUS,
     JOG_NONE,
-    JOG_PLUS,
     JOG_REAL_TIME,
     PROFILE_STOP,
     PROFILE_TARGET,
@@ -186,7 +186,7 @@ def _start_task(axis: Any) -> None:
 
 @compiled
 def _start_homing(axis: Any) -> None:
-    """To the next zero mark of the encoder in the direction of homing; what a machine's switches would be is not known."""
+    """To the next zero mark of the encoder in the direction of homing: there is no machine with a switch."""
     axis.homed = 0
     axis.target_reached = 0
     if axis.home_method == HOME_AT_ONCE:
@@ -203,7 +203,7 @@ def _start_homing(axis: Any) -> None:
 
 @compiled
 def _homing_over(axis: Any) -> bool:
-    """The mark is found: it is the home position, and the axis moves on by the homing distance; true once it is there."""
+    """The mark is found: it is the home position, and the axis moves on by the homing distance; true once it did."""
     if axis.home_leg == 0:
         axis.origin = axis.target - axis.home_position
         axis.home_leg = 1
@@ -223,7 +223,9 @@ def _jog(axis: Any) -> None:
         up = axis.asked_acceleration
         down = axis.asked_deceleration
     else:
-        velocity = axis.jog_velocity[0] if axis.jog == JOG_PLUS else axis.jog_velocity[1]
+        velocity = axis.jog_velocity[0]
+        if axis.jog == JOG_MINUS:
+            velocity = -velocity if axis.jog_mirrored else axis.jog_velocity[1]
         up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
         down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
     axis.target_reached = 0

@@ -1,9 +1,9 @@
 """The profile generator of positioning: from where the axis is to a target, in the least time that three limits allow.
 
-A trapezoid: up at the task's acceleration, along at its velocity, down at its deceleration, so that the target is met at
-rest.  Every step is solved in closed form and not integrated, so that the result does not depend on how long the steps are: the
-axis arrives exactly, at the time that the formulas of a trapezoid give.  Target and limits may change at any time ("change on
-the fly"); an axis that can no longer stop in front of its target stops behind it and comes back.
+A trapezoid: up at the task's acceleration, along at its velocity, down at its deceleration, so that the target is met
+at rest.  Every step is solved in closed form and not integrated, so that the result does not depend on how long the
+steps are: the axis arrives exactly, at the time that the formulas of a trapezoid give.  Target and limits may change at
+any time ("change on the fly"); an axis that can no longer stop in front of its target stops behind it and comes back.
 
 With a jerk time the trapezoid is averaged over that time: acceleration then changes by at most acceleration / time a
 second, the axis arrives that much later, and never beside the target.

@@ -61,7 +61,11 @@ def velocity_command(axis: Any, seconds: float) -> None:
     stw1 = axis.stw1
     if axis.state == 5:
         # a drive without a ramp generator has one ramp for every stop
-        down = axis.ramp_down if axis.stop == 1 and axis.ramp_generator != RAMP_ABSENT else axis.quick_stop_deceleration
+        down = axis.quick_stop_deceleration
+        if axis.stop == 1 and axis.ramp_generator != RAMP_ABSENT:
+            down = axis.ramp_down
+        elif axis.opmode == 2 and axis.position_stop_deceleration > 0.0:
+            down = axis.position_stop_deceleration
         axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
         return
     if axis.state != 4:

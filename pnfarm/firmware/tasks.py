@@ -14,6 +14,7 @@ from pnfarm.table.signals import (
     MDI_VELOCITY,
     OVERRIDE,
     POS_STW1,
+    POS_STW2,
     SATZANW,
     TARPOS_A,
     VELOCITY_A,
@@ -31,6 +32,7 @@ NO_HANDSHAKE = 0x2000  # STW1.13, Moog MSD manual 10.2.1
 MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15
 ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8
+HERE = 0x0002  # POS_STW2.1
 
 #: Override of 100 % (HIWIN E1 manual 6.6.1 has this figure for the other percentages).
 WHOLE = 16384.0
@@ -63,11 +65,14 @@ def take_task(axis: Any, image: Any) -> None:
     if changed and (stw1 & START_BIT or axis.motion_toggles):
         axis.asked = 1
     axis.override = 1.0
+    target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
     if axis.task_form == TASKS_MDI or axis.task_form == TASKS_POS_STW:  # noqa: PLR1714 - a tuple would allocate
-        axis.asked_position = image.received[MDI_TARPOS] * axis.target_step
+        axis.asked_position = image.received[MDI_TARPOS] * target_step
         axis.asked_velocity = (image.received[MDI_VELOCITY] & 0xFFFFFFFF) * axis.task_velocity_step
-        axis.asked_acceleration = (image.received[MDI_ACC] & 0xFFFF) * axis.task_acceleration_step
-        axis.asked_deceleration = (image.received[MDI_DEC] & 0xFFFF) * axis.task_deceleration_step
+        up = axis.task_acceleration_step if axis.task_acceleration_step > 0.0 else axis.jog_acceleration / WHOLE
+        down = axis.task_deceleration_step if axis.task_deceleration_step > 0.0 else axis.jog_deceleration / WHOLE
+        axis.asked_acceleration = (image.received[MDI_ACC] & 0xFFFF) * up
+        axis.asked_deceleration = (image.received[MDI_DEC] & 0xFFFF) * down
         axis.asked_backwards = 1 if stw1 & BACKWARDS else 0
         if axis.task_form == TASKS_MDI:
             axis.asked_relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
@@ -76,6 +81,11 @@ def take_task(axis: Any, image: Any) -> None:
             axis.asked_relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
             axis.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
             selected = image.received[POS_STW1] & MDI_SELECTED
+            word = image.received[POS_STW2] & 0xFFFF
+            if word & ~axis.pos_stw2 & HERE:
+                axis.origin = axis.position - axis.home_position
+                axis.homed = 1
+            axis.pos_stw2 = word
         axis.mdi = 1 if selected else 0
         if not selected:
             axis.asked = 0
@@ -84,7 +94,7 @@ def take_task(axis: Any, image: Any) -> None:
     axis.asked_velocity = abs(image.received[VELOCITY_A] * axis.task_velocity_step)
     axis.asked_acceleration = axis.ramp_up
     axis.asked_deceleration = axis.ramp_down
-    position = image.received[TARPOS_A] * axis.target_step
+    position = image.received[TARPOS_A] * target_step
     if stw1 & NO_HANDSHAKE and stw1 & START_BIT == axis.motion_seen & START_BIT:
         axis.asked = 1 if position != axis.asked_position else 0
     axis.asked_position = position

@@ -11,6 +11,7 @@ from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_SPEED,
+    AKTSATZ,
     DRIVE_MOTION_STATUS,
     DRV_ACC,
     DRV_DEC,
@@ -141,6 +142,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[XIST_A] = signed32(int(round((axis.position - axis.origin) / axis.position_step)))  # noqa: RUF046 - as above
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
+    image.sent[AKTSATZ] = 0x8000 if axis.mdi else 0
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

@@ -65,8 +65,8 @@ JOG_MINUS = 2  # at the second
 JOG_REAL_TIME = 3  # at the task's own velocity
 
 # How the axis finds its home (``home_method``).
-HOME_MARK = 0  # the next zero mark of the encoder
-HOME_AT_ONCE = 1  # where it stands
+HOME_AT_ONCE = 0  # where it stands
+HOME_MARK = 1  # the next zero mark of the encoder, and so for every number above
 
 # Whether too many signs of life failed since cyclic data began (``life_failed``).
 LIFE_GOOD = 0
@@ -189,11 +189,27 @@ AXIS = Layout(
         Field("commanded_position", "f8", "rev", "firmware", "integral of the velocity command while enabled (PL.CMD)"),
         Field("motion_status", "u4", "", "firmware", "DRV.MOTIONSTAT"),
         # positioning: set up
+        Field("jog_mirrored", "u1", "", "parameter", "1 = the second jogging velocity is the first one, backwards"),
+        Field(
+            "position_stop_deceleration",
+            "f8",
+            "rpm/s",
+            "parameter",
+            "quick stop ramp in position mode, 0 = as quick_stop_deceleration",
+        ),
         Field("task_form", "u1", "", "parameter", "which signals bring traversing tasks: TASKS_* above"),
-        Field("target_step", "f8", "rev", "parameter", "one increment of a target position"),
+        Field("target_step", "f8", "rev", "parameter", "one increment of a target position, 0 = position_step"),
         Field("task_velocity_step", "f8", "rpm", "parameter", "one increment of a task's velocity"),
-        Field("task_acceleration_step", "f8", "rpm/s", "parameter", "one increment of a task's acceleration"),
-        Field("task_deceleration_step", "f8", "rpm/s", "parameter", "one increment of a task's deceleration"),
+        Field(
+            "task_acceleration_step",
+            "f8",
+            "rpm/s",
+            "parameter",
+            "one increment of a task's acceleration, 0 = a 16384th of jog_acceleration",
+        ),
+        Field(
+            "task_deceleration_step", "f8", "rpm/s", "parameter", "one increment of a task's deceleration, 0 = alike"
+        ),
         Field("motion_toggles", "u1", "", "parameter", "1 = both edges of STW1.6 start, and ZSW1.12 changes with each"),
         Field("jog_bits", "u2", "", "parameter", "bits of STW1 that must be 0 for jogging in position mode"),
         Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
@@ -217,6 +233,7 @@ AXIS = Layout(
         Field("target_window", "f8", "rev", "parameter", "ZSW1.10 in position mode"),
         # positioning: what is asked for, and what becomes of it
         Field("asked", "u1", "", "firmware", "1 in the step that sees a task begin"),
+        Field("pos_stw2", "u2", "", "firmware", "POS_STW2 of the last step, for edges"),
         Field("mdi", "u1", "", "firmware", "1 = the controller brings the task's data itself"),
         Field("asked_position", "f8", "rev", "firmware", "target, or way"),
         Field("asked_relative", "u1", "", "firmware", "1 = a way"),

@@ -8,6 +8,7 @@ from bench_axis import BenchAxis
 from pnfarm.firmware import positioning
 from pnfarm.table.axis import (
     HOME_AT_ONCE,
+    HOME_MARK,
     REACTION_QUICK_STOP,
     TASKS_MDI,
     TASKS_POS_STW,
@@ -22,6 +23,7 @@ from pnfarm.table.signals import (
     MDI_VELOCITY,
     OVERRIDE,
     POS_STW1,
+    POS_STW2,
     POS_ZSW1,
     POS_ZSW2,
     SATZANW,
@@ -60,6 +62,7 @@ class Positioner(BenchAxis):
         axis.real_time_jog = 1
         axis.home_required = 1
         axis.home_velocity, axis.home_acceleration, axis.home_deceleration, axis.home_direction = 300.0, 3e4, 3e4, 1.0
+        axis.home_method = HOME_MARK
         axis.position_gain = 60.0
         axis.following_window = 0.5
         axis.target_window = 0.01
@@ -71,6 +74,7 @@ class Positioner(BenchAxis):
             axis.home_method = HOME_AT_ONCE
             self.stw(HOME, 5)
             self.stw(READY)
+            axis.home_method = HOME_MARK
             assert self.zsw1 & HOMED
 
     def stw(self, word, run=1):
@@ -257,7 +261,6 @@ def test_homing_backwards_moves_on_by_the_homing_distance():
 
 def test_homing_that_is_aborted_leaves_the_home_position_unknown():
     drive = Positioner()
-    drive.axis.home_method = 0
     drive.stw(HOME, 30)
     drive.stw(READY, 300)
     assert drive.zsw1 & (HOMED | STOPPED) == STOPPED
@@ -371,6 +374,19 @@ def test_111_pos_stw1_selects_and_pos_zsw_tells():
     drive.stw(START)
     drive.settle()
     assert drive.place == pytest.approx(3.0, abs=2e-3)
+
+
+def test_hiwin_3_13_pos_stw2_bit_1_makes_the_place_the_reference_point():
+    drive = Positioner(homed=False)
+    drive.axis.task_form, drive.axis.home_position = TASKS_POS_STW, 0.5
+    drive.stand_at(2.25)
+    assert not drive.zsw1 & HOMED
+    drive.image.received[POS_STW2] = 2
+    drive.run(2)
+    assert drive.zsw1 & HOMED
+    assert drive.place == 0.5
+    drive.stand_at(3.25)
+    assert drive.place == 1.5, "the bit still stands: no edge"
 
 
 def test_moog_10_5_both_edges_of_bit_6_start_and_bit_12_changes_with_each():

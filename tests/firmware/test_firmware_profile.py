@@ -1,6 +1,7 @@
 """The profile generator, against the formulas of a trapezoid."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -79,7 +80,7 @@ def test_a_move_from_any_velocity_ends_in_its_target_within_its_limits(distance,
     if len(path) == 1:
         return
     assert path[-1][0] == distance
-    for (_, before), (_, after) in zip(path, path[1:], strict=False):
+    for (_, before), (_, after) in pairwise(path):
         assert abs(after) <= max(velocity, abs(start)) + 1e-6
         assert abs(after - before) <= max(up, down) * 0.004 + 1e-6
 
@@ -131,8 +132,10 @@ def test_a_stop_takes_v_over_a_and_v_squared_over_two_a():
 
 @given(start=st.floats(-20, 20), wanted=st.floats(-20, 20), up=limits, down=limits)
 def test_a_velocity_is_reached_over_a_rest_when_it_has_the_other_sign(start, wanted, up, down):
-    time = abs(start) / down + abs(wanted) / up if start * wanted < 0 else abs(wanted - start) / (
-        up if abs(wanted) > abs(start) else down
+    time = (
+        abs(start) / down + abs(wanted) / up
+        if start * wanted < 0
+        else abs(wanted - start) / (up if abs(wanted) > abs(start) else down)
     )
     assume(time < 5.0)
     profile = Profile(0.0, start).task(velocity=wanted, up=up, down=down, profile=PROFILE_VELOCITY)
@@ -168,5 +171,5 @@ def test_with_a_jerk_time_the_path_has_no_step_whatever_is_asked(tasks):
         path += profile.run(seconds)
     path += profile.until_over()
     assert path[-1][0] == tasks[-1][0]
-    for (before, _), (after, _) in zip(path, path[1:], strict=False):
+    for (before, _), (after, _) in pairwise(path):
         assert abs(after - before) <= 20.0 * 0.001 * 1.01
