@@ -20,6 +20,7 @@ POSITION_SCALING = 3014
 UNIT_ROTARY = 2393
 UNIT_IN = 2390
 UNIT_OUT = 2392
+_POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
 #: Fields that other parameters' scales follow.
 _SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n"}
 #: What a model does not speak of is zero.
@@ -64,12 +65,16 @@ class AxisFields:
         model = self._values.model
         if parameter.behaviour is Behaviour.FIELD:
             self._apply(parameter)
-            scale = _SCALED_BY.get(parameter.argument)
-            for other in model.axis_parameters if scale is not None else ():
-                if other.scale == scale:
-                    self._apply(other)
+            self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
+        if parameter.pnu in _POSITION_UNITS:
+            self._apply_scaled("position")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
+
+    def _apply_scaled(self, scale: str) -> None:
+        for parameter in self._values.model.axis_parameters if scale else ():
+            if parameter.scale == scale:
+                self._apply(parameter)
 
     def apply_telegram(self) -> None:
         """Write what comes with the telegram in force: operation mode, tasks, velocity set point, bit of ZSW2."""
@@ -89,6 +94,8 @@ class AxisFields:
             value = parameter.choices[raw]
         elif parameter.scale == "2^-n":
             value = 2.0**-raw
+        elif parameter.scale == "position":
+            value = raw / self.position_units()
         elif parameter.scale == "jog/n":
             value = 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else AT_ONCE
         elif parameter.scale.endswith("/n"):

@@ -25,6 +25,7 @@ import numpy as np
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.table.axis import (
+    CONFIG_RISING_EDGE,
     HOME_AT_ONCE,
     JOG_MINUS,
     JOG_NONE,
@@ -137,10 +138,12 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 @compiled
 def _within_limits(axis: Any, target: float) -> bool:
     """Software limits count once the machine's zero is known."""
-    if not axis.software_limits or not axis.homed:
+    if not axis.homed:
         return True
     place = target - axis.origin
-    return axis.limit_low <= place <= axis.limit_high
+    if axis.software_limits & 0x1 and place < axis.limit_low:
+        return False
+    return not (axis.software_limits & 0x2 and place > axis.limit_high)
 
 
 @compiled
@@ -233,12 +236,11 @@ def _jog(axis: Any) -> None:
         axis.profile = PROFILE_STOP
         return
     _take_ramps(axis, velocity, up, down)
-    if axis.software_limits and axis.homed and velocity != 0.0:
+    axis.profile = PROFILE_VELOCITY
+    if axis.homed and velocity != 0.0 and axis.software_limits & (0x2 if velocity > 0.0 else 0x1):
         axis.profile = PROFILE_TARGET
         axis.target = axis.origin + (axis.limit_high if velocity > 0.0 else axis.limit_low)
         axis.task_velocity = abs(velocity)
-    else:
-        axis.profile = PROFILE_VELOCITY
 
 
 @compiled
@@ -281,7 +283,7 @@ def _advance(axis: Any, held: int) -> None:
             axis.profile = PROFILE_STOP
         elif event == START:
             _start_task(axis)
-            axis.acknowledged = 1 if axis.motion_toggles == 0 else 1 - axis.acknowledged
+            axis.acknowledged = 1 if axis.control_config & CONFIG_RISING_EDGE else 1 - axis.acknowledged
         elif event == RESUME:
             axis.profile = PROFILE_TARGET
         elif event == HOME:
@@ -303,7 +305,7 @@ def take_motion(axis: Any, now: int) -> None:
         axis.task_velocity = axis.task_top * axis.override
     if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
         raise_fault(axis, axis.following_fault, now)
-    if not axis.motion_toggles and not axis.stw1 & START_BIT:
+    if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:
         axis.acknowledged = 0
     axis.motion_seen = axis.stw1
 

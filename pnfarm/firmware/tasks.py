@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis import JOG_MINUS, JOG_NONE, JOG_PLUS, JOG_REAL_TIME, TASKS_MDI, TASKS_NONE, TASKS_POS_STW
+from pnfarm.table.axis import (
+    CONFIG_PROFILE_JOG,
+    CONFIG_RISING_EDGE,
+    JOG_MINUS,
+    JOG_NONE,
+    JOG_PLUS,
+    JOG_REAL_TIME,
+    TASKS_MDI,
+    TASKS_NONE,
+    TASKS_POS_STW,
+)
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     MDI_ACC,
@@ -23,6 +33,7 @@ from pnfarm.table.signals import (
 __all__ = ["take_task"]
 
 START_BIT = 0x0040  # STW1.6
+JOG_EXCLUDES = 0x0070  # STW1.4 to 6
 JOG_1 = 0x0100  # STW1.8
 JOG_2 = 0x0200  # STW1.9
 RELATIVE = 0x1000  # STW1.12, Moog MSD manual 10.2.1
@@ -42,7 +53,7 @@ WHOLE = 16384.0
 def _jog_asked(axis: Any, stw1: int) -> int:
     if axis.real_time_jog and stw1 & REAL_TIME_JOG:
         return JOG_REAL_TIME
-    if stw1 & axis.jog_bits:
+    if axis.control_config & CONFIG_PROFILE_JOG and stw1 & JOG_EXCLUDES:
         return JOG_NONE
     if stw1 & (JOG_1 | JOG_2) == JOG_1:
         return JOG_PLUS
@@ -62,7 +73,7 @@ def take_task(axis: Any, image: Any) -> None:
         return
     axis.jog = _jog_asked(axis, stw1)
     changed = (stw1 ^ axis.motion_seen) & START_BIT
-    if changed and (stw1 & START_BIT or axis.motion_toggles):
+    if changed and (stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
         axis.asked = 1
     axis.override = 1.0
     target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step

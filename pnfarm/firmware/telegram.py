@@ -34,7 +34,17 @@ from pnfarm.table.signals import (
     ZSW2,
 )
 
-__all__ = ["clamp16", "clamp32", "from_setpoints", "long_step", "message_word", "signed16", "signed32", "to_actuals"]
+__all__ = [
+    "clamp16",
+    "clamp32",
+    "clamp_unsigned",
+    "from_setpoints",
+    "long_step",
+    "message_word",
+    "signed16",
+    "signed32",
+    "to_actuals",
+]
 
 #: 100 % of a signal in N2 normalisation (AKD PROFINET manual 5.12.4).
 N2_FULL = 16384.0
@@ -74,6 +84,12 @@ def clamp32(value: float) -> int:
     if value <= -2147483648.0:
         return -0x80000000
     return int(round(value))  # noqa: RUF046 - as above
+
+
+@compiled
+def clamp_unsigned(value: float) -> int:
+    """The nearest 16-bit number without a sign."""
+    return min(0xFFFF, max(0, int(round(value))))  # noqa: RUF046 - as above
 
 
 @compiled

@@ -58,6 +58,10 @@ TASKS_MDI = 1  # SATZANW.15 and MDI_*: telegram 9 of the profile
 TASKS_POS_STW = 2  # POS_STW1.15, POS_STW1.8 and MDI_*: telegram 111
 TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for no handshake
 
+# How STW1 is read in position mode (``control_config``; bits of P-1267, Moog MSD manual 10.2.2).
+CONFIG_RISING_EDGE = 0x0040  # STW1.6 starts with its rising edge only; else with both, and ZSW1.12 changes with each
+CONFIG_PROFILE_JOG = 0x0100  # jogging needs STW1.4 to 6 = 0
+
 # What jogging is asked for (``jog``).
 JOG_NONE = 0
 JOG_PLUS = 1  # at the first jogging velocity
@@ -210,8 +214,7 @@ AXIS = Layout(
         Field(
             "task_deceleration_step", "f8", "rpm/s", "parameter", "one increment of a task's deceleration, 0 = alike"
         ),
-        Field("motion_toggles", "u1", "", "parameter", "1 = both edges of STW1.6 start, and ZSW1.12 changes with each"),
-        Field("jog_bits", "u2", "", "parameter", "bits of STW1 that must be 0 for jogging in position mode"),
+        Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_* above"),
         Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
         Field("real_time_jog", "u1", "", "parameter", "1 = STW1.12 jogs with the data of the task"),
         Field("home_required", "u1", "", "parameter", "1 = tasks need the home position"),
@@ -222,7 +225,9 @@ AXIS = Layout(
         Field("home_direction", "f8", "", "parameter", "of homing: above 0 forwards"),
         Field("home_position", "f8", "rev", "parameter", "position that the mark gets"),
         Field("home_distance", "f8", "rev", "parameter", "way from the mark to where homing ends"),
-        Field("software_limits", "u1", "", "parameter", "1 = the next two count, once the axis is homed"),
+        Field(
+            "software_limits", "u1", "", "parameter", "limits that count, once the axis is homed: bit 0 low, bit 1 high"
+        ),
         Field("limit_low", "f8", "rev", "parameter", "lowest position"),
         Field("limit_high", "f8", "rev", "parameter", "highest position"),
         Field("limit_switch", "u1", "", "fault", "limit switches that are reached: bit 0 low, bit 1 high"),

@@ -7,6 +7,8 @@ from bench_axis import BenchAxis
 
 from pnfarm.firmware import positioning
 from pnfarm.table.axis import (
+    CONFIG_PROFILE_JOG,
+    CONFIG_RISING_EDGE,
     HOME_AT_ONCE,
     HOME_MARK,
     REACTION_QUICK_STOP,
@@ -58,7 +60,7 @@ class Positioner(BenchAxis):
         axis.task_velocity_step = VELOCITY_UNIT
         axis.task_acceleration_step = axis.task_deceleration_step = ACCELERATION_UNIT
         axis.task_active = ACTIVE
-        axis.jog_bits = 0x0070
+        axis.control_config = CONFIG_RISING_EDGE | CONFIG_PROFILE_JOG
         axis.real_time_jog = 1
         axis.home_required = 1
         axis.home_velocity, axis.home_acceleration, axis.home_deceleration, axis.home_direction = 300.0, 3e4, 3e4, 1.0
@@ -301,7 +303,7 @@ def test_5_4_real_time_jogging_follows_the_data_of_the_task_and_the_direction_bi
 
 def test_a_target_beyond_the_software_limits_is_refused_and_jogging_ends_at_them():
     drive = Positioner()
-    drive.axis.software_limits, drive.axis.limit_low, drive.axis.limit_high = 1, -1.0, 2.0
+    drive.axis.software_limits, drive.axis.limit_low, drive.axis.limit_high = 3, -1.0, 2.0
     drive.data(2.1)
     assert not drive.stw(START, 20) & ACKNOWLEDGED
     drive.stw(READY)
@@ -392,7 +394,7 @@ def test_hiwin_3_13_pos_stw2_bit_1_makes_the_place_the_reference_point():
 def test_moog_10_5_both_edges_of_bit_6_start_and_bit_12_changes_with_each():
     drive = Positioner()
     axis = drive.axis
-    axis.task_form, axis.motion_toggles, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 1, 1.0, 0
+    axis.task_form, axis.control_config, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 0, 1.0, 0
     drive.image.received[VELOCITY_A] = 600
     seen = []
     for position, word in ((1.0, START), (2.0, READY), (3.0, START)):
@@ -406,7 +408,7 @@ def test_moog_10_5_both_edges_of_bit_6_start_and_bit_12_changes_with_each():
 def test_moog_10_2_1_bit_13_takes_new_targets_without_an_edge_and_bit_12_makes_them_relative():
     drive = Positioner()
     axis = drive.axis
-    axis.task_form, axis.motion_toggles, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 1, 1.0, 0
+    axis.task_form, axis.control_config, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 0, 1.0, 0
     drive.image.received[VELOCITY_A] = 600
     drive.image.received[TARPOS_A] = 2 * COUNTS
     drive.stw(READY | 0x2000, 10)
