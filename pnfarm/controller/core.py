@@ -6,6 +6,7 @@ One interface, one address, one RPC client and server serve all drives; each dri
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.controller.channels import SessionChannels
@@ -145,8 +146,13 @@ class ControllerCore:
         row.speed = wanted.speed_rpm
         row.period_ns = wanted.period_ns
         row.acknowledge_after_ns = wanted.acknowledge_after_ns
-        row.velocity_step = session.plan.velocity_step
-        row.velocity_step_b = session.plan.velocity_step_b
+        for index, target in enumerate(wanted.targets):
+            row.targets[index] = target
+        row.target_count = len(wanted.targets)
+        row.acceleration = wanted.acceleration
+        row.dwell_ns = wanted.dwell_ns
+        for step, value in asdict(session.plan.steps).items():
+            setattr(row, step, value)
         row.life = session.plan.life
         row.active = 1
 

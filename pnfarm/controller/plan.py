@@ -13,11 +13,12 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
+from pnfarm.firmware.tasks import WHOLE
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.table import program
-from pnfarm.table.axis import AXIS
+from pnfarm.table.axis import AXIS, TASKS_NONE
 from pnfarm.table.image import IMAGE
 
 if TYPE_CHECKING:
@@ -28,9 +29,15 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_model import ControllerSection, ForeignDevice
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
-__all__ = ["AxisProgram", "DevicePlan", "plan_devices", "velocity_steps"]
+__all__ = ["AxisProgram", "DevicePlan", "SignalSteps", "plan_devices", "signal_steps"]
 
-KINDS = {"idle": program.IDLE, "constant": program.CONSTANT, "ramp": program.RAMP, "sine": program.SINE}
+KINDS = {
+    "idle": program.IDLE,
+    "constant": program.CONSTANT,
+    "ramp": program.RAMP,
+    "sine": program.SINE,
+    "positions": program.POSITIONS,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +49,24 @@ class AxisProgram:
     speed_rpm: float
     period_ns: int
     acknowledge_after_ns: int
+    targets: tuple[float, ...] = ()
+    acceleration: float = 0.0
+    dwell_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SignalSteps:
+    """What one increment of each set point is to the drive, and how it reads STW1; names as in the axis record."""
+
+    velocity_step: float = 1.0
+    velocity_step_b: float = 0.0
+    task_form: int = TASKS_NONE
+    control_config: int = 0
+    target_step: float = 1.0
+    task_velocity_step: float = 1.0
+    task_acceleration_step: float = 1.0
+    task_deceleration_step: float = 1.0
+    ramp_step: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +83,7 @@ class DevicePlan:
     submodules: tuple[PlannedSubmodule, ...]
     output_words: tuple[int, ...]
     input_words: tuple[int, ...]
-    velocity_step: float
+    steps: SignalSteps
     life: bool
     send_clock_factor: int
     reduction_ratio: int
@@ -77,19 +102,29 @@ class DevicePlan:
     ar_type: int = ArType.IOCAR_SINGLE
     #: A supervisor may take submodules over.
     takeover_allowed: bool = False
-    velocity_step_b: float = 0.0
 
 
-def velocity_steps(model: Model, drive: DriveConfig) -> tuple[float, float]:
-    """rpm of one increment of NSOLL_A and of NSOLL_B, as the drive itself works them out of its parameters."""
-    axis, image = AXIS.allocate(1), IMAGE.allocate(1)
-    store = ParameterStore(model, AxisHandle(axis[0], image[0]))
+def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps:
+    """The steps as the drive itself works them out of its parameters and the telegram."""
+    axes, image = AXIS.allocate(1), IMAGE.allocate(1)
+    axis = axes[0]
+    store = ParameterStore(model, AxisHandle(axis, image[0]))
     numbers: dict[str | int, int | Sequence[int]] = {
         key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()
     }
     store.commission(numbers)
     store.power_on()
-    return float(axis[0].velocity_step), float(axis[0].velocity_step_b)
+    return SignalSteps(
+        velocity_step=float(axis.velocity_step),
+        velocity_step_b=float(axis.velocity_step_b),
+        task_form=model.telegrams[telegram].tasks if telegram in model.telegrams else TASKS_NONE,
+        control_config=int(axis.control_config),
+        target_step=float(axis.target_step) or float(axis.position_step),
+        task_velocity_step=float(axis.task_velocity_step) or 1.0,
+        task_acceleration_step=float(axis.task_acceleration_step) or float(axis.jog_acceleration) / WHOLE or 1.0,
+        task_deceleration_step=float(axis.task_deceleration_step) or float(axis.jog_deceleration) / WHOLE or 1.0,
+        ramp_step=float(axis.acceleration_step) or 1.0,
+    )
 
 
 def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
@@ -177,7 +212,7 @@ def _plan_foreign(
         submodules=planned.submodules,
         output_words=(),
         input_words=(),
-        velocity_step=1.0,
+        steps=SignalSteps(),
         life=False,
         send_clock_factor=clock.send_clock_factor,
         reduction_ratio=clock.reduction_ratio,
@@ -213,7 +248,9 @@ def plan_devices(
         number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
-        step, step_b = velocity_steps(model, drive)
+        steps = signal_steps(model, drive, number)
+        if chosen.kind == "positions" and steps.task_form == TASKS_NONE:
+            raise ConfigError(f"drive {drive.name}: telegram {number} of {model.name} has no signal of a position task")
         plans.append(
             DevicePlan(
                 name=drive.name,
@@ -226,8 +263,7 @@ def plan_devices(
                 submodules=_submodules(model, number),
                 output_words=model.telegrams[number].output_words,
                 input_words=model.telegrams[number].input_words,
-                velocity_step=step,
-                velocity_step_b=step_b,
+                steps=steps,
                 life=model.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
@@ -240,6 +276,9 @@ def plan_devices(
                     speed_rpm=chosen.speed_rpm,
                     period_ns=chosen.period_ns,
                     acknowledge_after_ns=-1 if chosen.acknowledge_after_ns is None else chosen.acknowledge_after_ns,
+                    targets=tuple(chosen.targets),
+                    acceleration=chosen.acceleration,
+                    dwell_ns=chosen.dwell_ns,
                 ),
                 reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
                 read_identification=section.identification,

@@ -37,6 +37,7 @@ def snapshot_row(session: DeviceSession, columns: Columns) -> dict[str, Any]:
         "phase": PHASES[int(row.phase)],
         "zsw1": int(row.zsw1),
         "stw1": int(row.stw1),
+        "moves": int(row.moves),
         "faults": int(row.faults),
         "connects": measures.connects,
         "losses": measures.losses,

@@ -6,7 +6,7 @@ from math import isfinite, pi
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.parameter import Behaviour, Parameter
-from pnfarm.table.axis import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis import AXIS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.signals import NSOLL_B, REF_SPEED
 
 if TYPE_CHECKING:
@@ -20,22 +20,15 @@ POSITION_SCALING = 3014
 UNIT_ROTARY = 2393
 UNIT_IN = 2390
 UNIT_OUT = 2392
+_POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
+#: Fields that other parameters' scales follow.
+_SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n"}
+#: What a model does not speak of is zero.
+_PARAMETER_FIELDS = tuple(field.name for field in AXIS.fields.values() if field.writer == "parameter")
+#: Fields that are places on the shaft; parameters count from the machine's zero.
+PLACES = frozenset({"position", "commanded_position"})
 #: A ramp whose time is zero, rpm/s.
 AT_ONCE = 1e12
-#: Fields of the axis that are zero in models that do not speak of them.
-OPTIONAL_FIELDS = (
-    "velocity_step_b",
-    "ramp_generator",
-    "loss_delay_ns",
-    "fault_places",
-    "velocity_limit",
-    "sensor_step",
-    "sensor_step_2",
-    "coast_method",
-    "life",
-    "life_tolerance",
-    "life_fault",
-)
 
 
 class AxisFields:
@@ -53,8 +46,8 @@ class AxisFields:
     def apply_all(self) -> None:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
-        for field in OPTIONAL_FIELDS:
-            setattr(axis, field, 0)
+        for field in _PARAMETER_FIELDS:
+            axis[field] = 0
         for field, value in model.firmware.items():
             setattr(axis, field, value)
         for parameter in model.axis_parameters:
@@ -63,6 +56,8 @@ class AxisFields:
         if model.sign_of_life is not None:
             axis.life = 1
             axis.life_fault = model.faults[model.sign_of_life.fault].code
+        if model.following_error is not None:
+            axis.following_fault = model.faults[model.following_error.fault].code
         self.apply_telegram()
 
     def apply_written(self, parameter: Parameter) -> None:
@@ -70,18 +65,23 @@ class AxisFields:
         model = self._values.model
         if parameter.behaviour is Behaviour.FIELD:
             self._apply(parameter)
-            if parameter.argument == "acceleration_step":
-                for other in model.axis_parameters:
-                    if other.scale == "acceleration":
-                        self._apply(other)
+            self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
+        if parameter.pnu in _POSITION_UNITS:
+            self._apply_scaled("position")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
 
+    def _apply_scaled(self, scale: str) -> None:
+        for parameter in self._values.model.axis_parameters if scale else ():
+            if parameter.scale == scale:
+                self._apply(parameter)
+
     def apply_telegram(self) -> None:
-        """Write what comes with the telegram in force: operation mode, velocity set point, bit of ZSW2."""
+        """Write what comes with the telegram in force: operation mode, tasks, velocity set point, bit of ZSW2."""
         axis, telegram = self._handle.axis, self._selection.telegram
         if telegram.opmode is not None:
             axis.opmode = telegram.opmode
+        axis.task_form = telegram.tasks
         axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
         slots = {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
         axis.velocity_signal = (
@@ -94,6 +94,10 @@ class AxisFields:
             value = parameter.choices[raw]
         elif parameter.scale == "2^-n":
             value = 2.0**-raw
+        elif parameter.scale == "position":
+            value = raw / self.position_units()
+        elif parameter.scale == "jog/n":
+            value = 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else AT_ONCE
         elif parameter.scale.endswith("/n"):
             value = parameter.factor / raw if raw else AT_ONCE
         else:
@@ -116,7 +120,10 @@ class AxisFields:
     def shown(self, parameter: Parameter) -> int:
         """A field as the raw number of the parameter that shows it."""
         field = getattr(self._handle.axis, parameter.argument)
-        return self.scaled(parameter, float(field[parameter.index] if parameter.index >= 0 else field))
+        physical = float(field[parameter.index] if parameter.index >= 0 else field)
+        if parameter.argument in PLACES:
+            physical -= float(self._handle.axis.origin)
+        return self.scaled(parameter, physical)
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
         """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.data_files import read_toml
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
+from pnfarm.drives.telegram import TASK_FORMS
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -154,6 +155,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "number": telegram.number,
                 "name": telegram.name,
                 "opmode": telegram.opmode,
+                "tasks": TASK_FORMS[telegram.tasks],
                 "pulses_enabled": telegram.pulses_enabled,
                 "free_mapping": telegram.free_mapping,
                 **_module_json(telegram.module),
@@ -207,6 +209,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "firmware": _fact_json(described, "firmware"),
         "communication_loss": _fact_json(described, "communication_loss"),
         "sign_of_life": _fact_json(described, "sign_of_life"),
+        "following_error": _fact_json(described, "following_error"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),

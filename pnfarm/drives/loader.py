@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.drives.data_files import integer, read_toml, required, rows
 from pnfarm.drives.model import (
@@ -19,6 +19,7 @@ from pnfarm.drives.model import (
     DiagnosisCoding,
     Fact,
     Fault,
+    FollowingError,
     Identity,
     Limits,
     Model,
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameter import Parameter
 
 __all__ = ["load_model"]
+
+_Watched = TypeVar("_Watched", SignOfLife, FollowingError)
 
 
 # faults.csv
@@ -132,14 +135,17 @@ def _communication_loss(
     return loss
 
 
-def _sign_of_life(facts: Mapping[str, Fact] | None, faults: Mapping[int, Fault], where: str) -> SignOfLife | None:
+def _raising(
+    kind: type[_Watched], facts: Mapping[str, Fact] | None, faults: Mapping[int, Fault], where: str
+) -> _Watched | None:
+    """Something that a drive watches, and the fault that it raises."""
     if facts is None:
         return None
-    life: SignOfLife = _build(SignOfLife, facts, where)
-    life = replace(life, fault=_fault_number(str(life.fault), where, "fault"))
-    if life.fault not in faults:
-        raise ConfigError(f"{where}.fault: there is no fault {fault_label(life.fault)}")
-    return life
+    watched: _Watched = _build(kind, facts, where)
+    watched = replace(watched, fault=_fault_number(str(watched.fault), where, "fault"))
+    if watched.fault not in faults:
+        raise ConfigError(f"{where}.fault: there is no fault {fault_label(watched.fault)}")
+    return watched
 
 
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
@@ -199,7 +205,7 @@ def load_model(folder: Path) -> Model:
     }
     sections |= {
         key: _facts(data, key, path)
-        for key in ("description_file", "diagnosis", "diagnosis_coding", "sign_of_life")
+        for key in ("description_file", "diagnosis", "diagnosis_coding", "following_error", "sign_of_life")
         if key in data
     }
     parameters = read_parameters(folder / "parameters.csv")
@@ -217,7 +223,8 @@ def load_model(folder: Path) -> Model:
     limits = _limits(sections["limits"], f"{path}, limits")
     check_settings(telegrams, parameters, path)
     loss = _communication_loss(sections["communication_loss"], faults, parameters, f"{path}, communication_loss")
-    life = _sign_of_life(sections.get("sign_of_life"), faults, f"{path}, sign_of_life")
+    life = _raising(SignOfLife, sections.get("sign_of_life"), faults, f"{path}, sign_of_life")
+    error = _raising(FollowingError, sections.get("following_error"), faults, f"{path}, following_error")
     if required(data, "default_telegram", str(path)) not in telegrams:
         raise ConfigError(f"{path}, default_telegram: there is no telegram {data['default_telegram']}")
     texts = {
@@ -233,6 +240,7 @@ def load_model(folder: Path) -> Model:
         access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
         communication_loss=loss,
         sign_of_life=life,
+        following_error=error,
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),

@@ -154,6 +154,13 @@ class SignOfLife:
 
 
 @dataclass(frozen=True, slots=True)
+class FollowingError:
+    """Position mode: the fault that a following error beyond its limit raises."""
+
+    fault: int
+
+
+@dataclass(frozen=True, slots=True)
 class DiagnosisCoding:
     """How a drive's own faults are told to its controller.
 
@@ -232,6 +239,7 @@ class Model:
     access: ParameterAccess
     communication_loss: CommunicationLoss
     sign_of_life: SignOfLife | None
+    following_error: FollowingError | None
     description_file: DescriptionFile | None
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]

@@ -28,7 +28,8 @@ _TYPES = {
 #: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
 #: UNIT.PROTARY.
 #: A number followed by ``/n`` is divided by the raw number: a ramp given as a time.
-_NAMED_SCALES = {"2^-n", "acceleration", "position"}
+#: ``jog/n`` is a ramp to or from the first jogging velocity in so many milliseconds.
+_NAMED_SCALES = {"2^-n", "acceleration", "jog/n", "position"}
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
     "source", "values_source", "note",
@@ -220,4 +221,4 @@ def parameter_names(
 def axis_parameters(parameters: Mapping[int, Parameter]) -> tuple[Parameter, ...]:
     """The parameters that write the axis record; those in acceleration steps behind the one that sets the step."""
     found = [p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable]
-    return tuple(sorted(found, key=lambda p: p.scale == "acceleration"))
+    return tuple(sorted(found, key=lambda p: p.scale in {"acceleration", "jog/n"}))

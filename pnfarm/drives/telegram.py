@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
+from pnfarm.table.axis import TASKS_NONE
 from pnfarm.table.signals import ACTUAL_SLOTS, PART_HIGH, PART_LOW, PART_WORD, SETPOINT_SLOTS, WORD_NONE, word_code
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["MappingError", "Module", "Signal", "Submodule", "Telegram", "signal_codes", "signal_numbers"]
+__all__ = ["TASK_FORMS", "MappingError", "Module", "Signal", "Submodule", "Telegram", "signal_codes", "signal_numbers"]
 
 
 class MappingError(ConfigError):
@@ -77,6 +78,10 @@ class Module:
         return self.submodules[0].slot
 
 
+#: How a telegram brings traversing tasks: names of ``TASKS_*``, by number.
+TASK_FORMS = ("none", "mdi", "pos-stw", "target-position")
+
+
 @dataclass(frozen=True, slots=True)
 class Telegram:
     """A telegram: its module in slot 1 and its words.
@@ -88,6 +93,7 @@ class Telegram:
     ``output`` and ``input`` name the signals, None for a word without one; ``output_words`` and ``input_words`` are the
     same as word codes (:func:`pnfarm.table.signals.word_code`).  With ``free_mapping`` the words are only the default.
     ``opmode`` is the axis's operation mode that comes with the telegram, None where a parameter sets it.
+    ``tasks`` says how it brings traversing tasks (``TASKS_*`` of the axis).
     ``pulses_enabled`` is the bit of ZSW2 that says so in this telegram, None where none does.
     """
 
@@ -102,6 +108,7 @@ class Telegram:
     source: str
     note: str
     opmode: int | None = None
+    tasks: int = TASKS_NONE
     pulses_enabled: int | None = None
     others: tuple[Module, ...] = ()
     parameter_words: int = 0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.data_files import integer, read_toml, required
 from pnfarm.drives.parameter import Behaviour, Parameter
-from pnfarm.drives.telegram import MappingError, Module, Signal, Submodule, Telegram, signal_codes
+from pnfarm.drives.telegram import TASK_FORMS, MappingError, Module, Signal, Submodule, Telegram, signal_codes
 from pnfarm.drives.word_bits import WordBits, read_bits
 from pnfarm.errors import ConfigError
 from pnfarm.table.channel import MAX_WORDS
@@ -88,8 +88,15 @@ def _telegram(
         parameter_words=table.get("parameter_words", 0),
         settings=_settings(table, where),
         opmode=table.get("opmode"),
+        tasks=_tasks(table.get("tasks", "none"), where),
         pulses_enabled=table.get("pulses_enabled"),
     )
+
+
+def _tasks(name: Any, where: str) -> int:
+    if name not in TASK_FORMS:
+        raise ConfigError(f"{where}, tasks: {name!r} is none of {', '.join(TASK_FORMS)}")
+    return TASK_FORMS.index(name)
 
 
 def _access_point(layout: Mapping[str, Any]) -> Submodule:

@@ -37,6 +37,7 @@ from pnfarm.farm.config_values import (
     OctetString,
     Scalar,
 )
+from pnfarm.table.program import TARGETS
 
 __all__ = [
     "DEFAULT_CYCLE_NS",
@@ -306,10 +307,22 @@ class DriveGroup(_Section):
 class Program(_Section):
     """What the axis program does with each drive."""
 
-    kind: Literal["constant", "ramp", "sine", "idle"] = Field(
-        default="idle", description="Course of the speed; idle exchanges data and leaves the drive disabled."
+    kind: Literal["constant", "ramp", "sine", "positions", "idle"] = Field(
+        default="idle",
+        description="Course of the speed; positions goes from target to target, position mode; idle exchanges data and "
+        "leaves the drive disabled.",
     )
-    speed_rpm: float = Field(default=100.0, ge=-100_000, le=100_000, description="Speed, or its peak, rpm.")
+    speed_rpm: float = Field(
+        default=100.0, ge=-100_000, le=100_000, description="Speed, its peak, or the velocity of a move, rpm."
+    )
+    targets: list[Annotated[float, Field(ge=-10_000, le=10_000)]] = Field(
+        default=[0.0, 1.0],
+        min_length=1,
+        max_length=TARGETS,
+        description="Of positions, in turn, revolutions from the home position.",
+    )
+    acceleration: float = Field(default=10_000.0, gt=0, le=10_000_000, description="Of positions, up and down, rpm/s.")
+    dwell_ns: Duration = Field(default=0, alias="dwell", description="Of positions, how long it stays in each target.")
     period_ns: Duration = Field(default=2_000_000_000, alias="period", description="Of one ramp or sine.")
     enable: bool = Field(default=True, description="Whether it takes the drive to S4 operation.")
     acknowledge_after_ns: Duration | None = Field(

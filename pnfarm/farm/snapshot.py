@@ -166,7 +166,7 @@ def drive_snapshot(
         "warning": _fault(station, int(axis.warning_code)) if axis.warning_code else None,
         "setpoint_rpm": float(axis.setpoint),
         "velocity_rpm": float(axis.velocity),
-        "position_revolutions": float(axis.position),
+        "position_revolutions": float(axis.position) - float(axis.origin),
         "current_amperes": float(axis.current),
         "following_error_revolutions": float(axis.following_error),
         "signalling": powered and station.dcp.signalling,

@@ -1,4 +1,4 @@
-"""The built-in controller's program of one axis: switch on, run a speed, acknowledge faults.
+"""The built-in controller's program of one axis: switch on, run a speed or go to positions, acknowledge faults.
 
 It walks the drive through the states as PROFIdrive asks (AKD PROFINET manual 5.9: 0x0476, 0x0477, 0x047F):
 bit 0 is withdrawn in S1 so that the switching-on inhibit is left, also after a fault.
@@ -9,20 +9,45 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Any
 
-from pnfarm.firmware.telegram import clamp16, clamp32, long_step
+from pnfarm.firmware.telegram import clamp16, clamp32, clamp_unsigned, long_step
+from pnfarm.table.axis import CONFIG_RISING_EDGE, TASKS_TARPOS
 from pnfarm.table.compiled import compiled
 from pnfarm.table.program import (
     ACKNOWLEDGING,
     CONSTANT,
     FAULTED,
+    LEG_DWELLING,
+    LEG_HOMING,
+    LEG_LOADING,
+    LEG_MOVING,
+    LEG_STARTED,
     OFFLINE,
+    POSITIONS,
     RAMP,
     RUNNING,
     SINE,
     STOPPED,
     SWITCHING_ON,
 )
-from pnfarm.table.signals import NSOLL_A, NSOLL_B, STW1, STW2, ZSW1
+from pnfarm.table.signals import (
+    DRV_ACC,
+    DRV_DEC,
+    MDI_ACC,
+    MDI_DEC,
+    MDI_MOD,
+    MDI_TARPOS,
+    MDI_VELOCITY,
+    NSOLL_A,
+    NSOLL_B,
+    OVERRIDE,
+    POS_STW1,
+    SATZANW,
+    STW1,
+    STW2,
+    TARPOS_A,
+    VELOCITY_A,
+    ZSW1,
+)
 
 __all__ = ["step_program"]
 
@@ -30,6 +55,18 @@ READY = 0x0476  # OFF, nothing stopped, ramp generator working, control by PLC
 ON = 0x0477
 RUN = 0x047F
 ACKNOWLEDGE = 0x0080
+#: Position mode: as RUN, and STW1.6 is no level but what starts tasks.
+POSITION = 0x043F
+START_TASK = 0x0040
+START_HOMING = 0x0800
+#: Of ZSW1 in position mode.
+TARGET_REACHED = 0x0400
+HOME_POSITION_SET = 0x0800
+TASK_ACKNOWLEDGED = 0x1000
+#: SATZANW.15 and POS_STW1.15, POS_STW1.8; OVERRIDE of 100 %.
+MDI_SELECTED = 0x8000
+POS_ABSOLUTE = 0x0100
+WHOLE_OVERRIDE = 0x4000
 
 #: Bits of ZSW1 that answer a control word: state (0, 1, 2, 6), fault (3), stops (4, 5).
 STATE_BITS = 0x007F
@@ -64,6 +101,62 @@ def _speed(program: Any, now: int) -> float:
 
 
 @compiled
+def _leg(program: Any, leg: int, now: int) -> None:
+    program.leg = leg
+    program.leg_ns = now
+
+
+@compiled
+def _write_task(program: Any, image: Any) -> None:
+    """The target at hand in the signals of the telegram's form."""
+    target = clamp32(program.targets[program.target_index] / program.target_step)
+    velocity = abs(program.speed) / program.task_velocity_step
+    if program.task_form == TASKS_TARPOS:
+        image.sent[TARPOS_A] = target
+        image.sent[VELOCITY_A] = clamp32(velocity)
+        image.sent[DRV_ACC] = clamp_unsigned(program.acceleration / program.ramp_step)
+        image.sent[DRV_DEC] = clamp_unsigned(program.acceleration / program.ramp_step)
+        return
+    image.sent[MDI_TARPOS] = target
+    image.sent[MDI_VELOCITY] = clamp32(velocity)
+    image.sent[MDI_ACC] = clamp_unsigned(program.acceleration / program.task_acceleration_step)
+    image.sent[MDI_DEC] = clamp_unsigned(program.acceleration / program.task_deceleration_step)
+    image.sent[MDI_MOD] = 1
+    image.sent[SATZANW] = MDI_SELECTED
+    image.sent[POS_STW1] = MDI_SELECTED | POS_ABSOLUTE
+    image.sent[OVERRIDE] = WHOLE_OVERRIDE
+
+
+@compiled
+def _position(program: Any, image: Any, zsw1: int, now: int) -> int:
+    """STW1 of an axis in operation that goes from target to target (AKD PROFINET manual 5.10.2, the handshake)."""
+    _write_task(program, image)
+    toggles = not program.control_config & CONFIG_RISING_EDGE
+    if program.leg == LEG_HOMING:
+        if not zsw1 & HOME_POSITION_SET:
+            return POSITION | START_HOMING
+        _leg(program, LEG_LOADING, now)
+    elif program.leg == LEG_LOADING:
+        if toggles or not zsw1 & TASK_ACKNOWLEDGED:
+            program.acknowledged = zsw1 & TASK_ACKNOWLEDGED
+            program.start_bit ^= START_TASK
+            _leg(program, LEG_STARTED, now)
+    elif program.leg == LEG_STARTED:
+        if (zsw1 & TASK_ACKNOWLEDGED) != program.acknowledged:
+            if not toggles:
+                program.start_bit = 0
+            _leg(program, LEG_MOVING, now)
+    elif program.leg == LEG_MOVING:
+        if zsw1 & TARGET_REACHED and (toggles or not zsw1 & TASK_ACKNOWLEDGED):
+            program.moves += 1
+            _leg(program, LEG_DWELLING, now)
+    elif now - program.leg_ns >= program.dwell_ns:
+        program.target_index = (program.target_index + 1) % max(1, int(program.target_count))
+        _leg(program, LEG_LOADING, now)
+    return POSITION | program.start_bit
+
+
+@compiled
 def step_program(program: Any, image: Any, now: int) -> None:
     """Look at ZSW1, decide on STW1 and the velocity set points; count the sign of life with each frame that left."""
     stw1 = READY
@@ -93,15 +186,20 @@ def step_program(program: Any, image: Any, now: int) -> None:
             stw1 = RUN
             if program.phase != RUNNING:
                 program.run_ns = now
+                _leg(program, LEG_HOMING, now)
+                program.start_bit = 0
                 if program.fault_ns != 0:
                     program.recovery_ns = now - program.fault_ns
                     program.fault_ns = 0
                 _enter(program, RUNNING, now)
-            speed = _speed(program, now)
+            if program.kind == POSITIONS:
+                stw1 = _position(program, image, zsw1, now)
+            else:
+                speed = _speed(program, now)
         else:
             _enter(program, SWITCHING_ON, now)
             if zsw1 & 0x0002:
-                stw1 = RUN
+                stw1 = POSITION if program.kind == POSITIONS else RUN
             elif zsw1 & 0x0001:
                 stw1 = ON
     if program.asked_ns != 0 and (zsw1 ^ int(program.zsw1)) & STATE_BITS:

@@ -132,6 +132,12 @@ def _power_on(axis: Any, now: int) -> None:
     axis.current = 0.0
     axis.torque = 0.0
     axis.following_error = 0.0
+    axis.profile_velocity = 0.0
+    axis.motion = 0
+    axis.motion_seen = 0
+    axis.acknowledged = 0
+    axis.homed = 0
+    axis.target_reached = 0
     axis.warning_code = 0
     axis.image_valid = 0
     axis.telegram_ns = 0
@@ -165,8 +171,8 @@ def take_commands(axis: Any, now: int) -> None:
         elif code == CMD_POWER_ON:
             _power_on(axis, now)
         elif code == CMD_SET_POSITION:
-            axis.position = argument / 1e6
-            axis.commanded_position = axis.position
+            axis.origin = axis.position - argument / 1e6
+            axis.homed = 1
         elif code == CMD_RAISE_WARNING:
             axis.warning_code = argument & NUMBER_MASK
         elif code == CMD_CLEAR_HISTORY:

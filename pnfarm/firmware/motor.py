@@ -67,8 +67,10 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     axis.velocity = following
     axis.torque = torque
     axis.current = torque / axis.torque_constant if axis.torque_constant > 0.0 else 0.0
-    if powered_stage:
-        axis.commanded_position += axis.ramp * seconds / 60.0
-    else:
+    if not powered_stage:
         axis.commanded_position = axis.position
+        axis.profile_velocity = following
+    elif axis.motion == 0:
+        axis.commanded_position += axis.ramp * seconds / 60.0
+        axis.profile_velocity = axis.ramp
     axis.following_error = axis.commanded_position - axis.position

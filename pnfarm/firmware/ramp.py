@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.table.axis import RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
@@ -60,12 +61,19 @@ def velocity_command(axis: Any, seconds: float) -> None:
     stw1 = axis.stw1
     if axis.state == 5:
         # a drive without a ramp generator has one ramp for every stop
-        down = axis.ramp_down if axis.stop == 1 and axis.ramp_generator != RAMP_ABSENT else axis.quick_stop_deceleration
+        down = axis.quick_stop_deceleration
+        if axis.stop == 1 and axis.ramp_generator != RAMP_ABSENT:
+            down = axis.ramp_down
+        elif axis.opmode == 2 and axis.position_stop_deceleration > 0.0:
+            down = axis.position_stop_deceleration
         axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
         return
     if axis.state != 4:
         # the axis coasts or stands: a later start takes up from the speed that it has
         axis.ramp = axis.velocity
+        return
+    if axis.motion != OUT:
+        axis.ramp = limited(axis, positioning_command(axis, seconds))
         return
     if axis.opmode != 1:
         axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)

@@ -6,9 +6,11 @@ from typing import Any
 
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.motor import step_motor
+from pnfarm.firmware.positioning import position_bits, take_motion
 from pnfarm.firmware.ramp import velocity_command
 from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
+from pnfarm.firmware.tasks import take_task
 from pnfarm.firmware.telegram import from_setpoints, to_actuals
 from pnfarm.table.axis import FAULT_SLOTS, REACTION_QUICK_STOP
 from pnfarm.table.compiled import compiled
@@ -28,7 +30,7 @@ FAULT_ACKNOWLEDGE = 0x0080
 
 @compiled
 def _status_word(axis: Any) -> int:
-    """ZSW1, bit by bit (AKD PROFINET manual 5.5, velocity mode)."""
+    """ZSW1, bit by bit (AKD PROFINET manual 5.5)."""
     state = axis.state
     stw1 = axis.stw1
     word = 0
@@ -50,7 +52,9 @@ def _status_word(axis: Any) -> int:
         word |= 0x0080
     if state > 0:
         word |= 0x0200  # control requested
-    if axis.opmode == 1:
+    if axis.opmode == 2:
+        word |= position_bits(axis)
+    elif axis.opmode == 1:
         if abs(axis.ramp - axis.velocity) <= axis.velocity_window:
             word |= 0x0100  # velocity error within range
         if abs(axis.setpoint - axis.velocity) <= axis.velocity_window:
@@ -122,7 +126,9 @@ def step(axis: Any, image: Any, now: int) -> None:
     elif axis.state == 4 and reaction:
         stw1 |= 0x000F
     standing = abs(axis.velocity) <= axis.standstill and axis.ramp == 0.0
+    take_task(axis, image)
     advance(axis, conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS))
+    take_motion(axis, now)
 
     elapsed = min(elapsed, 1_000_000_000)
     while elapsed > 0:

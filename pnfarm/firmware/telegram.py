@@ -5,11 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.positioning import first_position_word, motion_status, second_position_word
 from pnfarm.firmware.sign_of_life import second_status_word
 from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_SPEED,
+    AKTSATZ,
+    DRIVE_MOTION_STATUS,
     DRV_ACC,
     DRV_DEC,
     FAULT_CODE,
@@ -21,6 +24,8 @@ from pnfarm.table.signals import (
     NIST_B,
     NSOLL_A,
     NSOLL_B,
+    POS_ZSW1,
+    POS_ZSW2,
     REF_SPEED,
     WARN_CODE,
     XIST_A,
@@ -29,7 +34,17 @@ from pnfarm.table.signals import (
     ZSW2,
 )
 
-__all__ = ["clamp16", "clamp32", "from_setpoints", "long_step", "message_word", "signed16", "signed32", "to_actuals"]
+__all__ = [
+    "clamp16",
+    "clamp32",
+    "clamp_unsigned",
+    "from_setpoints",
+    "long_step",
+    "message_word",
+    "signed16",
+    "signed32",
+    "to_actuals",
+]
 
 #: 100 % of a signal in N2 normalisation (AKD PROFINET manual 5.12.4).
 N2_FULL = 16384.0
@@ -69,6 +84,12 @@ def clamp32(value: float) -> int:
     if value <= -2147483648.0:
         return -0x80000000
     return int(round(value))  # noqa: RUF046 - as above
+
+
+@compiled
+def clamp_unsigned(value: float) -> int:
+    """The nearest 16-bit number without a sign."""
+    return min(0xFFFF, max(0, int(round(value))))  # noqa: RUF046 - as above
 
 
 @compiled
@@ -134,5 +155,10 @@ def to_actuals(axis: Any, image: Any) -> None:
     if axis.sensor_step_2 > 0.0:
         image.sent[G1_XIST2] = signed32(int(round(axis.position / axis.sensor_step_2)))  # noqa: RUF046 - as above
     image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
-    image.sent[XIST_A] = signed32(int(round(axis.position / axis.position_step)))  # noqa: RUF046 - as above
+    image.sent[XIST_A] = signed32(int(round((axis.position - axis.origin) / axis.position_step)))  # noqa: RUF046 - as above
+    axis.motion_status = motion_status(axis)
+    image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
+    image.sent[AKTSATZ] = 0x8000 if axis.mdi else 0
+    image.sent[POS_ZSW1] = first_position_word(axis)
+    image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

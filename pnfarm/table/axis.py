@@ -17,6 +17,8 @@ FAULT_SLOTS = 8
 FAULT_SITUATIONS = 8
 #: Fault numbers whose word in the signal FAULT_CODE is the manual's own: 0 to 127.
 FAULT_WORDS = 128
+#: Pieces of the jerk time.
+JERK_TAPS = 16
 #: Entries of the command ring from the event loop to the firmware.
 COMMANDS = 16
 
@@ -44,6 +46,31 @@ VELOCITY_REF_SPEED = 2
 RAMP_GENERATED = 0
 RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
 RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
+
+# What the profile generator of positioning is about (``profile``).
+PROFILE_STOP = 0  # come to rest and stay
+PROFILE_TARGET = 1  # be at rest in ``target``
+PROFILE_VELOCITY = 2  # run at ``task_velocity``, which may be negative
+
+# Which signals bring traversing tasks (``task_form``).
+TASKS_NONE = 0
+TASKS_MDI = 1  # SATZANW.15 and MDI_*: telegram 9 of the profile
+TASKS_POS_STW = 2  # POS_STW1.15, POS_STW1.8 and MDI_*: telegram 111
+TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for no handshake
+
+# How STW1 is read in position mode (``control_config``; bits of P-1267, Moog MSD manual 10.2.2).
+CONFIG_RISING_EDGE = 0x0040  # STW1.6 starts with its rising edge only; else with both, and ZSW1.12 changes with each
+CONFIG_PROFILE_JOG = 0x0100  # jogging needs STW1.4 to 6 = 0
+
+# What jogging is asked for (``jog``).
+JOG_NONE = 0
+JOG_PLUS = 1  # at the first jogging velocity
+JOG_MINUS = 2  # at the second
+JOG_REAL_TIME = 3  # at the task's own velocity
+
+# How the axis finds its home (``home_method``).
+HOME_AT_ONCE = 0  # where it stands
+HOME_MARK = 1  # the next zero mark of the encoder, and so for every number above
 
 # Whether too many signs of life failed since cyclic data began (``life_failed``).
 LIFE_GOOD = 0
@@ -165,5 +192,83 @@ AXIS = Layout(
         Field("following_error", "f8", "rev", "firmware", "commanded minus actual position (PL.ERR)"),
         Field("commanded_position", "f8", "rev", "firmware", "integral of the velocity command while enabled (PL.CMD)"),
         Field("motion_status", "u4", "", "firmware", "DRV.MOTIONSTAT"),
+        # positioning: set up
+        Field("jog_mirrored", "u1", "", "parameter", "1 = the second jogging velocity is the first one, backwards"),
+        Field(
+            "position_stop_deceleration",
+            "f8",
+            "rpm/s",
+            "parameter",
+            "quick stop ramp in position mode, 0 = as quick_stop_deceleration",
+        ),
+        Field("task_form", "u1", "", "parameter", "which signals bring traversing tasks: TASKS_* above"),
+        Field("target_step", "f8", "rev", "parameter", "one increment of a target position, 0 = position_step"),
+        Field("task_velocity_step", "f8", "rpm", "parameter", "one increment of a task's velocity"),
+        Field(
+            "task_acceleration_step",
+            "f8",
+            "rpm/s",
+            "parameter",
+            "one increment of a task's acceleration, 0 = a 16384th of jog_acceleration",
+        ),
+        Field(
+            "task_deceleration_step", "f8", "rpm/s", "parameter", "one increment of a task's deceleration, 0 = alike"
+        ),
+        Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_* above"),
+        Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
+        Field("real_time_jog", "u1", "", "parameter", "1 = STW1.12 jogs with the data of the task"),
+        Field("home_required", "u1", "", "parameter", "1 = tasks need the home position"),
+        Field("home_method", "u1", "", "parameter", "how the axis finds its home: HOME_* above"),
+        Field("home_velocity", "f8", "rpm", "parameter", "of homing"),
+        Field("home_acceleration", "f8", "rpm/s", "parameter", "of homing"),
+        Field("home_deceleration", "f8", "rpm/s", "parameter", "of homing"),
+        Field("home_direction", "f8", "", "parameter", "of homing: above 0 forwards"),
+        Field("home_position", "f8", "rev", "parameter", "position that the mark gets"),
+        Field("home_distance", "f8", "rev", "parameter", "way from the mark to where homing ends"),
+        Field(
+            "software_limits", "u1", "", "parameter", "limits that count, once the axis is homed: bit 0 low, bit 1 high"
+        ),
+        Field("limit_low", "f8", "rev", "parameter", "lowest position"),
+        Field("limit_high", "f8", "rev", "parameter", "highest position"),
+        Field("limit_switch", "u1", "", "fault", "limit switches that are reached: bit 0 low, bit 1 high"),
+        Field("position_gain", "f8", "1/s", "parameter", "proportional position controller"),
+        Field("following_window", "f8", "rev", "parameter", "ZSW1.8 in position mode"),
+        Field("following_limit", "f8", "rev", "parameter", "following error that is a fault, 0 = none"),
+        Field("following_fault", "u4", "", "parameter", "that fault, number | reaction << 24"),
+        Field("target_window", "f8", "rev", "parameter", "ZSW1.10 in position mode"),
+        # positioning: what is asked for, and what becomes of it
+        Field("asked", "u1", "", "firmware", "1 in the step that sees a task begin"),
+        Field("pos_stw2", "u2", "", "firmware", "POS_STW2 of the last step, for edges"),
+        Field("mdi", "u1", "", "firmware", "1 = the controller brings the task's data itself"),
+        Field("asked_position", "f8", "rev", "firmware", "target, or way"),
+        Field("asked_relative", "u1", "", "firmware", "1 = a way"),
+        Field("asked_velocity", "f8", "rpm", "firmware", "of the task"),
+        Field("asked_acceleration", "f8", "rpm/s", "firmware", "of the task"),
+        Field("asked_deceleration", "f8", "rpm/s", "firmware", "of the task"),
+        Field("asked_backwards", "u1", "", "firmware", "direction of real-time jogging"),
+        Field("override", "f8", "", "firmware", "velocity override, 1 = 100 %"),
+        Field("jog", "u1", "", "firmware", "jogging that is asked for: JOG_* above"),
+        Field("motion", "u1", "", "firmware", "state of positioning, see firmware/positioning.py; 0 = none"),
+        Field("motion_seen", "u2", "", "firmware", "STW1 of the last step, for edges"),
+        Field("acknowledged", "u1", "", "firmware", "ZSW1.12"),
+        Field("homed", "u1", "", "firmware", "1 = the home position is known"),
+        Field("home_leg", "u1", "", "firmware", "0 on the way to the mark, 1 behind it"),
+        Field("origin", "f8", "rev", "firmware", "where position 0 of the machine lies on the shaft"),
+        Field("target_reached", "u1", "", "firmware", "the last task ended in its target"),
+        # the profile of positioning
+        Field("profile", "u1", "", "firmware", "what the profile generator is about: PROFILE_* above"),
+        Field("target", "f8", "rev", "firmware", "where PROFILE_TARGET leads to"),
+        Field("task_top", "f8", "rpm", "firmware", "velocity of the task at hand at an override of 100 %"),
+        Field("task_velocity", "f8", "rpm", "firmware", "of the task at hand, override taken into account"),
+        Field("task_acceleration", "f8", "rpm/s", "firmware", "of the task at hand"),
+        Field("task_deceleration", "f8", "rpm/s", "firmware", "of the task at hand"),
+        Field("profile_velocity", "f8", "rpm", "firmware", "of commanded_position while a profile moves it"),
+        Field("raw_position", "f8", "rev", "firmware", "the trapezoid, before the jerk time"),
+        Field("raw_velocity", "f8", "rev/s", "firmware", "the trapezoid's velocity"),
+        Field("jerk_time", "f8", "s", "parameter", "how long the trapezoid is averaged, 0 = not at all"),
+        Field("jerk_ring", "f8", "rev/s", "firmware", "its last mean velocities, tap by tap", (JERK_TAPS,)),
+        Field("jerk_next", "u1", "", "firmware", "the oldest of these"),
+        Field("jerk_end", "f8", "rev/s", "firmware", "their mean: the velocity at the end of the tap at hand"),
+        Field("jerk_left", "f8", "s", "firmware", "what is left of that tap"),
     ],
 )

@@ -11,6 +11,17 @@ IDLE = 0  # enabled, at zero speed
 CONSTANT = 1
 RAMP = 2  # triangle between +speed and -speed
 SINE = 3
+POSITIONS = 4  # homes the axis and takes it from target to target, position mode
+
+#: Targets of a program.
+TARGETS = 8
+
+# Where a program of positions is (``leg``).
+LEG_HOMING = 0  # STW1.11 stands until ZSW1.11 does
+LEG_LOADING = 1  # the target is in the telegram, STW1.6 is at rest
+LEG_STARTED = 2  # STW1.6 changed, no acknowledgement yet
+LEG_MOVING = 3  # acknowledged
+LEG_DWELLING = 4  # ZSW1.10: the target is reached
 
 # Where the program is (``phase``).
 OFFLINE = 0  # no valid data from the drive
@@ -31,6 +42,17 @@ PROGRAM = Layout(
         Field("period_ns", "i8", "ns", "station", "of ramp and sine"),
         Field("velocity_step", "f8", "rpm", "station", "one increment of NSOLL_A"),
         Field("velocity_step_b", "f8", "rpm", "station", "one increment of NSOLL_B, 0 = a 65536th of velocity_step"),
+        Field("targets", "f8", "rev", "station", "of a program of positions", (TARGETS,)),
+        Field("target_count", "u1", "", "station", "how many of them"),
+        Field("acceleration", "f8", "rpm/s", "station", "of tasks, both ways"),
+        Field("dwell_ns", "i8", "ns", "station", "how long the axis stays in a target"),
+        Field("task_form", "u1", "", "station", "how the telegram brings tasks: TASKS_* of the axis"),
+        Field("control_config", "u2", "", "station", "how the drive reads STW1: CONFIG_* of the axis"),
+        Field("target_step", "f8", "rev", "station", "one increment of a target position"),
+        Field("task_velocity_step", "f8", "rpm", "station", "one increment of a task's velocity"),
+        Field("task_acceleration_step", "f8", "rpm/s", "station", "one increment of a task's acceleration"),
+        Field("task_deceleration_step", "f8", "rpm/s", "station", "one increment of a task's deceleration"),
+        Field("ramp_step", "f8", "rpm/s", "station", "one increment of DRV_ACC and DRV_DEC"),
         Field("life", "u1", "", "station", "1 = send a running sign of life in STW2"),
         Field(
             "acknowledge_after_ns",
@@ -47,6 +69,12 @@ PROGRAM = Layout(
         Field("reaction_max_ns", "i8", "ns", "program", "the longest of these"),
         Field("fault_ns", "i8", "ns", "program", "when the fault at hand was seen, 0 = none"),
         Field("recovery_ns", "i8", "ns", "program", "from seeing a fault to operation again, last"),
+        Field("leg", "u1", "", "program", "LEG_HOMING .. LEG_DWELLING"),
+        Field("leg_ns", "i8", "ns", "program", "when it began"),
+        Field("target_index", "u1", "", "program", "the target at hand"),
+        Field("start_bit", "u2", "", "program", "STW1.6 as it was sent last"),
+        Field("acknowledged", "u2", "", "program", "ZSW1.12 before the task was started"),
+        Field("moves", "i8", "", "program", "targets reached"),
         Field("faults", "i8", "", "program", "faults seen"),
         Field("zsw1", "u2", "", "program", "status word that was seen last"),
         Field("stw1", "u2", "", "program", "control word sent"),

@@ -148,13 +148,13 @@ def test_cyclic_frames_tell_only_what_changes(farm_capture):
         lines,
         "plc -> axis-01 cyclic data begin frame id 0x8001, 40 octets, cycle 16 ms, telegram 1, data good; STW1 0x0476",
         "plc -> axis-01 STW1 0x0476 -> 0x0477: on set",
-        "axis-01 -> plc ZSW1 0x0231 -> 0x0233: S2 -> S3 switched on",
+        "axis-01 -> plc ZSW1 0x2331 -> 0x2333: S2 -> S3 switched on",
         "plc -> axis-01 STW1 0x0477 -> 0x047F: enable operation set",
-        "axis-01 -> plc ZSW1 0x0233 -> 0x0237: S3 -> S4 operation",
-        "axis-01 -> plc ZSW1 0x0237 -> 0x0278: S4 -> S1 switching on inhibited; fault present set",
+        "axis-01 -> plc ZSW1 0x2333 -> 0x2337: S3 -> S4 operation",
+        "axis-01 -> plc ZSW1 0x2337 -> 0x2378: S4 -> S1 switching on inhibited; fault present set",
         "plc -> axis-01 STW1 0x047F -> 0x0476: on reset, enable operation reset",
         "plc -> axis-01 STW1 0x0476 -> 0x04F6: fault acknowledge set",
-        "axis-01 -> plc ZSW1 0x0278 -> 0x0231: S1 -> S2 ready for switching on; fault present reset",
+        "axis-01 -> plc ZSW1 0x2378 -> 0x2331: S1 -> S2 ready for switching on; fault present reset",
     )
     assert len(lines) < 30
 

@@ -173,7 +173,7 @@ def test_a_farm_files_parameter_reaches_the_controller():
     )
     config = parse_farm(text)
     (plan,) = plan_devices(config.controller, expand(config), [model("hiwin-e1")])
-    assert plan.velocity_step * 0x4000 == 1000.0
+    assert plan.steps.velocity_step * 0x4000 == 1000.0
     assert line_of().plc.sessions[0].plan.velocity_step * 0x4000 == 3000.0
 
 

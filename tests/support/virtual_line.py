@@ -26,7 +26,7 @@ controller:
   watchdog_factor: {watchdog}
   startup: {startup}
   telegram: {telegram}
-  program: {{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}}
+  program: {program}
   reconnect: {{after: 300ms}}
 """
 
@@ -36,7 +36,8 @@ class VirtualLine:
 
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
-                 memory: VolatileMemory | None = None, params: str = "{}") -> None:  # fmt: skip
+                 memory: VolatileMemory | None = None, params: str = "{}",
+                 program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
         text = FILE.format(
             drives=drives,
             cycle=cycle,
@@ -46,6 +47,7 @@ class VirtualLine:
             telegram=telegram,
             model=model,
             params=params,
+            program=program,
         )
         if not controller:
             text = text[: text.index("controller:")]

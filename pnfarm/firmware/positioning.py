@@ -1,0 +1,381 @@
+"""Positioning: traversing tasks, intermediate stop, homing and jogging inside S4 (PROFIdrive application class 3).
+
+What an axis in position mode does while operation is enabled, as a table of its own (AKD PROFINET manual 5.10, HIWIN E1
+manual 3.3.2 and 6.6 to 6.8, Moog MSD manual 10.5; their figures are missing: the profile's extension of S4 holds):
+
+==================  ========================================================
+STANDBY             standing, or braked to a stop; a task may begin
+TASK                a traversing task runs
+INTERMEDIATE_STOP   STW1.5 = 0: braked, the task waits
+BRAKING             rejected (STW1.4 = 0), homing or jogging ended
+HOMING              STW1.11 = 1
+JOG                 STW1.8 or STW1.9, or real-time jogging
+==================  ========================================================
+
+Positions here are the shaft's; ``origin`` is where the machine's zero lies on it.
+"""
+
+from __future__ import annotations
+
+from math import ceil, floor
+from typing import Any
+
+import numpy as np
+
+from pnfarm.firmware.faults import raise_fault
+from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
+from pnfarm.table.axis import (
+    CONFIG_RISING_EDGE,
+    HOME_AT_ONCE,
+    JOG_MINUS,
+    JOG_NONE,
+    JOG_REAL_TIME,
+    PROFILE_STOP,
+    PROFILE_TARGET,
+    PROFILE_VELOCITY,
+)
+from pnfarm.table.compiled import compiled
+
+__all__ = [
+    "BRAKING",
+    "HOMING",
+    "INTERMEDIATE_STOP",
+    "JOG",
+    "OUT",
+    "PRIORITY",
+    "STANDBY",
+    "TASK",
+    "TRANSITIONS",
+    "first_position_word",
+    "motion_status",
+    "position_bits",
+    "positioning_command",
+    "second_position_word",
+    "standing",
+    "take_motion",
+]
+
+# States (``motion``).
+OUT = 0  # operation is not enabled, or another mode is
+STANDBY = 1
+TASK = 2
+INTERMEDIATE_STOP = 3
+BRAKING = 4
+HOMING = 5
+JOG = 6
+STATES = 7
+
+# Events.
+LEAVE = 0  # operation ends
+ENTER = 1  # operation begins
+REJECT = 2  # STW1.4 = 0
+PAUSE = 3  # STW1.5 = 0
+RESUME = 4  # STW1.5 = 1
+START = 5  # a traversing task that can be executed
+HOME = 6  # STW1.11 = 1, seen to rise
+HOME_OFF = 7  # STW1.11 = 0
+JOG_ON = 8
+JOG_OFF = 9
+OVER = 10  # the profile stands where it was to end
+BLOCKED = 11  # it runs into a limit switch
+EVENTS = 12
+
+TRANSITIONS: dict[tuple[int, int], int] = {
+    (OUT, ENTER): STANDBY,
+    (STANDBY, LEAVE): OUT,
+    (STANDBY, START): TASK,
+    (STANDBY, HOME): HOMING,
+    (STANDBY, JOG_ON): JOG,
+    # a running task
+    (TASK, LEAVE): OUT,
+    (TASK, REJECT): BRAKING,
+    (TASK, BLOCKED): BRAKING,
+    (TASK, PAUSE): INTERMEDIATE_STOP,
+    (TASK, START): TASK,
+    (TASK, OVER): STANDBY,
+    # its intermediate stop
+    (INTERMEDIATE_STOP, LEAVE): OUT,
+    (INTERMEDIATE_STOP, REJECT): BRAKING,
+    (INTERMEDIATE_STOP, RESUME): TASK,
+    # braking
+    (BRAKING, LEAVE): OUT,
+    (BRAKING, OVER): STANDBY,
+    # homing
+    (HOMING, LEAVE): OUT,
+    (HOMING, HOME_OFF): BRAKING,
+    (HOMING, BLOCKED): BRAKING,
+    (HOMING, OVER): STANDBY,
+    # jogging
+    (JOG, LEAVE): OUT,
+    (JOG, JOG_OFF): BRAKING,
+}
+
+#: Which event wins when several hold.
+PRIORITY = (LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, PAUSE, RESUME, START, HOME, JOG_ON, OVER, ENTER)
+
+REJECT_BIT = 0x0010  # STW1.4, 0 = reject
+PAUSE_BIT = 0x0020  # STW1.5, 0 = intermediate stop
+START_BIT = 0x0040  # STW1.6
+HOME_BIT = 0x0800  # STW1.11
+
+#: rpm of one rev/s.
+RPM = 60.0
+#: Nearer to a reference mark than this, rev, the axis stands on it, and looks for the next one.
+ON_THE_MARK = 1e-6
+
+
+def _as_array() -> np.ndarray[Any, np.dtype[np.int8]]:
+    table = np.full((STATES, EVENTS), -1, np.int8)
+    for (state, event), following in TRANSITIONS.items():
+        table[state, event] = following
+    return table
+
+
+_NEXT = _as_array()
+_PRIORITY = np.array(PRIORITY, np.int64)
+
+
+@compiled
+def _within_limits(axis: Any, target: float) -> bool:
+    """Software limits count once the machine's zero is known."""
+    if not axis.homed:
+        return True
+    place = target - axis.origin
+    if axis.software_limits & 0x1 and place < axis.limit_low:
+        return False
+    return not (axis.software_limits & 0x2 and place > axis.limit_high)
+
+
+@compiled
+def _limited(axis: Any, direction: float) -> bool:
+    """Whether a limit switch stands in this direction."""
+    return (direction > 0.0 and axis.limit_switch & 0x2 != 0) or (direction < 0.0 and axis.limit_switch & 0x1 != 0)
+
+
+@compiled
+def _can_start(axis: Any) -> bool:
+    """Whether the task that is asked for can be executed from here."""
+    if axis.asked_velocity <= 0.0 or axis.asked_acceleration <= 0.0 or axis.asked_deceleration <= 0.0:
+        return False
+    if axis.home_required and not axis.homed:
+        return False
+    target = _asked_target(axis)
+    return _within_limits(axis, target) and not _limited(axis, target - axis.commanded_position)
+
+
+@compiled
+def _asked_target(axis: Any) -> float:
+    """Where the asked task leads to, on the shaft; a relative one counts from where the last one leads to."""
+    if axis.asked_relative:
+        return (axis.target if axis.motion == TASK else axis.commanded_position) + axis.asked_position
+    return axis.origin + axis.asked_position
+
+
+@compiled
+def _take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
+    axis.task_velocity = velocity
+    axis.task_acceleration = up
+    axis.task_deceleration = down
+
+
+@compiled
+def _start_task(axis: Any) -> None:
+    axis.target = _asked_target(axis)
+    axis.task_top = axis.asked_velocity
+    _take_ramps(axis, axis.asked_velocity * axis.override, axis.asked_acceleration, axis.asked_deceleration)
+    axis.profile = PROFILE_TARGET
+    axis.target_reached = 0
+
+
+@compiled
+def _start_homing(axis: Any) -> None:
+    """To the next zero mark of the encoder in the direction of homing: there is no machine with a switch."""
+    axis.homed = 0
+    axis.target_reached = 0
+    if axis.home_method == HOME_AT_ONCE:
+        axis.target = axis.commanded_position
+    elif axis.home_direction > 0.0:
+        axis.target = ceil(axis.commanded_position + ON_THE_MARK)
+    else:
+        axis.target = floor(axis.commanded_position - ON_THE_MARK)
+    axis.task_top = axis.home_velocity
+    _take_ramps(axis, axis.home_velocity, axis.home_acceleration, axis.home_deceleration)
+    axis.profile = PROFILE_TARGET
+    axis.home_leg = 0
+
+
+@compiled
+def _homing_over(axis: Any) -> bool:
+    """The mark is found: it is the home position, and the axis moves on by the homing distance; true once it did."""
+    if axis.home_leg == 0:
+        axis.origin = axis.target - axis.home_position
+        axis.home_leg = 1
+        if axis.home_distance != 0.0 and axis.home_method != HOME_AT_ONCE:
+            axis.target += axis.home_distance
+            return False
+    axis.homed = 1
+    axis.target_reached = 1
+    return True
+
+
+@compiled
+def _jog(axis: Any) -> None:
+    """Velocity and ramps of the jog at hand; with software limits the way ends at one of them."""
+    if axis.jog == JOG_REAL_TIME:
+        velocity = -axis.asked_velocity if axis.asked_backwards else axis.asked_velocity
+        up = axis.asked_acceleration
+        down = axis.asked_deceleration
+    else:
+        velocity = axis.jog_velocity[0]
+        if axis.jog == JOG_MINUS:
+            velocity = -velocity if axis.jog_mirrored else axis.jog_velocity[1]
+        up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
+        down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
+    axis.target_reached = 0
+    if up <= 0.0 or down <= 0.0 or _limited(axis, velocity):
+        axis.profile = PROFILE_STOP
+        return
+    _take_ramps(axis, velocity, up, down)
+    axis.profile = PROFILE_VELOCITY
+    if axis.homed and velocity != 0.0 and axis.software_limits & (0x2 if velocity > 0.0 else 0x1):
+        axis.profile = PROFILE_TARGET
+        axis.target = axis.origin + (axis.limit_high if velocity > 0.0 else axis.limit_low)
+        axis.task_velocity = abs(velocity)
+
+
+@compiled
+def _held(axis: Any, enabled: bool) -> int:
+    """The events that hold now, as a bit set."""
+    held = 1 << (ENTER if enabled else LEAVE)
+    stw1 = axis.stw1
+    if not stw1 & REJECT_BIT:
+        held |= 1 << REJECT
+    held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
+    if axis.asked and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT) and _can_start(axis):
+        held |= 1 << START
+    if not stw1 & HOME_BIT:
+        held |= 1 << HOME_OFF
+    elif not axis.motion_seen & HOME_BIT:
+        held |= 1 << HOME
+    held |= 1 << (JOG_OFF if axis.jog == JOG_NONE else JOG_ON)
+    if profile_over(axis):
+        held |= 1 << OVER
+    if axis.profile_velocity != 0.0 and _limited(axis, axis.profile_velocity):
+        held |= 1 << BLOCKED
+    return held
+
+
+@compiled
+def _advance(axis: Any, held: int) -> None:
+    """Take at most one transition and do what belongs to it: the only writer of ``motion``."""
+    for event in _PRIORITY:
+        if not held & (1 << event):
+            continue
+        following = _NEXT[axis.motion, event]
+        if following < 0:
+            continue
+        if event == OVER and axis.motion == HOMING and not _homing_over(axis):
+            return
+        if event == OVER and axis.motion == TASK:
+            axis.target_reached = 1
+        if event == ENTER:
+            begin_profile(axis)
+            axis.profile = PROFILE_STOP
+        elif event == START:
+            _start_task(axis)
+            axis.acknowledged = 1 if axis.control_config & CONFIG_RISING_EDGE else 1 - axis.acknowledged
+        elif event == RESUME:
+            axis.profile = PROFILE_TARGET
+        elif event == HOME:
+            _start_homing(axis)
+        elif event != OVER:
+            axis.profile = PROFILE_STOP
+        axis.motion = following
+        return
+
+
+@compiled
+def take_motion(axis: Any, now: int) -> None:
+    """Once in each firmware step: what the controller asks for, and what becomes of it."""
+    enabled = axis.state == 4 and axis.opmode == 2
+    _advance(axis, _held(axis, enabled))
+    if axis.motion == JOG:
+        _jog(axis)
+    elif axis.motion == TASK:
+        axis.task_velocity = axis.task_top * axis.override
+    if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
+        raise_fault(axis, axis.following_fault, now)
+    if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:
+        axis.acknowledged = 0
+    axis.motion_seen = axis.stw1
+
+
+@compiled
+def positioning_command(axis: Any, seconds: float) -> float:
+    """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
+    # both places of the same moment, the beginning of the step
+    error = axis.commanded_position - axis.position
+    step_profile(axis, seconds)
+    return axis.profile_velocity + axis.position_gain * error * RPM
+
+
+@compiled
+def standing(axis: Any) -> bool:
+    """Whether the axis is at rest: no profile moves it, and the shaft does not turn."""
+    return axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
+
+
+@compiled
+def position_bits(axis: Any) -> int:
+    """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
+    word = 0
+    if abs(axis.following_error) <= axis.following_window:
+        word |= 0x0100
+    if axis.target_reached and abs(axis.following_error) <= axis.target_window:
+        word |= 0x0400
+    if axis.homed:
+        word |= 0x0800
+    if axis.acknowledged:
+        word |= 0x1000
+    if standing(axis):
+        word |= 0x2000
+    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - a tuple would allocate
+        word |= axis.task_active
+    return word
+
+
+@compiled
+def motion_status(axis: Any) -> int:
+    """DRV.MOTIONSTAT, as far as ZSW1 shows it (AKD PROFINET manual 5.5): bits 0, 1, 2 and 11."""
+    word = 0
+    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - as above
+        word |= 0x0001
+    if axis.homed:
+        word |= 0x0006
+    if axis.target_reached:
+        word |= 0x0800
+    return word
+
+
+@compiled
+def first_position_word(axis: Any) -> int:
+    """POS_ZSW1 (HIWIN E1 manual 3.14)."""
+    word = (axis.limit_switch & 0x3) << 8
+    if axis.motion == JOG:
+        word |= 0x0400
+    if axis.motion == HOMING:
+        word |= 0x0800
+    if axis.mdi:
+        word |= 0x8000
+    return word
+
+
+@compiled
+def second_position_word(axis: Any) -> int:
+    """POS_ZSW2 (HIWIN E1 manual 3.15)."""
+    word = 0
+    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - as above
+        word |= 0x8004
+    if not standing(axis):
+        word |= 0x0010 if axis.velocity > 0.0 else 0x0020
+    return word

@@ -1,0 +1,194 @@
+"""The profile generator of positioning: from where the axis is to a target, in the least time that three limits allow.
+
+A trapezoid: up at the task's acceleration, along at its velocity, down at its deceleration, so that the target is met
+at rest.  Every step is solved in closed form and not integrated, so that the result does not depend on how long the
+steps are: the axis arrives exactly, at the time that the formulas of a trapezoid give.  Target and limits may change at
+any time ("change on the fly"); an axis that can no longer stop in front of its target stops behind it and comes back.
+
+With a jerk time the trapezoid is averaged over that time: acceleration then changes by at most acceleration / time a
+second, the axis arrives that much later, and never beside the target.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+from pnfarm.table.axis import JERK_TAPS, PROFILE_TARGET, PROFILE_VELOCITY
+from pnfarm.table.compiled import compiled
+
+__all__ = ["begin_profile", "profile_over", "step_profile"]
+
+#: rev/s of one rpm.
+PER_SECOND = 1.0 / 60.0
+#: Nearer than this is there, rev: a thousandth of an increment of the finest encoder.
+THERE = 1e-10
+#: Times of a second below this have passed.
+NO_TIME = 1e-12
+#: A trapezoid has at most a reversal, two changes of velocity, a way along and a way down.
+PIECES = 8
+
+
+@compiled
+def _trapezoid(axis: Any, seconds: float) -> None:
+    """Move ``raw_position`` and ``raw_velocity`` (rev, rev/s) by ``seconds`` along the time-optimal trapezoid."""
+    position = axis.raw_position
+    velocity = axis.raw_velocity
+    target = axis.target
+    top = axis.task_velocity * PER_SECOND
+    up = axis.task_acceleration * PER_SECOND
+    down = axis.task_deceleration * PER_SECOND
+    left = seconds
+    for _ in range(PIECES):
+        if left <= NO_TIME:
+            break
+        stopping = velocity * abs(velocity) / (2.0 * down)
+        beyond = target - (position + stopping)
+        if velocity == 0.0 and abs(target - position) <= THERE:
+            position = target
+            break
+        # on the way down to the target; otherwise in its direction, unless that is where the axis does not go
+        landing = abs(beyond) <= THERE and velocity != 0.0
+        forward = 1.0 if (velocity if landing else beyond) > 0.0 else -1.0
+        speed = velocity * forward
+        if landing or speed < 0.0 or speed > top + NO_TIME:
+            floor = 0.0 if landing or speed < 0.0 else top
+            rate = -down if velocity > 0.0 else down
+            needed = (abs(velocity) - floor) / down
+            time = min(left, needed)
+            position += velocity * time + 0.5 * rate * time * time
+            velocity += rate * time
+            if needed <= left:
+                velocity = floor if velocity >= 0.0 and rate < 0.0 else -floor
+                if landing:
+                    position = target
+            left -= time
+            continue
+        distance = (target - position) * forward
+        # the velocity at which acceleration meets the deceleration that ends in the target
+        peak = sqrt(max(0.0, (2.0 * up * down * distance + down * speed * speed) / (up + down)))
+        wanted = min(top, peak)
+        if wanted > speed + NO_TIME:
+            needed = (wanted - speed) / up
+            time = min(left, needed)
+            position += forward * (speed * time + 0.5 * up * time * time)
+            velocity = forward * (wanted if needed <= left else speed + up * time)
+            left -= time
+            continue
+        if speed <= 0.0:
+            break
+        needed = max(0.0, (distance - speed * speed / (2.0 * down)) / speed)
+        time = min(left, needed)
+        position += velocity * time
+        left -= time
+        if needed <= time:
+            # from here on it is down, whatever rounding says
+            position = target - velocity * abs(velocity) / (2.0 * down)
+    axis.raw_position = position
+    axis.raw_velocity = velocity
+
+
+@compiled
+def _run_up(axis: Any, target: float, seconds: float) -> None:
+    """Move by ``seconds`` towards a velocity of ``target`` rev/s, and go on with it."""
+    velocity = axis.raw_velocity
+    up = axis.task_acceleration * PER_SECOND
+    down = axis.task_deceleration * PER_SECOND
+    position = axis.raw_position
+    left = seconds
+    for _ in range(3):
+        if left <= NO_TIME:
+            break
+        if velocity == target:
+            position += velocity * left
+            break
+        slower = velocity * target < 0.0 or abs(target) < abs(velocity)
+        # a reversal comes to rest first
+        end = 0.0 if velocity * target < 0.0 else target
+        rate = down if slower else up
+        needed = abs(end - velocity) / rate
+        time = min(left, needed)
+        signed = rate if end > velocity else -rate
+        position += velocity * time + 0.5 * signed * time * time
+        velocity = end if needed <= left else velocity + signed * time
+        left -= time
+    axis.raw_position = position
+    axis.raw_velocity = velocity
+
+
+@compiled
+def _move(axis: Any, seconds: float) -> None:
+    if axis.profile == PROFILE_TARGET:
+        _trapezoid(axis, seconds)
+    elif axis.profile == PROFILE_VELOCITY:
+        _run_up(axis, axis.task_velocity * PER_SECOND, seconds)
+    else:
+        _run_up(axis, 0.0, seconds)
+
+
+@compiled
+def begin_profile(axis: Any) -> None:
+    """Start from what the axis does at this moment: its commanded position and velocity."""
+    velocity = axis.profile_velocity * PER_SECOND
+    axis.raw_velocity = velocity
+    # an average over some time lags behind by half of it
+    axis.raw_position = axis.commanded_position + 0.5 * axis.jerk_time * velocity
+    for i in range(JERK_TAPS):
+        axis.jerk_ring[i] = velocity
+    axis.jerk_end = velocity
+    axis.jerk_left = 0.0
+
+
+@compiled
+def _next_tap(axis: Any, spacing: float) -> None:
+    """Move the trapezoid on by one tap; its mean velocity takes the place of the oldest one."""
+    before = axis.raw_position
+    _move(axis, spacing)
+    axis.jerk_ring[axis.jerk_next] = (axis.raw_position - before) / spacing
+    axis.jerk_next = (axis.jerk_next + 1) % JERK_TAPS
+    total = 0.0
+    for i in range(JERK_TAPS):
+        total += axis.jerk_ring[i]
+    axis.jerk_end = total / JERK_TAPS
+    axis.jerk_left = spacing
+
+
+@compiled
+def step_profile(axis: Any, seconds: float) -> None:
+    """Advance ``commanded_position`` and ``profile_velocity`` by ``seconds`` of the profile at hand."""
+    if axis.jerk_time <= 0.0:
+        _move(axis, seconds)
+        axis.commanded_position = axis.raw_position
+        axis.profile_velocity = axis.raw_velocity / PER_SECOND
+        return
+    spacing = axis.jerk_time / JERK_TAPS
+    velocity = axis.profile_velocity * PER_SECOND
+    left = seconds
+    while left > NO_TIME:
+        if axis.jerk_left <= NO_TIME:
+            _next_tap(axis, spacing)
+        time = min(left, axis.jerk_left)
+        following = velocity + (axis.jerk_end - velocity) * time / axis.jerk_left
+        axis.commanded_position += 0.5 * (velocity + following) * time
+        velocity = following
+        axis.jerk_left -= time
+        left -= time
+    axis.profile_velocity = velocity / PER_SECOND
+    if profile_over(axis):
+        axis.commanded_position = axis.raw_position
+
+
+@compiled
+def profile_over(axis: Any) -> bool:
+    """Whether the axis stands in its target, or where it was told to stop."""
+    if axis.raw_velocity != 0.0 or axis.profile_velocity != 0.0:
+        return False
+    if axis.profile == PROFILE_TARGET and axis.raw_position != axis.target:
+        return False
+    if axis.profile == PROFILE_VELOCITY and axis.task_velocity != 0.0:
+        return False
+    if axis.jerk_time > 0.0:
+        for i in range(JERK_TAPS):
+            if axis.jerk_ring[i] != 0.0:
+                return False
+    return True

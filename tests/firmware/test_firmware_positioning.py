@@ -1,0 +1,441 @@
+"""Position mode: traversing tasks by MDI, intermediate stop, homing, jogging, limits."""
+
+import math
+
+import pytest
+from bench_axis import BenchAxis
+
+from pnfarm.firmware import positioning
+from pnfarm.table.axis import (
+    CONFIG_PROFILE_JOG,
+    CONFIG_RISING_EDGE,
+    HOME_AT_ONCE,
+    HOME_MARK,
+    REACTION_QUICK_STOP,
+    TASKS_MDI,
+    TASKS_POS_STW,
+    TASKS_TARPOS,
+)
+from pnfarm.table.signals import (
+    DRIVE_MOTION_STATUS,
+    MDI_ACC,
+    MDI_DEC,
+    MDI_MOD,
+    MDI_TARPOS,
+    MDI_VELOCITY,
+    OVERRIDE,
+    POS_STW1,
+    POS_STW2,
+    POS_ZSW1,
+    POS_ZSW2,
+    SATZANW,
+    STW1,
+    TARPOS_A,
+    VELOCITY_A,
+    XIST_A,
+)
+
+#: Enabled, not rejected, no intermediate stop, control by PLC.
+READY = 0x043F
+START = READY | 0x0040
+HOME = READY | 0x0800
+
+ON_TARGET, HOMED, ACKNOWLEDGED, STOPPED, ACTIVE = 0x0400, 0x0800, 0x1000, 0x2000, 0x4000
+COUNTS = 65536
+#: rpm and rpm/s of the increments of MDI_VELOCITY and MDI_ACC (AKD PROFINET manual 5.12).
+VELOCITY_UNIT = 12000 / 2**32
+ACCELERATION_UNIT = 50_000_000 / 65536
+
+
+class Positioner(BenchAxis):
+    """A drive in position mode, enabled; positions in revolutions, velocities in rpm, accelerations in rpm/s."""
+
+    def __init__(self, *, homed=True):
+        super().__init__()
+        axis = self.axis
+        axis.opmode = 2
+        axis.task_form = TASKS_MDI
+        axis.target_step = 1 / COUNTS
+        axis.position_step = 1 / COUNTS
+        axis.task_velocity_step = VELOCITY_UNIT
+        axis.task_acceleration_step = axis.task_deceleration_step = ACCELERATION_UNIT
+        axis.task_active = ACTIVE
+        axis.control_config = CONFIG_RISING_EDGE | CONFIG_PROFILE_JOG
+        axis.real_time_jog = 1
+        axis.home_required = 1
+        axis.home_velocity, axis.home_acceleration, axis.home_deceleration, axis.home_direction = 300.0, 3e4, 3e4, 1.0
+        axis.home_method = HOME_MARK
+        axis.position_gain = 60.0
+        axis.following_window = 0.5
+        axis.target_window = 0.01
+        self.data(0.0)
+        for word in (0x0430, 0x0436, 0x0437, READY):
+            self.stw(word)
+        assert axis.state == 4
+        if homed:
+            axis.home_method = HOME_AT_ONCE
+            self.stw(HOME, 5)
+            self.stw(READY)
+            axis.home_method = HOME_MARK
+            assert self.zsw1 & HOMED
+
+    def stw(self, word, run=1):
+        return self.write(word, run=run)
+
+    def data(self, position, velocity=600.0, up=30_000.0, down=30_000.0, *, relative=False):
+        received = self.image.received
+        received[SATZANW] = 0x8000
+        received[MDI_TARPOS] = round(position * COUNTS)
+        received[MDI_VELOCITY] = round(velocity / VELOCITY_UNIT)
+        received[MDI_ACC] = round(up / ACCELERATION_UNIT)
+        received[MDI_DEC] = round(down / ACCELERATION_UNIT)
+        received[MDI_MOD] = 0 if relative else 1
+
+    def move(self, position, **how):
+        """The handshake of bits 6 and 12."""
+        self.data(position, **how)
+        assert self.stw(START) & ACKNOWLEDGED
+        assert not self.stw(READY) & ACKNOWLEDGED
+
+    def stand_at(self, position):
+        """Disabled, turned there by hand, and enabled again."""
+        for word in (0x0430, 0x0436):
+            self.stw(word)
+        self.axis.position = position
+        for word in (0x0437, READY, READY):
+            self.stw(word)
+
+    def until(self, bits, most=20_000):
+        for milliseconds in range(most):
+            if self.zsw1 & bits == bits:
+                return milliseconds
+            self.run(1)
+        raise AssertionError(f"ZSW1 0x{self.zsw1:04X} never had 0x{bits:04X}")
+
+    def settle(self):
+        """In the target, and the position controller is done."""
+        self.until(ON_TARGET | STOPPED)
+        self.run(100)
+
+    @property
+    def place(self):
+        return int(self.image.sent[XIST_A]) / COUNTS
+
+
+def test_a_task_moves_to_its_absolute_target_and_tells_in_zsw1():
+    drive = Positioner()
+    assert drive.zsw1 & (ON_TARGET | HOMED | ACKNOWLEDGED | STOPPED | ACTIVE) == ON_TARGET | HOMED | STOPPED
+    drive.data(3.0)
+    assert drive.stw(START) & (ACKNOWLEDGED | ACTIVE | ON_TARGET) == ACKNOWLEDGED | ACTIVE
+    assert not drive.stw(START, 10) & STOPPED
+    drive.stw(READY)
+    took = drive.until(ON_TARGET | STOPPED)
+    # 10 rev/s with 500 rev/s^2: 3 rev take 0.32 s; what is left is the position controller's
+    assert took == pytest.approx(320, abs=150)
+    assert drive.place == pytest.approx(3.0, abs=2e-3)
+    assert not drive.zsw1 & ACTIVE
+
+
+def test_a_relative_task_counts_from_where_the_last_one_led():
+    drive = Positioner()
+    for _ in range(3):
+        drive.move(-1.5, relative=True)
+        drive.settle()
+    assert drive.place == pytest.approx(-4.5, abs=2e-3)
+
+
+def test_velocity_and_acceleration_stay_at_what_the_task_says():
+    drive = Positioner()
+    drive.move(20.0, velocity=1200.0, up=12_000.0, down=6_000.0)
+    before, top, most_up, most_down = float(drive.axis.profile_velocity), 0.0, 0.0, 0.0
+    while not drive.zsw1 & ON_TARGET:
+        drive.run(1)
+        command = float(drive.axis.profile_velocity)
+        most_up, most_down = max(most_up, command - before), max(most_down, before - command)
+        top, before = max(top, command), command
+    assert top == pytest.approx(1200.0, rel=1e-4)
+    # in rpm each millisecond, as the nearest increments have it
+    assert most_up == pytest.approx(16 * ACCELERATION_UNIT / 1000, rel=1e-6)
+    assert most_down == pytest.approx(8 * ACCELERATION_UNIT / 1000, rel=1e-6)
+
+
+def test_the_following_error_at_a_constant_velocity_is_zero_with_the_velocity_fed_forward():
+    drive = Positioner()
+    drive.move(100.0, velocity=600.0)
+    drive.run(1000)
+    assert drive.axis.following_error == pytest.approx(0.0, abs=0.01)
+    assert drive.zsw1 & 0x0100
+
+
+def test_a_new_target_on_the_fly_needs_the_handshake_and_no_stop():
+    drive = Positioner()
+    drive.move(5.0)
+    drive.run(200)
+    drive.data(10.0)
+    drive.run(50)
+    assert drive.axis.target == pytest.approx(5.0), "data alone start nothing"
+    drive.move(10.0)
+    for _ in range(500):
+        drive.run(1)
+        assert drive.axis.profile_velocity > 500.0
+    drive.settle()
+    assert drive.place == pytest.approx(10.0, abs=2e-3)
+
+
+def test_a_level_of_bit_6_starts_nothing():
+    drive = Positioner()
+    drive.data(1.0)
+    drive.stw(READY & ~0x0020)
+    drive.stw(START & ~0x0020)
+    assert not drive.stw(START, 50) & ACKNOWLEDGED, "the edge came in an intermediate stop"
+    assert drive.place == 0.0
+
+
+@pytest.mark.parametrize("missing", ["velocity", "up", "down"])
+def test_a_task_that_cannot_be_executed_is_not_acknowledged(missing):
+    drive = Positioner()
+    drive.data(1.0, **{missing: 0.0})
+    assert not drive.stw(START, 50) & (ACKNOWLEDGED | ACTIVE)
+    assert drive.place == 0.0
+
+
+def test_a_task_without_home_position_is_not_acknowledged():
+    drive = Positioner(homed=False)
+    drive.data(1.0)
+    assert not drive.stw(START, 50) & (ACKNOWLEDGED | HOMED)
+
+
+def test_a_task_without_mdi_selected_is_not_acknowledged():
+    drive = Positioner()
+    drive.data(1.0)
+    drive.image.received[SATZANW] = 0
+    assert not drive.stw(START, 50) & ACKNOWLEDGED
+
+
+def test_an_intermediate_stop_brakes_and_goes_on_with_the_task():
+    drive = Positioner()
+    drive.move(5.0)
+    drive.run(200)
+    drive.stw(READY & ~0x0020, 200)
+    assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED | ACTIVE
+    held = drive.place
+    assert 1.0 < held < 4.0
+    drive.run(300)
+    assert drive.place == pytest.approx(held, abs=1e-3)
+    drive.stw(READY)
+    drive.settle()
+    assert drive.place == pytest.approx(5.0, abs=2e-3)
+
+
+def test_a_rejected_task_brakes_and_is_gone():
+    drive = Positioner()
+    drive.move(5.0)
+    drive.run(200)
+    start = float(drive.axis.commanded_position)
+    drive.stw(READY & ~0x0010, 200)
+    assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED
+    assert drive.axis.commanded_position - start == pytest.approx(10.0**2 / (2 * 500.0), rel=0.1)
+    drive.stw(READY, 200)
+    assert drive.place < 4.0
+
+
+def test_5_10_3_homing_clears_bits_10_11_13_and_sets_them_at_its_end():
+    drive = Positioner(homed=False)
+    drive.axis.home_position = 0.25
+    drive.stand_at(0.4)
+    assert not drive.stw(HOME, 20) & (ON_TARGET | HOMED | STOPPED)
+    drive.until(ON_TARGET | HOMED | STOPPED)
+    assert drive.axis.position == pytest.approx(1.0, abs=1e-3), "the zero mark of the encoder"
+    assert drive.place == pytest.approx(0.25, abs=1e-3)
+    assert drive.image.sent[DRIVE_MOTION_STATUS] & 0x0006 == 0x0006
+
+
+def test_homing_backwards_moves_on_by_the_homing_distance():
+    drive = Positioner(homed=False)
+    drive.axis.home_direction = -1.0
+    drive.axis.home_distance = -0.5
+    drive.stand_at(0.4)
+    drive.stw(HOME, 20)
+    drive.until(ON_TARGET | HOMED | STOPPED)
+    assert drive.axis.position == pytest.approx(-0.5, abs=1e-3)
+    assert drive.place == pytest.approx(-0.5, abs=1e-3)
+
+
+def test_homing_that_is_aborted_leaves_the_home_position_unknown():
+    drive = Positioner()
+    drive.stw(HOME, 30)
+    drive.stw(READY, 300)
+    assert drive.zsw1 & (HOMED | STOPPED) == STOPPED
+    assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0006
+
+
+def test_jogging_runs_at_the_jog_set_point_and_stops():
+    drive = Positioner()
+    drive.stw(0x050F, 500)
+    assert drive.axis.velocity == pytest.approx(100.0, abs=0.5)
+    drive.stw(0x040F, 500)
+    assert drive.zsw1 & STOPPED
+    drive.stw(0x060F, 500)
+    assert drive.axis.velocity == pytest.approx(-50.0, abs=0.5)
+    drive.stw(0x070F, 500)
+    assert drive.zsw1 & STOPPED, "both at once"
+
+
+def test_jogging_needs_bits_4_to_6_at_zero():
+    drive = Positioner()
+    drive.stw(READY | 0x0100, 200)
+    assert drive.zsw1 & STOPPED
+
+
+def test_5_4_real_time_jogging_follows_the_data_of_the_task_and_the_direction_bit():
+    drive = Positioner()
+    drive.data(0.0, velocity=240.0)
+    drive.stw(READY | 0x1000, 300)
+    assert drive.axis.velocity == pytest.approx(240.0, abs=0.5)
+    drive.data(0.0, velocity=120.0)
+    drive.run(300)
+    assert drive.axis.velocity == pytest.approx(120.0, abs=0.5)
+    drive.stw(READY | 0x3000, 300)
+    assert drive.axis.velocity == pytest.approx(-120.0, abs=0.5)
+    drive.stw(READY, 300)
+    assert drive.zsw1 & STOPPED
+
+
+def test_a_target_beyond_the_software_limits_is_refused_and_jogging_ends_at_them():
+    drive = Positioner()
+    drive.axis.software_limits, drive.axis.limit_low, drive.axis.limit_high = 3, -1.0, 2.0
+    drive.data(2.1)
+    assert not drive.stw(START, 20) & ACKNOWLEDGED
+    drive.stw(READY)
+    drive.move(2.0)
+    drive.until(ON_TARGET | STOPPED)
+    drive.stw(0x060F, 6000)
+    assert drive.place == pytest.approx(-1.0, abs=2e-3)
+
+
+def test_a_limit_switch_stops_what_runs_into_it_and_lets_it_back():
+    drive = Positioner()
+    drive.move(50.0)
+    drive.run(300)
+    drive.axis.limit_switch = 2
+    drive.run(300)
+    assert drive.zsw1 & (STOPPED | ACTIVE) == STOPPED
+    drive.data(60.0)
+    assert not drive.stw(START, 5) & ACKNOWLEDGED
+    drive.stw(READY)
+    drive.move(0.0)
+    drive.until(ON_TARGET | STOPPED)
+
+
+def test_a_following_error_beyond_its_limit_is_the_models_fault():
+    drive = Positioner()
+    drive.axis.following_limit, drive.axis.following_fault = 0.2, 439 | REACTION_QUICK_STOP << 24
+    drive.axis.load_torque = 100.0
+    drive.move(5.0)
+    drive.run(500)
+    assert drive.zsw1 & 0x0008
+    assert drive.axis.fault_code[0] & 0xFFFF == 439
+
+
+def test_leaving_operation_ends_the_task_for_good():
+    drive = Positioner()
+    drive.move(5.0)
+    drive.run(200)
+    drive.stw(0x043E, 2000)
+    assert drive.axis.state == 2
+    for word in (0x0437, READY):
+        drive.stw(word)
+    drive.stw(READY, 300)
+    assert drive.axis.state == 4
+    assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED
+    assert drive.place < 4.5
+
+
+def test_power_off_forgets_the_home_position():
+    drive = Positioner()
+    drive.command(5)
+    drive.run(200)
+    assert not drive.zsw1 & HOMED
+
+
+def test_111_pos_stw1_selects_and_pos_zsw_tells():
+    drive = Positioner()
+    drive.axis.task_form = TASKS_POS_STW
+    drive.image.received[OVERRIDE] = 0x4000
+    drive.image.received[POS_STW1] = 0x8100
+    drive.data(4.0)
+    assert drive.stw(START, 100) & ACKNOWLEDGED
+    assert drive.image.sent[POS_ZSW1] == 0x8000
+    assert drive.image.sent[POS_ZSW2] == 0x8014
+    drive.image.received[OVERRIDE] = 0x2000
+    drive.run(150)
+    assert drive.axis.velocity == pytest.approx(300.0, abs=2.0)
+    drive.image.received[POS_STW1] = 0x8000
+    drive.data(-1.0)
+    drive.stw(READY)
+    drive.stw(START)
+    drive.settle()
+    assert drive.place == pytest.approx(3.0, abs=2e-3)
+
+
+def test_hiwin_3_13_pos_stw2_bit_1_makes_the_place_the_reference_point():
+    drive = Positioner(homed=False)
+    drive.axis.task_form, drive.axis.home_position = TASKS_POS_STW, 0.5
+    drive.stand_at(2.25)
+    assert not drive.zsw1 & HOMED
+    drive.image.received[POS_STW2] = 2
+    drive.run(2)
+    assert drive.zsw1 & HOMED
+    assert drive.place == 0.5
+    drive.stand_at(3.25)
+    assert drive.place == 1.5, "the bit still stands: no edge"
+
+
+def test_moog_10_5_both_edges_of_bit_6_start_and_bit_12_changes_with_each():
+    drive = Positioner()
+    axis = drive.axis
+    axis.task_form, axis.control_config, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 0, 1.0, 0
+    drive.image.received[VELOCITY_A] = 600
+    seen = []
+    for position, word in ((1.0, START), (2.0, READY), (3.0, START)):
+        drive.image.received[TARPOS_A] = round(position * COUNTS)
+        seen.append(drive.stw(word) & ACKNOWLEDGED)
+        drive.settle()
+        assert drive.place == pytest.approx(position, abs=2e-3)
+    assert seen[0] != seen[1] != seen[2]
+
+
+def test_moog_10_2_1_bit_13_takes_new_targets_without_an_edge_and_bit_12_makes_them_relative():
+    drive = Positioner()
+    axis = drive.axis
+    axis.task_form, axis.control_config, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 0, 1.0, 0
+    drive.image.received[VELOCITY_A] = 600
+    drive.image.received[TARPOS_A] = 2 * COUNTS
+    drive.stw(READY | 0x2000, 10)
+    drive.settle()
+    assert drive.place == pytest.approx(2.0, abs=2e-3)
+    drive.stw(READY)
+    drive.stw(START | 0x1000, 10)
+    drive.settle()
+    assert drive.place == pytest.approx(4.0, abs=2e-3)
+
+
+def test_every_state_of_positioning_can_be_left_and_none_is_a_trap():
+    states = {state for state, _ in positioning.TRANSITIONS} | set(positioning.TRANSITIONS.values())
+    assert states == set(range(positioning.STATES))
+    for state in states - {positioning.OUT}:
+        assert (state, positioning.LEAVE) in positioning.TRANSITIONS
+    assert sorted(positioning.PRIORITY) == list(range(positioning.EVENTS))
+
+
+def test_the_axis_takes_the_time_of_the_trapezoid():
+    drive = Positioner()
+    drive.move(8.0, velocity=1200.0, up=24_000.0, down=12_000.0)
+    steps = 2
+    while drive.axis.motion == positioning.TASK:
+        drive.run(1)
+        steps += 1
+    up, down, top = 400.0, 200.0, 20.0
+    assert steps == pytest.approx(1000 * (top / up / 2 + top / down / 2 + 8.0 / top), abs=4)
+    assert math.isclose(float(drive.axis.commanded_position), 8.0, abs_tol=1e-9)
+    assert drive.image.received[STW1] == READY
