@@ -360,7 +360,7 @@ def motion_status(axis: Any) -> int:
 @compiled
 def first_position_word(axis: Any) -> int:
     """POS_ZSW1 (HIWIN E1 manual 3.14)."""
-    word = (axis.limit_switch & 0x3) << 8
+    word = (int(axis.limit_switch) & 0x3) << 8
     if axis.motion == JOG:
         word |= 0x0400
     if axis.motion == HOMING:

@@ -79,7 +79,7 @@ def take_task(axis: Any, image: Any) -> None:
     target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
     if axis.task_form == TASKS_MDI or axis.task_form == TASKS_POS_STW:  # noqa: PLR1714 - a tuple would allocate
         axis.asked_position = image.received[MDI_TARPOS] * target_step
-        axis.asked_velocity = (image.received[MDI_VELOCITY] & 0xFFFFFFFF) * axis.task_velocity_step
+        axis.asked_velocity = (int(image.received[MDI_VELOCITY]) & 0xFFFFFFFF) * axis.task_velocity_step
         up = axis.task_acceleration_step if axis.task_acceleration_step > 0.0 else axis.jog_acceleration / WHOLE
         down = axis.task_deceleration_step if axis.task_deceleration_step > 0.0 else axis.jog_deceleration / WHOLE
         axis.asked_acceleration = (image.received[MDI_ACC] & 0xFFFF) * up

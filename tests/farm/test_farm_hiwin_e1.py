@@ -174,7 +174,7 @@ def test_a_farm_files_parameter_reaches_the_controller():
     config = parse_farm(text)
     (plan,) = plan_devices(config.controller, expand(config), [model("hiwin-e1")])
     assert plan.steps.velocity_step * 0x4000 == 1000.0
-    assert line_of().plc.sessions[0].plan.velocity_step * 0x4000 == 3000.0
+    assert line_of().plc.sessions[0].plan.steps.velocity_step * 0x4000 == 3000.0
 
 
 def test_bits_have_the_names_of_the_telegram():
