@@ -161,7 +161,12 @@ def _plan_foreign(
                 (slot, subslot): i for slot, items in device.submodules.items() for subslot, i in items.items()
             },
         )
-        planned.check_clock(clock.send_clock_factor, clock.reduction_ratio)
+        factor, ratio = clock.send_clock_factor, clock.reduction_ratio
+        # a cycle that was asked for and no more is made of what the device takes
+        asked = device.cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
+        if asked and section.send_clock_factor is None:
+            factor, ratio = planned.clock(factor, ratio)
+        planned.check_clock(factor, ratio)
         startup = planned.startup(wanted)
     except ConfigError as exc:
         raise ConfigError(f"device {device.name}, {path}: {exc}") from exc
@@ -179,8 +184,8 @@ def _plan_foreign(
         input_words=(),
         velocity_step=1.0,
         life=False,
-        send_clock_factor=clock.send_clock_factor,
-        reduction_ratio=clock.reduction_ratio,
+        send_clock_factor=factor,
+        reduction_ratio=ratio,
         watchdog_factor=section.watchdog_factor,
         startup=startup,
         records=tuple(records.values()),

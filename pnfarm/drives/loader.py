@@ -14,6 +14,7 @@ from pnfarm.drives.data_files import integer, read_toml, required, rows
 from pnfarm.drives.model import (
     DIAGNOSIS_CODINGS,
     REACTIONS,
+    SEND_CLOCKS,
     CommunicationLoss,
     DescriptionFile,
     DiagnosisCoding,
@@ -101,6 +102,8 @@ def _limits(facts: Mapping[str, Fact], where: str) -> Limits:
     limits: Limits = _build(Limits, facts, where)
     if type(limits.alarms) is not bool:
         raise ConfigError(f"{where}.alarms: {limits.alarms!r} is neither true nor false")
+    if not limits.send_clocks or set(limits.send_clocks) - set(SEND_CLOCKS):
+        raise ConfigError(f"{where}.send_clocks: {list(limits.send_clocks)} are not some of {list(SEND_CLOCKS)}")
     if limits.max_cycle_ns and limits.max_cycle_ns < limits.min_cycle_ns:
         raise ConfigError(f"{where}.max_cycle_ns: {limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
     return limits

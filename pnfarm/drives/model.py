@@ -36,6 +36,8 @@ __all__ = [
     "fault_number",
 ]
 
+#: Send clocks that a description file can name for RT, in 31.25 us: 250 us to 4 ms.
+SEND_CLOCKS = (8, 16, 32, 64, 128)
 #: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
 COMMANDS = frozenset({"acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse"})
 #: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
@@ -78,7 +80,7 @@ class Limits:
     """What the manual denies: cycle in ns, counts, octets.
 
     A model may leave out the last ones: ``max_cycle_ns`` 0 is no slowest cycle, ``alarms`` False is a drive that sends
-    none.
+    none, ``send_clocks`` (in 31.25 us) are all that a description file can name for RT.
     """
 
     min_cycle_ns: int
@@ -89,6 +91,7 @@ class Limits:
     max_response: int
     max_cycle_ns: int = 0
     alarms: bool = False
+    send_clocks: tuple[int, ...] = SEND_CLOCKS
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.ar import LayoutError, compute_layout, expected_submodules
-from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
+from pnfarm.protocols.profinet.description import MAX_REDUCTION, SEND_CLOCK_NS
 from pnfarm.protocols.profinet.errors import (
     AlarmCrField,
     ArField,
@@ -238,9 +238,10 @@ def _check_timing(iocr: IocrBlockReq, description: DeviceDescription) -> None:
     if clock not in _SEND_CLOCKS or clock not in description.send_clocks:
         refuse(IocrField.SEND_CLOCK_FACTOR, f"SendClockFactor {clock} is not supported")
     if (
-        not 1 <= ratio <= _MAX_REDUCTION
-        or (ratio >= _MAX_REDUCTION // 2 and clock > 64)
-        or (ratio == _MAX_REDUCTION and clock > 32)
+        not 1 <= ratio <= MAX_REDUCTION
+        or ratio not in description.reduction_ratios
+        or (ratio >= MAX_REDUCTION // 2 and clock > 64)
+        or (ratio == MAX_REDUCTION and clock > 32)
     ):
         refuse(IocrField.REDUCTION_RATIO, f"ReductionRatio {ratio} at SendClockFactor {clock}")
     if cycle_ns < description.min_cycle_ns:

@@ -3,8 +3,8 @@
 Schema V2.35: TIA Portal takes it since V15.1.  The file needs no feature beyond V2.3, and the DAP says PNIO_Version
 V2.3: from V2.31 on tools ask for a certificate and for PTP and DCP boundaries, which this device has not.
 
-Two things a file of this format cannot say: that the device takes send clocks below 250 us too (the format keeps those
-for RT class 3), and that it takes reduction ratios that are no power of two.
+What a file of this format cannot say: which send clock goes with which reduction ratio.  A device with a slowest cycle
+refuses the pairs that exceed it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.dcp_rules import RESET_MODES
 from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.gsdml.document import (
-    DEFAULT_RATIOS,
     NO_NUMBERS,
     ChannelDiagnosis,
     Dap,
@@ -46,8 +45,6 @@ __all__ = ["SCHEMA_VERSION", "STATION", "Abilities", "describe_model", "file_nam
 SCHEMA_VERSION = "V2.35"
 PNIO_VERSION = "V2.3"
 
-#: SendClockFactors that the format knows for RT class 1.
-_SEND_CLOCKS = (8, 16, 32, 64, 128)
 #: 100BASE-TX full duplex (MAU type of IETF RFC 4836).
 _MAU_100_FULL = 16
 _INTERFACE_SUBSLOT = 0x8000
@@ -138,20 +135,10 @@ def _largest(description: DeviceDescription) -> tuple[int, int]:
 
 
 def _timing(description: DeviceDescription) -> tuple[Numbers, Numbers]:
-    """Send clocks and reduction ratios.
-
-    The shortest cycle is MinDeviceInterval's to say; a longest one is kept by leaving out what would exceed it.
-    """
-    clocks = [clock for clock in _SEND_CLOCKS if clock in description.send_clocks]
-    longest = description.max_cycle_ns // SEND_CLOCK_NS
-    if not longest:
-        return Numbers.of(clocks), DEFAULT_RATIOS
-    clocks = [clock for clock in clocks if clock <= longest]
-    if 32 not in clocks:
-        raise ConfigError(
-            f"a slowest cycle of {description.max_cycle_ns / 1e6:g} ms cannot be described, every device takes 1 ms"
-        )
-    return Numbers.of(clocks), Numbers.of(ratio for ratio in DEFAULT_RATIOS if clocks[-1] * ratio <= longest)
+    """Send clocks and reduction ratios; the shortest cycle is MinDeviceInterval's to say."""
+    if 32 not in description.send_clocks:
+        raise ConfigError(f"{description.station_type} has no send clock of 1 ms: the format wants it of every device")
+    return Numbers.of(description.send_clocks), Numbers.of(description.reduction_ratios)
 
 
 # the parts
