@@ -14,7 +14,9 @@ from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
+from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
+from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.table import program
 from pnfarm.table.axis import AXIS
@@ -78,6 +80,8 @@ class DevicePlan:
     #: A supervisor may take submodules over.
     takeover_allowed: bool = False
     velocity_step_b: float = 0.0
+    #: What the drive or device calls its diagnoses.
+    texts: DescribedDiagnosis | None = None
 
 
 def velocity_steps(model: Model, drive: DriveConfig) -> tuple[float, float]:
@@ -196,6 +200,7 @@ def _plan_foreign(
         reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
         read_identification=section.identification,
         takeover_allowed=section.takeover_allowed,
+        texts=DescribedDiagnosis(known[path].diagnoses, known[path].unit_diagnoses),
         instance=planned.instance,
         multiple_write=planned.multiple_write,
     )
@@ -233,6 +238,7 @@ def plan_devices(
                 input_words=model.telegrams[number].input_words,
                 velocity_step=step,
                 velocity_step_b=step_b,
+                texts=DescribedDiagnosis(*describe_diagnosis(model)),
                 life=model.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,

@@ -174,6 +174,8 @@ def _diagnosis_coding(
         raise ConfigError(f"{where}.modes: each is one of {allowed}, and each has its place in subslots")
     if not 1 <= coding.user_structure <= 0x7FFF:
         raise ConfigError(f"{where}.user_structure: {coding.user_structure} is not within 1..0x7FFF")
+    if len(coding.user_fields) != len(coding.user_octets) or set(coding.user_octets) - {1, 2, 4}:
+        raise ConfigError(f"{where}.user_fields: each has its 1, 2 or 4 octets in user_octets")
     return coding
 
 

@@ -161,13 +161,16 @@ class DiagnosisCoding:
     """How a drive's own faults are told to its controller.
 
     The value of ``mode_parameter`` picks one of ``modes`` (:data:`DIAGNOSIS_CODINGS`; none beyond them) and the subslot
-    of the same place in ``subslots``; ``user_structure`` is the USI of the maker's own form.
+    of the same place in ``subslots``; ``user_structure`` is the USI of the maker's own form, ``user_fields`` say what
+    its octets are, one after the other, with the length of the same place in ``user_octets``.
     """
 
     mode_parameter: int
     modes: tuple[str, ...]
     subslots: tuple[int, ...]
     user_structure: int
+    user_fields: tuple[str, ...] = ()
+    user_octets: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

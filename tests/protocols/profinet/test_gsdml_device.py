@@ -14,6 +14,7 @@ from ipaddress import IPv4Address
 from itertools import product
 from pathlib import Path
 from uuid import UUID
+from xml.etree import ElementTree as ET
 
 import pytest
 from cm_support import AR_BLOCK, UUID_1, Bench
@@ -24,8 +25,11 @@ from test_dcp_device import device as dcp_device
 from test_dcp_device import setting
 from virtual_line import VirtualLine
 
+from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
+from pnfarm.farm.station_diagnosis import fault_entry
 from pnfarm.protocols.profinet.binding import describe_device, serial_number
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import ArEstablished, Connected
@@ -45,6 +49,8 @@ from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 from pnfarm.protocols.profinet.wire.dcp_blocks import BlockError, ResetToFactoryBlock
 from pnfarm.protocols.profinet.wire.iocr import RtClass
 from pnfarm.protocols.profinet.wire.records import parse_identification_data, parse_im0
+from pnfarm.table.axis import AXIS
+from pnfarm.table.image import IMAGE
 from pnfarm.wire.ethernet import EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import UdpDatagram, emit_udp
@@ -61,7 +67,7 @@ LIMITS = {
 #: What each model's file says, as a digest: a file that says something else needs another date (see the test).
 DIGESTS = {
     "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "d3b9626be7ca3023",
-    "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "ef698145015a9ba2",
+    "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "6f137e9d629d215f",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261121.xml": "37056c60b134abeb",
     "GSDML-V2.35-pnfarm-hiwin-e1-20261121.xml": "097a2fbe6bd11c62",
 }
@@ -530,8 +536,59 @@ def test_faults_that_are_reported_as_diagnosis_have_their_texts_in_the_file():
         limits=replace(drive_model.limits, alarms=True),
         diagnoses={702: 0x0100, 130: 0x9000},
     )
-    (diagnosis,) = described(reporting)[0].diagnoses  # 0x9000 is the profile's, and known to tools
-    assert (diagnosis.error_type, diagnosis.name) == (0x0100, drive_model.faults[702].name)
+    own, profiles = described(reporting)[0].diagnoses
+    assert (own.error_type, own.name, own.api) == (0x0100, drive_model.faults[702].name, None)
+    assert (profiles.error_type, profiles.name, profiles.api) == (
+        0x9000,
+        "Microcontroller software or hardware",
+        0x3A00,
+    )
+    assert described(drive_model)[0].diagnoses == ()
+
+
+def test_every_diagnosis_that_a_fault_of_the_drive_becomes_stands_in_the_file_and_no_other(drive_model):
+    gsdml, _ = described(drive_model)
+    store = ParameterStore(drive_model, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
+    store.power_on()
+    store.handle.axis.warning_code = 0x0002_0014
+    coding = drive_model.diagnosis_coding
+    channels, units = set(), set()
+    for mode, number in product(range(len(coding.modes) if coding else 1), drive_model.faults):
+        if coding is not None:
+            store.set(coding.mode_parameter, mode)
+        entry = fault_entry(store, number)
+        if entry is None:
+            continue
+        if entry.channel_coded:
+            channels.add((entry.error_type, entry.api))
+            assert entry.ext_error_type == 0  # a file has no entry for it
+            (text,) = [d for d in gsdml.diagnoses if d.error_type == entry.error_type]
+            assert f"{drive_model.faults[number].label} {drive_model.faults[number].name}" in text.help
+        else:
+            units.add(entry.usi)
+            (unit,) = gsdml.unit_diagnoses
+            assert sum(field.octets for field in unit.fields) == len(entry.data) == 8
+            assert [field.value(entry.data) for field in unit.fields] == [number >> 16, number & 0xFFFF, 0x0002_0014]
+    assert {(d.error_type, d.api) for d in gsdml.diagnoses} == channels
+    assert {(d.user_structure, d.api) for d in gsdml.unit_diagnoses} == {(usi, None) for usi in units}
+
+
+def test_diagnosis_stands_where_the_schema_has_it():
+    text = emit_gsdml(describe_model(model("moog-msd")))
+    process = ET.fromstring(text).find("{*}ProfileBody/{*}ApplicationProcess")
+
+    def names(element):
+        return [child.tag.partition("}")[2] for child in element]
+
+    lists = ["DeviceAccessPointList", "ModuleList", "ChannelDiagList", "UnitDiagTypeList", "ExternalTextList"]
+    assert names(process) == lists
+    channels, (unit,) = process[2], process[3]
+    assert {child.tag.partition("}")[2] for child in channels} == {"ProfileChannelDiagItem"}
+    assert all(names(child) == ["Name", "Help"] for child in channels)
+    fieldbus = next(child for child in channels if child.get("ErrorType") == str(0x9008))
+    assert fieldbus.attrib == {"API": str(0x3A00), "ErrorType": str(0x9008)}
+    assert (unit.get("UserStructureIdentifier"), names(unit)) == ("1", ["Name", "Ref", "Ref", "Ref"])
+    assert [ref.get("ByteOffset") for ref in unit[1:]] == ["0", "2", "4"]
 
 
 def test_a_model_of_another_bus_or_without_texts_has_no_file():
