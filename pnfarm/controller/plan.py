@@ -15,7 +15,9 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
 from pnfarm.firmware.tasks import WHOLE
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
+from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
+from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.table import program
 from pnfarm.table.axis import AXIS, TASKS_NONE
@@ -102,6 +104,8 @@ class DevicePlan:
     ar_type: int = ArType.IOCAR_SINGLE
     #: A supervisor may take submodules over.
     takeover_allowed: bool = False
+    #: What the drive or device calls its diagnoses.
+    texts: DescribedDiagnosis | None = None
 
 
 def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps:
@@ -196,7 +200,12 @@ def _plan_foreign(
                 (slot, subslot): i for slot, items in device.submodules.items() for subslot, i in items.items()
             },
         )
-        planned.check_clock(clock.send_clock_factor, clock.reduction_ratio)
+        factor, ratio = clock.send_clock_factor, clock.reduction_ratio
+        # a cycle that was asked for and no more is made of what the device takes
+        asked = device.cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
+        if asked and section.send_clock_factor is None:
+            factor, ratio = planned.clock(factor, ratio)
+        planned.check_clock(factor, ratio)
         startup = planned.startup(wanted)
     except ConfigError as exc:
         raise ConfigError(f"device {device.name}, {path}: {exc}") from exc
@@ -214,8 +223,8 @@ def _plan_foreign(
         input_words=(),
         steps=SignalSteps(),
         life=False,
-        send_clock_factor=clock.send_clock_factor,
-        reduction_ratio=clock.reduction_ratio,
+        send_clock_factor=factor,
+        reduction_ratio=ratio,
         watchdog_factor=section.watchdog_factor,
         startup=startup,
         records=tuple(records.values()),
@@ -226,6 +235,7 @@ def _plan_foreign(
         reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
         read_identification=section.identification,
         takeover_allowed=section.takeover_allowed,
+        texts=DescribedDiagnosis(known[path].diagnoses, known[path].unit_diagnoses),
         instance=planned.instance,
         multiple_write=planned.multiple_write,
     )
@@ -264,6 +274,7 @@ def plan_devices(
                 output_words=model.telegrams[number].output_words,
                 input_words=model.telegrams[number].input_words,
                 steps=steps,
+                texts=DescribedDiagnosis(*describe_diagnosis(model)),
                 life=model.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,

@@ -133,6 +133,7 @@ class SessionLife:
                 watchdog_factor=plan.watchdog_factor,
                 input_frame_id=FIRST_FRAME_ID + session.index,
                 local_alarm_reference=session.index + 1,
+                texts=plan.texts,
             )
         )
         self._forget_machine(session, now)

@@ -14,6 +14,7 @@ from pnfarm.drives.data_files import integer, read_toml, required, rows
 from pnfarm.drives.model import (
     DIAGNOSIS_CODINGS,
     REACTIONS,
+    SEND_CLOCKS,
     CommunicationLoss,
     DescriptionFile,
     DiagnosisCoding,
@@ -104,6 +105,8 @@ def _limits(facts: Mapping[str, Fact], where: str) -> Limits:
     limits: Limits = _build(Limits, facts, where)
     if type(limits.alarms) is not bool:
         raise ConfigError(f"{where}.alarms: {limits.alarms!r} is neither true nor false")
+    if not limits.send_clocks or set(limits.send_clocks) - set(SEND_CLOCKS):
+        raise ConfigError(f"{where}.send_clocks: {list(limits.send_clocks)} are not some of {list(SEND_CLOCKS)}")
     if limits.max_cycle_ns and limits.max_cycle_ns < limits.min_cycle_ns:
         raise ConfigError(f"{where}.max_cycle_ns: {limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
     return limits
@@ -177,6 +180,8 @@ def _diagnosis_coding(
         raise ConfigError(f"{where}.modes: each is one of {allowed}, and each has its place in subslots")
     if not 1 <= coding.user_structure <= 0x7FFF:
         raise ConfigError(f"{where}.user_structure: {coding.user_structure} is not within 1..0x7FFF")
+    if len(coding.user_fields) != len(coding.user_octets) or set(coding.user_octets) - {1, 2, 4}:
+        raise ConfigError(f"{where}.user_fields: each has its 1, 2 or 4 octets in user_octets")
     return coding
 
 

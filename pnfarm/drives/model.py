@@ -36,6 +36,8 @@ __all__ = [
     "fault_number",
 ]
 
+#: Send clocks that a description file can name for RT, in 31.25 us: 250 us to 4 ms.
+SEND_CLOCKS = (8, 16, 32, 64, 128)
 #: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
 COMMANDS = frozenset({"acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse"})
 #: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
@@ -78,7 +80,7 @@ class Limits:
     """What the manual denies: cycle in ns, counts, octets.
 
     A model may leave out the last ones: ``max_cycle_ns`` 0 is no slowest cycle, ``alarms`` False is a drive that sends
-    none.
+    none, ``send_clocks`` (in 31.25 us) are all that a description file can name for RT.
     """
 
     min_cycle_ns: int
@@ -89,6 +91,7 @@ class Limits:
     max_response: int
     max_cycle_ns: int = 0
     alarms: bool = False
+    send_clocks: tuple[int, ...] = SEND_CLOCKS
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,13 +168,16 @@ class DiagnosisCoding:
     """How a drive's own faults are told to its controller.
 
     The value of ``mode_parameter`` picks one of ``modes`` (:data:`DIAGNOSIS_CODINGS`; none beyond them) and the subslot
-    of the same place in ``subslots``; ``user_structure`` is the USI of the maker's own form.
+    of the same place in ``subslots``; ``user_structure`` is the USI of the maker's own form, ``user_fields`` say what
+    its octets are, one after the other, with the length of the same place in ``user_octets``.
     """
 
     mode_parameter: int
     modes: tuple[str, ...]
     subslots: tuple[int, ...]
     user_structure: int
+    user_fields: tuple[str, ...] = ()
+    user_octets: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -261,10 +261,7 @@ def _check_controller(
     try:
         general = clock_of(controller)
     except ValueError as error:
-        key = next(
-            (key for key in ("send_clock_factor", "reduction_ratio") if getattr(controller, key) is not None), "cycle"
-        )
-        report((*at, key), str(error), "cycle = 31.25us x send_clock_factor x reduction_ratio")
+        report((*at, _clock_key(controller)), str(error), "cycle = 31.25us x send_clock_factor x reduction_ratio")
         return
     for number, group in enumerate(sections.drives):
         _check_clock(("drives", number), group, controller, general, known, report)
@@ -288,5 +285,18 @@ def _check_clock(
         most = MAX_WATCHDOG_NS // clock.cycle_ns
         report(("controller", "watchdog_factor"), what, f"a watchdog of at most 1.92s, here a factor to {most}")
     model = known.model(group.model)
-    if not own and model is not None:
+    if model is None:
+        return
+    if not own:
         _check_limit(place, group, model, clock.cycle_ns, report)
+    clocks = list(model.send_clocks)
+    if group.limits == "strict" and clock.send_clock_factor not in clocks and clock.cycle_ns >= model.min_cycle_ns:
+        what = f"a send clock factor of {clock.send_clock_factor} is none of {model.name}"
+        allowed = f"one of {', '.join(map(str, clocks))}, or limits: lax on drives {shown(group.name)}"
+        report(("controller", _clock_key(controller)), what, allowed)
+
+
+def _clock_key(controller: ControllerSection) -> str:
+    """What the controller's send clock follows from."""
+    keys = ("send_clock_factor", "reduction_ratio")
+    return next((key for key in keys if getattr(controller, key) is not None), "cycle")

@@ -45,6 +45,11 @@ class ModelFacts(Protocol):
         ...
 
     @property
+    def send_clocks(self) -> Iterable[int]:
+        """The send clock factors that it takes with strict limits."""
+        ...
+
+    @property
     def telegrams(self) -> Iterable[int]:
         """The telegrams it has."""
         ...
@@ -80,6 +85,10 @@ class InstalledModel:
     @property
     def max_cycle_ns(self) -> int:
         return self.model.limits.max_cycle_ns
+
+    @property
+    def send_clocks(self) -> Iterable[int]:
+        return self.model.limits.send_clocks
 
     @property
     def telegrams(self) -> Iterable[int]:

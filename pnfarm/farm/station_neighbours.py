@@ -31,9 +31,12 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.pdev_checks import CheckPassed
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
-__all__ = ["Note", "StationNeighbours", "port_diagnosis", "system_identification"]
+__all__ = ["Note", "StationNeighbours", "port_diagnosis", "port_numbers", "system_identification"]
 
 _FIRST_PORT = 0x8001
+#: Subslots of the first interface and its ports (IEC 61158-6-10, coding of SubslotNumber).
+_INTERFACE = 0x8000
+_PORTS = range(_FIRST_PORT, 0x8100)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +58,11 @@ def system_identification(description: DeviceDescription) -> str:
     )
 
 
+def port_numbers(description: DeviceDescription) -> list[int]:
+    """The numbers of a station's ports: one, if its description has none."""
+    return sorted(s.subslot - _INTERFACE for s in description.dap.submodules if s.subslot in _PORTS) or [1]
+
+
 class StationNeighbours:
     """``index`` spreads the drives of a farm; without ``enabled`` the drive neither sends nor hears LLDP.
 
@@ -63,7 +71,9 @@ class StationNeighbours:
     """
 
     def __init__(self, mac: bytes, index: int, description: DeviceDescription, *, enabled: bool = True) -> None:
-        system = LocalSystem(mac, description=system_identification(description))
+        # the management address belongs to the interface, which stands behind the ports
+        interface = port_numbers(description)[-1] + 1
+        system = LocalSystem(mac, description=system_identification(description), interface_number=interface)
         name = next((f"port {s.subslot & 0xFF}" for s in description.dap.submodules if s.subslot == _FIRST_PORT), "")
         self.lldp = LldpPort(system, LocalPort(1, mac, name), phase_ns=spread_phase(index))
         self._facts = InterfaceFacts("", mac)

@@ -13,6 +13,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.farm.station_neighbours import port_numbers
+from pnfarm.farm.station_snmp_neighbours import management_view
 from pnfarm.protocols.profinet.mib_view import (
     ADMIN_DISABLED,
     ADMIN_TX_AND_RX,
@@ -21,7 +23,6 @@ from pnfarm.protocols.profinet.mib_view import (
     LldpPortStatistics,
     LldpPortView,
     LldpView,
-    ManagementAddress,
     PnoPort,
     SnmpView,
     SystemText,
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.station_channels import ArChannels, StationChannels
     from pnfarm.farm.station_neighbours import StationNeighbours
 
-__all__ = ["PortTraffic", "interface_index", "snmp_view"]
+__all__ = ["PortTraffic", "snmp_view"]
 
 #: Octets of the shortest frame, and of the frame check sequence that no counter here has seen.
 _SHORTEST, _FCS = 60, 4
@@ -45,8 +46,7 @@ _SHORTEST, _FCS = 60, 4
 _CYCLIC_ENVELOPE = 14 + 2 + 4
 #: The optional TLVs: port description, system name, description and capabilities.
 _EVERY_TLV = b"\xf0"
-#: Subslots of the first interface's ports, and its own (IEC 61158-6-10, coding of SubslotNumber).
-_PORTS = range(0x8001, 0x8100)
+#: The first interface's subslot (IEC 61158-6-10, coding of SubslotNumber).
 _INTERFACE = 0x8000
 
 # Reasons of DriveStation.discards(), in the words of ifTable; what stands in none of these is ifInDiscards.
@@ -163,18 +163,11 @@ def _kind(frame: bytes) -> int:
     return 1 if frame and is_group(frame) else 0
 
 
-def _port_numbers(station: DriveStation) -> list[int]:
-    numbers = [s.subslot - _INTERFACE for s in station.description.dap.submodules if s.subslot in _PORTS]
-    return sorted(numbers) or [1]
-
-
-def interface_index(station: DriveStation) -> int:
-    """ifIndex of the station's interface: what its LLDP frames give as the number of its management address."""
-    return _port_numbers(station)[-1] + 1
-
-
 def snmp_view(station: DriveStation, now: int) -> SnmpView:
-    """The station at ``now``; it is powered.  Without LLDP its ports are shown as disabled."""
+    """The station at ``now``; it is powered.  Without LLDP its ports are shown as disabled.
+
+    What LLDP-MIB tells of the station itself is what its frames say.
+    """
     agent = station.neighbours
     im0 = station.description.im0
     description = system_description(
@@ -197,7 +190,7 @@ def snmp_view(station: DriveStation, now: int) -> SnmpView:
     mac = station.port.mac
     names = {s.subslot - _INTERFACE: s.name for s in station.model.dap.submodules}
     counters = station.traffic.counters(station.discards())
-    numbers = _port_numbers(station)
+    numbers = port_numbers(station.description)
     index = numbers[-1] + 1
     interfaces = [
         InterfaceView(
@@ -220,27 +213,27 @@ def snmp_view(station: DriveStation, now: int) -> SnmpView:
             counters=counters,
         )
     )
-    address = station.dcp.address
-    chassis, port_id = agent.lldp.system.chassis, agent.lldp.system.port_id(agent.lldp.port)
+    own = agent.lldp.system
+    chassis, port_id = own.chassis, own.port_id(agent.lldp.port)
     heard = station.neighbour_rows.views(agent.lldp.neighbours, numbers[0], station.booted_ns)
     lldp = LldpView(
         chassis_id=chassis.value,
         chassis_id_subtype=chassis.subtype,
         system_name=station.name,
-        system_description=agent.lldp.system.description,
+        system_description=own.description,
         ports=tuple(
             LldpPortView(
                 number=number,
                 port_id=port_id.value if number == numbers[0] else f"port-{number:03}".encode(),
-                description=interfaces[place].description,
+                description=agent.lldp.port.description if number == numbers[0] else f"port {number}",
                 admin_status=ADMIN_TX_AND_RX if agent.enabled else ADMIN_DISABLED,
                 tlvs_enabled=_EVERY_TLV if agent.enabled else b"\x00",
                 pno=PnoPort(station_name=station.name),
                 statistics=_lldp_statistics(agent) if number == numbers[0] else LldpPortStatistics(),
             )
-            for place, number in enumerate(numbers)
+            for number in numbers
         ),
-        addresses=(ManagementAddress.ipv4(address.ip, index),) if address is not None else (),
+        addresses=(management_view(own.management),),
         neighbours=tuple(heard),
     )
     return SnmpView(system, lldp, tuple(interfaces))

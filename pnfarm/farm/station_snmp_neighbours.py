@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.ber import Oid
     from pnfarm.protocols.profinet.wire.lldp_tlvs import ManagementAddress as SentAddress
 
-__all__ = ["NeighbourRows"]
+__all__ = ["NeighbourRows", "management_view"]
 
 
 class NeighbourRows:
@@ -59,13 +59,14 @@ def _view(neighbour: Neighbour, port: int, index: int, booted_ns: int) -> Neighb
         system_description=neighbour.system_description,
         capabilities_supported=b"" if capabilities is None else capability_bits(capabilities.supported),
         capabilities_enabled=b"" if capabilities is None else capability_bits(capabilities.enabled),
-        addresses=tuple(_address(a) for a in neighbour.management),
+        addresses=tuple(management_view(a) for a in neighbour.management),
         dot3=None if mac_phy is None else _dot3(mac_phy),
         pno=_pno(neighbour),
     )
 
 
-def _address(sent: SentAddress) -> ManagementAddress:
+def management_view(sent: SentAddress) -> ManagementAddress:
+    """A management address as its TLV has it."""
     object_id: Oid = (0, 0)
     if sent.oid:
         try:

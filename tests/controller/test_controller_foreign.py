@@ -21,6 +21,7 @@ from pnfarm.links.base import PortSpec
 from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.document import ModuleItem
 from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord
+from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 
 FILE = """
@@ -70,6 +71,31 @@ def test_a_device_is_connected_and_exchanges_data_by_its_file_alone(tmp_path, mo
     assert row["frames_received"] > 20
     assert row["cycle_seconds"] == (0.032 if "32ms" in more else 0.016)
     assert line.station.store.telegram_number == (353 if "353" in more else 1)
+
+
+def with_ratio_1(gsdml):
+    """The device that names the send clocks of 0.5, 1, 2 and 4 ms and no ratio but 1."""
+    (dap,) = gsdml.daps
+    timing = {"send_clocks": Numbers.of([16, 32, 64, 128]), "ratios": Numbers.of([1])}
+    return replace(gsdml, daps=(replace(dap, interfaces=(replace(dap.interfaces[0], **timing),)),))
+
+
+@pytest.mark.parametrize(("cycle", "pair"), [("500us", (16, 1)), ("1ms", (32, 1)), ("2ms", (64, 1)), ("4ms", (128, 1))])
+def test_every_cycle_that_the_file_allows_is_reached_by_naming_it(tmp_path, cycle, pair):
+    write(tmp_path, with_ratio_1(describe_model(model("hiwin-e1"))))
+    (own,) = plans(tmp_path, f", cycle: {cycle}")
+    (controllers,) = plans(tmp_path, text=FILE.replace("  devices:", f"  cycle: {cycle}\n  devices:"))
+    assert [(plan.send_clock_factor, plan.reduction_ratio) for plan in (own, controllers)] == [pair, pair]
+
+
+def test_a_send_clock_that_was_named_is_not_replaced_and_a_cycle_that_was_not_is_not_made_to_fit(tmp_path):
+    write(tmp_path, with_ratio_1(describe_model(model("hiwin-e1"))))
+    named = FILE.replace("  devices:", "  send_clock_factor: 32\n  devices:")
+    with pytest.raises(ConfigError, match="no reduction ratio 4, its file names 1"):
+        plans(tmp_path, ", cycle: 4ms", text=named)
+    write(tmp_path, describe_model(model("hiwin-e1")))
+    with pytest.raises(ConfigError, match=r"no reduction ratio 16, its file names 1\.\.2 4 8"):
+        plans(tmp_path)
 
 
 def test_the_outputs_of_a_device_that_nobody_knows_stay_zero(tmp_path):

@@ -68,6 +68,12 @@ def test_a_slowest_cycle_alarms_and_diagnosis_come_from_data(folder: Path) -> No
     [
         (ALARMS, 'alarms = { value = "no", source = "x"', "", r"limits\.alarms: 'no' is neither true nor false"),
         (ALARMS, 'max_cycle_ns = { value = 1, source = "x" }\n' + ALARMS, "", r"max_cycle_ns: 1 is below min_cycle_ns"),
+        (
+            ALARMS,
+            'send_clocks = { value = [4, 32], source = "x" }\n' + ALARMS,
+            "",
+            r"send_clocks: \[4, 32\] are not some of",
+        ),
         ("date = { value = 20261121", "date = { value = 20261321", "", r"date: 20261321 is no day such as"),
         ('family = { value = "AKD (virtual, pnfarm)"', 'family = { value = ""', "", r"family: '' is no text"),
         ("family = {", "kin = {", "", r"description_file: .*kin"),

@@ -21,6 +21,7 @@ class Model:
 
     name: str = "akd-profinet"
     min_cycle_ns: int = 16_000_000
+    send_clocks: tuple[int, ...] = (8, 16, 32, 64, 128)
     max_cycle_ns: int = 0
     telegrams: tuple[int, ...] = (1, 7)
     default_telegram: int = 1
@@ -342,6 +343,8 @@ WRONG_CONTROLLER = [
     ("{send_clock_factor: 128, reduction_ratio: 512}", "controller.send_clock_factor", "the slowest cycle is 512ms"),
     ("{cycle: 16ms, send_clock_factor: 32, reduction_ratio: 8}", "controller.send_clock_factor", "make 8ms, not 16ms"),
     ("{cycle: 16ms, reduction_ratio: 1}", "controller.reduction_ratio", "a send clock factor is one of 1, 2"),
+    ("{cycle: 16ms, send_clock_factor: 4}", "controller.send_clock_factor", "factor of 4 is none of akd-profinet"),
+    ("{cycle: 16ms, reduction_ratio: 256}", "controller.reduction_ratio", "factor of 2 is none of akd-profinet"),
     ("{cycle: 512ms, watchdog_factor: 4}", "controller.watchdog_factor", "4 cycles of 512ms are 2.048s"),
     ("watchdog_factor: 0", "controller.watchdog_factor", "is 0"),
     ("startup: fast", "controller.startup", "is 'fast'"),

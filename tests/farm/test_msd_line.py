@@ -246,6 +246,15 @@ def test_a_fault_is_told_in_the_layout_of_p_1256_and_gone_when_it_is_acknowledge
         f"diagnosis appears on slot 1 subslot {subslot}",
         f"diagnosis disappears on slot 1 subslot {subslot}",
     ]
+    appears = alarms[0].split(": ", 1)[1]
+    assert (
+        appears
+        == {
+            1: "External (fault, appears)",
+            2: "External (fault, value 0x1000B, appears)",
+            3: "Fault of the drive (Error location 1, Error number 11, Warning state 0)",
+        }[mode]
+    )
     assert line.measures.alarms_received == 2
     assert [e.event for e in line.log.entries("axis-01")].count("alarm acknowledged") == 2
     assert line.farm.columns.ppm[ar.providers[0][0]].data_status == STATUS_GOOD

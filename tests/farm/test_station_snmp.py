@@ -10,6 +10,8 @@ from virtual_line import VirtualLine
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.protocols.profinet.wire.dcp import SERVICE_SET, TYPE_REQUEST, DcpPdu, emit_dcp, frame_id_of
 from pnfarm.protocols.profinet.wire.dcp_blocks import UnknownBlock
+from pnfarm.protocols.profinet.wire.lldp import parse_lldp
+from pnfarm.protocols.profinet.wire.lldp_tlvs import ManagementAddress, PortDescription, SystemDescription
 from pnfarm.protocols.profinet.wire.snmp import (
     GET,
     GET_NEXT,
@@ -23,7 +25,14 @@ from pnfarm.protocols.profinet.wire.snmp import (
     octets,
     parse_snmp,
 )
-from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import (
+    ETHERTYPE_IPV4,
+    ETHERTYPE_LLDP,
+    ETHERTYPE_PROFINET,
+    EthernetFrame,
+    emit_ethernet,
+    parse_ethernet,
+)
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import UdpDatagram, emit_udp, parse_udp
 
@@ -182,6 +191,27 @@ def test_the_interface_is_behind_the_ports_and_has_the_address(line):
     (first,) = tool.ask(GET_NEXT, VarBind(address)).varbinds
     assert first.name == (*address, 3, 1, 4, *DRIVE.packed)
     assert tool.get((*address, 5, 1, 4, *DRIVE.packed)) == [2]
+
+
+@pytest.mark.parametrize("name", ["akd-profinet", "moog-msd"])
+def test_what_lldp_mib_tells_of_the_drive_is_what_its_frames_say(name):
+    line = VirtualLine(1, controller=False, model=name)
+    sent = []
+    line.world.switch.attach(TOOL_MAC, lambda _port, frame, _now: sent.append(parse_ethernet(frame)))
+    line.run(6.0)
+    pdu = parse_lldp(next(frame.payload for frame in sent if frame.ethertype == ETHERTYPE_LLDP))
+    tlvs = {type(tlv): tlv for tlv in pdu.tlvs}
+    management = tlvs[ManagementAddress]
+    local = (1, 0, 8802, 1, 1, 2, 1, 3)
+    own = (management.subtype, len(management.address), *management.address)
+    tool = Tool(line)
+    columns = [(*local, 2, 0), (*local, 4, 0), (*local, 7, 1, 3, 1), (*local, 7, 1, 4, 1)]
+    said = [pdu.chassis.value, tlvs[SystemDescription].value, pdu.port.value, tlvs[PortDescription].value]
+    assert tool.get(*columns) == said
+    columns = [(*local, 8, 1, column, *own) for column in (4, 5)]
+    assert tool.get(*columns) == [management.interface_subtype, management.interface_number]
+    # and the number is that of the interface which has the address
+    assert tool.get((*IF_ENTRY, 2, management.interface_number)) == [b"Interface"]
 
 
 @pytest.mark.parametrize(("enabled", "status"), [(True, 3), (False, 4)])

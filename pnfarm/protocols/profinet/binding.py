@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.description import (
+    MAX_REDUCTION,
+    REDUCTION_RATIOS,
     SEND_CLOCK_NS,
     DeviceDescription,
     Im0Description,
@@ -31,8 +33,9 @@ if TYPE_CHECKING:
 
 __all__ = ["ChannelLayout", "DriveRecords", "channel_layout", "describe_device", "serial_number"]
 
-#: Every SendClockFactor there is: what a drive with lax limits takes.  A strict one takes those that each device must.
+#: What a drive with lax limits takes: every SendClockFactor and ReductionRatio there is.
 _EVERY_SEND_CLOCK = (1, 2, 4, 8, 16, 32, 64, 128)
+_EVERY_RATIO = range(1, MAX_REDUCTION + 1)
 
 
 #: I&M1 to I&M3, which every device has to keep since V2.31 of the specification, and I&M4, which it may.  Assumed: no
@@ -64,12 +67,24 @@ def _module(module: Module) -> ModuleDescription:
     )
 
 
+def _timing(model: Model) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Send clocks and reduction ratios that some cycle within the model's slowest one is made of."""
+    clocks, longest = model.limits.send_clocks, model.limits.max_cycle_ns // SEND_CLOCK_NS
+    if not longest:
+        return clocks, REDUCTION_RATIOS
+    return (
+        tuple(clock for clock in clocks if clock <= longest),
+        tuple(ratio for ratio in REDUCTION_RATIOS if min(clocks) * ratio <= longest),
+    )
+
+
 def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | None = None) -> DeviceDescription:
     """What this drive answers to a controller; ``telegram`` is plugged first, the model's default otherwise."""
     first = model.default_telegram if telegram is None else telegram
     order = sorted(model.telegrams, key=lambda number: number != first)
     identity = model.identity
     prefix, version = identity.software_prefix, identity.software_version
+    clocks, ratios = _timing(model) if strict else (_EVERY_SEND_CLOCK, _EVERY_RATIO)
     return DeviceDescription(
         vendor_id=identity.vendor_id,
         device_id=identity.device_id,
@@ -77,8 +92,8 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
         dap=_module(model.dap),
         modules=tuple(_module(module) for number in order for module in model.telegrams[number].modules),
         min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
-        # no manual at hand denies a send clock; what strict limits is the cycle
-        send_clocks=_EVERY_SEND_CLOCK,
+        send_clocks=clocks,
+        reduction_ratios=ratios,
         im0=Im0Description(
             order_id=identity.order_id,
             serial_number=serial_number(mac),

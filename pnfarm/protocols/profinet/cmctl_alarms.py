@@ -88,7 +88,7 @@ class ControllerAlarms:
         for event in self._channel.events():
             match event:
                 case AlarmReceived(alarm):
-                    out.append(AlarmIndicated(alarm, alarm_in_words(alarm)))
+                    out.append(AlarmIndicated(alarm, alarm_in_words(alarm, self._plan.texts)))
                     if self._plan.on_alarm == "acknowledge":
                         self._channel.acknowledge(alarm, now, OK)
                 case AlarmFailed() | PeerAborted():

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from uuid import UUID
 
+    from pnfarm.protocols.profinet.wire.alarm_words import DiagnosisTexts
+
 __all__ = [
     "MAX_C_SDU",
     "MIN_C_SDU",
@@ -171,6 +173,8 @@ class ArPlan:
     alarm_properties: int = 0
     #: Who acknowledges the device's alarms: the machine, at once and with OK, or its owner.
     on_alarm: Literal["acknowledge", "ask"] = "acknowledge"
+    #: The device's own words for its diagnoses, where its description is at hand.
+    texts: DiagnosisTexts | None = None
 
     @property
     def sorted_submodules(self) -> tuple[PlannedSubmodule, ...]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.ar import LayoutError, compute_layout, expected_submodules
-from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
+from pnfarm.protocols.profinet.description import MAX_REDUCTION, SEND_CLOCK_NS
 from pnfarm.protocols.profinet.errors import (
     AlarmCrField,
     ArField,
@@ -72,9 +72,11 @@ _MIN_C_SDU = 40
 _MAX_FACTOR = 0x1E00
 #: The data hold time of RT class 1 and 2 is at most 1.92 s.
 _MAX_HOLD_NS = 1_920_000_000
-_MAX_REDUCTION = 512
 _MAX_FRAME_SEND_OFFSET = 0x003D0900
 _SEND_CLOCKS = frozenset(1 << n for n in range(8))
+#: IOCRProperties: bits 4 to 10 and 24 to 31 are reserved.  Those between are not looked at: bit 11 told of media
+#: redundancy in older editions, and the standard lets the rest be anything.
+_IOCR_RESERVED = 0xFF00_07F0
 _MAX_NAME = 240
 
 #: ErrorCode1 by the type of a block that does not parse or is of another version.
@@ -217,6 +219,8 @@ def _check_iocr(iocr: IocrBlockReq, description: DeviceDescription, *, advanced:
     classes = {RtClass.CLASS_2} if advanced else {RtClass.CLASS_1, RtClass.CLASS_2}
     if iocr.rt_class not in classes:
         refuse(IocrField.IOCR_PROPERTIES, f"RT class {iocr.rt_class} is not supported")
+    if iocr.properties & _IOCR_RESERVED:
+        refuse(IocrField.IOCR_PROPERTIES, f"IOCRProperties 0x{iocr.properties:08X} has reserved bits")
     if not _MIN_C_SDU <= iocr.data_length <= _MAX_C_SDU:
         refuse(IocrField.DATA_LENGTH, f"DataLength {iocr.data_length} is not within {_MIN_C_SDU} to {_MAX_C_SDU}")
     assigned = iocr.iocr_type == IocrType.OUTPUT and iocr.frame_id == FRAME_ID_ASSIGN
@@ -238,9 +242,10 @@ def _check_timing(iocr: IocrBlockReq, description: DeviceDescription) -> None:
     if clock not in _SEND_CLOCKS or clock not in description.send_clocks:
         refuse(IocrField.SEND_CLOCK_FACTOR, f"SendClockFactor {clock} is not supported")
     if (
-        not 1 <= ratio <= _MAX_REDUCTION
-        or (ratio >= _MAX_REDUCTION // 2 and clock > 64)
-        or (ratio == _MAX_REDUCTION and clock > 32)
+        not 1 <= ratio <= MAX_REDUCTION
+        or ratio not in description.reduction_ratios
+        or (ratio >= MAX_REDUCTION // 2 and clock > 64)
+        or (ratio == MAX_REDUCTION and clock > 32)
     ):
         refuse(IocrField.REDUCTION_RATIO, f"ReductionRatio {ratio} at SendClockFactor {clock}")
     if cycle_ns < description.min_cycle_ns:
@@ -374,19 +379,19 @@ def _check_alarm_cr(alarm: AlarmCrBlockReq) -> None:
 
 def _check_crs(request: ConnectRequest, description: DeviceDescription) -> tuple[IocrLayout, ...]:
     advanced = bool(request.ar.properties & ArProperties.STARTUP_MODE_ADVANCED)
+    # before they are counted: a CR that is there twice is no lack of resources
+    for reference, count in Counter(iocr.iocr_reference for iocr in request.iocrs).items():
+        if count > 1:
+            _refuse(ConnectFault.IOCR_BLOCK, IocrField.IOCR_REFERENCE, f"IOCRReference {reference} twice")
     if len(request.iocrs) > description.limits.max_iocrs:
         _refuse(
             ConnectFault.CMRPC,
             CmrpcError.OUT_OF_PROVIDER_CONSUMER_ALARM_RESOURCES,
             f"{len(request.iocrs)} IOCRs, {description.limits.max_iocrs} are the most",
         )
-    references: set[int] = set()
     frame_ids: set[int] = set()
     for iocr in request.iocrs:
         _check_iocr(iocr, description, advanced=advanced)
-        if iocr.iocr_reference in references:
-            _refuse(ConnectFault.IOCR_BLOCK, IocrField.IOCR_REFERENCE, f"IOCRReference {iocr.iocr_reference} twice")
-        references.add(iocr.iocr_reference)
         if iocr.iocr_type == IocrType.INPUT and iocr.frame_id in frame_ids:
             _refuse(ConnectFault.IOCR_BLOCK, IocrField.FRAME_ID, f"FrameID 0x{iocr.frame_id:04X} twice")
         if iocr.iocr_type == IocrType.INPUT:

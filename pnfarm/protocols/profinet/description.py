@@ -11,9 +11,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
 __all__ = [
+    "MAX_REDUCTION",
+    "REDUCTION_RATIOS",
     "SEND_CLOCK_NS",
     "DeviceDescription",
     "Im0Description",
@@ -27,6 +29,9 @@ __all__ = [
 
 #: One step of SendClockFactor and of MinDeviceInterval: 31.25 us.
 SEND_CLOCK_NS = 31_250
+#: The greatest ReductionRatio, and those of engineering.
+MAX_REDUCTION = 512
+REDUCTION_RATIOS = tuple(1 << exponent for exponent in range(10))
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +114,8 @@ class DeviceDescription:
     """One device.
 
     ``min_device_interval`` counts 31.25 us.  ``modules`` lists, for each slot but the DAP's, every module that it
-    can take; the first one of a slot is in it at power-on.  ``send_clocks`` are the SendClockFactors accepted.
+    can take; the first one of a slot is in it at power-on.  ``send_clocks`` and ``reduction_ratios`` are the
+    SendClockFactors and ReductionRatios accepted, which the description file names too.
     ``im_carriers`` are the submodules with I&M data; none named, the DAP's first one is it, for the device.
     """
 
@@ -121,7 +127,8 @@ class DeviceDescription:
     modules: tuple[ModuleDescription, ...] = ()
     instance: int = 1
     min_device_interval: int = 32
-    send_clocks: tuple[int, ...] = (8, 16, 32, 64, 128)
+    send_clocks: Sequence[int] = (8, 16, 32, 64, 128)
+    reduction_ratios: Sequence[int] = REDUCTION_RATIOS
     limits: Limits = Limits()
     im_carriers: tuple[ImCarrier, ...] = ()
 

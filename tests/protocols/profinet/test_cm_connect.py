@@ -138,16 +138,21 @@ REFUSALS = [
     ("iocr-lt", iocr(lt=0x0800), 2, 6),
     ("iocr-rt-class-3", iocr(properties=3), 2, 7),
     ("iocr-rt-over-udp", iocr(properties=4), 2, 7),
+    ("iocr-reserved-bit-4", iocr(properties=0x12), 2, 7),
+    ("iocr-reserved-bit-10", iocr(properties=0x402), 2, 7),
+    ("iocr-reserved-bit-24", iocr(properties=0x0100_0002), 2, 7),
+    ("iocr-reserved-bit-31", iocr(properties=0x8000_0002), 2, 7),
     ("iocr-class-1-in-advanced", replace(iocr(properties=1), ar=replace(P.ar, properties=ADVANCED)), 2, 7),
     ("iocr-data-length-short", iocr(data_length=39), 2, 8),
     ("iocr-data-length-long", iocr(data_length=1441), 2, 8),
     ("iocr-frame-id-of-class-1", iocr(frame_id=0xC000), 2, 9),
     ("iocr-input-frame-id-left-open", iocr(frame_id=0xFFFF), 2, 9),
-    ("iocr-frame-id-twice", with_blocks(*BASE[:2], replace(P.inputs, iocr_reference=2), *BASE[2:]), 2, 9),
+    ("iocr-frame-id-twice", with_blocks(*BASE[:2], replace(P.inputs, iocr_reference=3), *BASE[2:]), 2, 9),
     ("iocr-output-frame-id", replace(P, outputs=replace(P.outputs, frame_id=0x0100)), 2, 9),
     ("iocr-send-clock-3", iocr(send_clock_factor=3), 2, 10),
     ("iocr-send-clock-not-offered", iocr(send_clock_factor=4), 2, 10),
     ("iocr-reduction-0", iocr(reduction_ratio=0), 2, 11),
+    ("iocr-reduction-3", iocr(reduction_ratio=3), 2, 11),
     ("iocr-reduction-513", iocr(reduction_ratio=513, data_hold_factor=1), 2, 11),
     ("iocr-reduction-256-at-4-ms", iocr(reduction_ratio=256, send_clock_factor=128), 2, 11),
     ("iocr-phase-0", iocr(phase=0), 2, 12),
@@ -272,6 +277,17 @@ def test_a_faulty_field_is_refused_with_its_codes(request, plan, code1, code2):
     assert isinstance(event, ConnectRefused)
     assert event.status == status
     assert len(event.detail) > 8
+
+
+def test_a_cr_that_is_there_twice_is_refused_by_its_reference_and_not_for_want_of_room():
+    assert DRIVE.limits.max_iocrs == 2
+    status, _ = Bench().connect(with_blocks(*BASE[:2], P.inputs, *BASE[2:]))
+    assert (status.error_code1, status.error_code2) == (2, 5)
+
+
+@pytest.mark.parametrize("bit", range(11, 24))
+def test_bits_between_the_reserved_ones_of_iocr_properties_are_not_looked_at(bit):
+    assert Bench().connect(iocr(properties=P.inputs.properties | 1 << bit))[0].ok
 
 
 def test_a_device_without_supervisors_refuses_one_that_wants_io_data():

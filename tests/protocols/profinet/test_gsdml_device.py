@@ -11,8 +11,10 @@ import importlib.util
 import sys
 from dataclasses import replace
 from ipaddress import IPv4Address
+from itertools import product
 from pathlib import Path
 from uuid import UUID
+from xml.etree import ElementTree as ET
 
 import pytest
 from cm_support import AR_BLOCK, UUID_1, Bench
@@ -23,15 +25,18 @@ from test_dcp_device import device as dcp_device
 from test_dcp_device import setting
 from virtual_line import VirtualLine
 
+from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
+from pnfarm.farm.station_diagnosis import fault_entry
 from pnfarm.protocols.profinet.binding import describe_device, serial_number
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import ArEstablished, Connected
 from pnfarm.protocols.profinet.cmctl_plan import MIN_C_SDU, ParameterRecord, plan_frames
 from pnfarm.protocols.profinet.cmctl_request import connect_payload
 from pnfarm.protocols.profinet.cmdev import CmDevice
-from pnfarm.protocols.profinet.cmdev_check import FRAME_ID_RANGES
+from pnfarm.protocols.profinet.cmdev_check import FRAME_ID_RANGES, RefusedError, check_connect, parse_connect
 from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.gsdml.describe import STATION, describe_model, file_name
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
@@ -44,6 +49,8 @@ from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 from pnfarm.protocols.profinet.wire.dcp_blocks import BlockError, ResetToFactoryBlock
 from pnfarm.protocols.profinet.wire.iocr import RtClass
 from pnfarm.protocols.profinet.wire.records import parse_identification_data, parse_im0
+from pnfarm.table.axis import AXIS
+from pnfarm.table.image import IMAGE
 from pnfarm.wire.ethernet import EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import UdpDatagram, emit_udp
@@ -60,9 +67,9 @@ LIMITS = {
 #: What each model's file says, as a digest: a file that says something else needs another date (see the test).
 DIGESTS = {
     "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "d3b9626be7ca3023",
-    "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "ef698145015a9ba2",
+    "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "6f137e9d629d215f",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261121.xml": "37056c60b134abeb",
-    "GSDML-V2.35-pnfarm-hiwin-e1-20261121.xml": "868d8f81c52a3046",
+    "GSDML-V2.35-pnfarm-hiwin-e1-20261121.xml": "097a2fbe6bd11c62",
 }
 
 
@@ -213,6 +220,68 @@ def test_the_largest_frames_are_those_of_the_largest_telegram(drive_model):
 # timing
 
 
+def slowest(drive_model):
+    """In 31.25 us; a file cannot say it."""
+    return (drive_model.limits.max_cycle_ns or 512 * MS) // 31_250
+
+
+#: Send clock factors: those there are, and some that there are not.
+CLOCKS = (0, 1, 2, 3, 4, 8, 16, 24, 32, 48, 64, 96, 127, 128, 129)
+
+
+def test_the_device_takes_the_pairs_of_clock_and_ratio_that_its_file_names_and_no_other(limited):
+    """Save those that make too slow a cycle: a file names clocks and ratios, not what goes with what."""
+    gsdml, device = described(limited)
+    (dap,) = gsdml.daps
+    (interface,) = dap.interfaces
+    plan = plan_of(gsdml)
+    request = parse_connect(connect_payload(plan, *plan_frames(plan)), device)
+    whole = request.iocrs
+    for clock, ratio in product(CLOCKS, range(514)):
+        timed = {"send_clock_factor": clock, "reduction_ratio": ratio, "phase": 1, "data_hold_factor": 3}
+        request.iocrs = [replace(cr, **timed) for cr in whole]
+        codes = None
+        if clock not in interface.send_clocks:
+            codes = (0xDB, 0x81, 2, 10)
+        elif ratio not in interface.ratios or not dap.min_device_interval <= clock * ratio <= slowest(limited):
+            codes = (0xDB, 0x81, 2, 11)
+        try:
+            check_connect(request, device)
+        except RefusedError as refused:
+            status = refused.status
+            found = (status.error_code, status.error_decode, status.error_code1, status.error_code2)
+            assert found == codes, (clock, ratio)
+        else:
+            assert codes is None, (clock, ratio)
+
+
+@pytest.mark.parametrize("pair", [(1, 1), (1, 512), (4, 3), (32, 17), (128, 1), (128, 255)])
+def test_with_lax_limits_it_takes_every_clock_and_ratio_of_the_standard(drive_model, pair):
+    plan = plan_of(described(drive_model)[0])
+    lax = describe_device(drive_model, MAC, strict=False)
+    request = parse_connect(connect_payload(plan, *plan_frames(plan)), lax)
+    timed = {"send_clock_factor": pair[0], "reduction_ratio": pair[1], "phase": 1, "data_hold_factor": 1}
+    request.iocrs = [replace(cr, **timed) for cr in request.iocrs]
+    assert check_connect(request, lax)
+
+
+def test_the_e1_names_the_send_clocks_of_its_manual_and_is_reached_at_each_of_its_cycles():
+    gsdml, device = described(model("hiwin-e1"))
+    (interface,) = gsdml.daps[0].interfaces
+    assert (list(interface.send_clocks), list(interface.ratios)) == ([16, 32, 64, 128], [1, 2, 4, 8])
+    planned = from_gsdml(gsdml)
+    assert [planned.clock(*usual) for usual in ((16, 1), (32, 1), (32, 2), (32, 4))] == [
+        (16, 1),
+        (32, 1),
+        (32, 2),
+        (32, 4),
+    ]
+    for clock, ratio in ((64, 2), (32, 4), (16, 8)):
+        assert connected(plan_of(gsdml, clock=(clock, ratio)), device).ok
+    for clock, ratio in ((8, 2), (2, 16)):
+        assert connected(plan_of(gsdml, clock=(clock, ratio)), device).error_code2 == 10
+
+
 def test_the_device_takes_every_cycle_of_the_file_and_none_below_its_minimum(limited):
     gsdml, device = described(limited)
     (dap,) = gsdml.daps
@@ -225,11 +294,12 @@ def test_the_device_takes_every_cycle_of_the_file_and_none_below_its_minimum(lim
             if factor * ratio > 128 * 128:
                 continue  # no device may take those
             accepted = connected(plan_of(gsdml, clock=(factor, ratio)), device).ok
-            assert accepted == (factor * ratio >= dap.min_device_interval), (factor, ratio)
+            fast, slow = factor * ratio < dap.min_device_interval, factor * ratio > slowest(limited)
+            assert accepted == (not fast and not slow), (factor, ratio)
             if accepted:
                 planned.check_clock(factor, ratio)
                 taken.add(factor * ratio * 31_250)
-            else:
+            elif fast:
                 with pytest.raises(ConfigError, match="faster than the device can"):
                     planned.check_clock(factor, ratio)
     limits = limited.limits
@@ -466,8 +536,59 @@ def test_faults_that_are_reported_as_diagnosis_have_their_texts_in_the_file():
         limits=replace(drive_model.limits, alarms=True),
         diagnoses={702: 0x0100, 130: 0x9000},
     )
-    (diagnosis,) = described(reporting)[0].diagnoses  # 0x9000 is the profile's, and known to tools
-    assert (diagnosis.error_type, diagnosis.name) == (0x0100, drive_model.faults[702].name)
+    own, profiles = described(reporting)[0].diagnoses
+    assert (own.error_type, own.name, own.api) == (0x0100, drive_model.faults[702].name, None)
+    assert (profiles.error_type, profiles.name, profiles.api) == (
+        0x9000,
+        "Microcontroller software or hardware",
+        0x3A00,
+    )
+    assert described(drive_model)[0].diagnoses == ()
+
+
+def test_every_diagnosis_that_a_fault_of_the_drive_becomes_stands_in_the_file_and_no_other(drive_model):
+    gsdml, _ = described(drive_model)
+    store = ParameterStore(drive_model, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
+    store.power_on()
+    store.handle.axis.warning_code = 0x0002_0014
+    coding = drive_model.diagnosis_coding
+    channels, units = set(), set()
+    for mode, number in product(range(len(coding.modes) if coding else 1), drive_model.faults):
+        if coding is not None:
+            store.set(coding.mode_parameter, mode)
+        entry = fault_entry(store, number)
+        if entry is None:
+            continue
+        if entry.channel_coded:
+            channels.add((entry.error_type, entry.api))
+            assert entry.ext_error_type == 0  # a file has no entry for it
+            (text,) = [d for d in gsdml.diagnoses if d.error_type == entry.error_type]
+            assert f"{drive_model.faults[number].label} {drive_model.faults[number].name}" in text.help
+        else:
+            units.add(entry.usi)
+            (unit,) = gsdml.unit_diagnoses
+            assert sum(field.octets for field in unit.fields) == len(entry.data) == 8
+            assert [field.value(entry.data) for field in unit.fields] == [number >> 16, number & 0xFFFF, 0x0002_0014]
+    assert {(d.error_type, d.api) for d in gsdml.diagnoses} == channels
+    assert {(d.user_structure, d.api) for d in gsdml.unit_diagnoses} == {(usi, None) for usi in units}
+
+
+def test_diagnosis_stands_where_the_schema_has_it():
+    text = emit_gsdml(describe_model(model("moog-msd")))
+    process = ET.fromstring(text).find("{*}ProfileBody/{*}ApplicationProcess")
+
+    def names(element):
+        return [child.tag.partition("}")[2] for child in element]
+
+    lists = ["DeviceAccessPointList", "ModuleList", "ChannelDiagList", "UnitDiagTypeList", "ExternalTextList"]
+    assert names(process) == lists
+    channels, (unit,) = process[2], process[3]
+    assert {child.tag.partition("}")[2] for child in channels} == {"ProfileChannelDiagItem"}
+    assert all(names(child) == ["Name", "Help"] for child in channels)
+    fieldbus = next(child for child in channels if child.get("ErrorType") == str(0x9008))
+    assert fieldbus.attrib == {"API": str(0x3A00), "ErrorType": str(0x9008)}
+    assert (unit.get("UserStructureIdentifier"), names(unit)) == ("1", ["Name", "Ref", "Ref", "Ref"])
+    assert [ref.get("ByteOffset") for ref in unit[1:]] == ["0", "2", "4"]
 
 
 def test_a_model_of_another_bus_or_without_texts_has_no_file():
@@ -478,10 +599,10 @@ def test_a_model_of_another_bus_or_without_texts_has_no_file():
         file_name(replace(drive_model, description_file=None))
 
 
-def test_a_slowest_cycle_that_leaves_no_1_ms_cannot_be_described():
+def test_limits_that_leave_no_send_clock_of_1_ms_cannot_be_described():
     drive_model = model("akd-profinet")
     limits = replace(drive_model.limits, min_cycle_ns=MS // 4, max_cycle_ns=MS // 2)
-    with pytest.raises(ConfigError, match="every device takes 1 ms"):
+    with pytest.raises(ConfigError, match="no send clock of 1 ms"):
         describe_model(replace(drive_model, limits=limits))
 
 

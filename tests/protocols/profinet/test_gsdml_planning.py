@@ -27,6 +27,13 @@ def places(device):
             for s in device.submodules}  # fmt: skip
 
 
+def planned_with(gsdml, send_clocks, ratios):
+    """The device as if its file named these, at every cycle from 31.25 us on."""
+    (dap,) = gsdml.daps
+    interface = replace(dap.interfaces[0], send_clocks=Numbers.of(send_clocks), ratios=Numbers.of(ratios))
+    return from_gsdml(replace(gsdml, daps=(replace(dap, min_device_interval=1, interfaces=(interface,)),)))
+
+
 def test_a_new_project_has_what_is_fixed_and_what_the_file_puts_into_it(gsdml):
     device = from_gsdml(gsdml)
     assert (device.vendor_id, device.device_id, device.instance, device.multiple_write) == (0xFEED, 0x0B0B, 2, True)
@@ -117,6 +124,16 @@ def test_cycles_are_held_against_the_file(gsdml):
         device.check_clock(16, 4)
     with pytest.raises(ConfigError, match=r"no reduction ratio 16, its file names 1\.\.2 4 8"):
         device.check_clock(32, 16)
+
+
+def test_a_cycle_is_made_of_what_the_file_names_with_the_send_clock_next_to_1_ms(gsdml):
+    device = planned_with(gsdml, send_clocks=[16, 32, 64, 128], ratios=[1])
+    assert [device.clock(*pair) for pair in ((32, 1), (32, 2), (32, 4))] == [(32, 1), (64, 1), (128, 1)]
+    device = planned_with(gsdml, send_clocks=[16, 32, 64, 128], ratios=[1, 2, 4])
+    assert [device.clock(*pair) for pair in ((32, 4), (32, 8), (64, 2))] == [(32, 4), (64, 4), (64, 2)]
+    assert device.clock(32, 32) == (32, 32)
+    with pytest.raises(ConfigError, match=r"no reduction ratio 32, its file names 1\.\.2 4"):
+        device.check_clock(*device.clock(32, 32))
 
 
 def test_the_start_up_is_one_that_the_device_knows(gsdml):

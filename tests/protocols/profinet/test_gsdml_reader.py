@@ -13,8 +13,11 @@ from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profinet.gsdml import safe_xml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
+from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets, parse_octets
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+from pnfarm.protocols.profinet.wire.alarm_words import item_in_words
+from pnfarm.protocols.profinet.wire.alarms import AlarmItem
 
 
 def read(text=MINIATURE):
@@ -91,7 +94,45 @@ def test_modules_and_submodules_carry_idents_lengths_types_and_consistency():
     assert (telegram.api, telegram.input_octets, telegram.output_octets, telegram.inputs.whole) == (0x3A00, 4, 4, True)
     assert gsdml.submodule("SAFE").profisafe
     assert {s.id for s in gsdml.all_submodules()} == {"DS", "DI1", "PAP", "E1", "T1", "T9", "SAFE"}
-    assert [(d.error_type, d.name, d.help) for d in gsdml.diagnoses] == [(256, "Too hot", "Cool")]
+
+
+def test_diagnoses_carry_their_texts_with_extended_ones_a_profiles_and_a_makers_own_form():
+    gsdml = read()
+    own, profile = gsdml.diagnoses
+    assert (own.error_type, own.name, own.help, own.api) == (256, "Too hot", "Cool", None)
+    assert [(ext.error_type, ext.name) for ext in own.extended] == [(1, "Dust"), (2, "Fan")]
+    assert (profile.error_type, profile.name, profile.api) == (0x900A, "Encoder", 0x3A00)
+    assert [(ext.error_type, ext.name) for ext in profile.extended] == [(0x9000, "Line broken")]
+    unit, profiles = gsdml.unit_diagnoses
+    assert (unit.user_structure, unit.name, unit.help, unit.api) == (7, "State", "Cool", None)
+    assert [(f.name, f.value(bytes.fromhex("1500fffeabcd"))) for f in unit.fields] == [
+        ("Door", 1),
+        ("Step", 5),
+        ("Offset", -2),
+        ("Tag", b"\xab\xcd"),
+    ]
+    assert (profiles.user_structure, profiles.name, profiles.api) == (4096, "Axis", 0x3A00)
+
+
+@pytest.mark.parametrize(
+    ("item", "words"),
+    [
+        (AlarmItem(0x8000, bytes.fromhex("800008000100")), "Too hot (fault, appears)"),
+        (AlarmItem(0x8002, bytes.fromhex("8000080001000002") + bytes(4)), "Too hot: Fan (fault, appears)"),
+        (AlarmItem(0x8002, bytes.fromhex("8000080001000009") + bytes(4)), "Too hot: 0x0009 (fault, appears)"),
+        (AlarmItem(0x8002, bytes.fromhex("80000800900a9000") + bytes(4)), "Encoder: Line broken (fault, appears)"),
+        (AlarmItem(0x8000, bytes.fromhex("800008000006")), "wire break (fault, appears)"),
+        (AlarmItem(0x8000, bytes.fromhex("800008000101")), "error type 0x0101 (fault, appears)"),
+        (AlarmItem(7, bytes.fromhex("1500fffeabcd")), "State (Door 1, Step 5, Offset -2, Tag ABCD)"),
+        (AlarmItem(7, bytes.fromhex("15")), "State (Door 1, Step 5)"),
+        (AlarmItem(4096, b"x"), "Axis"),
+        (AlarmItem(8, b"xy"), "USI 0x0008 7879"),
+    ],
+)
+def test_an_alarm_is_told_in_the_words_of_the_devices_file(item, words):
+    gsdml = read()
+    texts = DescribedDiagnosis(gsdml.diagnoses, gsdml.unit_diagnoses)
+    assert item_in_words(item, 0x3A00, texts) == words
 
 
 def test_a_text_that_the_list_has_not_shows_its_id():

@@ -13,6 +13,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     Dap,
     DataItem,
     DataItems,
+    ExtDiagnosis,
     Gsdml,
     Info,
     InterfaceSubmodule,
@@ -20,6 +21,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     ModuleItem,
     PortSubmodule,
     SubmoduleItem,
+    UnitDiagnosis,
 )
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord, ParameterRef
@@ -145,6 +147,17 @@ DAP = st.builds(
     ports=tuples(PORT, 2),
     useable=tuples(ITEM_REF, 1),
 )
+API = st.none() | U32
+EXTENDED = tuples(st.builds(ExtDiagnosis, U16, TEXT, TEXT)).map(lambda e: tuple(sorted(e, key=lambda x: x.error_type)))
+# those of profiles stand behind the others when they are read
+DIAGNOSIS = st.builds(ChannelDiagnosis, U16, TEXT, TEXT, API, EXTENDED)
+UNIT = st.builds(UnitDiagnosis, U16, TEXT, TEXT, tuples(REF), API)
+
+
+def makers_first(items):
+    return tuple(sorted(items, key=lambda item: item.api is not None))
+
+
 GSDML = st.builds(
     Gsdml,
     U16,
@@ -160,7 +173,8 @@ GSDML = st.builds(
     pluggable_ports=tuples(
         st.builds(PortSubmodule, ID, U32, st.just(0), TEXT, NUMBERS, U32, U32, tuples(RECORD, 1)), 1
     ),
-    diagnoses=tuples(st.builds(ChannelDiagnosis, U16, TEXT, TEXT), 2),
+    diagnoses=tuples(DIAGNOSIS).map(makers_first),
+    unit_diagnoses=tuples(UNIT, 2).map(makers_first),
 )
 
 

@@ -3,8 +3,8 @@
 Schema V2.35: TIA Portal takes it since V15.1.  The file needs no feature beyond V2.3, and the DAP says PNIO_Version
 V2.3: from V2.31 on tools ask for a certificate and for PTP and DCP boundaries, which this device has not.
 
-Two things a file of this format cannot say: that the device takes send clocks below 250 us too (the format keeps those
-for RT class 3), and that it takes reduction ratios that are no power of two.
+What a file of this format cannot say: which send clock goes with which reduction ratio.  A device with a slowest cycle
+refuses the pairs that exceed it.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.dcp_rules import RESET_MODES
 from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.gsdml.document import (
-    DEFAULT_RATIOS,
     NO_NUMBERS,
+    PROFILE_TYPES,
     ChannelDiagnosis,
     Dap,
     DataItem,
@@ -31,23 +31,24 @@ from pnfarm.protocols.profinet.gsdml.document import (
     ModuleItem,
     PortSubmodule,
     SubmoduleItem,
+    UnitDiagnosis,
 )
+from pnfarm.protocols.profinet.gsdml.records import ParameterRef
 from pnfarm.protocols.profinet.gsdml.values import Numbers
+from pnfarm.protocols.profinet.wire.diagnosis_words import PROFIDRIVE_API, PROFIDRIVE_ERROR_TYPES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.drives.model import DescriptionFile, Model
+    from pnfarm.drives.model import DescriptionFile, Fault, Model
     from pnfarm.drives.telegram import Signal, Telegram
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, SubmoduleDescription
 
-__all__ = ["SCHEMA_VERSION", "STATION", "Abilities", "describe_model", "file_name"]
+__all__ = ["SCHEMA_VERSION", "STATION", "Abilities", "describe_diagnosis", "describe_model", "file_name"]
 
 SCHEMA_VERSION = "V2.35"
 PNIO_VERSION = "V2.3"
 
-#: SendClockFactors that the format knows for RT class 1.
-_SEND_CLOCKS = (8, 16, 32, 64, 128)
 #: 100BASE-TX full duplex (MAU type of IETF RFC 4836).
 _MAU_100_FULL = 16
 _INTERFACE_SUBSLOT = 0x8000
@@ -138,20 +139,10 @@ def _largest(description: DeviceDescription) -> tuple[int, int]:
 
 
 def _timing(description: DeviceDescription) -> tuple[Numbers, Numbers]:
-    """Send clocks and reduction ratios.
-
-    The shortest cycle is MinDeviceInterval's to say; a longest one is kept by leaving out what would exceed it.
-    """
-    clocks = [clock for clock in _SEND_CLOCKS if clock in description.send_clocks]
-    longest = description.max_cycle_ns // SEND_CLOCK_NS
-    if not longest:
-        return Numbers.of(clocks), DEFAULT_RATIOS
-    clocks = [clock for clock in clocks if clock <= longest]
-    if 32 not in clocks:
-        raise ConfigError(
-            f"a slowest cycle of {description.max_cycle_ns / 1e6:g} ms cannot be described, every device takes 1 ms"
-        )
-    return Numbers.of(clocks), Numbers.of(ratio for ratio in DEFAULT_RATIOS if clocks[-1] * ratio <= longest)
+    """Send clocks and reduction ratios; the shortest cycle is MinDeviceInterval's to say."""
+    if 32 not in description.send_clocks:
+        raise ConfigError(f"{description.station_type} has no send clock of 1 ms: the format wants it of every device")
+    return Numbers.of(description.send_clocks), Numbers.of(description.reduction_ratios)
 
 
 # the parts
@@ -291,6 +282,43 @@ def _telegrams(model: Model, description: DeviceDescription) -> list[tuple[Teleg
     return found
 
 
+# diagnosis
+
+
+def describe_diagnosis(model: Model) -> tuple[tuple[ChannelDiagnosis, ...], tuple[UnitDiagnosis, ...]]:
+    """What the drive's own faults are told as.
+
+    The extended form of a fault has ExtChannelErrorType 0, which no file has an entry for: what its value means stands
+    in the help.
+    """
+    if not model.limits.alarms:
+        return (), ()
+    coding = model.diagnosis_coding
+    faults: dict[int, list[Fault]] = {}
+    for number, error_type in sorted(model.diagnoses.items()):
+        faults.setdefault(error_type, []).append(model.faults[number])
+    value = ". Value: error location and number" if coding is not None and "extended" in coding.modes else ""
+    api = model.telegrams[model.default_telegram].module.submodules[0].api
+    channels = []
+    for error_type, told in sorted(faults.items()):
+        known = PROFIDRIVE_ERROR_TYPES.get(error_type, "") if api == PROFIDRIVE_API else ""
+        channels.append(
+            ChannelDiagnosis(
+                error_type,
+                known[:1].upper() + known[1:] or "; ".join(fault.name for fault in told),
+                "; ".join(f"{fault.label} {fault.name}" for fault in told) + value,
+                api=api if error_type >= PROFILE_TYPES else None,
+            )
+        )
+    if coding is None or "manufacturer" not in coding.modes:
+        return tuple(channels), ()
+    fields, offset = [], 0
+    for name, octets in zip(coding.user_fields, coding.user_octets, strict=True):
+        fields.append(ParameterRef(f"Unsigned{octets * 8}", byte_offset=offset, default="0", name=name))
+        offset += octets
+    return tuple(channels), (UnitDiagnosis(coding.user_structure, "Fault of the drive", fields=tuple(fields)),)
+
+
 def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
     """The description of a drive of this model with strict limits.
 
@@ -309,6 +337,7 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
         hardware_release=str(im0.hardware_revision),
         software_release=f"{prefix}{'.'.join(map(str, version))}",
     )
+    diagnoses, unit_diagnoses = describe_diagnosis(model)
     modules = [_telegram_module(model, telegram, module) for telegram, module in _telegrams(model, description)]
     return Gsdml(
         vendor_id=description.vendor_id,
@@ -320,11 +349,8 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
         schema_version=SCHEMA_VERSION,
         daps=(_dap(model, description, abilities, info),),
         modules=tuple(modules),
-        diagnoses=tuple(
-            ChannelDiagnosis(error_type, model.faults[fault].name)
-            for fault, error_type in model.diagnoses.items()
-            if error_type < 0x8000  # a profile's own are known to the tools
-        ),
+        diagnoses=diagnoses,
+        unit_diagnoses=unit_diagnoses,
     )
 
 

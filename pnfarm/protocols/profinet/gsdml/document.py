@@ -15,7 +15,7 @@ from pnfarm.protocols.profinet.gsdml.values import Numbers
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
+    from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
 
 __all__ = [
     "DATA_TYPE_OCTETS",
@@ -23,10 +23,12 @@ __all__ = [
     "DEFAULT_SEND_CLOCKS",
     "FIRST_SUBSLOT",
     "NO_NUMBERS",
+    "PROFILE_TYPES",
     "ChannelDiagnosis",
     "Dap",
     "DataItem",
     "DataItems",
+    "ExtDiagnosis",
     "Gsdml",
     "Info",
     "InterfaceSubmodule",
@@ -34,6 +36,7 @@ __all__ = [
     "ModuleItem",
     "PortSubmodule",
     "SubmoduleItem",
+    "UnitDiagnosis",
 ]
 
 #: Octets of the types that a DataItem may have; the others carry a Length.
@@ -82,6 +85,8 @@ FIRST_SUBSLOT = Numbers.of([1])
 #: SendClock and ReductionRatio where the file says nothing.
 DEFAULT_SEND_CLOCKS = Numbers.of([32])
 DEFAULT_RATIOS = Numbers.of([1, 2, 4, 8, 16, 32, 64, 128, 256, 512])
+#: From here on an ExtChannelErrorType is a profile's.
+PROFILE_TYPES = 0x9000
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,12 +266,37 @@ class Dap:
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelDiagnosis:
-    """A ChannelErrorType and what it means."""
+class ExtDiagnosis:
+    """An ExtChannelErrorType and what it means; from 0x9000 on it is a profile's."""
 
     error_type: int
     name: str
     help: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelDiagnosis:
+    """A ChannelErrorType and what it means; ``api`` is that of the profile which it belongs to, None for the maker's.
+
+    ``extended`` are in rising order.
+    """
+
+    error_type: int
+    name: str
+    help: str = ""
+    api: int | None = None
+    extended: tuple[ExtDiagnosis, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class UnitDiagnosis:
+    """Diagnosis in a form of the maker's or (``api``) a profile's own: its USI, and what its octets mean."""
+
+    user_structure: int
+    name: str
+    help: str = ""
+    fields: tuple[ParameterRef, ...] = ()
+    api: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,6 +315,7 @@ class Gsdml:
     submodules: tuple[SubmoduleItem, ...] = ()
     pluggable_ports: tuple[PortSubmodule, ...] = ()
     diagnoses: tuple[ChannelDiagnosis, ...] = ()
+    unit_diagnoses: tuple[UnitDiagnosis, ...] = ()
 
     def module(self, wanted: str) -> ModuleItem | None:
         """The module of this ID."""

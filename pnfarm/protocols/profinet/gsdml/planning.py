@@ -6,6 +6,7 @@ unless the place is given another one, or None for none.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -25,10 +26,18 @@ if TYPE_CHECKING:
 
 __all__ = ["Place", "PlannedDevice", "from_gsdml"]
 
+#: SendClockFactors of the RT classes.
+_SEND_CLOCKS = tuple(1 << exponent for exponent in range(8))
+
 #: Slot and subslot.
 Place = tuple[int, int]
 
 _Any = SubmoduleItem | PortSubmodule
+
+
+def _doublings(send_clock: int) -> int:
+    """Between a send clock and 1 ms."""
+    return abs(send_clock.bit_length() - (32).bit_length())
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +65,20 @@ class PlannedDevice:
     def min_cycle_ns(self) -> int:
         """The fastest cycle, nanoseconds."""
         return self.dap.min_device_interval * SEND_CLOCK_NS
+
+    def clock(self, send_clock_factor: int, reduction_ratio: int) -> tuple[int, int]:
+        """The pair itself where the device takes it, else the one of the same cycle with the send clock next to 1 ms.
+
+        A pair that no other can stand for comes back as it is; :meth:`check_clock` says what is wrong with it.
+        """
+        units = send_clock_factor * reduction_ratio
+        others = [(clock, units // clock) for clock in _SEND_CLOCKS if units % clock == 0]
+        others.sort(key=lambda pair: _doublings(pair[0]))
+        for pair in ((send_clock_factor, reduction_ratio), *others):
+            with suppress(ConfigError):
+                self.check_clock(*pair)
+                return pair
+        return send_clock_factor, reduction_ratio
 
     def check_clock(self, send_clock_factor: int, reduction_ratio: int) -> None:
         """Raise :class:`ConfigError` when the device does not take this cycle."""

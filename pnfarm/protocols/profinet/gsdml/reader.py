@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     Dap,
     DataItem,
     DataItems,
+    ExtDiagnosis,
     Gsdml,
     Info,
     InterfaceSubmodule,
@@ -28,8 +29,9 @@ from pnfarm.protocols.profinet.gsdml.document import (
     ModuleItem,
     PortSubmodule,
     SubmoduleItem,
+    UnitDiagnosis,
 )
-from pnfarm.protocols.profinet.gsdml.records import parse_record
+from pnfarm.protocols.profinet.gsdml.records import MAX_RECORD, parse_record, read_ref
 from pnfarm.protocols.profinet.gsdml.safe_xml import Node, parse_xml
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 
@@ -90,11 +92,40 @@ class _Reader:
                 self._port(node, pluggable=True) for node in self._process.all("SubmoduleList", "PortSubmoduleItem")
             ),
             diagnoses=tuple(
-                ChannelDiagnosis(
-                    node.number("ErrorType", _U16), self._text(node.child("Name")), self._text(node.child("Help"))
-                )
-                for node in self._process.all("ChannelDiagList", "ChannelDiagItem")
+                self._diagnosis(node, profile=profile)
+                for item, profile in (("ChannelDiagItem", False), ("ProfileChannelDiagItem", True))
+                for node in self._process.all("ChannelDiagList", item)
             ),
+            unit_diagnoses=tuple(
+                self._unit_diagnosis(node, profile=profile)
+                for item, profile in (("UnitDiagTypeItem", False), ("ProfileUnitDiagTypeItem", True))
+                for node in self._process.all("UnitDiagTypeList", item)
+            ),
+        )
+
+    # diagnosis
+
+    def _diagnosis(self, node: Node, *, profile: bool) -> ChannelDiagnosis:
+        extended = [
+            ExtDiagnosis(ext.number("ErrorType", _U16), self._text(ext.child("Name")), self._text(ext.child("Help")))
+            for item in ("ExtChannelDiagItem", "ProfileExtChannelDiagItem")
+            for ext in node.all("ExtChannelDiagList", item)
+        ]
+        return ChannelDiagnosis(
+            error_type=node.number("ErrorType", _U16),
+            name=self._text(node.child("Name")),
+            help=self._text(node.child("Help")),
+            api=node.number("API", _U32) if profile else None,
+            extended=tuple(sorted(extended, key=lambda ext: ext.error_type)),
+        )
+
+    def _unit_diagnosis(self, node: Node, *, profile: bool) -> UnitDiagnosis:
+        return UnitDiagnosis(
+            user_structure=node.number("UserStructureIdentifier", _U16),
+            name=self._text(node.child("Name")),
+            help=self._text(node.child("Help")),
+            fields=tuple(read_ref(ref, MAX_RECORD, self._text) for ref in node.all("Ref")),
+            api=node.number("API", _U32) if profile else None,
         )
 
     # modules

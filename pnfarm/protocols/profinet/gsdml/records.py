@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
 
-__all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "parse_record"]
+__all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "parse_record", "read_ref"]
 
 #: Octets of one record; the standard's own default for a device is 4068.
 MAX_RECORD = 0x10000
@@ -131,6 +131,21 @@ class ParameterRef:
             raise ValueError(f"what {self.data_type} holds") from None
         octets[self.byte_offset : self.byte_offset + len(packed)] = packed
 
+    def value(self, octets: bytes) -> float | bytes | None:
+        """What stands there; None where it does not fit, or cannot be told."""
+        size = self.octets
+        if size is None or self.byte_offset + size > len(octets):
+            return None
+        place = octets[self.byte_offset : self.byte_offset + size]
+        if self.is_bits or self.data_type == "Boolean":
+            bits = self.bit_length if self.data_type == "BitArea" else 1
+            if size > 1:
+                return None  # it leaves its octet, see the head of this file
+            return place[0] >> self.bit_offset & (1 << bits) - 1
+        code = _PACKED.get(self.data_type)
+        found: float | bytes = place if code is None else struct.unpack(code, place)[0]
+        return found
+
 
 def _numeric(text: str) -> float:
     """A number, decimal, with 0x or as a fraction; integers stay exact."""
@@ -206,7 +221,8 @@ def _const(node: Node, length: int) -> ParameterConst:
     return ParameterConst(data, offset)
 
 
-def _ref(node: Node, length: int, text: Callable[[Node | None], str]) -> ParameterRef:
+def read_ref(node: Node, length: int, text: Callable[[Node | None], str]) -> ParameterRef:
+    """A Ref of something that has ``length`` octets."""
     ref = ParameterRef(
         data_type=node.word("DataType"),
         byte_offset=node.number("ByteOffset", 0xFFFF),
@@ -235,5 +251,5 @@ def parse_record(node: Node, text: Callable[[Node | None], str]) -> ParameterRec
         name=text(node.child("Name")),
         transfer_sequence=node.number("TransferSequence", 0xFFFF, 0),
         consts=tuple(_const(c, length) for c in node.all("Const")),
-        refs=tuple(_ref(c, length, text) for c in node.all("Ref")),
+        refs=tuple(read_ref(c, length, text) for c in node.all("Ref")),
     )

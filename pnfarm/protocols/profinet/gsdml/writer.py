@@ -15,6 +15,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     DEFAULT_SEND_CLOCKS,
     FIRST_SUBSLOT,
     NO_NUMBERS,
+    PROFILE_TYPES,
     Gsdml,
     SubmoduleItem,
 )
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
         ItemRef,
         ModuleItem,
         PortSubmodule,
+        UnitDiagnosis,
     )
     from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
 
@@ -68,6 +70,11 @@ def _number(name: str, value: int, default: int | None = None) -> Attribute:
 
 def _numbers(name: str, value: Numbers, default: Numbers | None = None) -> Attribute:
     return name, None if value == (NO_NUMBERS if default is None else default) else value.emit()
+
+
+def _api(value: int | None) -> Attribute:
+    """Of what belongs to a profile."""
+    return "API", None if value is None else str(value)
 
 
 def _listed(name: str, value: Numbers, default: Numbers) -> Attribute:
@@ -133,6 +140,7 @@ class _Writer:
                 self._port(port, pluggable=True)
             self._close("SubmoduleList")
         self._diagnoses(gsdml.diagnoses)
+        self._unit_diagnoses(gsdml.unit_diagnoses)
         self._open("ExternalTextList")
         self._open("PrimaryLanguage")
         for text, text_id in self._texts.items():
@@ -390,12 +398,37 @@ class _Writer:
             return
         self._open("ChannelDiagList")
         for diagnosis in diagnoses:
-            self._open("ChannelDiagItem", _number("ErrorType", diagnosis.error_type))
-            self._named("Name", diagnosis.name)
-            if diagnosis.help:
-                self._named("Help", diagnosis.help)
-            self._close("ChannelDiagItem")
+            element = "ChannelDiagItem" if diagnosis.api is None else "ProfileChannelDiagItem"
+            self._open(element, _api(diagnosis.api), _number("ErrorType", diagnosis.error_type))
+            self._named_with_help(diagnosis.name, diagnosis.help)
+            if diagnosis.extended:
+                self._open("ExtChannelDiagList")
+                for ext in diagnosis.extended:
+                    item = "ExtChannelDiagItem" if ext.error_type < PROFILE_TYPES else "ProfileExtChannelDiagItem"
+                    self._open(item, _number("ErrorType", ext.error_type))
+                    self._named_with_help(ext.name, ext.help)
+                    self._close(item)
+                self._close("ExtChannelDiagList")
+            self._close(element)
         self._close("ChannelDiagList")
+
+    def _unit_diagnoses(self, diagnoses: Sequence[UnitDiagnosis]) -> None:
+        if not diagnoses:
+            return
+        self._open("UnitDiagTypeList")
+        for diagnosis in diagnoses:
+            element = "UnitDiagTypeItem" if diagnosis.api is None else "ProfileUnitDiagTypeItem"
+            self._open(element, _api(diagnosis.api), _number("UserStructureIdentifier", diagnosis.user_structure))
+            self._named_with_help(diagnosis.name, diagnosis.help)
+            for ref in diagnosis.fields:
+                self._ref(ref)
+            self._close(element)
+        self._close("UnitDiagTypeList")
+
+    def _named_with_help(self, name: str, text: str) -> None:
+        self._named("Name", name)
+        if text:
+            self._named("Help", text)
 
 
 def _written(attributes: Iterable[Attribute]) -> str:

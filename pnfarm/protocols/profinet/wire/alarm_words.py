@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.alarms import AlarmType, describe_alarm, describe_item
@@ -24,7 +24,20 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification
     from pnfarm.protocols.profinet.wire.diagnosis import DiagnosisItem
 
-__all__ = ["alarm_in_words", "item_in_words", "only_disappears"]
+__all__ = ["DiagnosisTexts", "alarm_in_words", "item_in_words", "only_disappears"]
+
+
+class DiagnosisTexts(Protocol):
+    """A device's own words for its diagnoses; empty where it has none."""
+
+    def error_type(self, api: int, error_type: int, ext_error_type: int) -> str:
+        """Of a ChannelErrorType, and of the ExtChannelErrorType unless that is 0."""
+        ...
+
+    def unit(self, api: int, user_structure: int, data: bytes) -> str:
+        """Of what comes in a form of the maker's own."""
+        ...
+
 
 _SPECIFIERS = {
     ChannelSpecifier.ALL_DISAPPEAR: "all gone",
@@ -55,7 +68,7 @@ def _status(status: int) -> str:
     return ", ".join([*words, *([f"qualifier 0x{rest:08X}"] if rest else [])]) or "no maintenance"
 
 
-def _entry(item: DiagnosisItem, api: int) -> str:
+def _entry(item: DiagnosisItem, api: int, texts: DiagnosisTexts | None) -> str:
     match item:
         case ChannelDiagnosis(channel, properties, error_type):
             ext, value = 0, None
@@ -70,23 +83,28 @@ def _entry(item: DiagnosisItem, api: int) -> str:
     where = "" if channel == WHOLE_SUBMODULE else f"channel {channel} "
     kind = _MAINTENANCE[Maintenance(properties.maintenance)]
     added = f", value 0x{value:X}" if value else ""
-    what = describe_error_type(error_type, ext, api)
+    own = texts.error_type(api, error_type, ext) if texts is not None else ""
+    what = own or describe_error_type(error_type, ext, api)
     return f"{where}{what} ({kind}{added}, {_SPECIFIERS[ChannelSpecifier(properties.specifier)]})"
 
 
-def item_in_words(item: AlarmItem, api: int = 0) -> str:
-    """E.g. ``remote mismatch: no peer detected (maintenance demanded, appears)``; octets where nothing is known."""
+def item_in_words(item: AlarmItem, api: int = 0, texts: DiagnosisTexts | None = None) -> str:
+    """E.g. ``remote mismatch: no peer detected (maintenance demanded, appears)``; octets where nothing is known.
+
+    ``texts`` are the device's own, where its description is at hand.
+    """
     if item.usi not in _KNOWN:
-        return describe_item(item)
+        own = texts.unit(api, item.usi, item.data) if texts is not None else ""
+        return own or describe_item(item)
     try:
-        return "; ".join(_entry(entry, api) for entry in parse_items(item.data, item.usi))
+        return "; ".join(_entry(entry, api, texts) for entry in parse_items(item.data, item.usi))
     except DecodeError:
         return describe_item(item)
 
 
-def alarm_in_words(alarm: AlarmNotification) -> str:
+def alarm_in_words(alarm: AlarmNotification, texts: DiagnosisTexts | None = None) -> str:
     """One line with what the items say."""
-    return describe_alarm(alarm, lambda item: item_in_words(item, alarm.api))
+    return describe_alarm(alarm, lambda item: item_in_words(item, alarm.api, texts))
 
 
 def only_disappears(alarm: AlarmNotification) -> bool:

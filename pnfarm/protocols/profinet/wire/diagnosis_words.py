@@ -6,7 +6,13 @@ MSD manual, table 9.23.
 
 from __future__ import annotations
 
-__all__ = ["CHANNEL_ERROR_TYPES", "EXT_CHANNEL_ERROR_TYPES", "PROFIDRIVE_ERROR_TYPES", "describe_error_type"]
+__all__ = [
+    "CHANNEL_ERROR_TYPES",
+    "EXT_CHANNEL_ERROR_TYPES",
+    "PROFIDRIVE_API",
+    "PROFIDRIVE_ERROR_TYPES",
+    "describe_error_type",
+]
 
 CHANNEL_ERROR_TYPES = {
     0x0001: "short circuit",
@@ -82,7 +88,7 @@ EXT_CHANNEL_ERROR_TYPES = {
 #: ExtChannelErrorType at any ChannelErrorType below 0x8000: the entry stands for several.
 _ACCUMULATIVE_INFO = 0x8000
 
-_PROFIDRIVE_API = 0x3A00
+PROFIDRIVE_API = 0x3A00
 PROFIDRIVE_ERROR_TYPES = {
     0x9000: "microcontroller software or hardware",
     0x9001: "mains supply",
@@ -110,7 +116,7 @@ PROFIDRIVE_ERROR_TYPES = {
 def describe_error_type(error_type: int, ext_error_type: int = 0, api: int = 0) -> str:
     """One line, such as ``remote mismatch: no peer detected``; a code without words is given as a number."""
     words = CHANNEL_ERROR_TYPES.get(error_type)
-    if words is None and api == _PROFIDRIVE_API:
+    if words is None and api == PROFIDRIVE_API:
         words = PROFIDRIVE_ERROR_TYPES.get(error_type)
     text = words if words is not None else f"error type 0x{error_type:04X}"
     if not ext_error_type:
