@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.cli.numbers import LONG, WORD, number_of
 from pnfarm.cli.settings import Format, FormatOption, help_without_command
 
 if TYPE_CHECKING:
@@ -15,15 +16,11 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
+#: What one call carries, less the head of the record.
+WRITE_OCTETS = 65_536 - 64
+
 app = typer.Typer(help="Read and write a record of a device on the wire.")
 app.callback(invoke_without_command=True)(help_without_command)
-
-
-def _number(text: str | int) -> int:
-    try:
-        return int(str(text), 0)
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is no number, such as 1 or 0x8000") from None
 
 
 InterfaceOption = Annotated[
@@ -34,10 +31,14 @@ IpOption = Annotated[str | None, typer.Option("--ip", metavar="IP", help="The de
 OwnOption = Annotated[
     str | None, typer.Option("--own-ip", metavar="CIDR", help="Address to ask from; left out, the interface's own.")
 ]
-SlotOption = Annotated[int, typer.Option(parser=_number, metavar="N", show_default=False, help="Slot.")]
-SubslotOption = Annotated[int, typer.Option(parser=_number, metavar="N", show_default=False, help="Subslot.")]
-IndexOption = Annotated[int, typer.Option(parser=_number, metavar="N", show_default=False, help="Index: 0xAFF0.")]
-ApiOption = Annotated[int, typer.Option(parser=_number, metavar="N", help="API: 0x3A00 for PROFIdrive.")]
+SlotOption = Annotated[int, typer.Option(parser=number_of("slot", WORD), metavar="N", show_default=False, help="Slot.")]
+SubslotOption = Annotated[
+    int, typer.Option(parser=number_of("subslot", WORD), metavar="N", show_default=False, help="Subslot.")
+]
+IndexOption = Annotated[
+    int, typer.Option(parser=number_of("index", WORD), metavar="N", show_default=False, help="Index: 0xAFF0.")
+]
+ApiOption = Annotated[int, typer.Option(parser=number_of("API", LONG), metavar="N", help="API: 0x3A00 for PROFIdrive.")]
 
 
 @app.command("read")
@@ -88,6 +89,8 @@ def write(
         octets = bytes.fromhex(data)
     except ValueError:
         raise typer.BadParameter(f"{data!r} is not hexadecimal", param_hint="HEX") from None
+    if len(octets) > WRITE_OCTETS:
+        raise typer.BadParameter(f"{len(octets)} octets are too long; one write takes {WRITE_OCTETS}", param_hint="HEX")
     client = _run(interface, own_ip, RecordTask(_target(name, ip), (api, slot, subslot, index), data=octets))
     if output is Format.JSON:
         print_json({**_place(client), "length": len(octets), "ok": True})
@@ -101,6 +104,9 @@ def _target(name: str | None, ip: str | None) -> Any:
     if (name is None) == (ip is None):
         raise typer.BadParameter("give one of them", param_hint="--name, --ip")
     if name is not None:
+        # a real device may have a name that the standard forbids; it still has octets, and no more than 240
+        if not 1 <= len(name) <= 240 or any(ord(letter) > 0xFF for letter in name):
+            raise typer.BadParameter("a station name has 1 to 240 letters, digits, '-' and '.'", param_hint="--name")
         return name
     try:
         return IPv4Address(ip or "")
@@ -148,6 +154,7 @@ async def _access(interface: str, own: IPv4Interface, task: RecordTask) -> Recor
 
     import anyio
 
+    from pnfarm.cli.running import raise_of_callbacks
     from pnfarm.controller.record_client import TOOL_PORT, RecordClient
     from pnfarm.controller.runtime import hold_ports
     from pnfarm.links.base import PortSpec
@@ -170,16 +177,17 @@ async def _access(interface: str, own: IPv4Interface, task: RecordTask) -> Recor
             woken.set()
 
         link.set_receiver(receive)
-        client.start(time.monotonic_ns())
-        send()
-        while not client.done:
-            woken = anyio.Event()
-            due = client.next_deadline()
-            wait = None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
-            with anyio.move_on_after(wait):
-                await woken.wait()
-            client.handle_timeout(time.monotonic_ns())
+        async with raise_of_callbacks():
+            client.start(time.monotonic_ns())
             send()
+            while not client.done:
+                woken = anyio.Event()
+                due = client.next_deadline()
+                wait = None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
+                with anyio.move_on_after(wait):
+                    await woken.wait()
+                client.handle_timeout(time.monotonic_ns())
+                send()
     finally:
         for sock in held:
             sock.close()
