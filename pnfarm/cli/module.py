@@ -84,7 +84,10 @@ def plug(
     if module is not None:
         body["module_ident"] = module
     with FarmClient(api, token) as farm:
-        _print(farm.put("drives", name, "modules", str(slot), body=body), output)
+        found = farm.put("drives", name, "modules", str(slot), body=body)
+    if not found["changed"]:
+        typer.echo(f"slot {slot} of {name} holds this module already; nothing was plugged", err=True)
+    _print(found, output)
 
 
 def _place(text: str) -> tuple[int, int | None]:

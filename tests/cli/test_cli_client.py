@@ -349,10 +349,20 @@ def test_every_place_in_the_help_of_module_pull_can_be_pulled():
     ],
 )
 def test_module_plug_sends_what_is_plugged(ask, farm, options, body):
-    farm.answer("PUT", "drives/axis-01/modules/1", MODULES)
+    farm.answer("PUT", "drives/axis-01/modules/1", MODULES | {"changed": True})
     found = ask("module", "plug", "axis-01", "1", *options.split(), "--format", "json")
-    assert json.loads(found.out) == MODULES
+    assert json.loads(found.out) == MODULES | {"changed": True}
+    assert found.err == ""
     assert farm.asked[-1][2] == body
+
+
+@pytest.mark.parametrize("output", ["table", "json"])
+def test_module_plug_says_that_the_module_is_there_already(ask, farm, output):
+    farm.answer("PUT", "drives/axis-01/modules/1", MODULES | {"changed": False})
+    found = ask("module", "plug", "axis-01", "1", "--format", output)
+    assert found.code == 0
+    assert found.err == "slot 1 of axis-01 holds this module already; nothing was plugged\n"
+    assert "0x00000064" in found.out
 
 
 @pytest.mark.parametrize(
