@@ -58,12 +58,13 @@ def read(
     """Read a record: decoded where its blocks are known, hexadecimal otherwise."""
     from pnfarm.cli.output import print_json
     from pnfarm.controller.record_client import RecordTask
+    from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
 
     task = RecordTask(_target(name, ip), (api, slot, subslot, index), length=length, implicit=implicit)
     client = _run(interface, own_ip, task)
     data = client.data or b""
     if output is Format.JSON:
-        print_json({**_place(client), "length": len(data), "data": data.hex(), "blocks": _blocks(data)})
+        print_json({**_place(client), "length": len(data), "data": data.hex(), "blocks": blocks_in_words(data)})
         return
     _print(data)
 
@@ -210,47 +211,11 @@ def _place(client: RecordClient) -> dict[str, Any]:
     }
 
 
-def _blocks(data: bytes) -> list[dict[str, Any]]:
-    """The record's blocks by their fields; empty when it is not made of blocks that are known."""
-    from dataclasses import asdict
-
-    from pnfarm.errors import DecodeError
-    from pnfarm.protocols.profinet.wire.blocks import RawBlock
-    from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-
-    try:
-        blocks = parse_blocks(data)
-    except DecodeError:
-        return []
-    if not blocks or all(isinstance(block, RawBlock) for block in blocks):
-        return []
-    return [{"block": type(block).__name__, **_plain(asdict(block))} for block in blocks]
-
-
-def _plain(value: Any) -> Any:
-    """Plain JSON: text where octets are printable, hexadecimal elsewhere."""
-    from uuid import UUID
-
-    match value:
-        case dict():
-            return {key: _plain(part) for key, part in value.items()}
-        case list() | tuple():
-            return [_plain(part) for part in value]
-        case bytes():
-            text = value.rstrip(b"\0 ")
-            printable = all(0x20 <= octet < 0x7F for octet in text)
-            return text.decode("ascii") if printable else value.hex(" ")
-        case UUID():
-            return str(value)
-        case int() if not isinstance(value, bool):
-            return int(value)
-    return value
-
-
 def _print(data: bytes) -> None:
     from pnfarm.cli.output import print_line
+    from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
 
-    blocks = _blocks(data)
+    blocks = blocks_in_words(data)
     if not blocks:
         print_line(data.hex(" ") if data else "empty")
     for block in blocks:
@@ -261,12 +226,14 @@ def _print(data: bytes) -> None:
 
 def _lines(value: Any, depth: int) -> list[str]:
     """Fields below each other, what is inside of them indented."""
+    from pnfarm.protocols.profinet.wire.block_words import number_words
+
     lines = []
     indent = "  " * depth
     for key, part in value.items() if isinstance(value, dict) else ((f"{i}", part) for i, part in enumerate(value)):
         if isinstance(part, (dict, list)) and part:
             lines += [f"{indent}{key}:", *_lines(part, depth + 1)]
         else:
-            hexadecimal = isinstance(part, int) and not isinstance(part, bool)
-            lines.append(f"{indent}{key}: {f'{part} (0x{part:X})' if hexadecimal and part >= 0 else part}")
+            is_number = isinstance(part, int) and not isinstance(part, bool)
+            lines.append(f"{indent}{key}: {number_words(part) if is_number else part}")
     return lines

@@ -8,9 +8,13 @@ import anyio
 import pytest
 
 from pnfarm.cli.main import main
-from pnfarm.cli.record import WRITE_OCTETS, _blocks, _lines
+from pnfarm.cli.record import WRITE_OCTETS, _lines
 from pnfarm.cli.running import raise_of_callbacks
 from pnfarm.links.base import Port
+from pnfarm.protocols.profinet.wire.block_words import blocks_in_line, blocks_in_words
+from pnfarm.protocols.profinet.wire.blocks import RawBlock
+from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+from pnfarm.protocols.profinet.wire.pdev import MultipleBlock
 
 IM0 = bytes.fromhex("00200038 0100 0105") + b"AKD".ljust(20) + b"S-1".ljust(16) + bytes.fromhex(
     "0003 56 011100 0000 3a00 0000 0101 000e"
@@ -18,7 +22,7 @@ IM0 = bytes.fromhex("00200038 0100 0105") + b"AKD".ljust(20) + b"S-1".ljust(16) 
 
 
 def test_known_blocks_are_shown_by_their_fields() -> None:
-    (block,) = _blocks(IM0)
+    (block,) = blocks_in_words(IM0)
     assert block["block"] == "Im0"
     assert (block["order_id"], block["serial_number"], block["im_supported"]) == ("AKD", "S-1", 14)
     assert "  im_supported: 14 (0xE)" in _lines(block, 1)
@@ -26,7 +30,26 @@ def test_known_blocks_are_shown_by_their_fields() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"\x01", bytes(3), bytes.fromhex("7fff 0002 0100"), IM0[:-1]])
 def test_what_is_no_block_stays_hexadecimal(data: bytes) -> None:
-    assert _blocks(data) == []
+    assert blocks_in_words(data) == []
+
+
+def test_blocks_inside_of_a_block_are_shown_by_their_fields() -> None:
+    inner = RawBlock(0x0251, bytes.fromhex("003f") + bytes(24), 0x0101)
+    data = emit_block(MultipleBlock(0, 0, 0x8001, (inner, RawBlock(0x7FFF, b"\x01"))))
+    (block,) = blocks_in_words(data)
+    assert [one["block"] for one in block["blocks"]] == ["PortStatistic", "RawBlock"]
+    assert block["blocks"][0]["status"] == 0x3F
+    assert blocks_in_line(data).startswith(
+        "MultipleBlock api 0, slot 0, subslot 32769 (0x8001), blocks ((PortStatistic "
+    )
+
+
+def test_a_line_of_blocks_is_bounded() -> None:
+    assert blocks_in_line(IM0).startswith("Im0 vendor_id 261 (0x105), order_id AKD, serial_number S-1, ")
+    assert blocks_in_line(b"\x01") == ""
+    long = blocks_in_line(IM0 * 20)
+    assert long.endswith(" ...")
+    assert len(long) < 250
 
 
 READ = ["record", "read", "-i", "nowhere0", "--slot", "0", "--subslot", "1", "--index", "0xAFF0"]
