@@ -243,6 +243,22 @@ def test_release_by_the_controller_is_no_loss():
     assert of(samples, "pnfarm_controller_reconnect_seconds_count", drive="axis-01") == 0
 
 
+def test_calls_that_were_answered_are_no_discards_of_a_healthy_drive():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    line.enable()
+    # longer than anything is remembered of a call
+    line.run(400.0)
+    found = {
+        dict(labels)["reason"]: count
+        for (name, labels), count in read(collector).items()
+        if name == "pnfarm_frames_discarded_total" and count
+    }
+    # what a switch floods to every port
+    assert found.keys() <= {"identify-for-another", "arp-for-another"}
+
+
 def test_closed_collector_listens_no_more():
     line = VirtualLine(1, controller=False)
     collector = FarmCollector(line.farm)

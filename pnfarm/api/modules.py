@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from pnfarm.api.context import PREFIX, ApiContext, read_object
 from pnfarm.api.problems import Json, RequestError
-from pnfarm.api.schemas import ModulePlug, ModulesView
+from pnfarm.api.schemas import ModulePlug, ModulesView, PluggedView
 from pnfarm.farm.station_modules import modules_view, plug_module, pull_module
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def add_modules(app: FastAPI, context: ApiContext) -> None:
         f"{path}/{{slot}}",
         tags=tags,
         summary="Plug a module: the one that was pulled, a telegram's, or one of any ident",
-        responses={200: {"model": ModulesView}},
+        responses={200: {"model": PluggedView}},
         openapi_extra=_PLUG_BODY,
     )
     async def plug(name: str, slot: int, request: Request) -> Json:
@@ -57,7 +57,7 @@ def add_modules(app: FastAPI, context: ApiContext) -> None:
             sentence = "; ".join(f"{e['field']}: {e['what']}" for e in errors)
             raise RequestError(f"{sentence}; allowed: telegram, module_ident, substitute", errors) from exc
         station = context.station(name)
-        plug_module(
+        changed = plug_module(
             station,
             slot,
             context.now(),
@@ -66,7 +66,7 @@ def add_modules(app: FastAPI, context: ApiContext) -> None:
             substitute=wanted.substitute,
         )
         context.changed(station)
-        return Json(_view(station))
+        return Json({**_view(station), "changed": changed})
 
     @app.delete(
         f"{path}/{{slot}}",

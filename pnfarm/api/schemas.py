@@ -191,6 +191,10 @@ class ModulesView(_Model):
     modules: list[Module]
 
 
+class PluggedView(ModulesView):
+    changed: bool = Field(description="False when the module stood there already.")
+
+
 class ModulePlug(_Model):
     """What to plug: a telegram's module, one of any ident, or (neither) the one that was pulled."""
 

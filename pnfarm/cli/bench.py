@@ -399,7 +399,10 @@ def command(
     markdown_file: Annotated[
         Path | None, typer.Option("--markdown", help="Write the figures as a page of documentation.")
     ] = None,
-    seconds: Annotated[float | None, typer.Option(help="Length of each measurement; left out, each one's own.")] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=3600, help="Length of each measurement; left out, each one's own."),
+    ] = None,
 ) -> None:
     """Run the benchmarks: the farm's figures beside the floor of this machine."""
     unknown = [name for name in names or [] if name not in BENCHMARKS]

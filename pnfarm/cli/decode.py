@@ -12,12 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
     from pnfarm.farm.decode.decoder import Decoder, Line
     from pnfarm.farm.decode.packet import Shared
 
 __all__ = ["DecodeFormat", "decode"]
+
+
+#: Stations that are kept apart, and that a sentence names.
+_MOST_STATIONS, _NAMED = 65_536, 8
 
 
 class DecodeFormat(StrEnum):
@@ -69,13 +73,15 @@ def decode(
     decoder = Decoder(gap_cycles=gap, every_frame=every_frame)
     if farm is not None:
         _know(farm, decoder.shared)
-    wanted = _wanted(drive or (), decoder)
+    chosen = _Chosen(drive or (), decoder)
     reader = FrameReader(file)
     # a line is written when it is known; whoever reads along from a pipe gets it in time enough
     write = sys.stdout.write
     for frame in reader:
-        for line in decoder.feed(frame):
-            if not summary and line.family in kinds and wanted(line):
+        lines = decoder.feed(frame)
+        chosen.see(frame.data)
+        for line in lines:
+            if not summary and line.family in kinds and chosen.wants(line):
                 write(_text(line, decoder) if output is DecodeFormat.TEXT else f"{json.dumps(decoder.as_dict(line))}\n")
     if summary:
         _summary(decoder, drive or (), output)
@@ -83,6 +89,9 @@ def decode(
         sys.stderr.write(f"{file}: the file cannot be read to its end: {reader.complaint}\n")
     if reader.foreign:
         sys.stderr.write(f"{file}: {reader.foreign} packets are no Ethernet frames and were left out\n")
+    if missing := chosen.missing():
+        sys.stdout.flush()
+        raise ConfigError(f"no station {missing[0]!r} speaks in {file}; {chosen.speakers()}")
 
 
 def _mac(text: str) -> bytes | None:
@@ -94,18 +103,50 @@ def _mac(text: str) -> bytes | None:
         return None
 
 
-def _wanted(stations: Iterable[str], decoder: Decoder) -> Callable[[Line], bool]:
-    """Whether a line is of the stations that were asked for; names count as soon as they are known."""
-    macs = {mac for text in stations if (mac := _mac(text)) is not None}
-    names = {text for text in stations if _mac(text) is None}
-    if not macs and not names:
-        return lambda _: True
+class _Chosen:
+    """The stations that were asked for; names count as soon as they are known."""
 
-    def wanted(line: Line) -> bool:
+    def __init__(self, stations: Iterable[str], decoder: Decoder) -> None:
+        self._decoder = decoder
+        self._asked = {text: _mac(text) for text in stations}
+        #: Of these something was seen.
+        self._found: set[str] = set()
+        self._speakers: dict[bytes, None] = {}
+        self._addressed: set[bytes] = set()
+
+    def see(self, data: bytes) -> None:
+        """One frame of the capture, whatever it is worth."""
+        if self._asked and len(self._speakers) < _MOST_STATIONS and len(self._addressed) < _MOST_STATIONS:
+            self._speakers[data[6:12]] = None
+            self._addressed.add(data[:6])
+
+    def wants(self, line: Line) -> bool:
+        """Whether a line is of one of the stations, or nobody was asked for."""
+        if not self._asked:
+            return True
         ends = (line.source, line.destination)
-        return any(mac in macs or (bool(names) and decoder.name(mac) in names) for mac in ends)
+        names = {self._decoder.name(mac) for mac in ends}
+        found = {text for text, mac in self._asked.items() if (text in names if mac is None else mac in ends)}
+        self._found |= found
+        return bool(found)
 
-    return wanted
+    def missing(self) -> list[str]:
+        """Who was asked for and is nowhere: no frame is from or to it."""
+        seen = self._speakers.keys() | self._addressed
+        names = {self._decoder.name(mac) for mac in seen}
+        return [
+            text
+            for text, mac in self._asked.items()
+            if text not in self._found and (text not in names if mac is None else mac not in seen)
+        ]
+
+    def speakers(self) -> str:
+        """Some of those who do speak, as a sentence's end."""
+        names = list(dict.fromkeys(self._decoder.name(mac) for mac in self._speakers))
+        if not names:
+            return "nobody does"
+        more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+        return f"those that do are {', '.join(names[:_NAMED])}{more}"
 
 
 def _text(line: Line, decoder: Decoder) -> str:

@@ -51,7 +51,9 @@ def add(
     ] = None,
     count: Annotated[int | None, typer.Option(help="Occurrences, then it ends.")] = None,
     cycles: Annotated[int | None, typer.Option(help="Cycles, then it ends.")] = None,
-    probability: Annotated[float | None, typer.Option(help="Of each occurrence, above 0, at most 1.")] = None,
+    probability: Annotated[
+        float | None, typer.Option(min=0, max=1, help="Of each occurrence, above 0, at most 1.")
+    ] = None,
     seed: Annotated[int | None, typer.Option(help="Makes the same run twice.")] = None,
     direction: Annotated[str | None, typer.Option(help="in, out or both; seen from the drive.")] = None,
     after_cycles: Annotated[int | None, typer.Option(help="Healthy cycles to let pass first.")] = None,

@@ -15,14 +15,14 @@ def gsdml(
     directory: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder to write the file into; - prints it.", allow_dash=True
+            "--output", "-o", metavar="DIR", help="Folder for the file, made if need be; - prints it.", allow_dash=True
         ),
     ] = Path(),
 ) -> None:
     """Write a model's GSDML file, which says what the virtual drive answers, and print its path."""
     from pnfarm.cli.output import print_line
     from pnfarm.drives import catalogue
-    from pnfarm.errors import EnvironmentError_
+    from pnfarm.errors import ConfigError, EnvironmentError_
     from pnfarm.protocols.profinet.gsdml.describe import describe_model, file_name
     from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 
@@ -31,8 +31,12 @@ def gsdml(
     if str(directory) == "-":
         typer.echo(text, nl=False)
         return
-    path = directory / file_name(described)
+    name = file_name(described)
+    if directory.suffix.lower() == ".xml" and not directory.is_dir():
+        raise ConfigError(f"{directory} is no folder; give the folder, the file is called {name}")
+    path = directory / name
     try:
+        directory.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
     except OSError as exc:
         raise EnvironmentError_(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from pnfarm.cli.numbers import LONG, WORD, number_of
 from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 __all__ = ["app"]
@@ -17,12 +18,12 @@ Drive = Annotated[str, typer.Argument(metavar="NAME", help="The drive.", show_de
 Place = Annotated[
     str,
     typer.Argument(
-        metavar="SLOT[.SUBSLOT]", help="A slot, or one submodule of it: 1, 1.2, 0.0x8001.", show_default=False
+        metavar="SLOT[.SUBSLOT]", help="A slot, or one submodule of it: 1, 1.2, 1.0x0002.", show_default=False
     ),
 ]
-Slot = Annotated[str, typer.Argument(metavar="SLOT", help="The slot.", show_default=False)]
-#: SlotNumber, SubslotNumber and ModuleIdentNumber are so wide.
-WORD, LONG = 0xFFFF, 0xFFFF_FFFF
+Slot = Annotated[
+    int, typer.Argument(parser=number_of("slot", WORD), metavar="SLOT", help="The slot.", show_default=False)
+]
 
 
 @app.command("list")
@@ -62,7 +63,12 @@ def plug(
     slot: Slot,
     telegram: Annotated[int | None, typer.Option(metavar="N", help="The module of this telegram.")] = None,
     module: Annotated[
-        str | None, typer.Option(metavar="IDENT", help="A module of any ident, such as 0x12345678: a wrong one.")
+        int | None,
+        typer.Option(
+            parser=number_of("module ident", LONG),
+            metavar="IDENT",
+            help="A module of any ident, such as 0x12345678: a wrong one.",
+        ),
     ] = None,
     substitute: Annotated[bool, typer.Option(help="It works in the place of what the controller expects.")] = False,
     output: FormatOption = Format.TABLE,
@@ -76,27 +82,17 @@ def plug(
     if telegram is not None:
         body["telegram"] = telegram
     if module is not None:
-        body["module_ident"] = _number(module, "module ident", LONG)
-    place = str(_number(slot, "slot", WORD))
+        body["module_ident"] = module
     with FarmClient(api, token) as farm:
-        _print(farm.put("drives", name, "modules", place, body=body), output)
-
-
-def _number(text: str, what: str, most: int) -> int:
-    from pnfarm.errors import ConfigError
-
-    try:
-        number = int(text, 0)
-    except ValueError:
-        number = -1
-    if not 0 <= number <= most:
-        raise ConfigError(f"{text!r} is no {what}; give a number such as 1 or 0x8001, at most 0x{most:X}")
-    return number
+        found = farm.put("drives", name, "modules", str(slot), body=body)
+    if not found["changed"]:
+        typer.echo(f"slot {slot} of {name} holds this module already; nothing was plugged", err=True)
+    _print(found, output)
 
 
 def _place(text: str) -> tuple[int, int | None]:
     slot, dot, subslot = text.partition(".")
-    return _number(slot, "slot", WORD), _number(subslot, "subslot", WORD) if dot else None
+    return number_of("slot", WORD)(slot), number_of("subslot", WORD)(subslot) if dot else None
 
 
 def _print(found: dict[str, Any], output: Format) -> None:

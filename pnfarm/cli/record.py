@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.cli.numbers import LONG, WORD, number_of
 from pnfarm.cli.settings import Format, FormatOption, help_without_command
 
 if TYPE_CHECKING:
@@ -15,15 +16,11 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
+#: What one call carries, less the head of the record.
+WRITE_OCTETS = 65_536 - 64
+
 app = typer.Typer(help="Read and write a record of a device on the wire.")
 app.callback(invoke_without_command=True)(help_without_command)
-
-
-def _number(text: str | int) -> int:
-    try:
-        return int(str(text), 0)
-    except ValueError:
-        raise typer.BadParameter(f"{text!r} is no number, such as 1 or 0x8000") from None
 
 
 InterfaceOption = Annotated[
@@ -34,10 +31,14 @@ IpOption = Annotated[str | None, typer.Option("--ip", metavar="IP", help="The de
 OwnOption = Annotated[
     str | None, typer.Option("--own-ip", metavar="CIDR", help="Address to ask from; left out, the interface's own.")
 ]
-SlotOption = Annotated[int, typer.Option(parser=_number, metavar="N", show_default=False, help="Slot.")]
-SubslotOption = Annotated[int, typer.Option(parser=_number, metavar="N", show_default=False, help="Subslot.")]
-IndexOption = Annotated[int, typer.Option(parser=_number, metavar="N", show_default=False, help="Index: 0xAFF0.")]
-ApiOption = Annotated[int, typer.Option(parser=_number, metavar="N", help="API: 0x3A00 for PROFIdrive.")]
+SlotOption = Annotated[int, typer.Option(parser=number_of("slot", WORD), metavar="N", show_default=False, help="Slot.")]
+SubslotOption = Annotated[
+    int, typer.Option(parser=number_of("subslot", WORD), metavar="N", show_default=False, help="Subslot.")
+]
+IndexOption = Annotated[
+    int, typer.Option(parser=number_of("index", WORD), metavar="N", show_default=False, help="Index: 0xAFF0.")
+]
+ApiOption = Annotated[int, typer.Option(parser=number_of("API", LONG), metavar="N", help="API: 0x3A00 for PROFIdrive.")]
 
 
 @app.command("read")
@@ -57,12 +58,13 @@ def read(
     """Read a record: decoded where its blocks are known, hexadecimal otherwise."""
     from pnfarm.cli.output import print_json
     from pnfarm.controller.record_client import RecordTask
+    from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
 
     task = RecordTask(_target(name, ip), (api, slot, subslot, index), length=length, implicit=implicit)
     client = _run(interface, own_ip, task)
     data = client.data or b""
     if output is Format.JSON:
-        print_json({**_place(client), "length": len(data), "data": data.hex(), "blocks": _blocks(data)})
+        print_json({**_place(client), "length": len(data), "data": data.hex(), "blocks": blocks_in_words(data)})
         return
     _print(data)
 
@@ -88,6 +90,8 @@ def write(
         octets = bytes.fromhex(data)
     except ValueError:
         raise typer.BadParameter(f"{data!r} is not hexadecimal", param_hint="HEX") from None
+    if len(octets) > WRITE_OCTETS:
+        raise typer.BadParameter(f"{len(octets)} octets are too long; one write takes {WRITE_OCTETS}", param_hint="HEX")
     client = _run(interface, own_ip, RecordTask(_target(name, ip), (api, slot, subslot, index), data=octets))
     if output is Format.JSON:
         print_json({**_place(client), "length": len(octets), "ok": True})
@@ -101,6 +105,9 @@ def _target(name: str | None, ip: str | None) -> Any:
     if (name is None) == (ip is None):
         raise typer.BadParameter("give one of them", param_hint="--name, --ip")
     if name is not None:
+        # a real device may have a name that the standard forbids; it still has octets, and no more than 240
+        if not 1 <= len(name) <= 240 or any(ord(letter) > 0xFF for letter in name):
+            raise typer.BadParameter("a station name has 1 to 240 letters, digits, '-' and '.'", param_hint="--name")
         return name
     try:
         return IPv4Address(ip or "")
@@ -148,6 +155,7 @@ async def _access(interface: str, own: IPv4Interface, task: RecordTask) -> Recor
 
     import anyio
 
+    from pnfarm.cli.running import raise_of_callbacks
     from pnfarm.controller.record_client import TOOL_PORT, RecordClient
     from pnfarm.controller.runtime import hold_ports
     from pnfarm.links.base import PortSpec
@@ -170,16 +178,17 @@ async def _access(interface: str, own: IPv4Interface, task: RecordTask) -> Recor
             woken.set()
 
         link.set_receiver(receive)
-        client.start(time.monotonic_ns())
-        send()
-        while not client.done:
-            woken = anyio.Event()
-            due = client.next_deadline()
-            wait = None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
-            with anyio.move_on_after(wait):
-                await woken.wait()
-            client.handle_timeout(time.monotonic_ns())
+        async with raise_of_callbacks():
+            client.start(time.monotonic_ns())
             send()
+            while not client.done:
+                woken = anyio.Event()
+                due = client.next_deadline()
+                wait = None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
+                with anyio.move_on_after(wait):
+                    await woken.wait()
+                client.handle_timeout(time.monotonic_ns())
+                send()
     finally:
         for sock in held:
             sock.close()
@@ -202,47 +211,11 @@ def _place(client: RecordClient) -> dict[str, Any]:
     }
 
 
-def _blocks(data: bytes) -> list[dict[str, Any]]:
-    """The record's blocks by their fields; empty when it is not made of blocks that are known."""
-    from dataclasses import asdict
-
-    from pnfarm.errors import DecodeError
-    from pnfarm.protocols.profinet.wire.blocks import RawBlock
-    from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-
-    try:
-        blocks = parse_blocks(data)
-    except DecodeError:
-        return []
-    if not blocks or all(isinstance(block, RawBlock) for block in blocks):
-        return []
-    return [{"block": type(block).__name__, **_plain(asdict(block))} for block in blocks]
-
-
-def _plain(value: Any) -> Any:
-    """Plain JSON: text where octets are printable, hexadecimal elsewhere."""
-    from uuid import UUID
-
-    match value:
-        case dict():
-            return {key: _plain(part) for key, part in value.items()}
-        case list() | tuple():
-            return [_plain(part) for part in value]
-        case bytes():
-            text = value.rstrip(b"\0 ")
-            printable = all(0x20 <= octet < 0x7F for octet in text)
-            return text.decode("ascii") if printable else value.hex(" ")
-        case UUID():
-            return str(value)
-        case int() if not isinstance(value, bool):
-            return int(value)
-    return value
-
-
 def _print(data: bytes) -> None:
     from pnfarm.cli.output import print_line
+    from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
 
-    blocks = _blocks(data)
+    blocks = blocks_in_words(data)
     if not blocks:
         print_line(data.hex(" ") if data else "empty")
     for block in blocks:
@@ -253,12 +226,14 @@ def _print(data: bytes) -> None:
 
 def _lines(value: Any, depth: int) -> list[str]:
     """Fields below each other, what is inside of them indented."""
+    from pnfarm.protocols.profinet.wire.block_words import number_words
+
     lines = []
     indent = "  " * depth
     for key, part in value.items() if isinstance(value, dict) else ((f"{i}", part) for i, part in enumerate(value)):
         if isinstance(part, (dict, list)) and part:
             lines += [f"{indent}{key}:", *_lines(part, depth + 1)]
         else:
-            hexadecimal = isinstance(part, int) and not isinstance(part, bool)
-            lines.append(f"{indent}{key}: {f'{part} (0x{part:X})' if hexadecimal and part >= 0 else part}")
+            is_number = isinstance(part, int) and not isinstance(part, bool)
+            lines.append(f"{indent}{key}: {number_words(part) if is_number else part}")
     return lines

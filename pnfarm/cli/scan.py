@@ -90,6 +90,7 @@ async def _listen(
 
     import anyio
 
+    from pnfarm.cli.running import raise_of_callbacks
     from pnfarm.errors import DecodeError
     from pnfarm.links.base import PortSpec
     from pnfarm.links.interface import InterfaceLink
@@ -130,18 +131,19 @@ async def _listen(
             take()
 
         link.set_receiver(receive)
-        client.identify(now=time.monotonic_ns(), window_ns=round(seconds * 1e9))
-        for frame in client.to_send(time.monotonic_ns()):
-            link.send(port.index, frame)
-        while not finished.is_set():
-            due = client.next_deadline()
-            now = time.monotonic_ns()
-            if due is not None and due > now:
-                with anyio.move_on_after((due - now) / 1e9):
-                    await finished.wait()
-            client.handle_timeout(time.monotonic_ns())
-            take()
-        await anyio.sleep(max(0.0, lldp_seconds - (time.monotonic() - began)))
+        async with raise_of_callbacks():
+            client.identify(now=time.monotonic_ns(), window_ns=round(seconds * 1e9))
+            for frame in client.to_send(time.monotonic_ns()):
+                link.send(port.index, frame)
+            while not finished.is_set():
+                due = client.next_deadline()
+                now = time.monotonic_ns()
+                if due is not None and due > now:
+                    with anyio.move_on_after((due - now) / 1e9):
+                        await finished.wait()
+                client.handle_timeout(time.monotonic_ns())
+                take()
+            await anyio.sleep(max(0.0, lldp_seconds - (time.monotonic() - began)))
     finally:
         with anyio.CancelScope(shield=True):
             await link.close()

@@ -208,6 +208,11 @@ class Fault:
         return self.number | self.reaction << 24
 
 
+def _is_number(text: str) -> bool:
+    """Whether these are digits, and not more than a number of the drive's has."""
+    return text.isascii() and text.isdigit() and len(text) <= 20
+
+
 def fault_number(text: str) -> int:
     """``702`` or, in two parts, ``32-1`` (error 32, location 1) as one number; raises :class:`ValueError`."""
     error, dash, location = text.partition("-")
@@ -274,16 +279,16 @@ class Model:
         pnu, subindex = self.parameter_names.get(wanted.upper()), 0
         if pnu is None:
             number, _, index = wanted.partition(".")
-            if number.isascii() and number.isdigit() and (not index or (index.isascii() and index.isdigit())):
+            if _is_number(number) and (not index or _is_number(index)):
                 pnu, subindex = int(number), int(index or 0)
             else:
                 name, _, index = wanted.rpartition(".")
-                if index.isascii() and index.isdigit():
+                if _is_number(index):
                     pnu, subindex = self.parameter_names.get(name.upper()), int(index)
         if pnu is None or pnu not in self.parameters:
             raise ParameterError(
                 ParameterErrorNumber.IMPERMISSIBLE_PNU,
-                detail=f"{self.name} has no parameter {wanted!r}; give a number or a name of its manual",
+                detail=f"{self.name} has no parameter {wanted[:60]!r}; give a number or a name of its manual",
             )
         return self.parameters[pnu], subindex
 
@@ -300,13 +305,13 @@ class Model:
         for fault in self.faults.values():
             if number == fault.label:
                 return fault
-        if number.isascii() and number.isdigit() and int(number) in self.faults:
+        if _is_number(number) and int(number) in self.faults:
             return self.faults[int(number)]
         for fault in self.faults.values():
             if text.lower() in {fault.name.lower(), fault.cause} and text:
                 return fault
         known = ", ".join(fault.label for fault in self.faults.values())
-        raise ConfigError(f"{self.name} has no fault {text!r}; it has {known}, their names and causes")
+        raise ConfigError(f"{self.name} has no fault {text[:60]!r}; it has {known}, their names and causes")
 
     # telegrams
 

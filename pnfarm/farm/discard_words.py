@@ -89,7 +89,10 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "request-too-long": "call given up: its fragments are more than it may have",
         "stale-fack": "acknowledges fragments that were not sent",
         "calls-max": "call given up: too many wait already",
-        "evicted": "an old client of calls made room for a new one",
+        "evicted": "call given up in the middle: newer ones needed its room",
+        "expired-receiving": "call given up: the rest of its fragments did not come",
+        "expired-executing": "call given up: the drive had no answer for too long",
+        "expired-replying": "answer given up: its client did not take all fragments",
         "late-call-result": "result of a call that nobody waits for any more",
         "unknown-activity": "answer to no call of ours",
         "stale-sequence": "answer to an earlier call",
@@ -166,7 +169,7 @@ PREFIXES: Mapping[str, str] = MappingProxyType(
         "fack-": "acknowledgement of fragments: ",
         "status-": "status of a refused call: ",
         "reject-": "call rejected: ",
-        "expired-": "call given up because nothing came for too long, in state ",
+        "expired-": "call given up in the middle after too long, in state ",
         "no-call-for-": "no call to which this belongs: ",
     }
 )

@@ -84,11 +84,11 @@ def plug_module(
     telegram: int | None = None,
     ident: int | None = None,
     substitute: bool = False,
-) -> None:
+) -> bool:
     """Put a module in: the one that was pulled, one of the model's telegrams, or one of any ident (a wrong one).
 
     A made-up ident gets the shape of the module that stands there, or would.  A ``substitute`` works in the place of
-    what the controller expects.  Raises :class:`ConfigError`.
+    what the controller expects.  False when the module was there already.  Raises :class:`ConfigError`.
     """
     _slot(station, slot)
     if telegram is not None and ident is not None:
@@ -100,10 +100,19 @@ def plug_module(
         module = module_of_ident(station, slot, ident, station.cm.plugged.module(slot))
     if substitute and module is None:
         raise ConfigError("a substitute is another module: give its telegram or its module ident")
+    plugged = station.cm.plugged
+    before = plugged.state(slot)
+    if module is None and before.module is not None and not before.held:
+        return False
+    if module is not None and (module, substitute) == (before.module, before.substitute):
+        # from now on the slot does not follow its controller; nobody is to be told of that
+        plugged.plug(slot, module, substitute=substitute)
+        return False
     station.cm.plug(slot, module, now, substitute=substitute)
-    there = station.cm.plugged.module(slot)
+    there = plugged.module(slot)
     assert there is not None
     station.note(now, "module plugged", slot=slot, module_ident=f"0x{there.module_ident:08X}", substitute=substitute)
+    return True
 
 
 def module_of_telegram(station: DriveStation, slot: int, number: int) -> ModuleDescription:

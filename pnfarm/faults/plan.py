@@ -43,11 +43,13 @@ _ALLOWED = {
     "probability": "a number above 0, at most 1",
     "seed": "a whole number from 0 to 2^64 - 1",
     "direction": "in, out or both, seen from the drive",
-    "after_cycles": "a whole number from 0",
-    "count": "a whole number from 1",
-    "cycles": "a whole number from 1",
+    "after_cycles": "a whole number from 0 to 2^32 - 1",
+    "count": "a whole number from 1 to 2^32 - 1",
+    "cycles": "a whole number from 1 to 2^32 - 1",
     "as": "a name: a-z, 0-9, -, _ and ., at most 64 characters",
 }
+#: So many of the longest cycle are a time that the table holds.
+_COUNT_END = 1 << 32
 
 
 def _custom(problem: Problem) -> PydanticCustomError:
@@ -105,11 +107,13 @@ class FaultSpec(BaseModel):
     probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence; left out, 1.")
     seed: int | None = Field(default=None, ge=0, lt=1 << 64, description="Makes the same run twice.")
     direction: Literal["in", "out", "both"] | None = Field(default=None, description="Seen from the drive.")
-    after_cycles: int = Field(default=0, ge=0, description="Healthy cycles of the connection to let pass first.")
+    after_cycles: int = Field(
+        default=0, ge=0, lt=_COUNT_END, description="Healthy cycles of the connection to let pass first."
+    )
     after_ns: Duration = Field(default=0, alias="after", description="Time to let pass first.")
-    count: int | None = Field(default=None, ge=1, description="Occurrences, then it ends.")
+    count: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="Occurrences, then it ends.")
     for_ns: Duration | None = Field(default=None, alias="for", description="How long, then it ends.")
-    cycles: int | None = Field(default=None, ge=1, description="Cycles of the connection, then it ends.")
+    cycles: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="Cycles of the connection, then it ends.")
     name: str | None = Field(
         default=None, alias="as", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name to clear it by."
     )

@@ -149,6 +149,12 @@ def test_refused_write_carries_profidrives_error_number_and_words(still, pnu, va
     assert found["error_number"] == number
 
 
+@pytest.mark.parametrize("pnu", ["65536", "9" * 5000, "964." + "9" * 5000, "DRV.OPMODE." + "9" * 5000])
+def test_a_parameter_number_of_any_length_is_not_found(still, pnu):
+    found = assert_problem(still.get(f"/api/v1/drives/axis-01/params/{pnu}"), 404)
+    assert len(found["detail"]) < 200
+
+
 def test_element_beyond_an_array_is_not_found(still):
     found = assert_problem(still.get("/api/v1/drives/axis-01/params/964.99"), 404, "faulty subindex")
     assert found["error_number"] == 3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from api_world import ApiWorld, assert_problem
 
-from pnfarm.api.schemas import ModulesView
+from pnfarm.api.schemas import ModulesView, PluggedView
 
 PATH = "/api/v1/drives/axis-01/modules"
 
@@ -20,7 +20,8 @@ def world() -> ApiWorld:
 
 def modules(response):
     assert response.status_code == 200, response.text
-    return ModulesView.model_validate(response.json()).modules
+    view = PluggedView if response.request.method == "PUT" else ModulesView
+    return view.model_validate(response.json()).modules
 
 
 def frame_status(world):
@@ -65,6 +66,24 @@ def test_a_wrong_module_stands_there_with_its_ident(world):
 def test_the_module_of_another_telegram_is_plugged_by_its_number(world):
     (_, drive) = modules(world.put(f"{PATH}/1", {"telegram": 9}))
     assert drive.telegram == 9
+
+
+def test_plugging_what_is_there_already_changes_nothing_and_says_so(world):
+    events = world.line.events("axis-01")
+    for body in ({}, {"telegram": 1}):
+        answer = world.put(f"{PATH}/1", body)
+        assert answer.json()["changed"] is False
+        assert modules(answer)[1].telegram == 1
+    assert frame_status(world) == (0x80, True)
+    assert world.line.events("axis-01") == events
+    assert [world.put(f"{PATH}/1", {"telegram": 9}).json()["changed"] for _ in range(2)] == [True, False]
+
+
+def test_what_follows_the_controller_is_not_replaced_by_plugging_what_was_never_pulled(world):
+    station = world.line.farm.station("axis-01")
+    station.cm.plugged.follow(1, station.model.telegrams[9].module.ident)
+    answer = world.put(f"{PATH}/1", {})
+    assert (answer.json()["changed"], modules(answer)[1].telegram) == (False, 9)
 
 
 @pytest.mark.parametrize(

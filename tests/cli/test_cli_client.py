@@ -6,8 +6,13 @@ import json
 import threading
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import get_args
 
 import pytest
+from virtual_line import VirtualLine
+
+from pnfarm.cli.module import Place, _place
+from pnfarm.farm.station_modules import pull_module
 
 DRIVE = {
     "name": "axis-01",
@@ -256,6 +261,13 @@ def test_what_is_not_given_is_not_sent(ask, farm):
     assert farm.asked[-1][2] == {"kind": "timeout", "on": ["all"], "params": {}}
 
 
+@pytest.mark.parametrize("number", ["nan", "inf", "-1", "1.5"])
+def test_a_probability_that_is_none_is_bad_input_and_nothing_is_asked(ask, farm, number):
+    found = ask("fault", "add", "loss", "--on", "all", "--probability", number)
+    assert (found.code, farm.asked) == (2, [])
+    assert "--probability" in found.err
+
+
 @pytest.mark.parametrize("word", ["hold", "=1"])
 def test_a_parameter_without_name_or_value_is_bad_input(ask, word):
     found = ask("fault", "add", "f702", "--on", "all", "--param", word)
@@ -319,6 +331,13 @@ def test_module_pull_names_a_slot_or_one_submodule_of_it(ask, farm, place, path)
     assert [(method, asked, body) for method, asked, body, _ in farm.asked] == [("DELETE", f"/api/v1/{path}", None)]
 
 
+def test_every_place_in_the_help_of_module_pull_can_be_pulled():
+    text = get_args(Place)[1].help
+    for example in text.partition(": ")[2].rstrip(".").split(", "):
+        station = VirtualLine(1).farm.station("axis-01")
+        pull_module(station, *_place(example), 0)
+
+
 @pytest.mark.parametrize(
     ("options", "body"),
     [
@@ -330,10 +349,20 @@ def test_module_pull_names_a_slot_or_one_submodule_of_it(ask, farm, place, path)
     ],
 )
 def test_module_plug_sends_what_is_plugged(ask, farm, options, body):
-    farm.answer("PUT", "drives/axis-01/modules/1", MODULES)
+    farm.answer("PUT", "drives/axis-01/modules/1", MODULES | {"changed": True})
     found = ask("module", "plug", "axis-01", "1", *options.split(), "--format", "json")
-    assert json.loads(found.out) == MODULES
+    assert json.loads(found.out) == MODULES | {"changed": True}
+    assert found.err == ""
     assert farm.asked[-1][2] == body
+
+
+@pytest.mark.parametrize("output", ["table", "json"])
+def test_module_plug_says_that_the_module_is_there_already(ask, farm, output):
+    farm.answer("PUT", "drives/axis-01/modules/1", MODULES | {"changed": False})
+    found = ask("module", "plug", "axis-01", "1", "--format", output)
+    assert found.code == 0
+    assert found.err == "slot 1 of axis-01 holds this module already; nothing was plugged\n"
+    assert "0x00000064" in found.out
 
 
 @pytest.mark.parametrize(
@@ -345,6 +374,9 @@ def test_module_plug_sends_what_is_plugged(ask, farm, options, body):
         ("module pull axis-01 -- -1", "'-1' is no slot"),
         ("module pull axis-01 1.0x10000", "'0x10000' is no subslot"),
         ("module plug axis-01 one", "'one' is no slot"),
+        ("module pull axis-01 65536", "'65536' is no slot; give a number such as 1 or 0x8000, at most 0xFFFF"),
+        ("module plug axis-01 0x10000", "'0x10000' is no slot"),
+        ("module plug axis-01 1 --module 0x100000000", "'0x100000000' is no module ident"),
         ("module plug axis-01 1 --module seven", "'seven' is no module ident"),
         ("module plug axis-01", "SLOT"),
     ],

@@ -80,6 +80,25 @@ def test_a_drive_can_be_named_by_its_address(pnfarm, virtual):
     assert pnfarm("decode", virtual, "--drive", mac.hex("-").upper()).out == named
 
 
+@pytest.mark.parametrize("options", [(), ("--summary",), ("--format", "json"), ("--only", "dcp")])
+@pytest.mark.parametrize("who", ["nosuch", "02:00:00:00:00:99"])
+def test_a_drive_that_is_not_in_the_capture_is_told_with_those_that_are(pnfarm, virtual, who, options):
+    found = pnfarm("decode", virtual, "--drive", who, *options)
+    assert found.code == 2
+    (sentence,) = found.err.splitlines()
+    assert sentence.startswith(f"pnfarm: no station '{who}' speaks in {virtual}; those that do are ")
+    assert {"plc", "axis-01", "axis-02", "axis-03"} <= set(re.split(r"[ ,]+", sentence))
+
+
+def test_of_two_drives_the_one_that_is_there_is_told_all_the_same(pnfarm, virtual):
+    both = pnfarm("decode", virtual, "--drive", "axis-01", "--drive", "nosuch")
+    assert (both.code, both.out) == (2, pnfarm("decode", virtual, "--drive", "axis-01").out)
+    assert "'nosuch'" in both.err
+    # there, though nothing of the kind is from it
+    nothing = pnfarm("decode", virtual, "--drive", "axis-01", "--only", "snmp")
+    assert (nothing.code, nothing.out, nothing.err) == (0, "", "")
+
+
 def test_only_the_kinds_that_were_asked_for(pnfarm, virtual):
     lines = pnfarm("decode", virtual, "--only", "dcp", "--only", "arp", "--format", "json").out.splitlines()
     assert {json.loads(line)["family"] for line in lines} == {"dcp", "arp"}

@@ -35,14 +35,31 @@ def test_a_dash_prints_it(pnfarm, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unknown_model_and_a_folder_that_is_not_there_are_said(pnfarm, tmp_path):
+@pytest.mark.parametrize("folder", ["new", "new/", "new/deeper", "v2.35"])
+def test_a_folder_that_is_not_there_is_made(pnfarm, tmp_path, folder):
+    done = pnfarm("gsdml", "akd", "-o", f"{tmp_path}/{folder}")
+    assert done.code == 0, done.err
+    (path,) = (tmp_path / folder).iterdir()
+    assert done.out == f"{path}\n"
+
+
+def test_a_name_of_a_file_is_no_folder_to_make(pnfarm, tmp_path):
+    done = pnfarm("gsdml", "akd", "-o", tmp_path / "akd.xml")
+    assert (done.code, done.out) == (2, "")
+    assert "akd.xml is no folder; give the folder, the file is called GSDML-V2.35-pnfarm-akd-" in done.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_unknown_model_and_a_folder_that_cannot_be_made_are_said(pnfarm, tmp_path):
     done = pnfarm("gsdml", "akd-profient")
     assert (done.code, done.out) == (2, "")
     assert "there is no drive model 'akd-profient'" in done.err
     assert "did you mean akd-profinet?" in done.err
-    done = pnfarm("gsdml", "akd", "-o", tmp_path / "nowhere")
-    assert (done.code, done.out) == (4, "")
-    assert "cannot be written: no such file or directory" in done.err
+    (tmp_path / "file").touch()
+    for place, why in (("file", "file exists"), ("file/below", "not a directory")):
+        done = pnfarm("gsdml", "akd", "-o", tmp_path / place)
+        assert (done.code, done.out) == (4, "")
+        assert f"cannot be written: {why}" in done.err
 
 
 def test_a_model_in_full_shows_what_only_its_file_says(pnfarm):

@@ -50,6 +50,12 @@ def test_version(pnfarm):
     assert pnfarm("--version").out.startswith("pnfarm 0.")
 
 
+def test_the_package_runs_as_the_program():
+    run = subprocess.run([sys.executable, "-m", "pnfarm", "--version"], check=False, capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert run.stdout.startswith("pnfarm ")
+
+
 @pytest.mark.parametrize(
     ("line", "told"),
     [

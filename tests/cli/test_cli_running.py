@@ -139,17 +139,17 @@ def test_modules_of_a_running_farm_come_and_go_under_its_controllers_eyes(farm, 
     pulled = process("module", "pull", "axis-02", "1.2")
     assert pulled.code == 0, pulled.err
     assert [s["subslot"] for s in drive_slot()["submodules"]] == ["0x0001"]
-    plc.wait_for("submodule pulled on slot 1 subslot 2", 20)
+    plc.wait_for("submodule pulled on slot 1 subslot 0x0002", 20)
     assert process("module", "pull", "axis-02", "1.2").code == 2
     assert process("module", "pull", "axis-02", "0").code == 2
 
     plugged = process("module", "plug", "axis-02", "1", "--module", "0x1234", "--format", "json")
     assert json.loads(plugged.out)["modules"][1]["module_ident"] == "0x00001234"
-    plc.wait_for("wrong submodule plugged on slot 1 subslot 1", 20)
+    plc.wait_for("wrong submodule plugged on slot 1 subslot 0x0001", 20)
 
     assert process("module", "plug", "axis-02", "1").code == 0
     assert (drive_slot()["telegram"], drive_slot()["held"]) == (1, False)
-    plc.wait_for("submodule plugged on slot 1 subslot 2", 20)
+    plc.wait_for("submodule plugged on slot 1 subslot 0x0002", 20)
 
     added = process("fault", "add", "module-missing", "--on", "axis-02", "--param", "subslot=2", "--as", "gone")
     assert added.out == "gone: module-missing active on axis-02\n"

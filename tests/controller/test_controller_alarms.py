@@ -70,12 +70,15 @@ def test_a_drives_alarms_are_acknowledged_logged_in_words_and_counted() -> None:
     assert [type(event) for event in drive.channel.events()] == [AlarmAcknowledged] * 3
     (row,) = line.plc.snapshot()
     assert row["alarms_received"] == 3
-    assert row["last_alarm"] == "diagnosis disappears on slot 1 subslot 2"
+    assert row["last_alarm"] == "diagnosis disappears on slot 1 subslot 0x0002"
     logged = [entry.data for entry in line.plc_log.entries("axis-01") if entry.event == "alarm"]
     assert logged == [
-        {"detail": "diagnosis appears on slot 1 subslot 2: parametrisation fault (fault, appears)", "priority": "low"},
-        {"detail": "process alarm on slot 0 subslot 1", "priority": "high"},
-        {"detail": "diagnosis disappears on slot 1 subslot 2", "priority": "low"},
+        {
+            "detail": "diagnosis appears on slot 1 subslot 0x0002: parametrisation fault (fault, appears)",
+            "priority": "low",
+        },
+        {"detail": "process alarm on slot 0 subslot 0x0001", "priority": "high"},
+        {"detail": "diagnosis disappears on slot 1 subslot 0x0002", "priority": "low"},
     ]
 
 

@@ -88,4 +88,4 @@ def test_a_diagnosis_that_says_nothing_of_its_end_is_a_warning(line: VirtualLine
 def test_a_submodule_that_another_controller_gave_up_is_not_said_to_be_a_supervisors() -> None:
     """AlarmType Released: of a shared device, whose submodules come back one by one when a controller goes."""
     alarm = AlarmNotification(AlarmType.RELEASED, 0, 1, 1)
-    assert alarm_in_words(alarm) == "released by its former owner on slot 1 subslot 1"
+    assert alarm_in_words(alarm) == "released by its former owner on slot 1 subslot 0x0001"

@@ -20,6 +20,7 @@ from pnfarm.farm.decode.cyclic import drive_state, status_words
 from pnfarm.farm.decode.decoder import FAMILIES, Decoder, family_of
 from pnfarm.farm.decode.reading import CapturedFrame, FrameReader
 from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.farm.station_modules import plug_module, pull_module
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.links.bpf_capture import ATOMS
 
@@ -170,6 +171,61 @@ def test_a_silence_and_its_end_in_words(farm_capture):
         "plc -> axis-02 Connect.req",
         "plc -> axis-02 Release.req AR ",
     )
+
+
+async def record_reads_and_pulls(path: Path) -> None:
+    line = await VirtualLine.create(parse_farm(FARM), pcap=path, epoch_ns=0)
+    assert line.world.run(5.0, until=lambda: line.plc.all_running)
+    for subslot, index in ((0x8000, 0x8080), (0x8001, 0x802A), (1, 0xF841)):
+        line.plc.read_record("axis-01", (0, 0, subslot, index), line.world.now)
+    line.world.run(0.5)
+    station = line.farm.station("axis-01")
+    for hand in (
+        lambda: pull_module(station, 1, 2, line.world.now),
+        lambda: pull_module(station, 1, None, line.world.now),
+        lambda: plug_module(station, 1, line.world.now),
+    ):
+        hand()
+        line.farm.settle(station, line.world.now)
+        line.world.run(0.5)
+    await line.close()
+
+
+@pytest.fixture(scope="module")
+def reads_and_pulls(tmp_path_factory):
+    path = tmp_path_factory.mktemp("capture") / "reads.pcapng"
+    asyncio.run(record_reads_and_pulls(path))
+    return texts(path)
+
+
+def test_records_that_were_read_are_told_by_their_fields_in_one_line(reads_and_pulls):
+    in_order(
+        [line for line in reads_and_pulls if "axis-01 -> plc Read.res OK" in line],
+        "axis-01 -> plc Read.res OK, slot 0 subslot 0x0001 index 0xAFF0 (I&M0), 60 octets: "
+        "Im0 vendor_id 261 (0x105), order_id AKD-P00306-NBPN-0000, serial_number ",
+        "axis-01 -> plc Read.res OK, slot 0 subslot 0x0001 index 0xAFF1 (I&M1), 60 octets: ImText text -",
+        "axis-01 -> plc Read.res OK, slot 0 subslot 0x8000 index 0x8080 (PDInterfaceDataReal), 36 octets: "
+        "InterfaceDataReal name axis-01, mac ",
+        "axis-01 -> plc Read.res OK, slot 0 subslot 0x8001 index 0x802A (PDPortDataReal), 72 octets: "
+        "PortDataReal slot 0, subslot 32769 (0x8001), own_port_name port-001, peers ((port_name port-001, "
+        "station_name plc, ",
+        "axis-01 -> plc Read.res OK, slot 0 subslot 0x0001 index 0xF841 (PDRealData), 204 octets: "
+        "MultipleBlock api 0, slot 0, subslot 32768 (0x8000), blocks ((InterfaceDataReal name axis-01, ",
+    )
+    assert max(map(len, reads_and_pulls)) < 400
+
+
+def test_alarms_and_their_acknowledgements_name_a_place_alike_and_a_module_as_one(reads_and_pulls):
+    found = [line for line in reads_and_pulls if " Alarm " in line or " AlarmAck " in line]
+    in_order(
+        found,
+        "axis-01 -> plc Alarm submodule pulled on slot 1 subslot 0x0002 (low priority, ",
+        "plc -> axis-01 AlarmAck submodule pulled on slot 1 subslot 0x0002: taken (low priority, ",
+        "axis-01 -> plc Alarm module pulled on slot 1 (low priority, ",
+        "plc -> axis-01 AlarmAck module pulled on slot 1: taken (low priority, ",
+        "axis-01 -> plc Alarm submodule plugged on slot 1 subslot 0x0001 (low priority, ",
+    )
+    assert not any("subslot 0x0000" in line for line in found)
 
 
 def test_the_summary_counts_what_happened(farm_capture):

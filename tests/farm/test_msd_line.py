@@ -243,8 +243,8 @@ def test_a_fault_is_told_in_the_layout_of_p_1256_and_gone_when_it_is_acknowledge
     alarms = [entry.data["detail"] for entry in line.plc_log.entries("axis-01") if entry.event == "alarm"]
     subslot = 2 if mode == 3 else 1
     assert [text.split(":")[0] for text in alarms] == [
-        f"diagnosis appears on slot 1 subslot {subslot}",
-        f"diagnosis disappears on slot 1 subslot {subslot}",
+        f"diagnosis appears on slot 1 subslot 0x{subslot:04X}",
+        f"diagnosis disappears on slot 1 subslot 0x{subslot:04X}",
     ]
     appears = alarms[0].split(": ", 1)[1]
     assert (

@@ -49,7 +49,7 @@ def test_a_storm_is_as_fast_as_the_controller_acknowledges_and_ends_with_its_cou
     assert fault.state == "ended"
     seen = fault.evidence()
     assert (seen.checks, seen.activations, seen.confirmed) == (50, 50, True)
-    assert alarms(line) == ["process alarm on slot 1 subslot 2"] * 50
+    assert alarms(line) == ["process alarm on slot 1 subslot 0x0002"] * 50
     assert line.losses() == 0
     assert at_rest(line)
 
@@ -61,7 +61,7 @@ def test_a_storm_at_a_rate_goes_on_until_it_is_cleared(line):
     line.clear(fault.id)
     count = len(alarms(line))
     line.run(0.5)
-    assert alarms(line) == ["status alarm on slot 1 subslot 1"] * count
+    assert alarms(line) == ["status alarm on slot 1 subslot 0x0001"] * count
     (entry, *_) = [e for e in line.plc_log.entries("axis-01") if e.event == "alarm"]
     assert entry.data["priority"] == "high"
 
@@ -69,7 +69,7 @@ def test_a_storm_at_a_rate_goes_on_until_it_is_cleared(line):
 def test_the_alarms_of_a_storm_may_carry_a_channel_diagnosis(line):
     line.add("alarm-storm", params={"type": "diagnosis", "error": "wire-break"}, count=1)
     line.run(0.1)
-    assert alarms(line) == ["diagnosis appears on slot 1 subslot 2: wire break (fault, appears)"]
+    assert alarms(line) == ["diagnosis appears on slot 1 subslot 0x0002: wire break (fault, appears)"]
     (entry, *_) = [e for e in line.plc_log.entries("axis-01") if e.event == "alarm"]
     assert entry.data["priority"] == "low"
 
@@ -168,7 +168,7 @@ def test_a_submodule_whose_iops_was_bad_is_told_to_return(line):
     line.run(0.15)
     assert alarms(line) == []
     line.run(0.3)
-    assert alarms(line) == ["submodule returns on slot 1 subslot 2"]
+    assert alarms(line) == ["submodule returns on slot 1 subslot 0x0002"]
     assert line.losses() == 0
     line.enable()
     assert at_rest(line)
@@ -183,7 +183,7 @@ def test_only_the_last_of_two_ends_is_a_return(line):
     assert alarms(line) == []
     line.clear("two")
     line.run(0.1)
-    assert alarms(line) == ["submodule returns on slot 1 subslot 2"]
+    assert alarms(line) == ["submodule returns on slot 1 subslot 0x0002"]
 
 
 @pytest.mark.parametrize("loses", [True, False])
@@ -205,5 +205,5 @@ def test_a_missing_module_does_not_return_with_its_iops(line):
     line.add("module-missing")
     line.clear(bad.id)
     assert iops(line) == 0x40
-    assert alarms(line) == ["submodule pulled on slot 1 subslot 0"]
+    assert alarms(line) == ["module pulled on slot 1"]
     assert station(line).powered

@@ -81,12 +81,15 @@ def at_rest(line) -> bool:
 def test_a_missing_module_is_told_by_an_alarm_its_data_are_bad_and_its_return_is_told(line):
     fault = line.add("module-missing")
     assert iops(line) == BAD
-    assert alarms(line) == ["submodule pulled on slot 1 subslot 0"]
+    assert alarms(line) == ["module pulled on slot 1"]
     assert fault.evidence().confirmed
     assert line.losses() == 0
     line.clear(fault.id)
     line.run(0.1)
-    assert alarms(line)[1:] == ["submodule plugged on slot 1 subslot 1", "submodule plugged on slot 1 subslot 2"]
+    assert alarms(line)[1:] == [
+        "submodule plugged on slot 1 subslot 0x0001",
+        "submodule plugged on slot 1 subslot 0x0002",
+    ]
     reconnect(line)
     assert iops(line) == GOOD
     assert diff(line) == []
@@ -96,11 +99,11 @@ def test_a_missing_module_is_told_by_an_alarm_its_data_are_bad_and_its_return_is
 def test_a_missing_submodule_leaves_the_other_one_there(line):
     fault = line.add("module-missing", params={"slot": 1, "subslot": 2}, for_="500ms")
     line.run(0.1)
-    assert alarms(line) == ["submodule pulled on slot 1 subslot 2"]
+    assert alarms(line) == ["submodule pulled on slot 1 subslot 0x0002"]
     assert [(slot, list(subs)) for slot, _, subs in diff(line)] == [(1, [2])]
     line.run(0.5)
     assert fault.state == "ended"
-    assert alarms(line)[1:] == ["submodule plugged on slot 1 subslot 2"]
+    assert alarms(line)[1:] == ["submodule plugged on slot 1 subslot 0x0002"]
     assert at_rest(line)
 
 
@@ -116,7 +119,7 @@ def test_a_module_that_is_missing_from_the_start_stands_in_the_module_diff_and_c
     assert alarms(line) == []
     line.clear(fault.id)
     line.run(0.1)
-    assert "submodule plugged on slot 1 subslot 2" in alarms(line)
+    assert "submodule plugged on slot 1 subslot 0x0002" in alarms(line)
     assert station(line).store.telegram_number == 9
     reconnect(line)
     assert iops(line) == GOOD
@@ -128,7 +131,7 @@ def test_a_wrong_module_has_an_ident_that_the_drive_does_not_know(line):
     ((slot, ident, subs),) = diff(line)
     assert (slot, sorted(subs)) == (1, [1, 2])
     assert station(line).model.telegram_by_module(ident) is None
-    assert alarms(line) == [f"wrong submodule plugged on slot 1 subslot {n}" for n in (1, 2)]
+    assert alarms(line) == [f"wrong submodule plugged on slot 1 subslot 0x000{n}" for n in (1, 2)]
     assert fault.evidence().confirmed
     line.clear(fault.id)
     reconnect(line)
@@ -147,7 +150,7 @@ def test_a_wrong_submodule_stands_in_a_proper_module(line):
     fault = line.add("module-wrong", params={"subslot": 2, "ident": 0xABCD})
     line.run(0.1)
     assert [(slot, list(subs)) for slot, _, subs in diff(line)] == [(1, [2])]
-    assert alarms(line) == ["wrong submodule plugged on slot 1 subslot 2"]
+    assert alarms(line) == ["wrong submodule plugged on slot 1 subslot 0x0002"]
     line.clear(fault.id)
     line.run(0.1)
     assert at_rest(line)
@@ -269,7 +272,7 @@ def test_a_diagnosis_appears_with_the_fault_and_disappears_with_it(line, params,
     line.run(0.1)
     (seen,) = alarms(line)
     assert seen.endswith(told)
-    assert " on slot 1 subslot 2" in seen
+    assert " on slot 1 subslot 0x0002" in seen
     assert fault.evidence().confirmed
     line.clear(fault.id)
     line.run(0.1)

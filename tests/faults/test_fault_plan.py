@@ -67,6 +67,12 @@ def test_every_wrong_field_is_told_with_what_is_allowed():
         ({"kind": "link-flap", "params": {"period": "1s", "down": "2s"}}, "fault.params.down: is '2s'"),
         ({"kind": "connect-refuse", "params": {"code1": 256}}, "fault.params.code1: is 256"),
         ({"kind": "record-error", "params": {"code": "module-falure"}}, "did you mean module-failure?"),
+        ({"kind": "loss", "count": 1 << 63}, "fault.count: is 9223372036854775808; allowed: a whole number from 1 to"),
+        (
+            {"kind": "loss", "cycles": 1 << 32},
+            "fault.cycles: is 4294967296; allowed: a whole number from 1 to 2^32 - 1",
+        ),
+        ({"kind": "loss", "after_cycles": 1 << 32}, "fault.after_cycles: is 4294967296; allowed: a whole number from"),
         ({"kind": "loss", "params": {"frames": "cyclc"}}, "did you mean cyclic?"),
         ({"kind": "late-application-ready", "params": {"delay": 5}}, "which has no unit"),
         ({"kind": "diagnosis", "params": {"error": "wire-brake"}}, "did you mean wire-break?"),

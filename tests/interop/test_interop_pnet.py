@@ -234,8 +234,8 @@ def press_until(device, condition):
 def test_its_alarms_are_acknowledged_and_told_in_words(plc, device):
     """Without an AlarmAck it would raise no other."""
     assert plc.ask("wait_connected", seconds=10)
-    press_until(device, lambda: "process alarm on slot 1 subslot 1: USI 0x0010 01" in alarms(plc))
-    appears = "diagnosis appears on slot 1 subslot 1: channel 4 short circuit (fault, appears)"
+    press_until(device, lambda: "process alarm on slot 1 subslot 0x0001: USI 0x0010 01" in alarms(plc))
+    appears = "diagnosis appears on slot 1 subslot 0x0001: channel 4 short circuit (fault, appears)"
     press_until(device, lambda: appears in alarms(plc))
     assert b"\x80\x02\x00\x04\x28\x01" in read(plc, 1, 1, 0x800C), "the diagnosis is not in its record"
     press_until(device, lambda: any(words.endswith("all gone)") for words in alarms(plc)))

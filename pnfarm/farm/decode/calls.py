@@ -14,6 +14,7 @@ from pnfarm.farm.decode.packet import Said
 from pnfarm.farm.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
+from pnfarm.protocols.profinet.wire.block_words import blocks_in_line
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock
@@ -195,8 +196,15 @@ def _record(header: IodWriteReqHeader, data: bytes, device: bytes, shared: Share
     if header.index in BASE_MODE_INDEXES:
         shared.parameter_requests[device, header.slot, header.subslot, header.index] = data
         return f"{_place(header)}: {parameter_request(data, shared.stations.model(device))}"
-    shown = data[:16].hex(" ") + (" ..." if len(data) > 16 else "")
-    return f"{_place(header)}, {len(data)} octets{': ' if data else ''}{shown}"
+    return f"{_place(header)}, {_content(data)}"
+
+
+def _content(data: bytes) -> str:
+    """A record's blocks in words, or its first octets."""
+    if not data:
+        return "0 octets"
+    shown = blocks_in_line(data) or data[:16].hex(" ") + (" ..." if len(data) > 16 else "")
+    return f"{len(data)} octets: {shown}"
 
 
 def _place(header: IodWriteReqHeader | IodWriteResHeader | IodReadReqHeader | IodReadResHeader) -> str:
@@ -262,5 +270,4 @@ def _read(header: IodReadResHeader, data: bytes, call: Call, shared: Shared) -> 
     if header.index in BASE_MODE_INDEXES:
         asked = shared.parameter_requests.get((call.server, header.slot, header.subslot, header.index))
         return f"{place}: {parameter_response(data, asked, shared.stations.model(call.server))}"
-    shown = data[:16].hex(" ") + (" ..." if len(data) > 16 else "")
-    return f"OK, {place}, {len(data)} octets{': ' if data else ''}{shown}"
+    return f"OK, {place}, {_content(data)}"

@@ -9,7 +9,7 @@ from pnfarm.farm.decode.calls import ip_packet
 from pnfarm.farm.decode.packet import Said
 from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
 from pnfarm.protocols.profinet.wire.alarm_words import alarm_in_words
-from pnfarm.protocols.profinet.wire.alarms import AlarmAck, alarm_type_words, parse_alarm
+from pnfarm.protocols.profinet.wire.alarms import AlarmAck, describe_place, parse_alarm
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, classify_frame_id
 from pnfarm.protocols.profinet.wire.lldp import parse_lldp, peer_names
 from pnfarm.protocols.profinet.wire.rta import RtaType, error_of, parse_rta
@@ -82,8 +82,7 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Said]:
     said = parse_alarm(pdu.body)
     if isinstance(said, AlarmAck):
         words = "taken" if said.status.ok else describe_status(said.status)
-        text = f"{alarm_type_words(said.alarm_type)} on slot {said.slot} subslot 0x{said.subslot:04X}: {words}"
-        yield Said("AlarmAck", f"{text} ({priority} priority, {numbers})")
+        yield Said("AlarmAck", f"{describe_place(said)}: {words} ({priority} priority, {numbers})")
         return
     yield Said("Alarm", f"{alarm_in_words(said)} ({priority} priority, {numbers})", {}, {"alarms": ""})
 

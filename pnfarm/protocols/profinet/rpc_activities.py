@@ -136,6 +136,20 @@ class Activity:
         return self.reassembly.octets + (self.reply.octets if self.reply else 0)
 
     @property
+    def unfinished(self) -> bool:
+        """Whether giving the row up loses something: fragments of a request or of a reply, or the answer itself.
+
+        What a client gave up itself, a reply that was sent whole, and the number of an old call are no loss.
+        """
+        match self.state:
+            case ServerState.RECEIVING | ServerState.EXECUTING:
+                return True
+            case ServerState.REPLYING:
+                return self.reply is not None and self.reply.fragmented
+            case _:
+                return False
+
+    @property
     def idempotent(self) -> bool:
         """Whether the client allows that the call runs twice."""
         return bool(self.request.flags1 & Flags1.IDEMPOTENT)
@@ -163,7 +177,7 @@ _EVICTABLE: Final = (
 
 
 class ActivityTable:
-    """At most ``rows_max`` activities that hold at most ``octets_max`` octets; evictions are counted in ``dropped``.
+    """At most ``rows_max`` activities that hold at most ``octets_max`` octets; ``dropped`` counts calls lost by it.
 
     Sums and the earliest deadline are kept, not searched for: after anything was done to a row, :meth:`settle` takes
     over what became of it.
@@ -223,12 +237,14 @@ class ActivityTable:
             self._deadlines.set(activity.number, activity.deadline)
 
     def forget(self, activity: Activity, reason: str) -> None:
+        """Let a row go; one whose call was not finished is counted."""
         if self._rows.pop(activity.key, None) is not None:
             del self._by_number[activity.number]
             self._deadlines.set(activity.number, None)
             self._states[activity.state] -= 1
             self._octets -= activity.accounted
-            self._dropped[reason] += 1
+            if activity.unfinished:
+                self._dropped[reason] += 1
 
     def make_room(self, keeper: Activity | None, octets: int = 0) -> bool:
         """Let go of what matters least until ``octets`` more (and, without ``keeper``, one more row) fit."""

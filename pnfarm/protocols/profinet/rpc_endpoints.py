@@ -2,11 +2,12 @@
 
 A client lists the endpoints: each answer carries as many entries as it asked for (PROFINET's clients ask for one) and a
 handle that says how far the list was read, until ``ept_s_not_registered`` and the nil handle end it.  The handle
-carries the position itself, so that nothing is kept between two lookups.
+carries the lookup's number and the position itself; kept are only the numbers of the lookups freed last.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 from uuid import UUID
@@ -39,6 +40,10 @@ __all__ = ["Endpoint", "EndpointMapper"]
 
 _HANDLE_VERSION: Final = 0x1000  # the version nibble of a time-based UUID
 _HANDLE_VARIANT: Final = 0x80
+#: Lookups are numbered by 28 bits, which a handle has room for.
+_LOOKUP_MAX: Final = 0x0FFF_FFFF
+#: Freed lookups that are remembered.
+_FREED_MAX: Final = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +67,8 @@ class EndpointMapper:
         self._endpoints = (own, *endpoints)
         self._node = endpoints[0].object_uuid.node
         self._port = port
+        self._last_lookup = 0
+        self._freed: deque[int] = deque(maxlen=_FREED_MAX)
         self.address = address
 
     def answer(self, opnum: int, stub: bytes, *, little_endian: bool) -> tuple[PacketType, bytes]:
@@ -69,42 +76,48 @@ class EndpointMapper:
         try:
             if opnum == EpmOpnum.LOOKUP:
                 request = parse_lookup_request(stub, little_endian=little_endian)
-                position = self._position(request.handle)
-                response = self._lookup(request, position)
+                response = self._lookup(request, *self._place(request.handle))
                 return PacketType.RESPONSE, emit_lookup_response(response, little_endian=little_endian)
-            self._position(parse_handle(stub, little_endian=little_endian))
+            lookup, _ = self._place(parse_handle(stub, little_endian=little_endian))
+            if lookup:
+                self._freed.append(lookup)
             return PacketType.RESPONSE, emit_handle_freed(NIL_HANDLE, 0, little_endian=little_endian)
         except DecodeError:
             return PacketType.REJECT, emit_status(NcaStatus.PROTO_ERROR, little_endian=little_endian)
         except _ForeignHandleError:
             return PacketType.FAULT, emit_status(NcaStatus.FAULT_CONTEXT_MISMATCH, little_endian=little_endian)
 
-    def _lookup(self, request: LookupRequest, position: int) -> LookupResponse:
+    def _lookup(self, request: LookupRequest, lookup: int, position: int) -> LookupResponse:
         matches = [endpoint for endpoint in self._endpoints if _matches(endpoint, request)]
         if request.max_entries == 0 or position >= len(matches):
             return LookupResponse(NIL_HANDLE, (), request.max_entries, NOT_REGISTERED)
         asked = matches[position : position + min(request.max_entries, MAX_ENTRIES)]
         entries = tuple(self._entry(endpoint) for endpoint in asked)
-        return LookupResponse(self._handle(position + len(entries)), entries, request.max_entries)
+        if not lookup:
+            lookup = self._last_lookup = self._last_lookup % _LOOKUP_MAX + 1
+        return LookupResponse(self._handle(lookup, position + len(entries)), entries, request.max_entries)
 
     def _entry(self, endpoint: Endpoint) -> EptEntry:
         tower = Tower(endpoint.interface, endpoint.version, self._port, self.address)
         return EptEntry(endpoint.object_uuid, tower, endpoint.annotation)
 
-    def _handle(self, position: int) -> EntryHandle:
-        return EntryHandle(0, UUID(fields=(position, 0, _HANDLE_VERSION, _HANDLE_VARIANT, 0, self._node)))
+    def _handle(self, lookup: int, position: int) -> EntryHandle:
+        high, middle = divmod(lookup, 1 << 16)
+        return EntryHandle(0, UUID(fields=(position, middle, _HANDLE_VERSION | high, _HANDLE_VARIANT, 0, self._node)))
 
-    def _position(self, handle: EntryHandle) -> int:
+    def _place(self, handle: EntryHandle) -> tuple[int, int]:
+        """The number of a handle's lookup, 0 for one that begins, and its position."""
         if handle == NIL_HANDLE:
-            return 0
-        position = handle.uuid.time_low
-        if handle != self._handle(position):
+            return 0, 0
+        position, middle, high, *_ = handle.uuid.fields
+        lookup = (high & ~_HANDLE_VERSION) << 16 | middle
+        if not 0 < lookup <= self._last_lookup or lookup in self._freed or handle != self._handle(lookup, position):
             raise _ForeignHandleError
-        return position
+        return lookup, position
 
 
 class _ForeignHandleError(Exception):
-    """A handle that this mapper never gave out."""
+    """A handle that this mapper never gave out, or that was freed."""
 
 
 def _matches(endpoint: Endpoint, request: LookupRequest) -> bool:

@@ -210,7 +210,8 @@ class RpcServer:
                 case ServerState.REPLYING if activity.tries < self.config.fragment_tries:
                     self._fire(activity, _Event.RETRY, None, now)
                 case _:
-                    self.dropped[f"expired-{activity.state.name.lower()}"] += 1
+                    if activity.unfinished:
+                        self.dropped[f"expired-{activity.state.name.lower()}"] += 1
                     self._fire(activity, _Event.EXPIRED, None, now)
 
     @property

@@ -54,9 +54,9 @@ def test_an_alarm_is_acknowledged_at_once_and_told_in_words() -> None:
     assert set(tags) == {VlanTag(5), VlanTag(6)}
     words = [event.words for event in up.run() if isinstance(event, AlarmIndicated)]
     assert sorted(words) == [
-        "diagnosis appears on slot 1 subslot 2: parametrisation fault (fault, appears)",
-        "diagnosis appears on slot 1 subslot 3: USI 0x0010 0000",
-        "diagnosis disappears on slot 1 subslot 2: parametrisation fault (fault, appears)",
+        "diagnosis appears on slot 1 subslot 0x0002: parametrisation fault (fault, appears)",
+        "diagnosis appears on slot 1 subslot 0x0003: USI 0x0010 0000",
+        "diagnosis disappears on slot 1 subslot 0x0002: parametrisation fault (fault, appears)",
     ]
     done = device.events()
     assert [type(event) for event in done] == [AlarmAcknowledged] * 3

@@ -185,6 +185,22 @@ def test_a_handle_is_freed():
 
 
 @pytest.mark.parametrize("opnum", [EpmOpnum.LOOKUP, EpmOpnum.LOOKUP_HANDLE_FREE])
+def test_a_freed_handle_is_a_context_mismatch_and_others_go_on(opnum):
+    tool = Tool(mapper())
+    handles = [tool.lookup(LookupRequest()).handle for _ in range(2)]
+    tool.ask(EpmOpnum.LOOKUP_HANDLE_FREE, emit_handle(handles[0], little_endian=True))
+    argument = emit_handle(handles[0], little_endian=True)
+    if opnum == EpmOpnum.LOOKUP:
+        argument = emit_lookup_request(LookupRequest(handle=handles[0]), little_endian=True)
+    answer = tool.ask(opnum, argument)
+    assert answer.kind == PacketType.FAULT
+    assert parse_status(answer.body, little_endian=True) == NcaStatus.FAULT_CONTEXT_MISMATCH
+    [rest] = tool.lookup(LookupRequest(handle=handles[1])).entries
+    assert rest.tower.interface == UUID_PNIO_DEVICE
+    assert len(tool.list()) == 2
+
+
+@pytest.mark.parametrize("opnum", [EpmOpnum.LOOKUP, EpmOpnum.LOOKUP_HANDLE_FREE])
 def test_a_foreign_handle_is_a_context_mismatch(opnum):
     handle = EntryHandle(0, UUID("11111111-2222-3333-4444-555555555555"))
     emit = emit_handle if opnum == EpmOpnum.LOOKUP_HANDLE_FREE else emit_lookup_request

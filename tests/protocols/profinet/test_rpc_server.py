@@ -493,6 +493,49 @@ def test_half_a_request_is_forgotten():
     assert device.held_octets == 0
 
 
+def to_the_end(device: RpcServer) -> None:
+    """Until nothing waits any more."""
+    while (due := device.next_deadline()) is not None:
+        device.handle_timeout(due)
+        sent(device)
+
+
+@pytest.mark.parametrize("flags", [int(Flags1.IDEMPOTENT), 0])
+@pytest.mark.parametrize("end", ["acknowledged", "kept silent", "evicted"])
+def test_the_end_of_an_answered_call_is_no_discard(end, flags):
+    device = server(activities_max=2)
+    for number in range(1, 8 if end == "evicted" else 2):
+        call = request(flags1=flags, activity=UUID(int=number))
+        put(device, call)
+        device.respond(received(device).call, OK, b"x", 0)
+        sent(device)
+        if end == "acknowledged":
+            put(device, about(call, PacketType.ACK))
+    to_the_end(device)
+    assert device.activities == {}
+    assert device.dropped == {}
+
+
+def test_a_call_given_up_in_the_middle_is_a_discard():
+    half = fragments(request(payload=bytes(3000)))[0]
+    device = server()
+    put(device, half)
+    to_the_end(device)
+    assert device.dropped == {"expired-receiving": 1}
+    device = server()
+    put(device, request())
+    to_the_end(device)
+    assert device.dropped == {"expired-executing": 1}
+    device = server()
+    big_answer(device)
+    to_the_end(device)
+    assert device.dropped == {"expired-replying": 1}
+    device = server(activities_max=1)
+    put(device, half)
+    put(device, request(activity=UUID(int=1)))
+    assert device.dropped == {"evicted": 1}
+
+
 def test_a_call_that_is_never_answered_is_a_fault():
     device = server(execution_ns=60_000 * MS)
     put(device, request())

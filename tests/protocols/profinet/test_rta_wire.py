@@ -192,11 +192,14 @@ def test_every_alarm_type_has_its_words():
 def test_an_alarm_reads_as_a_sentence():
     alarm = AlarmNotification(1, 0, 1, 2, items=(AlarmItem(0x8000, bytes.fromhex("800008000010")), AlarmItem(7, b"")))
     assert (
-        describe_alarm(alarm) == "diagnosis appears on slot 1 subslot 2: channel diagnosis 8000 0800 0010; USI 0x0007"
+        describe_alarm(alarm)
+        == "diagnosis appears on slot 1 subslot 0x0002: channel diagnosis 8000 0800 0010; USI 0x0007"
     )
     assert describe_alarm(replace(alarm, alarm_type=3, subslot=0x8001, items=())) == (
         "submodule pulled on slot 1 subslot 0x8001"
     )
+    for kind in (AlarmType.PULL, AlarmType.PULL_MODULE):
+        assert describe_alarm(replace(alarm, alarm_type=kind, subslot=0, items=())) == "module pulled on slot 1"
     assert describe_alarm(alarm, lambda item: f"{item.usi}").endswith(": 32768; 7")
 
 
@@ -234,7 +237,7 @@ def test_captured_alarms_are_parsed_and_built_again_octet_by_octet():
     assert process_ack == acknowledge(process)
     assert (process_ack.status, process_ack.high) == (OK, True)
     assert describe_alarm(diagnosis) == (
-        "diagnosis appears on slot 1 subslot 1: ext channel diagnosis 0004 2801 0001 0000 0000 0000"
+        "diagnosis appears on slot 1 subslot 0x0001: ext channel diagnosis 0004 2801 0001 0000 0000 0000"
     )
     assert diagnosis.flags == (
         AlarmSpecifier.CHANNEL_DIAGNOSIS | AlarmSpecifier.SUBMODULE_DIAGNOSIS_STATE | AlarmSpecifier.AR_DIAGNOSIS_STATE

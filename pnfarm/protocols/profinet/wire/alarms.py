@@ -35,6 +35,7 @@ __all__ = [
     "alarm_type_words",
     "describe_alarm",
     "describe_item",
+    "describe_place",
     "emit_alarm",
     "emit_alarm_ack",
     "emit_alarm_items",
@@ -344,11 +345,17 @@ def describe_item(item: AlarmItem) -> str:
     return f"USI 0x{item.usi:04X} {octets}".rstrip()
 
 
+def describe_place(alarm: AlarmNotification | AlarmAck) -> str:
+    """What happened and where, e.g. ``diagnosis appears on slot 1 subslot 0x0002`` or ``module pulled on slot 1``."""
+    # who does not know the alarm of a whole module gets a submodule's, for subslot 0
+    if not alarm.subslot and alarm.alarm_type in {AlarmType.PULL, AlarmType.PULL_MODULE}:
+        return f"{alarm_type_words(AlarmType.PULL_MODULE)} on slot {alarm.slot}"
+    return f"{alarm_type_words(alarm.alarm_type)} on slot {alarm.slot} subslot 0x{alarm.subslot:04X}"
+
+
 def describe_alarm(alarm: AlarmNotification, words: Callable[[AlarmItem], str] = describe_item) -> str:
-    """One line, e.g. ``diagnosis appears on slot 1 subslot 2: channel diagnosis 8000 0800 0010``.
+    """One line, e.g. ``diagnosis appears on slot 1 subslot 0x0002: channel diagnosis 8000 0800 0010``.
 
     ``words`` says what an item means.
     """
-    subslot = f"0x{alarm.subslot:04X}" if alarm.subslot >= 0x8000 else str(alarm.subslot)
-    line = f"{alarm_type_words(alarm.alarm_type)} on slot {alarm.slot} subslot {subslot}"
-    return line + (": " + "; ".join(words(item) for item in alarm.items) if alarm.items else "")
+    return describe_place(alarm) + (": " + "; ".join(words(item) for item in alarm.items) if alarm.items else "")
