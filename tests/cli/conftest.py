@@ -99,10 +99,13 @@ class Background:
     def __init__(self, folder: Path, *arguments: str | Path, **environment: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._out, self._err = folder / "out", folder / "err"
+        # under nohup the tests would hand on that SIGHUP is ignored
+        handed_on = signal.signal(signal.SIGHUP, signal.SIG_DFL)
         with self._out.open("w") as out, self._err.open("w") as err:
             self._process = subprocess.Popen(
                 command(*arguments), stdout=out, stderr=err, env=clean_environment(**environment)
             )
+        signal.signal(signal.SIGHUP, handed_on)
 
     @property
     def out(self) -> str:
