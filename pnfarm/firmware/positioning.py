@@ -261,7 +261,7 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
         held |= 1 << START
     if axis.motion_seen & HOME_BIT and not stw1 & HOME_BIT:
         held |= 1 << HOME_OFF
-    if axis.home_command or stw1 & HOME_BIT & ~int(axis.motion_seen):
+    if axis.home_command or (stw1 & HOME_BIT and not axis.motion_seen & HOME_BIT):
         held |= 1 << HOME
     held |= 1 << (JOG_OFF if axis.jog == JOG_NONE else JOG_ON)
     if profile_over(axis) and not waits:
