@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from math import isfinite, pi
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.table.axis import AXIS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
-from pnfarm.table.signals import NSOLL_B, REF_SPEED
+from pnfarm.table.signals import HOME_DIST, HOME_MODE, NSOLL_B, REF_SPEED
 
 if TYPE_CHECKING:
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.stored_values import StoredValues
     from pnfarm.drives.telegram_selection import TelegramSelection
 
-__all__ = ["AxisFields"]
+__all__ = ["POSITION_UNITS", "AxisFields"]
 
 POSITION_SCALING = 3014
 UNIT_ROTARY = 2393
 UNIT_IN = 2390
 UNIT_OUT = 2392
-_POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
+POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
 #: Fields that other parameters' scales follow.
 _SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n"}
 #: What a model does not speak of is zero.
@@ -40,6 +40,11 @@ class AxisFields:
         self._values = values
         self._selection = selection
         self._handle = handle
+
+    @property
+    def axis(self) -> Any:
+        """The record that this writes."""
+        return self._handle.axis
 
     # from parameters
 
@@ -66,7 +71,7 @@ class AxisFields:
         if parameter.behaviour is Behaviour.FIELD:
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
-        if parameter.pnu in _POSITION_UNITS:
+        if parameter.pnu in POSITION_UNITS:
             self._apply_scaled("position")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
@@ -81,27 +86,30 @@ class AxisFields:
         axis, telegram = self._handle.axis, self._selection.telegram
         if telegram.opmode is not None:
             axis.opmode = telegram.opmode
-        axis.task_form = telegram.tasks
-        axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
         slots = {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
+        axis.task_form = telegram.tasks
+        axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
+        axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
         axis.velocity_signal = (
             VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
         )
 
-    def _apply(self, parameter: Parameter) -> None:
-        raw = self._values.raw(parameter.pnu)
+    def physical(self, parameter: Parameter, raw: int) -> float:
+        """A raw number of a parameter in the unit of its field."""
         if parameter.choices:
-            value = parameter.choices[raw]
-        elif parameter.scale == "2^-n":
-            value = 2.0**-raw
-        elif parameter.scale == "position":
-            value = raw / self.position_units()
-        elif parameter.scale == "jog/n":
-            value = 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else AT_ONCE
-        elif parameter.scale.endswith("/n"):
-            value = parameter.factor / raw if raw else AT_ONCE
-        else:
-            value = raw * self._factor(parameter)
+            return parameter.choices[raw]
+        if parameter.scale == "2^-n":
+            return 2.0**-raw
+        if parameter.scale == "position":
+            return raw / self.position_units()
+        if parameter.scale == "jog/n":
+            return 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else AT_ONCE
+        if parameter.scale.endswith("/n"):
+            return parameter.factor / raw if raw else AT_ONCE
+        return raw * self._factor(parameter)
+
+    def _apply(self, parameter: Parameter) -> None:
+        value = self.physical(parameter, self._values.raw(parameter.pnu))
         if parameter.index >= 0:
             getattr(self._handle.axis, parameter.argument)[parameter.index] = value
         else:

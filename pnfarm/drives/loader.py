@@ -24,16 +24,18 @@ from pnfarm.drives.model import (
     Identity,
     Limits,
     Model,
+    MotionTaskParameters,
     ParameterAccess,
     SignOfLife,
     fault_label,
     fault_number,
 )
+from pnfarm.drives.parameter import Behaviour
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_parameters
 from pnfarm.drives.telegram import Module, Submodule
 from pnfarm.drives.telegram_tables import check_settings, read_telegrams
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS, FAULT_WORDS
+from pnfarm.table.axis import AXIS, FAULT_WORDS, MOTION_TASKS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -151,6 +153,23 @@ def _raising(
     return watched
 
 
+def _motion_tasks(
+    facts: Mapping[str, Fact] | None, parameters: Mapping[int, Parameter], where: str
+) -> MotionTaskParameters | None:
+    """Of a drive that keeps motion tasks: plain stored parameters, each once."""
+    if facts is None:
+        return None
+    numbers: MotionTaskParameters = _build(MotionTaskParameters, facts, where)
+    for pnu in (numbers.number, *numbers.contents):
+        parameter = parameters.get(pnu)
+        if parameter is None or parameter.behaviour is not Behaviour.STORED or parameter.elements:
+            raise ConfigError(f"{where}: {pnu} is no plain parameter that is stored")
+    for pnu in (numbers.number, numbers.next):
+        if parameters[pnu].maximum >= MOTION_TASKS:
+            raise ConfigError(f"{where}: PNU {pnu} goes beyond task {MOTION_TASKS - 1}")
+    return numbers
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -210,7 +229,14 @@ def load_model(folder: Path) -> Model:
     }
     sections |= {
         key: _facts(data, key, path)
-        for key in ("description_file", "diagnosis", "diagnosis_coding", "following_error", "sign_of_life")
+        for key in (
+            "description_file",
+            "diagnosis",
+            "diagnosis_coding",
+            "following_error",
+            "motion_tasks",
+            "sign_of_life",
+        )
         if key in data
     }
     parameters = read_parameters(folder / "parameters.csv")
@@ -246,6 +272,7 @@ def load_model(folder: Path) -> Model:
         communication_loss=loss,
         sign_of_life=life,
         following_error=error,
+        motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),

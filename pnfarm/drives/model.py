@@ -27,9 +27,11 @@ __all__ = [
     "DiagnosisCoding",
     "Fact",
     "Fault",
+    "FollowingError",
     "Identity",
     "Limits",
     "Model",
+    "MotionTaskParameters",
     "ParameterAccess",
     "SignOfLife",
     "fault_label",
@@ -39,7 +41,10 @@ __all__ = [
 #: Send clocks that a description file can name for RT, in 31.25 us: 250 us to 4 ms.
 SEND_CLOCKS = (8, 16, 32, 64, 128)
 #: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
-COMMANDS = frozenset({"acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse"})
+COMMANDS = frozenset({
+    "acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse", "home", "task-clear",
+    "task-load", "task-move", "task-set",
+})  # fmt: skip
 #: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
 DIAGNOSIS_CODINGS = frozenset({"none", "channel", "extended", "manufacturer"})
 #: A fault's number in two parts, error and location, is the error with the location above it.
@@ -157,6 +162,27 @@ class SignOfLife:
 
 
 @dataclass(frozen=True, slots=True)
+class MotionTaskParameters:
+    """The PNUs that a motion task is edited in: its number, and what it consists of."""
+
+    number: int
+    position: int
+    velocity: int
+    acceleration: int
+    deceleration: int
+    control: int
+    next: int
+    dwell: int
+
+    @property
+    def contents(self) -> tuple[int, ...]:
+        """All but the number."""
+        return (
+            self.position, self.velocity, self.acceleration, self.deceleration, self.control, self.next, self.dwell,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class FollowingError:
     """Position mode: the fault that a following error beyond its limit raises."""
 
@@ -251,6 +277,7 @@ class Model:
     communication_loss: CommunicationLoss
     sign_of_life: SignOfLife | None
     following_error: FollowingError | None
+    motion_tasks: MotionTaskParameters | None
     description_file: DescriptionFile | None
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]

@@ -13,13 +13,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.axis_fields import AxisFields
+from pnfarm.drives.axis_fields import POSITION_UNITS, AxisFields
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.computed import COMPUTED
+from pnfarm.drives.motion_tasks import MotionTasks
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.stored_values import StoredValues, Value
 from pnfarm.drives.telegram_selection import TelegramSelection
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_SET_POSITION
+from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_HOME, CMD_SET_POSITION, CMD_START_TASK
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -37,6 +38,8 @@ __all__ = [
 ]
 
 HOME_POSITION = 2205
+#: DRV.OPMODE of position mode.
+POSITION_MODE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +82,7 @@ class ParameterStore:
     ``handle`` is the drive's rows of the table; ``watchdog_ns`` (PNU 3022) is set by the station on a connect.
     """
 
-    __slots__ = ("_axis", "_events", "_selection", "_values", "handle", "model", "watchdog_ns")
+    __slots__ = ("_axis", "_events", "_selection", "_tasks", "_values", "handle", "model", "watchdog_ns")
 
     def __init__(self, model: Model, handle: AxisHandle) -> None:
         self.model = model
@@ -88,6 +91,8 @@ class ParameterStore:
         self._values = StoredValues(model)
         self._selection = TelegramSelection(self._values)
         self._axis = AxisFields(self._values, self._selection, handle)
+        numbers = model.motion_tasks
+        self._tasks = None if numbers is None else MotionTasks(numbers, self._values, self._axis)
         self._events: list[Event] = []
 
     # access
@@ -131,6 +136,8 @@ class ParameterStore:
             self._values.write(target, subindex, values)
             if not target.after_power_on:
                 self._axis.apply_written(target)
+            if self._tasks is not None and target.pnu in POSITION_UNITS:
+                self._tasks.apply_all()
         if self.model.access.saves_at_once and target.nonvolatile:
             self._save()
         self._events.append(ParameterWritten(pnu, subindex, tuple(values)))
@@ -208,7 +215,7 @@ class ParameterStore:
         self._values.load()
         self._selection.unplug()
         self.watchdog_ns = 0
-        self._axis.apply_all()
+        self._apply_all()
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
@@ -298,6 +305,11 @@ class ParameterStore:
         self._axis.apply_telegram()
         self._events.append(TelegramChanged(self.telegram_number))
 
+    def _apply_all(self) -> None:
+        self._axis.apply_all()
+        if self._tasks is not None:
+            self._tasks.apply_all()
+
     # commands
 
     def _execute(self, parameter: Parameter, value: int) -> None:
@@ -313,6 +325,12 @@ class ParameterStore:
                     raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
                 revolutions = self.raw(HOME_POSITION) / self._axis.position_units()
                 self.handle.push_command(CMD_SET_POSITION, round(revolutions * 1e6))
+            elif name == "home":
+                self._start(CMD_HOME, 0, parameter)
+            elif name == "task-move":
+                self._start(CMD_START_TASK, value, parameter)
+            elif name.startswith("task-"):
+                self._edit_tasks(name, value, parameter)
             elif name == "save":
                 self._save()
             elif name == "load":
@@ -330,6 +348,22 @@ class ParameterStore:
         except CommandRingFullError as exc:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter) from exc
 
+    def _start(self, command: int, argument: int, parameter: Parameter) -> None:
+        """What the control word starts, started by a parameter: in operation, position mode."""
+        if not self.handle.in_operation or int(self.handle.axis.opmode) != POSITION_MODE:
+            raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
+        self.handle.push_command(command, argument)
+
+    def _edit_tasks(self, name: str, value: int, parameter: Parameter) -> None:
+        if self._tasks is None:
+            raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
+        if name == "task-set":
+            self._tasks.keep()
+        elif name == "task-clear":
+            self._tasks.clear(value)
+        elif not self._tasks.load():
+            raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter)
+
     def _save(self) -> None:
         self._values.save()
         self._events.append(NonVolatileSaved())
@@ -340,6 +374,6 @@ class ParameterStore:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
         before = (self.telegram_number, self.output_words(), self.input_words())
         self._values.current = dict(values)
-        self._axis.apply_all()
+        self._apply_all()
         if (self.telegram_number, self.output_words(), self.input_words()) != before:
             self._events.append(TelegramChanged(self.telegram_number))

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.telegram import MappingError, signal_codes
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import MOTION_TASKS
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -50,12 +52,15 @@ def _as_list(value: Any, parameter: Parameter) -> list[int]:
 class StoredValues:
     """``current`` and ``permanent`` values by PNU; a parameter that is in neither has its model's default."""
 
-    __slots__ = ("current", "model", "permanent")
+    __slots__ = ("current", "model", "permanent", "permanent_tasks", "tasks")
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.current: dict[int, Value] = {}
         self.permanent: dict[int, Value] = {}
+        #: Motion tasks by number, each its parameters' raw numbers by PNU.
+        self.tasks: dict[int, dict[int, int]] = {}
+        self.permanent_tasks: dict[int, dict[int, int]] = {}
 
     def raw(self, pnu: int, default: int = 0) -> int:
         """The value of a plain parameter, ``default`` for one that the model does not have or does not store."""
@@ -89,19 +94,27 @@ class StoredValues:
         """What is in force becomes permanent, as far as the drive keeps it."""
         parameters = self.model.parameters
         self.permanent = {pnu: value for pnu, value in self.current.items() if parameters[pnu].nonvolatile}
+        self.permanent_tasks = {number: dict(task) for number, task in self.tasks.items()}
 
     def load(self) -> None:
         """The permanent values are in force again."""
         self.current = dict(self.permanent)
+        self.tasks = {number: dict(task) for number, task in self.permanent_tasks.items()}
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
-        return {
+        kept: dict[str, Any] = {
             "model": self.model.name,
             "parameters": {
                 str(pnu): list(value) if isinstance(value, tuple) else value for pnu, value in self.permanent.items()
             },
         }
+        if self.permanent_tasks:
+            kept["motion_tasks"] = {
+                str(number): {str(pnu): raw for pnu, raw in task.items()}
+                for number, task in self.permanent_tasks.items()
+            }
+        return kept
 
     def restore(self, kept: Mapping[str, Any] | None) -> list[str]:
         """Take over a :meth:`snapshot`; None keeps the factory values.
@@ -109,6 +122,7 @@ class StoredValues:
         Returns a sentence for each entry that this model cannot take (another model or edition); they are left out.
         """
         self.permanent = {}
+        self.permanent_tasks = {}
         refused: list[str] = []
         if kept is None:
             return refused
@@ -120,7 +134,28 @@ class StoredValues:
                 self.keep(str(key), value)
             except ParameterError as exc:
                 refused.append(f"kept parameter {key}: {exc}")
+        tasks = kept.get("motion_tasks")
+        for number, task in tasks.items() if isinstance(tasks, Mapping) else ():
+            try:
+                self._keep_task(str(number), task)
+            except (ParameterError, ConfigError, ValueError) as exc:
+                refused.append(f"kept motion task {number}: {exc}")
         return refused
+
+    def _keep_task(self, number: str, task: Any) -> None:
+        wanted = self.model.motion_tasks
+        if wanted is None or not isinstance(task, Mapping):
+            raise ConfigError("this model keeps no such task")
+        if not 0 <= int(number) < MOTION_TASKS:
+            raise ConfigError(f"its number is not within 0..{MOTION_TASKS - 1}")
+        found: dict[int, int] = {}
+        for pnu in wanted.contents:
+            parameter = self.model.parameters[pnu]
+            (value,) = _as_list(task.get(str(pnu), parameter.default), parameter)
+            if not parameter.minimum <= value <= parameter.maximum:
+                raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, 0)
+            found[pnu] = value
+        self.permanent_tasks[int(number)] = found
 
     def keep(self, key: str | int, value: Any) -> None:
         """Check one permanent value, by number or name, and take it over; raises :class:`ParameterError`."""

@@ -14,11 +14,13 @@ from pnfarm.table.axis import (
     CMD_CLEAR_HISTORY,
     CMD_CLEAR_WARNING,
     CMD_HOLD_FAULT,
+    CMD_HOME,
     CMD_POWER_ON,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,
     CMD_RELEASE_FAULT,
     CMD_SET_POSITION,
+    CMD_START_TASK,
     COMMANDS,
     FAULT_SITUATIONS,
     FAULT_SLOTS,
@@ -138,6 +140,9 @@ def _power_on(axis: Any, now: int) -> None:
     axis.acknowledged = 0
     axis.homed = 0
     axis.target_reached = 0
+    axis.task_command = 0
+    axis.home_command = 0
+    axis.over_ns = 0
     axis.warning_code = 0
     axis.image_valid = 0
     axis.telegram_ns = 0
@@ -173,6 +178,10 @@ def take_commands(axis: Any, now: int) -> None:
         elif code == CMD_SET_POSITION:
             axis.origin = axis.position - argument / 1e6
             axis.homed = 1
+        elif code == CMD_START_TASK:
+            axis.task_command = (argument & 0x7FFF) + 1
+        elif code == CMD_HOME:
+            axis.home_command = 1
         elif code == CMD_RAISE_WARNING:
             axis.warning_code = argument & NUMBER_MASK
         elif code == CMD_CLEAR_HISTORY:

@@ -24,6 +24,7 @@ import numpy as np
 
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
+from pnfarm.firmware.tasks import select_task
 from pnfarm.table.axis import (
     CONFIG_RISING_EDGE,
     HOME_AT_ONCE,
@@ -33,6 +34,7 @@ from pnfarm.table.axis import (
     PROFILE_STOP,
     PROFILE_TARGET,
     PROFILE_VELOCITY,
+    TASK_CHAINED,
 )
 from pnfarm.table.compiled import compiled
 
@@ -50,6 +52,7 @@ __all__ = [
     "motion_status",
     "position_bits",
     "positioning_command",
+    "running_task",
     "second_position_word",
     "standing",
     "take_motion",
@@ -73,7 +76,7 @@ PAUSE = 3  # STW1.5 = 0
 RESUME = 4  # STW1.5 = 1
 START = 5  # a traversing task that can be executed
 HOME = 6  # STW1.11 = 1, seen to rise
-HOME_OFF = 7  # STW1.11 = 0
+HOME_OFF = 7  # STW1.11, seen to fall
 JOG_ON = 8
 JOG_OFF = 9
 OVER = 10  # the profile stands where it was to end
@@ -181,6 +184,8 @@ def _take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
 @compiled
 def _start_task(axis: Any) -> None:
     axis.target = _asked_target(axis)
+    axis.task = axis.asked_task
+    axis.over_ns = 0
     axis.task_top = axis.asked_velocity
     _take_ramps(axis, axis.asked_velocity * axis.override, axis.asked_acceleration, axis.asked_deceleration)
     axis.profile = PROFILE_TARGET
@@ -192,7 +197,8 @@ def _start_homing(axis: Any) -> None:
     """To the next zero mark of the encoder in the direction of homing: there is no machine with a switch."""
     axis.homed = 0
     axis.target_reached = 0
-    if axis.home_method == HOME_AT_ONCE:
+    axis.home_command = 0
+    if axis.asked_home_method == HOME_AT_ONCE:
         axis.target = axis.commanded_position
     elif axis.home_direction > 0.0:
         axis.target = ceil(axis.commanded_position + ON_THE_MARK)
@@ -210,8 +216,8 @@ def _homing_over(axis: Any) -> bool:
     if axis.home_leg == 0:
         axis.origin = axis.target - axis.home_position
         axis.home_leg = 1
-        if axis.home_distance != 0.0 and axis.home_method != HOME_AT_ONCE:
-            axis.target += axis.home_distance
+        if axis.asked_home_distance != 0.0 and axis.asked_home_method != HOME_AT_ONCE:
+            axis.target += axis.asked_home_distance
             return False
     axis.homed = 1
     axis.target_reached = 1
@@ -244,8 +250,8 @@ def _jog(axis: Any) -> None:
 
 
 @compiled
-def _held(axis: Any, enabled: bool) -> int:
-    """The events that hold now, as a bit set."""
+def _held(axis: Any, enabled: bool, waits: bool) -> int:
+    """The events that hold now, as a bit set.  A task that ``waits`` for the one behind it is not over."""
     held = 1 << (ENTER if enabled else LEAVE)
     stw1 = axis.stw1
     if not stw1 & REJECT_BIT:
@@ -253,12 +259,12 @@ def _held(axis: Any, enabled: bool) -> int:
     held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
     if axis.asked and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT) and _can_start(axis):
         held |= 1 << START
-    if not stw1 & HOME_BIT:
+    if axis.motion_seen & HOME_BIT and not stw1 & HOME_BIT:
         held |= 1 << HOME_OFF
-    elif not axis.motion_seen & HOME_BIT:
+    if axis.home_command or (stw1 & HOME_BIT and not axis.motion_seen & HOME_BIT):
         held |= 1 << HOME
     held |= 1 << (JOG_OFF if axis.jog == JOG_NONE else JOG_ON)
-    if profile_over(axis):
+    if profile_over(axis) and not waits:
         held |= 1 << OVER
     if axis.profile_velocity != 0.0 and _limited(axis, axis.profile_velocity):
         held |= 1 << BLOCKED
@@ -295,10 +301,33 @@ def _advance(axis: Any, held: int) -> None:
 
 
 @compiled
+def _follow_on(axis: Any, now: int) -> bool:
+    """Begin the task behind a chained one, once its dwell is over; true while there is one to come or begun."""
+    if axis.motion != TASK or axis.task < 0 or not profile_over(axis):
+        return False
+    number = int(axis.task)
+    if not axis.mt_flags[number] & TASK_CHAINED:
+        return False
+    if axis.over_ns == 0:
+        axis.over_ns = now
+    if now - axis.over_ns < axis.mt_dwell_ns[number]:
+        return True
+    axis.asked = 1
+    select_task(axis, int(axis.mt_next[number]))
+    follows = axis.asked != 0 and _can_start(axis)
+    axis.asked = 0
+    if follows:
+        _start_task(axis)
+    return follows
+
+
+@compiled
 def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: what the controller asks for, and what becomes of it."""
     enabled = axis.state == 4 and axis.opmode == 2
-    _advance(axis, _held(axis, enabled))
+    waits = enabled and _follow_on(axis, now)
+    _advance(axis, _held(axis, enabled, waits))
+    axis.home_command = 0
     if axis.motion == JOG:
         _jog(axis)
     elif axis.motion == TASK:
@@ -379,3 +408,11 @@ def second_position_word(axis: Any) -> int:
     if not standing(axis):
         word |= 0x0010 if axis.velocity > 0.0 else 0x0020
     return word
+
+
+@compiled
+def running_task(axis: Any) -> int:
+    """The number of the motion task at hand; 0 for none, and for one that the telegram brings."""
+    if (axis.motion == TASK or axis.motion == INTERMEDIATE_STOP) and axis.task > 0:  # noqa: PLR1714 - as above
+        return int(axis.task)
+    return 0

@@ -11,12 +11,18 @@ from pnfarm.table.axis import (
     JOG_NONE,
     JOG_PLUS,
     JOG_REAL_TIME,
+    MOTION_TASKS,
+    TASK_DEFINED,
+    TASK_MDI,
+    TASK_RELATIVE,
     TASKS_MDI,
     TASKS_NONE,
     TASKS_POS_STW,
 )
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
+    HOME_DIST,
+    HOME_MODE,
     MDI_ACC,
     MDI_DEC,
     MDI_MOD,
@@ -30,7 +36,7 @@ from pnfarm.table.signals import (
     VELOCITY_A,
 )
 
-__all__ = ["take_task"]
+__all__ = ["select_task", "take_task"]
 
 START_BIT = 0x0040  # STW1.6
 JOG_EXCLUDES = 0x0070  # STW1.4 to 6
@@ -41,6 +47,7 @@ REAL_TIME_JOG = 0x1000  # STW1.12, AKD PROFINET manual 5.4
 BACKWARDS = 0x2000  # STW1.13, as above
 NO_HANDSHAKE = 0x2000  # STW1.13, Moog MSD manual 10.2.1
 MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15
+NUMBER = 0x7FFF  # SATZANW: the other bits
 ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8
 HERE = 0x0002  # POS_STW2.1
@@ -63,6 +70,31 @@ def _jog_asked(axis: Any, stw1: int) -> int:
 
 
 @compiled
+def select_task(axis: Any, number: int) -> None:
+    """Ask for one of the drive's motion tasks; for one that is not there nothing is asked."""
+    if not 0 <= number < MOTION_TASKS or not axis.mt_flags[number] & TASK_DEFINED:
+        axis.asked = 0
+        return
+    axis.asked_task = number
+    axis.asked_position = axis.mt_position[number]
+    axis.asked_relative = 1 if axis.mt_flags[number] & TASK_RELATIVE else 0
+    axis.asked_velocity = axis.mt_velocity[number]
+    axis.asked_acceleration = axis.mt_acceleration[number]
+    axis.asked_deceleration = axis.mt_deceleration[number]
+
+
+@compiled
+def _take_homing(axis: Any, image: Any, step: float) -> None:
+    """How homing would go: by the telegram's own signals, where it has them (AKD PROFINET manual 5.11.7, 5.11.8)."""
+    axis.asked_home_method = axis.home_method
+    axis.asked_home_distance = axis.home_distance
+    if axis.home_signals & 0x1:
+        axis.asked_home_method = image.received[HOME_MODE] & 0xFFFF
+    if axis.home_signals & 0x2:
+        axis.asked_home_distance = image.received[HOME_DIST] * step
+
+
+@compiled
 def take_task(axis: Any, image: Any) -> None:
     """The signals of this step in physical units; ``asked`` is set on the edge that starts a task."""
     stw1 = axis.stw1
@@ -77,6 +109,8 @@ def take_task(axis: Any, image: Any) -> None:
         axis.asked = 1
     axis.override = 1.0
     target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
+    _take_homing(axis, image, target_step)
+    axis.asked_task = TASK_MDI
     if axis.task_form == TASKS_MDI or axis.task_form == TASKS_POS_STW:  # noqa: PLR1714 - a tuple would allocate
         axis.asked_position = image.received[MDI_TARPOS] * target_step
         axis.asked_velocity = (int(image.received[MDI_VELOCITY]) & 0xFFFFFFFF) * axis.task_velocity_step
@@ -98,8 +132,14 @@ def take_task(axis: Any, image: Any) -> None:
                 axis.homed = 1
             axis.pos_stw2 = word
         axis.mdi = 1 if selected else 0
-        if not selected:
+        if axis.task_command != 0:
+            axis.asked = 1
+            select_task(axis, int(axis.task_command) - 1)
+        elif not selected and axis.task_form == TASKS_MDI:
+            select_task(axis, int(image.received[SATZANW]) & NUMBER)
+        elif not selected:
             axis.asked = 0
+        axis.task_command = 0
         return
     axis.asked_relative = 1 if stw1 & RELATIVE else 0
     axis.asked_velocity = abs(image.received[VELOCITY_A] * axis.task_velocity_step)

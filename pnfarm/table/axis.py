@@ -36,6 +36,8 @@ CMD_SET_POSITION = 6  # argument: micro-revolutions, signed
 CMD_RAISE_WARNING = 7  # argument: warning number
 CMD_CLEAR_WARNING = 8  # argument: warning number
 CMD_CLEAR_HISTORY = 9  # forget the acknowledged fault situations
+CMD_START_TASK = 10  # argument: number of a motion task; as the edge of STW1.6
+CMD_HOME = 11  # as the edge of STW1.11
 
 # Which set point the telegram brings (``velocity_signal``).
 VELOCITY_NSOLL_A = 0
@@ -61,6 +63,16 @@ TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for n
 # How STW1 is read in position mode (``control_config``; bits of P-1267, Moog MSD manual 10.2.2).
 CONFIG_RISING_EDGE = 0x0040  # STW1.6 starts with its rising edge only; else with both, and ZSW1.12 changes with each
 CONFIG_PROFILE_JOG = 0x0100  # jogging needs STW1.4 to 6 = 0
+
+#: Motion tasks that a drive keeps, numbered from 0.
+MOTION_TASKS = 129
+
+# What a motion task is (``mt_flags``).
+TASK_DEFINED = 1
+TASK_RELATIVE = 2
+TASK_CHAINED = 4  # another follows
+#: A running task whose data the controller brings (``task``).
+TASK_MDI = -1
 
 # What jogging is asked for (``jog``).
 JOG_NONE = 0
@@ -228,6 +240,7 @@ AXIS = Layout(
         Field(
             "software_limits", "u1", "", "parameter", "limits that count, once the axis is homed: bit 0 low, bit 1 high"
         ),
+        Field("home_signals", "u1", "", "parameter", "what the telegram brings: bit 0 HOME_MODE, bit 1 HOME_DIST"),
         Field("limit_low", "f8", "rev", "parameter", "lowest position"),
         Field("limit_high", "f8", "rev", "parameter", "highest position"),
         Field("limit_switch", "u1", "", "fault", "limit switches that are reached: bit 0 low, bit 1 high"),
@@ -239,6 +252,13 @@ AXIS = Layout(
         # positioning: what is asked for, and what becomes of it
         Field("asked", "u1", "", "firmware", "1 in the step that sees a task begin"),
         Field("pos_stw2", "u2", "", "firmware", "POS_STW2 of the last step, for edges"),
+        Field("asked_task", "i2", "", "firmware", "number of the motion task, TASK_MDI = the data are the telegram's"),
+        Field("task", "i2", "", "firmware", "the running one, alike"),
+        Field("task_command", "u2", "", "firmware", "motion task that a command starts, plus 1; 0 = none"),
+        Field("home_command", "u1", "", "firmware", "1 = a command starts homing"),
+        Field("over_ns", "i8", "ns", "firmware", "since when a chained task waits for its dwell, 0 = it runs"),
+        Field("asked_home_method", "u2", "", "firmware", "how homing goes: of the telegram, or home_method"),
+        Field("asked_home_distance", "f8", "rev", "firmware", "alike, or home_distance"),
         Field("mdi", "u1", "", "firmware", "1 = the controller brings the task's data itself"),
         Field("asked_position", "f8", "rev", "firmware", "target, or way"),
         Field("asked_relative", "u1", "", "firmware", "1 = a way"),
@@ -270,5 +290,13 @@ AXIS = Layout(
         Field("jerk_next", "u1", "", "firmware", "the oldest of these"),
         Field("jerk_end", "f8", "rev/s", "firmware", "their mean: the velocity at the end of the tap at hand"),
         Field("jerk_left", "f8", "s", "firmware", "what is left of that tap"),
+        # motion tasks, by number; last, because few drives use them
+        Field("mt_position", "f8", "rev", "parameter", "target, or way", (MOTION_TASKS,)),
+        Field("mt_velocity", "f8", "rpm", "parameter", "of each task", (MOTION_TASKS,)),
+        Field("mt_acceleration", "f8", "rpm/s", "parameter", "of each task", (MOTION_TASKS,)),
+        Field("mt_deceleration", "f8", "rpm/s", "parameter", "of each task", (MOTION_TASKS,)),
+        Field("mt_dwell_ns", "i8", "ns", "parameter", "before the next one begins", (MOTION_TASKS,)),
+        Field("mt_flags", "u1", "", "parameter", "what each task is: TASK_* above", (MOTION_TASKS,)),
+        Field("mt_next", "u1", "", "parameter", "the next one of a chained task", (MOTION_TASKS,)),
     ],
 )
