@@ -13,6 +13,7 @@ from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.drives.telegram import signal_numbers
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS, LIFE_GOOD, RAMP_GENERATED
+from pnfarm.table.signals import DRIVE_INPUTS
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
@@ -174,6 +175,16 @@ def _active(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     return [int(store.handle.in_operation)]
 
 
+def _software_limits(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """Bits 0 and 1 of DRIVE_INPUTS (AKD PROFINET manual 5.8.1)."""
+    return [int(store.handle.image.sent[DRIVE_INPUTS]) & 0x3]
+
+
+def _limit_switch(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """One of the two: 0 the negative, 1 the positive."""
+    return [int(store.handle.axis.limit_switch) >> parameter.index & 1]
+
+
 def _controlled_stop(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     axis = store.handle.axis
     return [int(int(axis.state) == 5 and int(axis.stop) in {2, 3})]
@@ -213,6 +224,8 @@ COMPUTED: dict[str, _Function] = {
     "bus-warnings": _bus_warnings,
     "active": _active,
     "controlled-stop": _controlled_stop,
+    "limit-switch": _limit_switch,
+    "software-limits": _software_limits,
     "velocity-error": _velocity_error,
     "timeout": _timeout,
     "signals": _signals,

@@ -48,7 +48,10 @@ __all__ = [
     "STANDBY",
     "TASK",
     "TRANSITIONS",
+    "drive_inputs",
+    "fastest",
     "first_position_word",
+    "limits_reached",
     "motion_status",
     "position_bits",
     "positioning_command",
@@ -175,6 +178,15 @@ def _asked_target(axis: Any) -> float:
 
 
 @compiled
+def fastest(axis: Any, velocity: float) -> float:
+    """A task's velocity within the limits of motor and parameters, rpm."""
+    limit = axis.max_velocity
+    if axis.velocity_limit > 0.0 and axis.velocity_limit < limit:
+        limit = axis.velocity_limit
+    return min(velocity, limit)
+
+
+@compiled
 def _take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
     axis.task_velocity = velocity
     axis.task_acceleration = up
@@ -186,8 +198,8 @@ def _start_task(axis: Any) -> None:
     axis.target = _asked_target(axis)
     axis.task = axis.asked_task
     axis.over_ns = 0
-    axis.task_top = axis.asked_velocity
-    _take_ramps(axis, axis.asked_velocity * axis.override, axis.asked_acceleration, axis.asked_deceleration)
+    axis.task_top = fastest(axis, axis.asked_velocity)
+    _take_ramps(axis, axis.task_top * axis.override, axis.asked_acceleration, axis.asked_deceleration)
     axis.profile = PROFILE_TARGET
     axis.target_reached = 0
 
@@ -204,8 +216,8 @@ def _start_homing(axis: Any) -> None:
         axis.target = ceil(axis.commanded_position + ON_THE_MARK)
     else:
         axis.target = floor(axis.commanded_position - ON_THE_MARK)
-    axis.task_top = axis.home_velocity
-    _take_ramps(axis, axis.home_velocity, axis.home_acceleration, axis.home_deceleration)
+    axis.task_top = fastest(axis, axis.home_velocity)
+    _take_ramps(axis, axis.task_top, axis.home_acceleration, axis.home_deceleration)
     axis.profile = PROFILE_TARGET
     axis.home_leg = 0
 
@@ -416,3 +428,22 @@ def running_task(axis: Any) -> int:
     if (axis.motion == TASK or axis.motion == INTERMEDIATE_STOP) and axis.task > 0:  # noqa: PLR1714 - as above
         return int(axis.task)
     return 0
+
+
+@compiled
+def limits_reached(axis: Any) -> int:
+    """SWLS.STATE: software limits that the axis has reached, bit 0 the low one, bit 1 the high one."""
+    word = 0
+    if axis.homed:
+        place = axis.position - axis.origin
+        if axis.software_limits & 0x1 and place <= axis.limit_low + axis.target_window:
+            word |= 0x1
+        if axis.software_limits & 0x2 and place >= axis.limit_high - axis.target_window:
+            word |= 0x2
+    return word
+
+
+@compiled
+def drive_inputs(axis: Any) -> int:
+    """DRIVE_INPUTS (AKD PROFINET manual 5.8.1): limits by software and by switch; no other input is active here."""
+    return limits_reached(axis) | (int(axis.limit_switch) & 0x3) << 2

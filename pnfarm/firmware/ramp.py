@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.positioning import OUT, positioning_command
+from pnfarm.firmware.positioning import OUT, fastest, positioning_command
 from pnfarm.table.axis import RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
@@ -45,14 +45,7 @@ def approach(value: float, target: float, up: float, down: float, seconds: float
 @compiled
 def limited(axis: Any, target: float) -> float:
     """``target`` within the limits of motor and parameters, rpm."""
-    limit = axis.max_velocity
-    if axis.velocity_limit > 0.0 and axis.velocity_limit < limit:
-        limit = axis.velocity_limit
-    if target > limit:
-        return limit
-    if target < -limit:
-        return -limit
-    return target
+    return fastest(axis, target) if target > 0.0 else -fastest(axis, -target)
 
 
 @compiled

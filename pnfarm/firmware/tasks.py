@@ -113,7 +113,11 @@ def take_task(axis: Any, image: Any) -> None:
     axis.asked_task = TASK_MDI
     if axis.task_form == TASKS_MDI or axis.task_form == TASKS_POS_STW:  # noqa: PLR1714 - a tuple would allocate
         axis.asked_position = image.received[MDI_TARPOS] * target_step
-        axis.asked_velocity = (int(image.received[MDI_VELOCITY]) & 0xFFFFFFFF) * axis.task_velocity_step
+        velocity = int(image.received[MDI_VELOCITY])
+        if axis.task_velocity_unsigned:
+            velocity &= 0xFFFFFFFF
+        # a negative one is no velocity of a task
+        axis.asked_velocity = velocity * axis.task_velocity_step
         up = axis.task_acceleration_step if axis.task_acceleration_step > 0.0 else axis.jog_acceleration / WHOLE
         down = axis.task_deceleration_step if axis.task_deceleration_step > 0.0 else axis.jog_deceleration / WHOLE
         axis.asked_acceleration = (image.received[MDI_ACC] & 0xFFFF) * up

@@ -5,13 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
-from pnfarm.firmware.positioning import first_position_word, motion_status, running_task, second_position_word
+from pnfarm.firmware.positioning import (
+    drive_inputs,
+    first_position_word,
+    motion_status,
+    running_task,
+    second_position_word,
+)
 from pnfarm.firmware.sign_of_life import second_status_word
 from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_SPEED,
     AKTSATZ,
+    DRIVE_INPUTS,
     DRIVE_MOTION_STATUS,
     DRV_ACC,
     DRV_DEC,
@@ -159,6 +166,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
     image.sent[AKTSATZ] = 0x8000 if axis.mdi else running_task(axis)
+    image.sent[DRIVE_INPUTS] = drive_inputs(axis)
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above

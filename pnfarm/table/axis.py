@@ -228,6 +228,7 @@ AXIS = Layout(
         ),
         Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_* above"),
         Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
+        Field("task_velocity_unsigned", "u1", "", "parameter", "1 = a task's velocity in the telegram has no sign"),
         Field("real_time_jog", "u1", "", "parameter", "1 = STW1.12 jogs with the data of the task"),
         Field("home_required", "u1", "", "parameter", "1 = tasks need the home position"),
         Field("home_method", "u1", "", "parameter", "how the axis finds its home: HOME_* above"),

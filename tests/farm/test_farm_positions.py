@@ -10,7 +10,7 @@ from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.table.signals import AKTSATZ, POS_ZSW1, POS_ZSW2
+from pnfarm.table.signals import AKTSATZ, POS_ZSW1, POS_ZSW2, SATZANW, ZSW1
 
 MOVES = "{kind: positions, speed_rpm: 600, acceleration: 20000, targets: [%s], dwell: 50ms, acknowledge_after: 200ms}"
 
@@ -100,6 +100,23 @@ def test_3_10_aktsatz_shows_the_mdi_submode():
     line.enable()
     line.run(0.5)
     assert int(line.plc.columns.image[0].received[AKTSATZ]) == 0x8000
+
+
+def test_5_10_1_telegram_7_starts_motion_tasks_of_the_drive_over_frames():
+    line = VirtualLine(telegram=7, params="{DRV.OPMODE: 2, HOME.MODE: 0}", program="{kind: constant, speed_rpm: 0}")
+    line.enable()
+    drive, plc = line.farm.stations[0], line.plc.columns
+    for name, value in (("MT.NUM", 7), ("MT.P", round(2.0 * 2**32 / 1000)), ("MT.V", 600_000), ("MT.SET", 1)):
+        drive.store.set(name, value)
+    drive.store.set("HOME.MOVE", 1)
+    plc.image[0].sent[SATZANW] = 7
+    run_until(line, lambda: int(plc.image[0].received[ZSW1]) & 0x0800)
+    # out of operation and back: STW1.6 rises with operation enabled only when the program sets it then
+    drive.store.set("MT.MOVE", 7)
+    run_until(line, lambda: int(plc.image[0].received[AKTSATZ]) == 7)
+    run_until(line, lambda: int(plc.image[0].received[ZSW1]) & 0x2400 == 0x2400)
+    line.run(0.1)
+    assert place(line) == pytest.approx(2.0, abs=0.01)
 
 
 def test_the_snapshot_shows_the_position_from_the_home_position():

@@ -23,6 +23,7 @@ from pnfarm.table.axis import (
 )
 from pnfarm.table.signals import (
     AKTSATZ,
+    DRIVE_INPUTS,
     DRIVE_MOTION_STATUS,
     HOME_DIST,
     HOME_MODE,
@@ -66,6 +67,7 @@ class Positioner(BenchAxis):
         axis.target_step = 1 / COUNTS
         axis.position_step = 1 / COUNTS
         axis.task_velocity_step = VELOCITY_UNIT
+        axis.task_velocity_unsigned = 1
         axis.task_acceleration_step = axis.task_deceleration_step = ACCELERATION_UNIT
         axis.task_active = ACTIVE
         axis.control_config = CONFIG_RISING_EDGE | CONFIG_PROFILE_JOG
@@ -319,6 +321,19 @@ def test_a_target_beyond_the_software_limits_is_refused_and_jogging_ends_at_them
     drive.until(ON_TARGET | STOPPED)
     drive.stw(0x060F, 6000)
     assert drive.place == pytest.approx(-1.0, abs=2e-3)
+    assert drive.image.sent[DRIVE_INPUTS] == 1, "5.8.1: the negative one"
+
+
+def test_a_velocity_beyond_the_motors_is_the_motors_and_one_below_zero_is_none():
+    drive = Positioner()
+    drive.axis.max_velocity = 900.0
+    drive.move(50.0, velocity=1800.0)
+    drive.run(500)
+    assert drive.axis.profile_velocity == pytest.approx(900.0)
+    drive.axis.task_velocity_unsigned = 0
+    drive.data(0.0)
+    drive.image.received[MDI_VELOCITY] = -1000
+    assert not drive.stw(START, 5) & ACKNOWLEDGED
 
 
 def test_a_limit_switch_stops_what_runs_into_it_and_lets_it_back():
@@ -327,6 +342,7 @@ def test_a_limit_switch_stops_what_runs_into_it_and_lets_it_back():
     drive.run(300)
     drive.axis.limit_switch = 2
     drive.run(300)
+    assert drive.image.sent[DRIVE_INPUTS] == 8, "5.8.1"
     assert drive.zsw1 & (STOPPED | ACTIVE) == STOPPED
     drive.data(60.0)
     assert not drive.stw(START, 5) & ACKNOWLEDGED
