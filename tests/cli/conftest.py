@@ -99,13 +99,14 @@ class Background:
     def __init__(self, folder: Path, *arguments: str | Path, **environment: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._out, self._err = folder / "out", folder / "err"
-        # under nohup the tests would hand on that SIGHUP is ignored
-        handed_on = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+        # under nohup, or behind a shell's &, the tests would hand on that these are ignored
+        handed_on = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGHUP, signal.SIGINT)}
         with self._out.open("w") as out, self._err.open("w") as err:
             self._process = subprocess.Popen(
                 command(*arguments), stdout=out, stderr=err, env=clean_environment(**environment)
             )
-        signal.signal(signal.SIGHUP, handed_on)
+        for number, handler in handed_on.items():
+            signal.signal(number, handler)
 
     @property
     def out(self) -> str:
