@@ -168,7 +168,9 @@ def step_profile(axis: Any, seconds: float) -> None:
         if axis.jerk_left <= NO_TIME:
             _next_tap(axis, spacing)
         time = min(left, axis.jerk_left)
-        following = velocity + (axis.jerk_end - velocity) * time / axis.jerk_left
+        following = axis.jerk_end
+        if axis.jerk_left - time > NO_TIME:
+            following = velocity + (axis.jerk_end - velocity) * time / axis.jerk_left
         axis.commanded_position += 0.5 * (velocity + following) * time
         velocity = following
         axis.jerk_left -= time

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
@@ -163,6 +163,7 @@ def test_with_a_jerk_time_acceleration_changes_by_acceleration_over_time(step):
 
 
 @given(st.lists(st.tuples(st.floats(-20, 20), st.floats(0.5, 20), st.floats(0, 0.3)), min_size=1, max_size=5))
+@example([(8.461244957269072e-308, 1.0, 0.0)])
 def test_with_a_jerk_time_the_path_has_no_step_whatever_is_asked(tasks):
     profile = Profile(jerk=0.032)
     path = [(0.0, 0.0)]
