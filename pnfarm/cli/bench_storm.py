@@ -90,6 +90,7 @@ def _storm(seconds: float, realtime: dict[str, int]) -> _Storm:
         calm.ask("connected 60")
         if not calm.answer()["connected"]:
             raise InternalError("64 drives did not connect within 60 s")
+        # what connecting the 64 stirred up settles; then as long a quiet time as the bench was asked for is measured
         time.sleep(2.0)
         before = _marks(farm)
         time.sleep(seconds)

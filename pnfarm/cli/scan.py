@@ -143,6 +143,7 @@ async def _listen(
                         await finished.wait()
                 client.handle_timeout(time.monotonic_ns())
                 take()
+            # who never asks is heard only by waiting: LLDP is sent every 5 s
             await anyio.sleep(max(0.0, lldp_seconds - (time.monotonic() - began)))
     finally:
         with anyio.CancelScope(shield=True):

@@ -25,6 +25,7 @@ import numpy as np
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.firmware.tasks import select_task
+from pnfarm.firmware.transitions import as_array
 from pnfarm.table.axis import (
     CONFIG_RISING_EDGE,
     HOME_AT_ONCE,
@@ -129,15 +130,7 @@ RPM = 60.0
 #: Nearer to a reference mark than this, rev, the axis stands on it, and looks for the next one.
 ON_THE_MARK = 1e-6
 
-
-def _as_array() -> np.ndarray[Any, np.dtype[np.int8]]:
-    table = np.full((STATES, EVENTS), -1, np.int8)
-    for (state, event), following in TRANSITIONS.items():
-        table[state, event] = following
-    return table
-
-
-_NEXT = _as_array()
+_NEXT = as_array(TRANSITIONS, STATES, EVENTS)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 
@@ -361,6 +354,12 @@ def positioning_command(axis: Any, seconds: float) -> float:
 
 
 @compiled
+def _has_task(axis: Any) -> bool:
+    """Whether a task runs, or waits in an intermediate stop."""
+    return axis.motion == TASK or axis.motion == INTERMEDIATE_STOP  # noqa: PLR1714 - a tuple in compiled code would allocate
+
+
+@compiled
 def standing(axis: Any) -> bool:
     """Whether the axis is at rest: no profile moves it, and the shaft does not turn."""
     return axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
@@ -380,7 +379,7 @@ def position_bits(axis: Any) -> int:
         word |= 0x1000
     if standing(axis):
         word |= 0x2000
-    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - a tuple would allocate
+    if _has_task(axis):
         word |= axis.task_active
     return word
 
@@ -389,7 +388,7 @@ def position_bits(axis: Any) -> int:
 def motion_status(axis: Any) -> int:
     """DRV.MOTIONSTAT, as far as ZSW1 shows it (AKD PROFINET manual 5.5): bits 0, 1, 2 and 11."""
     word = 0
-    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - as above
+    if _has_task(axis):
         word |= 0x0001
     if axis.homed:
         word |= 0x0006
@@ -415,7 +414,7 @@ def first_position_word(axis: Any) -> int:
 def second_position_word(axis: Any) -> int:
     """POS_ZSW2 (HIWIN E1 manual 3.15)."""
     word = 0
-    if axis.motion == TASK or axis.motion == INTERMEDIATE_STOP:  # noqa: PLR1714 - as above
+    if _has_task(axis):
         word |= 0x8004
     if not standing(axis):
         word |= 0x0010 if axis.velocity > 0.0 else 0x0020
@@ -425,9 +424,7 @@ def second_position_word(axis: Any) -> int:
 @compiled
 def running_task(axis: Any) -> int:
     """The number of the motion task at hand; 0 for none, and for one that the telegram brings."""
-    if (axis.motion == TASK or axis.motion == INTERMEDIATE_STOP) and axis.task > 0:  # noqa: PLR1714 - as above
-        return int(axis.task)
-    return 0
+    return int(axis.task) if _has_task(axis) and axis.task > 0 else 0
 
 
 @compiled

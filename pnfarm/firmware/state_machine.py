@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from pnfarm.firmware.transitions import as_array
 from pnfarm.table.compiled import compiled
 
 __all__ = ["PRIORITY", "S5_FAULT", "S5_QUICK", "S5_RAMP", "TRANSITIONS", "advance", "conditions"]
@@ -99,15 +100,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
 #: Which event wins when several hold: faults, then the stops from the hardest to the softest.
 PRIORITY = (BOOTED, TRIP, TRIP_STOP, COAST, QUICK, OFF, DISABLE, STANDSTILL, READY, ON, ENABLE)
 
-
-def _as_array() -> np.ndarray[Any, np.dtype[np.int8]]:
-    table = np.full((STATES, EVENTS), -1, np.int8)
-    for (state, event), following in TRANSITIONS.items():
-        table[state, event] = following
-    return table
-
-
-_NEXT = _as_array()
+_NEXT = as_array(TRANSITIONS, STATES, EVENTS)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 

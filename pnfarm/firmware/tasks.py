@@ -17,7 +17,7 @@ from pnfarm.table.axis import (
     TASK_RELATIVE,
     TASKS_MDI,
     TASKS_NONE,
-    TASKS_POS_STW,
+    TASKS_TARPOS,
 )
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
@@ -111,7 +111,7 @@ def take_task(axis: Any, image: Any) -> None:
     target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
     _take_homing(axis, image, target_step)
     axis.asked_task = TASK_MDI
-    if axis.task_form == TASKS_MDI or axis.task_form == TASKS_POS_STW:  # noqa: PLR1714 - a tuple would allocate
+    if axis.task_form != TASKS_TARPOS:
         axis.asked_position = image.received[MDI_TARPOS] * target_step
         velocity = int(image.received[MDI_VELOCITY])
         if axis.task_velocity_unsigned:

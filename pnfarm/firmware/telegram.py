@@ -74,13 +74,19 @@ def signed32(value: int) -> int:
 
 
 @compiled
+def nearest(value: float) -> int:
+    """The nearest whole number."""
+    return int(round(value))  # noqa: RUF046 - round() of a compiled float stays a float
+
+
+@compiled
 def clamp16(value: float) -> int:
     """The nearest 16-bit signal, as it stands in a word."""
     if value >= 32767.0:
         return 0x7FFF
     if value <= -32768.0:
         return 0x8000
-    return int(round(value)) & 0xFFFF  # noqa: RUF046 - round() of a compiled float stays a float
+    return nearest(value) & 0xFFFF
 
 
 @compiled
@@ -90,13 +96,13 @@ def clamp32(value: float) -> int:
         return 0x7FFFFFFF
     if value <= -2147483648.0:
         return -0x80000000
-    return int(round(value))  # noqa: RUF046 - as above
+    return nearest(value)
 
 
 @compiled
 def clamp_unsigned(value: float) -> int:
     """The nearest 16-bit number without a sign."""
-    return min(0xFFFF, max(0, int(round(value))))  # noqa: RUF046 - as above
+    return min(0xFFFF, max(0, nearest(value)))
 
 
 @compiled
@@ -158,15 +164,15 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
     image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
     if axis.sensor_step > 0.0:
-        image.sent[G1_XIST1] = signed32(int(round(axis.position / axis.sensor_step)))  # noqa: RUF046 - as above
+        image.sent[G1_XIST1] = signed32(nearest(axis.position / axis.sensor_step))
     if axis.sensor_step_2 > 0.0:
-        image.sent[G1_XIST2] = signed32(int(round(axis.position / axis.sensor_step_2)))  # noqa: RUF046 - as above
+        image.sent[G1_XIST2] = signed32(nearest(axis.position / axis.sensor_step_2))
     image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
-    image.sent[XIST_A] = signed32(int(round((axis.position - axis.origin) / axis.position_step)))  # noqa: RUF046 - as above
+    image.sent[XIST_A] = signed32(nearest((axis.position - axis.origin) / axis.position_step))
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
     image.sent[AKTSATZ] = 0x8000 if axis.mdi else running_task(axis)
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
-    image.sent[XIST_ERROR] = signed32(int(round(axis.following_error / axis.position_step)))  # noqa: RUF046 - as above
+    image.sent[XIST_ERROR] = signed32(nearest(axis.following_error / axis.position_step))

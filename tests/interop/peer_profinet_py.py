@@ -138,6 +138,7 @@ def run(station, factor, ratio, seconds, gsdml=None):
     command(0x047F, speed)
     found["followed"] = wait(lambda: words(cyclic)[1] is not None and abs(words(cyclic)[1] - speed) < speed // 50)
     start, received, sent = time.monotonic(), cyclic.stats.frames_received, cyclic.stats.frames_sent
+    # the time over which the rate of frames is counted
     time.sleep(seconds)
     passed = time.monotonic() - start
     found["received_per_second"] = (cyclic.stats.frames_received - received) / passed

@@ -90,6 +90,7 @@ class Device:
     def stop_for(self, seconds):
         self._process.send_signal(subprocess.signal.SIGSTOP)
         try:
+            # the device is stopped for so long: that is the fault
             time.sleep(seconds)
         finally:
             self._process.send_signal(subprocess.signal.SIGCONT)

@@ -1,0 +1,22 @@
+"""State tables of compiled machines: written as dictionaries, looked up as arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["as_array"]
+
+
+def as_array(
+    transitions: Mapping[tuple[int, int], int], states: int, events: int
+) -> np.ndarray[Any, np.dtype[np.int8]]:
+    """``[state, event]`` -> the following state, -1 where the table has no row."""
+    table = np.full((states, events), -1, np.int8)
+    for (state, event), following in transitions.items():
+        table[state, event] = following
+    return table
