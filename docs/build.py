@@ -1,7 +1,8 @@
 """Writes the generated pages of the documentation: ``python docs/build.py``.
 
 ``table.md`` is every column of the table with its unit and its writer; ``states.md`` every state machine as a diagram.
-Both come from the code's own tables, so they cannot say anything else; a test compares them.
+Both come from the code's own tables, so they cannot say anything else; a test compares them.  ``coverage.md`` is what
+of each manual the drives do (`manual_coverage`).
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ from pnfarm.table.layout import WRITERS
 from pnfarm.table.program import PROGRAM
 
 DOCS = Path(__file__).resolve().parent
+
+sys.path.insert(0, str(DOCS))
+import manual_coverage  # noqa: E402 - beside this file, which may be run from anywhere
 
 
 def table() -> str:
@@ -162,7 +166,7 @@ def farm_file() -> str:
     return "\n".join(lines)
 
 
-PAGES = {"table.md": table, "states.md": states, "farm-file.md": farm_file}
+PAGES = {"table.md": table, "states.md": states, "farm-file.md": farm_file, "coverage.md": manual_coverage.page}
 
 
 def main() -> int:

@@ -1,0 +1,59 @@
+"""The coverage tables name every section of every manual, and tests that exist."""
+
+import ast
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MANUALS = ROOT.parent / "shared" / "manuals"
+sys.path.insert(0, str(ROOT / "docs"))
+
+import manual_coverage  # noqa: E402 - beside the documents
+
+MODELS = [model for model in manual_coverage.MANUALS if (manual_coverage.FOLDER / f"{model}.csv").exists()]
+
+
+def _tests_of(path):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_test_that_a_coverage_row_names_exists(model):
+    known = {}
+    for row in manual_coverage.rows(model):
+        for name in row.proof:
+            file, _, function = name.partition("::")
+            if file not in known:
+                known[file] = _tests_of(ROOT / file) if (ROOT / file).is_file() else set()
+            assert function in known[file], f"{model}, section {row.section}: {name}"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_numbered_section_table_and_figure_of_the_manual_has_a_row(model):
+    found = sorted(MANUALS.glob(manual_coverage.MANUALS[model] + "_*.txt"))
+    if not found:
+        assert "PNFARM_REQUIRE_ALL" not in os.environ, f"no manual of {model} beside the project"
+        pytest.skip("the manuals are not beside the project")
+    listed = [row.section for row in manual_coverage.rows(model)]
+    assert len(listed) == len(set(listed)), "a section stands twice"
+    assert manual_coverage.numbered(found[0].read_text(encoding="utf-8")) <= set(listed)
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("5.4,STW1,done,,", "status 'done'"),
+        ("5.4,STW1,implemented,,", "without a test"),
+        ("5.4,STW1,assumed,tests/a.py::test_b,", "without a reason"),
+        ("5.4,STW1,not supported,,", "without a reason"),
+    ],
+)
+def test_a_coverage_row_without_what_its_status_needs_is_refused(line, reason, tmp_path, monkeypatch):
+    (tmp_path / "m.csv").write_text("section,title,status,proof,note\n" + line + "\n")
+    monkeypatch.setattr(manual_coverage, "FOLDER", tmp_path)
+    with pytest.raises(ValueError, match=reason):
+        manual_coverage.rows("m")
