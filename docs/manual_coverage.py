@@ -65,10 +65,9 @@ def rows(model: str) -> list[Row]:
 
 
 def numbered(manual: str) -> set[str]:
-    """The numbers of the sections, tables and figures in a manual's text."""
-    return {
-        match[1] for line in manual.splitlines() for match in [_HEADING.match(line) or _CAPTION.match(line)] if match
-    }
+    """The numbers of the sections, tables and figures in a manual's text, its table of contents aside."""
+    lines = [line for line in manual.splitlines() if not _CONTENTS.search(line)]
+    return {match[1] for line in lines for match in [_HEADING.match(line) or _CAPTION.match(line)] if match}
 
 
 def page() -> str:
