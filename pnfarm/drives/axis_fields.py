@@ -27,6 +27,12 @@ _SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n"}
 _PARAMETER_FIELDS = tuple(field.name for field in AXIS.fields.values() if field.writer == "parameter")
 #: Fields that are places on the shaft; parameters count from the machine's zero.
 PLACES = frozenset({"position", "commanded_position"})
+#: Fields that hold the fault of a cause that the motor itself sees.
+_RAISED_BY_THE_MOTOR = {
+    "overvoltage": "overvoltage_fault",
+    "overload": "overload_fault",
+    "overspeed": "overspeed_fault",
+}
 #: A ramp whose time is zero, rpm/s.
 AT_ONCE = 1e12
 
@@ -63,6 +69,9 @@ class AxisFields:
             axis.life_fault = model.faults[model.sign_of_life.fault].code
         if model.following_error is not None:
             axis.following_fault = model.faults[model.following_error.fault].code
+        for fault in model.faults.values():
+            if fault.cause in _RAISED_BY_THE_MOTOR:
+                axis[_RAISED_BY_THE_MOTOR[fault.cause]] = fault.code
         self.apply_telegram()
 
     def apply_written(self, parameter: Parameter) -> None:

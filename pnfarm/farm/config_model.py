@@ -11,9 +11,7 @@ from ipaddress import ip_address
 from typing import Annotated, Any, Literal
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
     PlainValidator,
@@ -21,8 +19,10 @@ from pydantic import (
     WithJsonSchema,
 )
 
+from pnfarm.farm.config_axis import Load, Motor
 from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR
 from pnfarm.farm.config_issue import did_you_mean, problem, shown
+from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import (
     AUTO,
     Cidr,
@@ -81,14 +81,10 @@ _U16 = 0xFFFF
 _U32 = 0xFFFF_FFFF
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
-
-
 # --- link -------------------------------------------------------------------------------------------------------
 
 
-class MacvlanLink(_Section):
+class MacvlanLink(Section):
     """One macvlan per drive on an interface of this machine: the drives stand on the real wire."""
 
     kind: Literal["macvlan"]
@@ -100,7 +96,7 @@ class MacvlanLink(_Section):
     )
 
 
-class VethLink(_Section):
+class VethLink(Section):
     """One veth pair per drive, joined by a bridge: a farm and a controller on one machine."""
 
     kind: Literal["veth"]
@@ -109,7 +105,7 @@ class VethLink(_Section):
     )
 
 
-class TapLink(_Section):
+class TapLink(Section):
     """One TAP per drive: for virtual machines, or where no other interface can be made.  Slower."""
 
     kind: Literal["tap"]
@@ -118,7 +114,7 @@ class TapLink(_Section):
     )
 
 
-class MemoryLink(_Section):
+class MemoryLink(Section):
     """No wire: drives and controller in one process, in virtual time."""
 
     kind: Literal["memory"]
@@ -130,7 +126,7 @@ Link = Annotated[MacvlanLink | VethLink | TapLink | MemoryLink, Discriminator("k
 # --- the farm's own sections ------------------------------------------------------------------------------------
 
 
-class Api(_Section):
+class Api(Section):
     """Where the HTTP API, the metrics and the web page are served."""
 
     listen: Listen = Field(description="HOST:PORT; port 0 takes any free one.")
@@ -168,7 +164,7 @@ def _open_api(value: Any) -> Any:
     return {"listen": value}
 
 
-class Realtime(_Section):
+class Realtime(Section):
     """How the cyclic engine's thread runs.  `pnfarm doctor` says what this machine permits."""
 
     cpu: int | None = Field(default=None, ge=0, le=4095, description="CPU to stay on; left out, any.")
@@ -193,26 +189,6 @@ class Realtime(_Section):
 
 
 # --- drives -----------------------------------------------------------------------------------------------------
-
-
-class Load(_Section):
-    """What hangs on the shaft."""
-
-    inertia: float | None = Field(default=None, gt=0, description="Motor and load, kg m^2; left out, the model's.")
-    friction: float | None = Field(default=None, ge=0, description="Dry friction, N m.")
-    damping: float | None = Field(default=None, ge=0, description="Viscous friction, N m s/rad.")
-    torque: float = Field(default=0.0, description="Torque that the machine puts on the shaft, N m, signed.")
-
-
-class Motor(_Section):
-    """Motor and amplifier, where they differ from the model's."""
-
-    torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere.")
-    peak_current: float | None = Field(default=None, gt=0, description="A; 100 % of the current signals (DRV.IPEAK).")
-    velocity_time_constant: float | None = Field(
-        default=None, gt=0, description="Closed velocity loop, first order, s."
-    )
-    max_velocity: float | None = Field(default=None, gt=0, description="Limit of the velocity command, rpm.")
 
 
 def _read_globs(value: Any) -> list[str]:
@@ -246,7 +222,7 @@ FaultKind = Annotated[
 ]
 
 
-class Impairment(_Section):
+class Impairment(Section):
     """A fault that is there from the start; the kinds are those of `pnfarm fault kinds`."""
 
     kind: FaultKind = Field(description="What it does, such as loss or f702.")
@@ -265,7 +241,7 @@ class Impairment(_Section):
 Identity = Annotated[dict[str, Any], Field(description="What the drive says it is, where it is not the model's own.")]
 
 
-class DriveGroup(_Section):
+class DriveGroup(Section):
     """One drive, or `count` alike."""
 
     name: NamePattern = Field(description="Station name; {n} counts, {n:02} with leading zeros.")
@@ -304,7 +280,7 @@ class DriveGroup(_Section):
 # --- the built-in controller ------------------------------------------------------------------------------------
 
 
-class Program(_Section):
+class Program(Section):
     """What the axis program does with each drive."""
 
     kind: Literal["constant", "ramp", "sine", "positions", "idle"] = Field(
@@ -330,7 +306,7 @@ class Program(_Section):
     )
 
 
-class ParameterRecord(_Section):
+class ParameterRecord(Section):
     """A record that is written before the end of parametrisation."""
 
     api: int = Field(default=0, ge=0, le=_U32, description="Application process identifier; PROFIdrive's is 0x3A00.")
@@ -356,7 +332,7 @@ def _read_place(value: Any) -> int:
 _Place = Annotated[int, PlainValidator(_read_place), WithJsonSchema({"type": "integer", "minimum": 0, "maximum": _U16})]
 
 
-class ForeignDevice(_Section):
+class ForeignDevice(Section):
     """A device that no model describes: its maker's GSDML file does."""
 
     name: NamePattern = Field(description="Its station name.")
@@ -378,7 +354,7 @@ class ForeignDevice(_Section):
     )
 
 
-class Reconnect(_Section):
+class Reconnect(Section):
     """What follows a lost connection."""
 
     after_ns: Duration = Field(default=1_000_000_000, alias="after", description="Pause before the next Connect.")
@@ -392,7 +368,7 @@ def _open_reconnect(value: Any) -> Any:
     raise problem(f"is {shown(value)}", "off, or a mapping such as {after: 1s}")
 
 
-class ControllerSection(_Section):
+class ControllerSection(Section):
     """The built-in PROFINET IO controller."""
 
     name: NamePattern = Field(default="plc", description="Its station name.")
@@ -434,7 +410,7 @@ class ControllerSection(_Section):
 # --- the file ---------------------------------------------------------------------------------------------------
 
 
-class FarmSections(_Section):
+class FarmSections(Section):
     """A farm file; or, without `farm` and `link`, what the built-in controller needs to run foreign devices."""
 
     farm: FarmName | None = Field(default=None, description="The farm's name.", examples=["line-1"])

@@ -7,13 +7,14 @@
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 from uuid import UUID
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
+from pnfarm.farm.config_axis import apply_axis
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.links.base import unwrap
@@ -137,7 +138,7 @@ class FarmCore:
             axis, image = self.columns.axis[index], self.columns.image[index]
             model = models(config)
             model.apply_motor(axis)
-            _apply_load(axis, config)
+            apply_axis(axis, config.load, config.motor)
             axis.step_ns = 4_000_000
             image.port = port.index
             uuids = uuid_source(seed + port.mac)
@@ -355,20 +356,3 @@ def _read_lldp(frame: bytes) -> Lldpdu | str:
         return parse_lldp(frame[14:])
     except DecodeError as exc:
         return exc.reason
-
-
-def _apply_load(axis: Any, config: DriveConfig) -> None:
-    """What the farm file says of motor and load, over the model's values."""
-    load, motor = config.load, config.motor
-    for field, value in (
-        ("inertia", load.inertia),
-        ("friction", load.friction),
-        ("damping", load.damping),
-        ("load_torque", load.torque),
-        ("torque_constant", motor.torque_constant),
-        ("peak_current", motor.peak_current),
-        ("velocity_time_constant", motor.velocity_time_constant),
-        ("max_velocity", motor.max_velocity),
-    ):
-        if value is not None:
-            setattr(axis, field, value)

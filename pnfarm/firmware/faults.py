@@ -133,6 +133,11 @@ def _power_on(axis: Any, now: int) -> None:
     axis.velocity = 0.0
     axis.current = 0.0
     axis.torque = 0.0
+    axis.speed_integral = 0.0
+    axis.brake_asked = 0
+    axis.brake_open = 0
+    axis.brake_left = 0.0
+    axis.bus_voltage = axis.bus_nominal
     axis.following_error = 0.0
     axis.profile_velocity = 0.0
     axis.motion = 0

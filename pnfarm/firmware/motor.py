@@ -1,76 +1,226 @@
-"""Motor and load: one rotating mass with dry and viscous friction, driven by a limited torque.
+"""Speed and current control, DC link, motor and load.
 
-The closed velocity loop is a first-order lag (``velocity_time_constant``) around the torque limit, in
-implicit form, so that it is stable for every step: for an unlimited torque one step takes the speed error
-down by ``dt / (T + dt)``.
+Below the position controller (`positioning`) a drive controls its speed by a PI controller and its current by a loop
+that is a first-order lag until the DC link's voltage runs out; the motor drives one rotating mass with viscous and dry
+friction.  With J the inertia, w the shaft's speed and T the torque::
+
+    T_ref = Kp (w_ref - w) + I + Ka dw_ref/dt,    dI/dt = Kp / Ti (w_ref - w)
+    i_ref = T_ref / Kt within the current limits,    di/dt = (i_ref - i) / Tc
+    |L di/dt + R i + Kt / 3 w| <= U / sqrt(6)        (one phase, effective values)
+    J dw/dt = Kt i - B w - T_load - T_dry
+
+All of it is solved at once in implicit form (backward Euler), so that every step length is stable: a short one gives
+the response of the real loops, a long one the same end.  Dry friction is part of the solution: it takes away up to its
+own amount of what would move the shaft, and holds it exactly when that is enough.
 """
 
 from __future__ import annotations
 
-from math import pi
+from math import floor, pi, sqrt
 from typing import Any
 
+from pnfarm.firmware.faults import raise_fault
 from pnfarm.table.compiled import compiled
 
-__all__ = ["step_motor"]
+__all__ = ["brake_holds", "motor_step_ns", "step_motor", "watch_motor"]
 
 RPM_TO_RAD = 2.0 * pi / 60.0
+#: Longest step of controllers and motor where the axis asks for none, ns.
+MOTOR_STEP_NS = 1_000_000
+#: Integral action time of a speed controller by its closed loop's time constant: no overshoot on a ramp.
+INTEGRAL_RATIO = 4.0
+#: What an encoder's steps make of the speed is filtered by this time, s.
+FEEDBACK_FILTER = 0.001
+#: A resting shaft winds nothing up for speed set points smaller than this part of ``standstill``.
+RESTING = 0.1
+#: Effective voltage of one phase by that of the DC link, at most: 1 / sqrt(6).
+PHASE_VOLTAGE = 1.0 / sqrt(6.0)
+#: Phases of a motor.
+PHASES = 3.0
+
+
+@compiled
+def motor_step_ns(axis: Any) -> int:
+    """Longest step of controllers and motor."""
+    return int(axis.motor_step_ns) or MOTOR_STEP_NS
+
+
+@compiled
+def brake_holds(axis: Any) -> bool:
+    """Whether there is a holding brake and it is not open."""
+    return axis.holding_brake > 0.0 and not axis.brake_open
+
+
+@compiled
+def _step_brake(axis: Any, open_it: bool, seconds: float) -> None:
+    if open_it != bool(axis.brake_asked):
+        axis.brake_asked = 1 if open_it else 0
+        axis.brake_left = axis.brake_release if open_it else axis.brake_apply
+    elif axis.brake_left > 0.0:
+        axis.brake_left -= seconds
+    if axis.brake_left <= 0.0:
+        axis.brake_open = axis.brake_asked
+
+
+@compiled
+def _speed(axis: Any, omega: float, drive: float, slope: float, seconds: float) -> float:
+    """The shaft's speed after the step, rad/s, for a torque of ``drive - slope * speed`` N m.
+
+    Backward Euler with dry friction as the set-valued force that it is.
+    """
+    inertia = (axis.inertia + axis.added_inertia) / seconds
+    dry = axis.friction + axis.added_friction
+    if brake_holds(axis):
+        dry += axis.holding_brake
+    moving = inertia * omega + drive - axis.load_torque - axis.added_torque
+    if abs(moving) <= dry:
+        return 0.0
+    return (moving - dry if moving > 0.0 else moving + dry) / (inertia + slope + axis.damping)
+
+
+@compiled
+def _coast(axis: Any, omega: float, seconds: float) -> float:
+    """The shaft's speed after a step without power; shorted windings may brake it."""
+    braking = axis.coast_method == 0 or (axis.coast_method == 1 and abs(axis.velocity) > axis.standstill)
+    axis.current = 0.0
+    axis.torque = 0.0
+    axis.speed_integral = 0.0
+    axis.fed_speed = axis.velocity
+    return _speed(axis, omega, 0.0, axis.brake_damping if braking else 0.0, seconds)
+
+
+@compiled
+def _fed_forward(axis: Any, seconds: float) -> float:
+    """Torque that the acceleration of the set point asks for; a position controller's part of it does not count."""
+    speed = axis.ramp if axis.motion == 0 else axis.profile_velocity
+    change = (speed - axis.fed_speed) * RPM_TO_RAD
+    axis.fed_speed = speed
+    return axis.acceleration_gain * change / seconds
+
+
+@compiled
+def _controlled(axis: Any, omega: float, reference: float, seconds: float) -> float:
+    """The shaft's speed after a step under control, rad/s; writes current, torque and the integral part.
+
+    ``reference``: the speed set point as the controller sees it, rad/s.
+    """
+    constant = axis.torque_constant
+    gain = axis.speed_gain if axis.speed_gain > 0.0 else axis.inertia / axis.velocity_time_constant
+    integral_time = axis.speed_integral_time
+    if integral_time <= 0.0:
+        integral_time = INTEGRAL_RATIO * axis.velocity_time_constant
+    action = gain * (1.0 + seconds / integral_time)
+    # how much of a change of the current set point comes through in this step
+    share = seconds / (axis.current_time_constant + seconds)
+    kept = (1.0 - share) * constant * axis.current
+    given = axis.speed_integral + _fed_forward(axis, seconds)
+    drive = kept + share * (action * reference + given)
+    slope = share * action
+    following = _speed(axis, omega, drive, slope, seconds)
+    wanted = action * (reference - following) + given
+    limit = constant * axis.peak_current
+    limited = abs(wanted) > limit
+    if limited:
+        drive = kept + share * (limit if wanted > 0.0 else -limit)
+        slope = 0.0
+        following = _speed(axis, omega, drive, slope, seconds)
+    torque = drive - slope * following
+    if axis.bus_nominal > 0.0:
+        inductance = axis.winding_inductance / seconds
+        impedance = inductance + axis.winding_resistance
+        before = inductance * axis.current
+        back = constant / PHASES
+        available = axis.bus_voltage * PHASE_VOLTAGE
+        needed = impedance * torque / constant - before + back * following
+        if abs(needed) > available and impedance > 0.0:
+            limited = True
+            drive = constant * (before + (available if needed > 0.0 else -available)) / impedance
+            slope = constant * back / impedance
+            following = _speed(axis, omega, drive, slope, seconds)
+            torque = drive - slope * following
+    error = reference - following
+    resting = omega == 0.0 and following == 0.0 and abs(axis.ramp) <= RESTING * axis.standstill
+    # at a limit the integral part stays as it is, unless it would lead away from there
+    if not resting and (not limited or error * wanted < 0.0):
+        axis.speed_integral += gain * seconds / integral_time * error
+    axis.torque = torque
+    axis.current = torque / constant
+    return following
+
+
+@compiled
+def _encoder_noise(axis: Any) -> float:
+    """What the encoder's steps add to the measured speed, rad/s."""
+    if axis.encoder_steps <= 0.0:
+        return 0.0
+    return (axis.measured_position - axis.position - axis.encoder_low) / FEEDBACK_FILTER * 2.0 * pi
+
+
+@compiled
+def _read_encoder(axis: Any, seconds: float) -> None:
+    """Take the position over as the encoder tells it."""
+    if axis.encoder_steps <= 0.0:
+        axis.measured_position = axis.position
+        return
+    axis.measured_position = floor(axis.position * axis.encoder_steps + 0.5) / axis.encoder_steps
+    error = axis.measured_position - axis.position
+    axis.encoder_low += (error - axis.encoder_low) * seconds / (FEEDBACK_FILTER + seconds)
+
+
+@compiled
+def _step_bus(axis: Any, omega: float, seconds: float) -> None:
+    """The DC link gives what motor and drive take, and takes what a braking motor gives back."""
+    if axis.bus_capacitance <= 0.0 or axis.bus_voltage <= 0.0:
+        axis.bus_voltage = axis.bus_nominal
+        return
+    power = axis.torque * omega + PHASES * axis.winding_resistance * axis.current * axis.current + axis.bus_load
+    square = axis.bus_voltage * axis.bus_voltage - 2.0 * power * seconds / axis.bus_capacitance
+    voltage = sqrt(square) if square > 0.0 else 0.0
+    if axis.bus_brake > 0.0 and voltage > axis.bus_brake:
+        voltage = axis.bus_brake
+    axis.bus_voltage = max(voltage, float(axis.bus_nominal))
 
 
 @compiled
 def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
-    """Advance torque, current, speed and position by ``seconds``.
+    """Advance current, torque, speed, position, DC link, heat and brake by ``seconds``.
 
-    ``powered_stage``: the power stage is on.
+    ``powered_stage``: the power stage is on; ``axis.ramp`` is the speed set point, rpm.
     """
     velocity = axis.velocity
     omega = velocity * RPM_TO_RAD
-    inertia = axis.inertia
-    friction = axis.friction
-    # everything that the motor does not do itself, without dry friction
-    passive = -axis.damping * omega - axis.load_torque
-    moving = velocity != 0.0
+    if axis.holding_brake > 0.0:
+        # a drive that comes to rest by itself lets the brake take over before it switches off
+        resting = axis.state == 5 and axis.ramp == 0.0 and abs(velocity) <= axis.standstill
+        _step_brake(axis, powered_stage and not resting, seconds)
     if powered_stage:
-        error = (axis.ramp - velocity) * RPM_TO_RAD
-        wanted = error / (axis.velocity_time_constant + seconds)
-        if moving:
-            dry = friction if velocity > 0.0 else -friction
-        else:
-            dry = friction if axis.ramp > 0.0 else (-friction if axis.ramp < 0.0 else 0.0)
-        torque = inertia * wanted - passive + dry
-        limit = axis.torque_constant * axis.peak_current
-        if torque > limit:
-            torque = limit
-        elif torque < -limit:
-            torque = -limit
-        if not moving and axis.ramp == 0.0 and abs(passive) <= friction:
-            torque = 0.0
+        speed = _controlled(axis, omega, axis.ramp * RPM_TO_RAD - _encoder_noise(axis), seconds)
     else:
-        torque = 0.0
-    driving = torque + passive
-    if moving:
-        net = driving - (friction if velocity > 0.0 else -friction)
-    elif abs(driving) <= friction:
-        net = 0.0
-    else:
-        net = driving - (friction if driving > 0.0 else -friction)
-    following = velocity + net / inertia * seconds / RPM_TO_RAD
-    braking = axis.coast_method == 0 or (axis.coast_method == 1 and abs(velocity) > axis.standstill)
-    if braking and not powered_stage:
-        # shorted windings; implicit, so that a light load stays stable
-        following /= 1.0 + axis.brake_damping / inertia * seconds
-    if moving and following * velocity < 0.0 and abs(driving) <= friction:
-        following = 0.0
-    if abs(following) < 1e-4 and axis.ramp == 0.0 and abs(driving) <= friction:
-        following = 0.0
+        speed = _coast(axis, omega, seconds)
+    following = speed / RPM_TO_RAD
     axis.position += 0.5 * (velocity + following) * seconds / 60.0
     axis.velocity = following
-    axis.torque = torque
-    axis.current = torque / axis.torque_constant if axis.torque_constant > 0.0 else 0.0
+    _read_encoder(axis, seconds)
+    if axis.bus_nominal > 0.0:
+        _step_bus(axis, 0.5 * (omega + speed), seconds)
+    if axis.thermal_time > 0.0 and axis.continuous_current > 0.0:
+        part = axis.current / axis.continuous_current
+        axis.thermal_load += (part * part - axis.thermal_load) * seconds / (axis.thermal_time + seconds)
     if not powered_stage:
         axis.commanded_position = axis.position
         axis.profile_velocity = following
     elif axis.motion == 0:
         axis.commanded_position += axis.ramp * seconds / 60.0
         axis.profile_velocity = axis.ramp
-    axis.following_error = axis.commanded_position - axis.position
+    axis.following_error = axis.commanded_position - axis.measured_position
+
+
+@compiled
+def watch_motor(axis: Any, now: int) -> None:
+    """Raise the drive's faults of a motor that runs too fast or is too hot, and of a DC link that is too high."""
+    if axis.overspeed > 0.0 and abs(axis.velocity) > axis.overspeed:
+        raise_fault(axis, axis.overspeed_fault, now)
+    if axis.thermal_load > 1.0:
+        raise_fault(axis, axis.overload_fault, now)
+    if axis.bus_limit > 0.0 and axis.bus_voltage > axis.bus_limit:
+        raise_fault(axis, axis.overvoltage_fault, now)

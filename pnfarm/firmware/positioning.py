@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.firmware.tasks import select_task
 from pnfarm.firmware.transitions import as_array
@@ -329,7 +330,7 @@ def _follow_on(axis: Any, now: int) -> bool:
 @compiled
 def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: what the controller asks for, and what becomes of it."""
-    enabled = axis.state == 4 and axis.opmode == 2
+    enabled = axis.state == 4 and axis.opmode == 2 and not brake_holds(axis)
     waits = enabled and _follow_on(axis, now)
     _advance(axis, _held(axis, enabled, waits))
     axis.home_command = 0
@@ -348,7 +349,7 @@ def take_motion(axis: Any, now: int) -> None:
 def positioning_command(axis: Any, seconds: float) -> float:
     """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
     # both places of the same moment, the beginning of the step
-    error = axis.commanded_position - axis.position
+    error = axis.commanded_position - axis.measured_position
     step_profile(axis, seconds)
     return axis.profile_velocity + axis.position_gain * error * RPM
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.positioning import OUT, fastest, positioning_command
 from pnfarm.table.axis import RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
@@ -64,6 +65,9 @@ def velocity_command(axis: Any, seconds: float) -> None:
     if axis.state != 4:
         # the axis coasts or stands: a later start takes up from the speed that it has
         axis.ramp = axis.velocity
+        return
+    if brake_holds(axis):
+        axis.ramp = 0.0
         return
     if axis.motion != OUT:
         axis.ramp = limited(axis, positioning_command(axis, seconds))

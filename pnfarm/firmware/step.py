@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
-from pnfarm.firmware.motor import step_motor
+from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.positioning import position_bits, take_motion
 from pnfarm.firmware.ramp import velocity_command
 from pnfarm.firmware.sign_of_life import check_life
@@ -21,8 +21,6 @@ __all__ = ["BOOT_NS", "step"]
 
 #: From power-on to S1.
 BOOT_NS = 100_000_000
-#: Longest motor step; a longer firmware step is cut into these.
-MOTOR_STEP_NS = 1_000_000
 
 CONTROL_BY_PLC = 0x0400
 FAULT_ACKNOWLEDGE = 0x0080
@@ -126,16 +124,21 @@ def step(axis: Any, image: Any, now: int) -> None:
     elif axis.state == 4 and reaction:
         stw1 |= 0x000F
     standing = abs(axis.velocity) <= axis.standstill and axis.ramp == 0.0
+    if axis.holding_brake > 0.0 and axis.state == 5 and not brake_holds(axis):
+        # the power stage holds the axis until the brake does
+        standing = False
     take_task(axis, image)
     advance(axis, conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS))
     take_motion(axis, now)
 
     elapsed = min(elapsed, 1_000_000_000)
+    longest = motor_step_ns(axis)
     while elapsed > 0:
-        part = min(elapsed, MOTOR_STEP_NS)
+        part = min(elapsed, longest)
         elapsed -= part
         seconds = part * 1e-9
         velocity_command(axis, seconds)
         step_motor(axis, axis.state >= 4, seconds)
+    watch_motor(axis, now)
     axis.zsw1 = _status_word(axis)
     to_actuals(axis, image)

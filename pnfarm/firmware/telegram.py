@@ -164,11 +164,11 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
     image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
     if axis.sensor_step > 0.0:
-        image.sent[G1_XIST1] = signed32(nearest(axis.position / axis.sensor_step))
+        image.sent[G1_XIST1] = signed32(nearest(axis.measured_position / axis.sensor_step))
     if axis.sensor_step_2 > 0.0:
-        image.sent[G1_XIST2] = signed32(nearest(axis.position / axis.sensor_step_2))
+        image.sent[G1_XIST2] = signed32(nearest(axis.measured_position / axis.sensor_step_2))
     image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
-    image.sent[XIST_A] = signed32(nearest((axis.position - axis.origin) / axis.position_step))
+    image.sent[XIST_A] = signed32(nearest((axis.measured_position - axis.origin) / axis.position_step))
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
     image.sent[AKTSATZ] = 0x8000 if axis.mdi else running_task(axis)

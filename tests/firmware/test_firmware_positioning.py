@@ -77,7 +77,7 @@ class Positioner(BenchAxis):
         axis.home_method = HOME_MARK
         axis.position_gain = 60.0
         axis.following_window = 0.5
-        axis.target_window = 0.01
+        axis.target_window = 0.001
         self.data(0.0)
         for word in (0x0430, 0x0436, 0x0437, READY):
             self.stw(word)
