@@ -23,8 +23,8 @@ UNIT_OUT = 2392
 POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
 #: Fields that other parameters' scales follow.
 _SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n"}
-#: What a model does not speak of is zero.
-_PARAMETER_FIELDS = tuple(field.name for field in AXIS.fields.values() if field.writer == "parameter")
+#: What a model does not speak of has the field's default.
+_PARAMETER_FIELDS = tuple(field for field in AXIS.fields.values() if field.writer == "parameter")
 #: Fields that are places on the shaft; parameters count from the machine's zero.
 PLACES = frozenset({"position", "commanded_position"})
 #: A ramp whose time is zero, rpm/s.
@@ -52,7 +52,7 @@ class AxisFields:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
         for field in _PARAMETER_FIELDS:
-            axis[field] = 0
+            axis[field.name] = field.default
         for field, value in model.firmware.items():
             setattr(axis, field, value)
         for parameter in model.axis_parameters:
@@ -148,4 +148,8 @@ class AxisFields:
         return units.get(raw(UNIT_ROTARY), 4294967296.0) / max(raw(POSITION_SCALING, 1), 1)
 
     def _factor(self, parameter: Parameter) -> float:
-        return float(self._handle.axis.acceleration_step) if parameter.scale == "acceleration" else parameter.factor
+        if parameter.scale == "acceleration":
+            return float(self._handle.axis.acceleration_step)
+        if parameter.scale == "rated-torque":
+            return float(self._handle.axis.rated_torque) / 100.0
+        return parameter.factor

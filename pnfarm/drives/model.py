@@ -45,6 +45,8 @@ COMMANDS = frozenset({
     "acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse", "home", "task-clear",
     "task-load", "task-move", "task-set",
 })  # fmt: skip
+#: Causes of the warnings that MELDW.6 and 7 tell of (HIWIN E1 manual 3.16).
+MESSAGE_CAUSES = ("motor-overload-warning", "i2t-warning")
 #: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
 DIAGNOSIS_CODINGS = frozenset({"none", "channel", "extended", "manufacturer"})
 #: A fault's number in two parts, error and location, is the error with the location above it.
@@ -375,6 +377,8 @@ class Model:
         for fault in self.faults.values():
             if fault.number < FAULT_WORDS:
                 axis.fault_words[fault.number] = fault.word
+            if fault.cause in MESSAGE_CAUSES:
+                axis.message_warnings[MESSAGE_CAUSES.index(fault.cause)] = fault.number
 
     def with_identity(self, overrides: Mapping[str, Any]) -> Model:
         """This model under another identity; see :data:`OVERRIDES` for the keys.  Raises :class:`ConfigError`."""

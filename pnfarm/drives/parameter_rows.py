@@ -28,8 +28,8 @@ _TYPES = {
 #: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
 #: UNIT.PROTARY.
 #: A number followed by ``/n`` is divided by the raw number: a ramp given as a time.
-#: ``jog/n`` is a ramp to or from the first jogging velocity in so many milliseconds.
-_NAMED_SCALES = {"2^-n", "acceleration", "jog/n", "position"}
+#: ``jog/n`` is a ramp to or from the first jogging velocity in so many milliseconds, ``rated-torque`` a percentage of it.
+_NAMED_SCALES = {"2^-n", "acceleration", "jog/n", "position", "rated-torque"}
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
     "source", "values_source", "note",

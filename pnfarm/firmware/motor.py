@@ -10,6 +10,7 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
+from pnfarm.firmware.torque_limits import limited_torque
 from pnfarm.table.compiled import compiled
 
 __all__ = ["step_motor"]
@@ -38,11 +39,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
         else:
             dry = friction if axis.ramp > 0.0 else (-friction if axis.ramp < 0.0 else 0.0)
         torque = inertia * wanted - passive + dry
-        limit = axis.torque_constant * axis.peak_current
-        if torque > limit:
-            torque = limit
-        elif torque < -limit:
-            torque = -limit
+        torque = limited_torque(axis, torque)
         if not moving and axis.ramp == 0.0 and abs(passive) <= friction:
             torque = 0.0
     else:
