@@ -18,6 +18,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.axis import FAULT_WORDS, REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
+    from pnfarm.drives.motor_kinds import MotorKind
     from pnfarm.drives.telegram import Signal, Telegram
 
 __all__ = [
@@ -295,6 +296,11 @@ class Model:
     axis_parameters: tuple[Parameter, ...]
     faults: Mapping[int, Fault]
     facts: Mapping[str, Fact]
+    #: Motors that a farm file may choose instead of the usual one, which turns.
+    motor_kinds: Mapping[str, MotorKind]
+    #: The motor at hand, and of a linear one the way of a revolution of the axis record, mm; else 0.
+    motor_kind: str = "rotary"
+    pitch: float = 0.0
 
     # parameters
 

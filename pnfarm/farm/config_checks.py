@@ -110,6 +110,8 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
         report((*at, "params", key), what, allowed)
     for key, what, allowed in model.identity_complaints(group.identity):
         report((*at, "identity", key) if key else (*at, "identity"), what, allowed)
+    for key, what, allowed in model.motor_complaints(group.motor.kind, group.motor.pitch):
+        report((*at, "motor", key), what, allowed)
     _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
 
 

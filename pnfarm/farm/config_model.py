@@ -196,23 +196,37 @@ class Realtime(_Section):
 
 
 class Load(_Section):
-    """What hangs on the shaft."""
+    """What hangs on the shaft, or on the forcer of a linear motor."""
 
-    inertia: float | None = Field(default=None, gt=0, description="Motor and load, kg m^2; left out, the model's.")
-    friction: float | None = Field(default=None, ge=0, description="Dry friction, N m.")
-    damping: float | None = Field(default=None, ge=0, description="Viscous friction, N m s/rad.")
-    torque: float = Field(default=0.0, description="Torque that the machine puts on the shaft, N m, signed.")
+    inertia: float | None = Field(
+        default=None, gt=0, description="Motor and load, kg m^2 (linear motor: kg); left out, the model's."
+    )
+    friction: float | None = Field(default=None, ge=0, description="Dry friction, N m (linear motor: N).")
+    damping: float | None = Field(default=None, ge=0, description="Viscous friction, N m s/rad (linear motor: N s/m).")
+    torque: float = Field(
+        default=0.0, description="Torque that the machine puts on the shaft, N m (linear motor: N), signed."
+    )
 
 
 class Motor(_Section):
     """Motor and amplifier, where they differ from the model's."""
 
-    torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere.")
+    kind: str | None = Field(
+        default=None,
+        description="rotary, or another kind that `pnfarm models MODEL` shows under motors, such as linear; left out, "
+        "the model's usual one.",
+    )
+    pitch: float | None = Field(
+        default=None, gt=0, description="Of a linear motor, mm: what a revolution is elsewhere; left out, the model's."
+    )
+    torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere (linear motor: N).")
     peak_current: float | None = Field(default=None, gt=0, description="A; 100 % of the current signals (DRV.IPEAK).")
     velocity_time_constant: float | None = Field(
         default=None, gt=0, description="Closed velocity loop, first order, s."
     )
-    max_velocity: float | None = Field(default=None, gt=0, description="Limit of the velocity command, rpm.")
+    max_velocity: float | None = Field(
+        default=None, gt=0, description="Limit of the velocity command, rpm (linear motor: mm/s)."
+    )
 
 
 def _read_globs(value: Any) -> list[str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from uuid import UUID
 
 from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.drives.motor_kinds import axis_value
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
@@ -137,7 +138,7 @@ class FarmCore:
             axis, image = self.columns.axis[index], self.columns.image[index]
             model = models(config)
             model.apply_motor(axis)
-            _apply_load(axis, config)
+            _apply_load(axis, config, model.pitch)
             axis.step_ns = 4_000_000
             image.port = port.index
             uuids = uuid_source(seed + port.mac)
@@ -357,8 +358,8 @@ def _read_lldp(frame: bytes) -> Lldpdu | str:
         return exc.reason
 
 
-def _apply_load(axis: Any, config: DriveConfig) -> None:
-    """What the farm file says of motor and load, over the model's values."""
+def _apply_load(axis: Any, config: DriveConfig, pitch: float) -> None:
+    """What the farm file says of motor and load, over the model's values; ``pitch``: of a linear motor, else 0."""
     load, motor = config.load, config.motor
     for field, value in (
         ("inertia", load.inertia),
@@ -371,4 +372,4 @@ def _apply_load(axis: Any, config: DriveConfig) -> None:
         ("max_velocity", motor.max_velocity),
     ):
         if value is not None:
-            setattr(axis, field, value)
+            setattr(axis, field, axis_value(field, value, pitch))

@@ -52,7 +52,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     else:
         net = driving - (friction if driving > 0.0 else -friction)
     following = velocity + net / inertia * seconds / RPM_TO_RAD
-    braking = axis.coast_method == 0 or (axis.coast_method == 1 and abs(velocity) > axis.standstill)
+    braking = axis.coast_method == 0 or (axis.coast_method == 1 and not axis.brake_released)
     if braking and not powered_stage:
         # shorted windings; implicit, so that a light load stays stable
         following /= 1.0 + axis.brake_damping / inertia * seconds

@@ -308,5 +308,6 @@ AXIS = Layout(
         # of the telegram's words
         Field("message_warnings", "u4", "", "station", "warnings that MELDW.6 and 7 tell of, 0 = none", (2,)),
         Field("task_ramps_signed", "u1", "", "parameter", "1 = MDI_ACC and MDI_DEC have a sign; below 0 is no ramp"),
+        Field("brake_released", "u1", "", "firmware", "1 = the axis came to rest since its power stage went off"),
     ],
 )

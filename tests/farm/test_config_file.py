@@ -29,6 +29,9 @@ class Model:
     def parameter_complaints(self, params):
         return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]
 
+    def motor_complaints(self, kind, pitch):
+        return []
+
     def identity_complaints(self, identity):
         return [(key, "is no identity", "vendor") for key in identity if key != "vendor"]
 

@@ -1,4 +1,4 @@
-"""Torque limits by parameters, for each direction, and the bit of MELDW that tells of them (HIWIN E1 manual 6.3, 3.16)."""
+"""Torque limits by parameters, for each direction, and their bit of MELDW (HIWIN E1 manual 6.3, 3.16)."""
 
 from __future__ import annotations
 
