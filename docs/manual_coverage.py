@@ -33,7 +33,7 @@ MANUALS = {
 
 _HEADING = re.compile(r"^[#* ]*(\d{1,2}(?:\.\d{1,2}){1,3})\.?\**[\s#*]+[„“\"]?[A-Z]")
 _CONTENTS = re.compile(r"(?:\t|\.{3} ?)\d{1,3}\**$")
-_CAPTION = re.compile(r"^[#* ]*((?:Table|Figure) \d{1,2}(?:\.\d{1,2}){1,2})\b")
+_CAPTION = re.compile(r"^[#* ]*((?:Table|Figure) \d{1,2}(?:\.\d{1,2}){1,3})\b")
 
 
 @dataclass(frozen=True, slots=True)

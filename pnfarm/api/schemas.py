@@ -110,6 +110,9 @@ class Drive(_Model):
     setpoint_rpm: float
     velocity_rpm: float
     position_revolutions: float
+    pitch_millimetres: float | None = Field(
+        description="Of a linear motor: the way of what is called a revolution here; null for a motor that turns."
+    )
     current_amperes: float
     following_error_revolutions: float
     signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")

@@ -22,9 +22,11 @@ UNIT_IN = 2390
 UNIT_OUT = 2392
 POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
 #: Fields that other parameters' scales follow.
-_SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n"}
-#: What a model does not speak of is zero.
-_PARAMETER_FIELDS = tuple(field.name for field in AXIS.fields.values() if field.writer == "parameter")
+_SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n", "velocity_step": "reference/n"}
+#: Velocity steps to the velocity reference value (HIWIN E1 manual 6.1: 0x4000 is 100 %).
+_REFERENCE = 0x4000
+#: What a model does not speak of has the field's default.
+_PARAMETER_FIELDS = tuple(field for field in AXIS.fields.values() if field.writer == "parameter")
 #: Fields that are places on the shaft; parameters count from the machine's zero.
 PLACES = frozenset({"position", "commanded_position"})
 #: Fields that hold the fault of a cause that the motor itself sees.
@@ -57,8 +59,8 @@ class AxisFields:
     def apply_all(self) -> None:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
-        for field in _PARAMETER_FIELDS:
-            axis[field] = 0
+        for column in _PARAMETER_FIELDS:
+            axis[column.name] = column.default
         for field, value in model.firmware.items():
             setattr(axis, field, value)
         for parameter in model.axis_parameters:
@@ -77,7 +79,7 @@ class AxisFields:
     def apply_written(self, parameter: Parameter) -> None:
         """One parameter was changed: write what follows from it."""
         model = self._values.model
-        if parameter.behaviour is Behaviour.FIELD:
+        if parameter.behaviour is Behaviour.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
         if parameter.pnu in POSITION_UNITS:
@@ -113,8 +115,8 @@ class AxisFields:
             return raw / self.position_units()
         if parameter.scale == "jog/n":
             return 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else AT_ONCE
-        if parameter.scale.endswith("/n"):
-            return parameter.factor / raw if raw else AT_ONCE
+        if parameter.scale == "reference/n":
+            return 1000.0 * _REFERENCE * float(self._handle.axis.velocity_step) / raw if raw else AT_ONCE
         return raw * self._factor(parameter)
 
     def _apply(self, parameter: Parameter) -> None:
@@ -157,4 +159,8 @@ class AxisFields:
         return units.get(raw(UNIT_ROTARY), 4294967296.0) / max(raw(POSITION_SCALING, 1), 1)
 
     def _factor(self, parameter: Parameter) -> float:
-        return float(self._handle.axis.acceleration_step) if parameter.scale == "acceleration" else parameter.factor
+        if parameter.scale == "acceleration":
+            return float(self._handle.axis.acceleration_step)
+        if parameter.scale == "rated-torque":
+            return float(self._handle.axis.rated_torque) / 100.0
+        return parameter.factor

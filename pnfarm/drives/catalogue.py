@@ -129,6 +129,7 @@ def _parameter_json(parameter: Parameter) -> dict[str, Any]:
         "nonvolatile": parameter.nonvolatile,
         "behaviour": parameter.behaviour.name.lower(),
         "after_power_on": parameter.after_power_on,
+        "motor": parameter.motor,
         "source": parameter.source,
         "values_source": parameter.values_source,
         "note": parameter.note,
@@ -207,6 +208,13 @@ def as_json(described: Model) -> dict[str, Any]:
         "limits": _with_sources(described, "limits", asdict(described.limits)),
         "motor": _fact_json(described, "motor"),
         "firmware": _fact_json(described, "firmware"),
+        "motors": {
+            kind: {
+                part: _fact_json(described, f"motors.{kind}.{part}")
+                for part in ("kind", "motor", "firmware", "defaults")
+            }
+            for kind in described.motor_kinds
+        },
         "communication_loss": _fact_json(described, "communication_loss"),
         "sign_of_life": _fact_json(described, "sign_of_life"),
         "following_error": _fact_json(described, "following_error"),

@@ -28,9 +28,10 @@ OTHER_FAULT = 0x9012
 LISTS = range(980, 990)
 #: Bit of P-0953: too many signs of life failed (Moog MSD manual 8.3.2).
 LIFE_WARNING = 0x0010
-#: PNU 979: version 1.1 of its structure, one encoder, five values for it; a rotary encoder whose values hold.
+#: PNU 979: version 1.1 of its structure, one encoder, five values for it; these hold, and of a linear one say so.
 ENCODER_HEADER = 0x5111
 ENCODER_TYPE = 0x80000000
+ENCODER_LINEAR = 0x00000001
 
 
 def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
@@ -91,8 +92,14 @@ def _operation_mode(store: ParameterStore, _parameter: Parameter) -> Sequence[in
 
 
 def _encoder_format(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    """PNU 979 (profile 4.1, 6.3.4): header, then type, resolution, two shift factors and revolutions of encoder 1."""
-    step = float(store.handle.axis.sensor_step)
+    """PNU 979 (profile 4.1, 6.3.4): header, then type, resolution, two shift factors and revolutions of encoder 1.
+
+    The resolution is in increments of a revolution, that of a linear encoder in nm of an increment, and that one has no
+    revolutions.
+    """
+    step, pitch = float(store.handle.axis.sensor_step), store.model.pitch
+    if pitch > 0.0:
+        return _fill([ENCODER_HEADER, ENCODER_TYPE | ENCODER_LINEAR, round(step * pitch * 1e6)], parameter)
     return _fill([ENCODER_HEADER, ENCODER_TYPE, round(1.0 / step) if step else 0, 0, 0, 1], parameter)
 
 

@@ -30,6 +30,7 @@ from pnfarm.drives.model import (
     fault_label,
     fault_number,
 )
+from pnfarm.drives.motor_kinds import read_motor_kinds
 from pnfarm.drives.parameter import Behaviour
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_parameters
 from pnfarm.drives.telegram import Module, Submodule
@@ -239,6 +240,9 @@ def load_model(folder: Path) -> Model:
         )
         if key in data
     }
+    motors = {
+        kind: {part: _facts(table, part, path) for part in table} for kind, table in data.get("motors", {}).items()
+    }
     parameters = read_parameters(folder / "parameters.csv")
     signals, telegrams, bits = read_telegrams(folder / "telegrams.toml", required(data, "telegram_module", str(path)))
     faults = _faults(folder / "faults.csv")
@@ -286,5 +290,12 @@ def load_model(folder: Path) -> Model:
         parameter_names=names,
         axis_parameters=axis_parameters(parameters),
         faults=faults,
-        facts={f"{section}.{key}": fact for section, facts in sections.items() for key, fact in facts.items()},
+        facts={f"{section}.{key}": fact for section, facts in sections.items() for key, fact in facts.items()}
+        | {
+            f"motors.{kind}.{part}.{key}": fact
+            for kind, parts in motors.items()
+            for part, facts in parts.items()
+            for key, fact in facts.items()
+        },
+        motor_kinds=read_motor_kinds(motors, parameters, f"{path}, motors"),
     )

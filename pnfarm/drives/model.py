@@ -18,6 +18,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.axis import FAULT_WORDS, REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
+    from pnfarm.drives.motor_kinds import MotorKind
     from pnfarm.drives.telegram import Signal, Telegram
 
 __all__ = [
@@ -45,6 +46,8 @@ COMMANDS = frozenset({
     "acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse", "home", "task-clear",
     "task-load", "task-move", "task-set",
 })  # fmt: skip
+#: Causes of the warnings that MELDW.6 and 7 tell of (HIWIN E1 manual 3.16).
+MESSAGE_CAUSES = ("motor-overload-warning", "i2t-warning")
 #: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
 DIAGNOSIS_CODINGS = frozenset({"none", "channel", "extended", "manufacturer"})
 #: A fault's number in two parts, error and location, is the error with the location above it.
@@ -293,6 +296,11 @@ class Model:
     axis_parameters: tuple[Parameter, ...]
     faults: Mapping[int, Fault]
     facts: Mapping[str, Fact]
+    #: Motors that a farm file may choose instead of the usual one, which turns.
+    motor_kinds: Mapping[str, MotorKind]
+    #: The motor at hand, and of a linear one the way of a revolution of the axis record, mm; else 0.
+    motor_kind: str = "rotary"
+    pitch: float = 0.0
 
     # parameters
 
@@ -375,6 +383,8 @@ class Model:
         for fault in self.faults.values():
             if fault.number < FAULT_WORDS:
                 axis.fault_words[fault.number] = fault.word
+            if fault.cause in MESSAGE_CAUSES:
+                axis.message_warnings[MESSAGE_CAUSES.index(fault.cause)] = fault.number
 
     def with_identity(self, overrides: Mapping[str, Any]) -> Model:
         """This model under another identity; see :data:`OVERRIDES` for the keys.  Raises :class:`ConfigError`."""

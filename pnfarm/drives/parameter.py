@@ -158,11 +158,17 @@ class Parameter:
     defaults: tuple[int, ...] = ()
     #: With the scale ``a|b|...``: the values of the raw numbers 0, 1, ...
     choices: tuple[float, ...] = ()
+    #: The motors that it is for, ``rotary`` or ``linear``; empty for all.  With another one it has no effect.
+    motor: str = ""
 
     @property
     def octets(self) -> int:
         """Width of one value on the wire."""
         return self.type.octets
+
+    def is_for(self, *, linear: bool) -> bool:
+        """Whether it has an effect with a linear motor, or with one that turns."""
+        return not self.motor or (self.motor == "linear") == linear
 
     @property
     def lowest(self) -> int:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-__all__ = ["axis_parameters", "parameter_names", "read_parameters"]
+__all__ = ["PER_PITCH", "axis_parameters", "parameter_names", "read_parameters"]
 
 _TYPES = {
     "Command": ParameterType.COMMAND,
@@ -27,15 +27,19 @@ _TYPES = {
 }
 #: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
 #: UNIT.PROTARY.
-#: A number followed by ``/n`` is divided by the raw number: a ramp given as a time.
-#: ``jog/n`` is a ramp to or from the first jogging velocity in so many milliseconds.
-_NAMED_SCALES = {"2^-n", "acceleration", "jog/n", "position"}
+#: ``jog/n`` and ``reference/n`` are ramps in so many milliseconds to or from the first jogging velocity, or from the
+#: velocity reference value; ``rated-torque`` is a percentage of it.
+_NAMED_SCALES = {"2^-n", "acceleration", "jog/n", "position", "rated-torque", "reference/n"}
+#: Behind a factor: divided by the pitch of the linear motor at hand, so that the factor stands in mm.
+PER_PITCH = "/pitch"
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
     "source", "values_source", "note",
 )  # fmt: skip
 #: A column that a file may have behind these: ``power-on`` for what takes effect with the next power cycle.
 _EFFECTIVE = "effective"
+#: Another one behind that: the motor that a parameter is for.
+_MOTOR = "motor"
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
@@ -55,9 +59,9 @@ def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
 def _factor(scale: str, where: str) -> float:
     if scale in _NAMED_SCALES or not scale or "|" in scale:
         return 1.0
-    numerator, _, denominator = scale.partition("/")
+    numerator, _, denominator = scale.removesuffix(PER_PITCH).partition("/")
     try:
-        factor = float(numerator) / (1.0 if denominator == "n" else float(denominator or 1))
+        factor = float(numerator) / float(denominator or 1)
     except (ValueError, ZeroDivisionError):
         raise ConfigError(
             f"{where}, scale: {scale!r} is not a number, a fraction or one of {', '.join(sorted(_NAMED_SCALES))}"
@@ -144,6 +148,10 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         raise ConfigError(f"{where}, pnu: {pnu} is not within 1..65535")
     if row.get(_EFFECTIVE, "") not in {"", "power-on"}:
         raise ConfigError(f"{where}, effective: {row[_EFFECTIVE]!r} is neither empty nor power-on")
+    if row.get(_MOTOR, "") not in {"", "rotary", "linear"}:
+        raise ConfigError(f"{where}, motor: {row[_MOTOR]!r} is neither empty nor rotary nor linear")
+    if row["scale"].endswith(PER_PITCH) and row.get(_MOTOR) != "linear":
+        raise ConfigError(f"{where}, scale: {row['scale']!r} needs the motor linear")
     writable = "w" in row["access"]
     behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable)
     return Parameter(
@@ -170,6 +178,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         after_power_on=row.get(_EFFECTIVE, "") == "power-on",
         defaults=defaults + (usual,) * (elements - len(defaults)) if behaviour is Behaviour.STORED and elements else (),
         choices=_choices(row["scale"], maximum, where),
+        motor=row.get(_MOTOR, ""),
     )
 
 
@@ -177,7 +186,7 @@ def read_parameters(path: Path) -> dict[int, Parameter]:
     """Every row of the file by its PNU, rising."""
     parameters: dict[int, Parameter] = {}
     for where, row in rows(path):
-        if not parameters and tuple(row) not in {_COLUMNS, (*_COLUMNS, _EFFECTIVE)}:
+        if not parameters and tuple(row) not in {_COLUMNS, (*_COLUMNS, _EFFECTIVE), (*_COLUMNS, _EFFECTIVE, _MOTOR)}:
             raise ConfigError(f"{path}, line 1: the columns must be {', '.join(_COLUMNS)}")
         parameter = _parameter(row, where)
         if parameter.pnu in parameters:
@@ -218,7 +227,9 @@ def parameter_names(
     return names
 
 
-def axis_parameters(parameters: Mapping[int, Parameter]) -> tuple[Parameter, ...]:
-    """The parameters that write the axis record; those in acceleration steps behind the one that sets the step."""
-    found = [p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable]
-    return tuple(sorted(found, key=lambda p: p.scale in {"acceleration", "jog/n"}))
+def axis_parameters(parameters: Mapping[int, Parameter], *, linear: bool = False) -> tuple[Parameter, ...]:
+    """The parameters that write the axis record with this motor; those whose scale another one sets behind that one."""
+    found = [
+        p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable and p.is_for(linear=linear)
+    ]
+    return tuple(sorted(found, key=lambda p: p.scale in {"acceleration", "jog/n", "reference/n"}))

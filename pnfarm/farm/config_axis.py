@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from pnfarm.farm.config_issue import problem
+from pnfarm.drives.motor_kinds import axis_value
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import Duration
 
@@ -19,38 +19,48 @@ LONGEST_STEP_NS = 1_000_000
 
 
 class Load(Section):
-    """What hangs on the shaft; what is behind a gear or a spindle counts as much as the shaft feels of it."""
+    """What hangs on the shaft, or on the forcer of a linear motor; what is behind a gear counts as it is felt there."""
 
-    inertia: float | None = Field(default=None, gt=0, description="Motor and load, kg m^2; left out, the model's.")
-    friction: float | None = Field(default=None, ge=0, description="Dry friction, N m.")
-    damping: float | None = Field(default=None, ge=0, description="Viscous friction, N m s/rad.")
-    torque: float = Field(default=0.0, description="Torque that the machine puts on the shaft, N m, signed.")
-    gear: float = Field(default=1.0, gt=0, description="Revolutions of the motor to one of the load.")
+    inertia: float | None = Field(
+        default=None, gt=0, description="Motor and load, kg m^2 (linear motor: kg); left out, the model's."
+    )
+    friction: float | None = Field(default=None, ge=0, description="Dry friction, N m (linear motor: N).")
+    damping: float | None = Field(default=None, ge=0, description="Viscous friction, N m s/rad (linear motor: N s/m).")
+    torque: float = Field(
+        default=0.0, description="Torque that the machine puts on the shaft, N m (linear motor: N), signed."
+    )
+    gear: float = Field(default=1.0, gt=0, description="Revolutions of the motor to one of what it drives.")
     driven_inertia: float = Field(default=0.0, ge=0, description="Behind the gear, kg m^2, beside `inertia`.")
-    pitch: float | None = Field(default=None, gt=0, description="Way of a spindle or belt in one revolution, m.")
-    mass: float = Field(default=0.0, ge=0, description="What the spindle or belt moves, kg.")
-    force: float = Field(default=0.0, description="Force against forward motion, such as a weight's, N, signed.")
+    lead: float | None = Field(default=None, gt=0, description="Way of a spindle or belt in one revolution, mm.")
+    mass: float = Field(default=0.0, ge=0, description="What spindle, belt or linear motor move beside `inertia`, kg.")
+    force: float = Field(default=0.0, description="Force against its forward motion, such as a weight's, N, signed.")
 
-    @model_validator(mode="after")
-    def _pitch_is_there(self) -> Load:
-        if self.pitch is None and (self.mass or self.force):
-            raise problem("has a mass or a force, but no way of a revolution", "`pitch`, in metres, beside it")
-        return self
+    def referred_inertia(self, pitch: float) -> float:
+        """kg m^2 that the motor feels of what is behind gear and spindle; ``pitch`` of a linear motor, mm, else 0."""
+        way = self._way(pitch)
+        return self.driven_inertia / self.gear**2 + self.mass * way * way
 
-    def referred_inertia(self) -> float:
-        """kg m^2 that the shaft feels of all that is behind gear and spindle."""
-        way = (self.pitch or 0.0) / (2.0 * pi)
-        return (self.driven_inertia + self.mass * way * way) / self.gear**2
+    def referred_torque(self, pitch: float) -> float:
+        """N m that the machine puts on the motor."""
+        return axis_value("load_torque", self.torque, pitch) + self.force * self._way(pitch)
 
-    def referred_torque(self) -> float:
-        """N m that the machine puts on the shaft."""
-        return self.torque + self.force * (self.pitch or 0.0) / (2.0 * pi) / self.gear
+    def _way(self, pitch: float) -> float:
+        """What a radian of the motor moves the mass, m."""
+        return (pitch if pitch > 0.0 else (self.lead or 0.0) / self.gear) / 1000.0 / (2.0 * pi)
 
 
 class Motor(Section):
     """Motor and amplifier, where they differ from the model's."""
 
-    torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere.")
+    kind: str | None = Field(
+        default=None,
+        description="rotary, or another kind that `pnfarm models MODEL` shows under motors, such as linear; left out, "
+        "the model's usual one.",
+    )
+    pitch: float | None = Field(
+        default=None, gt=0, description="Of a linear motor, mm: what a revolution is elsewhere; left out, the model's."
+    )
+    torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere (linear motor: N).")
     peak_current: float | None = Field(default=None, gt=0, description="A; 100 % of the current signals (DRV.IPEAK).")
     continuous_current: float | None = Field(default=None, gt=0, description="A that the motor bears for ever.")
     thermal_time: float | None = Field(default=None, ge=0, description="Thermal time constant, s; 0: it stays cool.")
@@ -58,8 +68,10 @@ class Motor(Section):
         default=None, gt=0, description="What the speed controller is tuned for: its closed loop, s."
     )
     current_time_constant: float | None = Field(default=None, ge=0, description="Closed current loop, s.")
-    max_velocity: float | None = Field(default=None, gt=0, description="Limit of the velocity command, rpm.")
-    overspeed: float | None = Field(default=None, ge=0, description="Shaft speed that is a fault, rpm; 0: none.")
+    max_velocity: float | None = Field(
+        default=None, gt=0, description="Limit of the velocity command, rpm (linear motor: mm/s)."
+    )
+    overspeed: float | None = Field(default=None, ge=0, description="Speed that is a fault, rpm (mm/s); 0: none.")
     resistance: float | None = Field(default=None, ge=0, description="Winding of one phase, ohm.")
     inductance: float | None = Field(default=None, ge=0, description="Winding of one phase, H.")
     bus_voltage: float | None = Field(default=None, ge=0, description="DC link, V; 0: voltage limits nothing.")
@@ -77,8 +89,11 @@ class Motor(Section):
     )
 
 
-def apply_axis(axis: Any, load: Load, motor: Motor) -> None:
-    """What the farm file says of motor and load, over the model's values in ``axis``."""
+def apply_axis(axis: Any, load: Load, motor: Motor, pitch: float) -> None:
+    """What the farm file says of motor and load, over the model's values in ``axis``.
+
+    ``pitch``: of a linear motor, mm, else 0.
+    """
     for field, value in (
         ("inertia", load.inertia),
         ("friction", load.friction),
@@ -101,8 +116,8 @@ def apply_axis(axis: Any, load: Load, motor: Motor) -> None:
         ("motor_step_ns", motor.step_ns),
     ):
         if value is not None:
-            axis[field] = value
-    axis.inertia += load.referred_inertia()
-    axis.load_torque = load.referred_torque()
+            axis[field] = axis_value(field, value, pitch)
+    axis.inertia += load.referred_inertia(pitch)
+    axis.load_torque = load.referred_torque(pitch)
     if not motor.braking_resistor:
         axis.bus_brake = 0.0

@@ -110,6 +110,13 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
         report((*at, "params", key), what, allowed)
     for key, what, allowed in model.identity_complaints(group.identity):
         report((*at, "identity", key) if key else (*at, "identity"), what, allowed)
+    for key, what, allowed in model.motor_complaints(group.motor.kind, group.motor.pitch):
+        report((*at, "motor", key), what, allowed)
+    if not model.moves_straight(group.motor.kind):
+        if group.load.lead is None and (group.load.mass or group.load.force):
+            report((*at, "load"), "has a mass or a force, but nothing that moves them straight", "`lead`, in mm")
+    elif group.load.lead is not None or group.load.gear != 1.0 or group.load.driven_inertia:
+        report((*at, "load"), "has a gear or a spindle behind a linear motor", "`mass` and `force`")
     _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
 
 

@@ -11,6 +11,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.drives import catalogue as drives
+from pnfarm.drives.motor_kinds import ROTARY
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_issue import did_you_mean, shown
@@ -65,6 +66,14 @@ class ModelFacts(Protocol):
 
     def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
         """What is wrong with the ``identity`` of a group."""
+        ...
+
+    def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
+        """What is wrong with the kind and the pitch of a group's ``motor``."""
+        ...
+
+    def moves_straight(self, kind: str | None) -> bool:
+        """Whether a motor of this kind is a linear one."""
         ...
 
 
@@ -128,6 +137,19 @@ class InstalledModel:
         if not complaints and (wrong := self._identity_error(identity)) is not None:
             complaints.append(("", wrong, allowed))
         return complaints
+
+    def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
+        kinds = (ROTARY, *self.model.motor_kinds)
+        if kind is not None and kind not in kinds:
+            hint = did_you_mean(kind, kinds)
+            return [("kind", f"{self.name} has no motor {shown(kind)}{hint}", ", ".join(kinds))]
+        if pitch is not None and (kind in {None, ROTARY} or self.model.motor_kinds[str(kind)].pitch <= 0.0):
+            return [("pitch", "is that of a motor that turns", "a pitch for a linear motor only")]
+        return []
+
+    def moves_straight(self, kind: str | None) -> bool:
+        found = self.model.motor_kinds.get(kind or ROTARY)
+        return found is not None and found.pitch > 0.0
 
     def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
         try:

@@ -138,7 +138,7 @@ class FarmCore:
             axis, image = self.columns.axis[index], self.columns.image[index]
             model = models(config)
             model.apply_motor(axis)
-            apply_axis(axis, config.load, config.motor)
+            apply_axis(axis, config.load, config.motor, model.pitch)
             axis.step_ns = 4_000_000
             image.port = port.index
             uuids = uuid_source(seed + port.mac)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
@@ -55,8 +56,9 @@ __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 
 
 def model_of(config: DriveConfig) -> Model:
-    """A drive's model under the identity that the farm file gives it."""
-    return model_by_name(config.model).with_identity(config.identity)
+    """A drive's model with the motor and under the identity that the farm file gives it."""
+    described = with_motor(model_by_name(config.model), config.motor.kind, config.motor.pitch)
+    return described.with_identity(config.identity)
 
 
 def make_link(config: FarmConfig) -> Link:

@@ -51,6 +51,9 @@ if TYPE_CHECKING:
 
 __all__ = ["StationTarget", "add_impairments", "attach_faults"]
 
+#: Bits of the axis's ``limit_switch``.
+_LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
+
 
 class _HeldChannel(ParameterChannel):
     """A parameter channel whose responses ``asked()`` may hold back."""
@@ -94,6 +97,7 @@ class StationTarget(CmTarget):
         self._off = 0
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
+        self._limits: Counter[str] = Counter()
         self._commands: deque[tuple[int, int]] = deque()
 
     # who it is
@@ -362,6 +366,23 @@ class StationTarget(CmTarget):
             self._show_warning(CMD_RAISE_WARNING, self._warnings[-1])
         else:
             self._show_warning(CMD_CLEAR_WARNING, fault)
+
+    def limit_warning(self, side: str) -> Fault | None:
+        cause = f"limit-switch-{side}"
+        return next((fault for fault in self._station.model.faults.values() if fault.cause == cause), None)
+
+    def reach_limit(self, side: str) -> None:
+        self._limits[side] += 1
+        self._put_limits()
+
+    def leave_limit(self, side: str) -> None:
+        self._limits[side] -= 1
+        self._put_limits()
+
+    def _put_limits(self) -> None:
+        """The switches belong to the machine: the drive's supply changes nothing of them."""
+        reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
+        self._station.handle.axis.limit_switch = reached
 
     def _show_warning(self, code: int, fault: Fault) -> None:
         """A drive shows one warning, so that only the last word counts."""

@@ -167,6 +167,7 @@ def drive_snapshot(
         "setpoint_rpm": float(axis.setpoint),
         "velocity_rpm": float(axis.velocity),
         "position_revolutions": float(axis.position) - float(axis.origin),
+        "pitch_millimetres": station.model.pitch or None,
         "current_amperes": float(axis.current),
         "following_error_revolutions": float(axis.following_error),
         "signalling": powered and station.dcp.signalling,

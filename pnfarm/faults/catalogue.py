@@ -272,8 +272,9 @@ _ALL = (
     FaultKind(
         "limit-switch",
         "drive",
-        "The axis stands on a limit of its travel; the drive warns as its manual says.",
-        "the warning",
+        "The axis stands on a limit of its travel: no task goes further that way, and the drive warns if its manual "
+        "names a warning.",
+        "reaching the limit",
         "limit-switch",
         {
             "side": ParamSpec(

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec
     from pnfarm.faults.target import Evidence, FaultTarget
 
-__all__ = ["DriveFaultEffect", "PowerCycleEffect", "WarningEffect"]
+__all__ = ["DriveFaultEffect", "LimitSwitchEffect", "PowerCycleEffect", "WarningEffect"]
 
 #: ZSW1 (PROFIdrive profile, status word 1).
 FAULT_PRESENT = 3
@@ -122,14 +122,13 @@ class DriveFaultEffect(_Shown):
 
 
 class WarningEffect(_Shown):
-    """drive-warning, and limit-switch by its cause."""
+    """drive-warning."""
 
     bit = WARNING_PRESENT
 
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
         super().__init__(spec, target)
-        wanted = self.values.get("warning", f"limit-switch-{self.values.get('side')}")
-        self._warning = target.find_fault(wanted)
+        self._warning = target.find_fault(self.values["warning"])
         self._showing = False
         if not self._warning.warning:
             raise FaultError(
@@ -157,6 +156,40 @@ class WarningEffect(_Shown):
         if self._showing:
             self._showing = False
             self.target.unwarn(self._warning)
+
+
+class LimitSwitchEffect(_Shown):
+    """limit-switch: the axis stands on it, and the drive warns if its manual names a warning."""
+
+    bit = WARNING_PRESENT
+
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._side = str(self.values["side"])
+        self._warning = target.limit_warning(self._side)
+        self._reached = False
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self._reached = True
+        self.target.reach_limit(self._side)
+        if self._warning is None:
+            self._tally.note(now, confirmed=True)
+        else:
+            self.target.warn(self._warning)
+            self._occurred(now)
+
+    def check(self, now: int) -> None:
+        self._look(now)
+
+    def end(self, now: int) -> None:
+        self._look(now)
+        self._due = None
+        if self._reached:
+            self._reached = False
+            self.target.leave_limit(self._side)
+            if self._warning is not None:
+                self.target.unwarn(self._warning)
 
 
 class PowerCycleEffect(Effect):

@@ -35,7 +35,7 @@ from pnfarm.faults.effects_connection import (
     RefuseEffect,
     RpcDelayEffect,
 )
-from pnfarm.faults.effects_drive import DriveFaultEffect, PowerCycleEffect, WarningEffect
+from pnfarm.faults.effects_drive import DriveFaultEffect, LimitSwitchEffect, PowerCycleEffect, WarningEffect
 from pnfarm.faults.plan import FaultSpec, matching
 from pnfarm.faults.target import NOTHING, Evidence
 from pnfarm.faults.words import FaultError, did_you_mean
@@ -72,7 +72,7 @@ _EFFECTS: Mapping[str, type[Effect]] = {
     "diagnosis": DiagnosisEffect,
     "drive-fault": DriveFaultEffect,
     "drive-warning": WarningEffect,
-    "limit-switch": WarningEffect,
+    "limit-switch": LimitSwitchEffect,
     "power-cycle": PowerCycleEffect,
 }
 

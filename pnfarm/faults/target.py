@@ -374,6 +374,18 @@ class FaultTarget(Protocol):
         """Undo one :meth:`warn`."""
         ...
 
+    def limit_warning(self, side: str) -> Fault | None:
+        """What the drive shows on its ``positive`` or ``negative`` limit, None if its manual names no warning."""
+        ...
+
+    def reach_limit(self, side: str) -> None:
+        """The axis stands on this limit of its travel, until each caller has called :meth:`leave_limit`."""
+        ...
+
+    def leave_limit(self, side: str) -> None:
+        """Undo one :meth:`reach_limit`."""
+        ...
+
     def sent_status(self, bit: int, since: int) -> bool:
         """Whether a cyclic frame that left at or after ``since`` has ``bit`` of ZSW1 set."""
         ...

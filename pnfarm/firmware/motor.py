@@ -20,6 +20,7 @@ from math import floor, pi, sqrt
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.firmware.torque_limits import limited_torque
 from pnfarm.table.compiled import compiled
 
 __all__ = ["brake_holds", "motor_step_ns", "step_motor", "watch_motor"]
@@ -81,7 +82,7 @@ def _speed(axis: Any, omega: float, drive: float, slope: float, seconds: float) 
 @compiled
 def _coast(axis: Any, omega: float, seconds: float) -> float:
     """The shaft's speed after a step without power; shorted windings may brake it."""
-    braking = axis.coast_method == 0 or (axis.coast_method == 1 and abs(axis.velocity) > axis.standstill)
+    braking = axis.coast_method == 0 or (axis.coast_method == 1 and not axis.brake_released)
     axis.current = 0.0
     axis.torque = 0.0
     axis.speed_integral = 0.0
@@ -118,10 +119,10 @@ def _controlled(axis: Any, omega: float, reference: float, seconds: float) -> fl
     slope = share * action
     following = _speed(axis, omega, drive, slope, seconds)
     wanted = action * (reference - following) + given
-    limit = constant * axis.peak_current
-    limited = abs(wanted) > limit
+    most = limited_torque(axis, wanted)
+    limited = most != wanted
     if limited:
-        drive = kept + share * (limit if wanted > 0.0 else -limit)
+        drive = kept + share * most
         slope = 0.0
         following = _speed(axis, omega, drive, slope, seconds)
     torque = drive - slope * following

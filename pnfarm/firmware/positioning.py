@@ -193,7 +193,7 @@ def _start_task(axis: Any) -> None:
     axis.task = axis.asked_task
     axis.over_ns = 0
     axis.task_top = fastest(axis, axis.asked_velocity)
-    _take_ramps(axis, axis.task_top * axis.override, axis.asked_acceleration, axis.asked_deceleration)
+    _take_ramps(axis, fastest(axis, axis.task_top * axis.override), axis.asked_acceleration, axis.asked_deceleration)
     axis.profile = PROFILE_TARGET
     axis.target_reached = 0
 
@@ -337,7 +337,7 @@ def take_motion(axis: Any, now: int) -> None:
     if axis.motion == JOG:
         _jog(axis)
     elif axis.motion == TASK:
-        axis.task_velocity = axis.task_top * axis.override
+        axis.task_velocity = fastest(axis, axis.task_top * axis.override)
     if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
         raise_fault(axis, axis.following_fault, now)
     if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:

@@ -130,6 +130,10 @@ def step(axis: Any, image: Any, now: int) -> None:
     take_task(axis, image)
     advance(axis, conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS))
     take_motion(axis, now)
+    if axis.state >= 4:
+        axis.brake_released = 0
+    elif abs(axis.velocity) <= axis.standstill:
+        axis.brake_released = 1
 
     elapsed = min(elapsed, 1_000_000_000)
     longest = motor_step_ns(axis)

@@ -32,6 +32,7 @@ from pnfarm.table.signals import (
     POS_STW1,
     POS_STW2,
     SATZANW,
+    STW1,
     TARPOS_A,
     VELOCITY_A,
 )
@@ -39,6 +40,7 @@ from pnfarm.table.signals import (
 __all__ = ["select_task", "take_task"]
 
 START_BIT = 0x0040  # STW1.6
+CONTROL_BY_PLC = 0x0400  # STW1.10
 JOG_EXCLUDES = 0x0070  # STW1.4 to 6
 JOG_1 = 0x0100  # STW1.8
 JOG_2 = 0x0200  # STW1.9
@@ -95,10 +97,32 @@ def _take_homing(axis: Any, image: Any, step: float) -> None:
 
 
 @compiled
+def _ramp(axis: Any, word: int) -> int:
+    """MDI_ACC or MDI_DEC; below zero it is no ramp of a task where the word has a sign (HIWIN E1 manual 3.1)."""
+    word &= 0xFFFF
+    return 0 if axis.task_ramps_signed and word & 0x8000 else word
+
+
+@compiled
+def _take_command(axis: Any) -> bool:
+    """The motion task that a command starts; false for none."""
+    if axis.task_command == 0:
+        return False
+    axis.asked = 1
+    select_task(axis, int(axis.task_command) - 1)
+    axis.task_command = 0
+    return True
+
+
+@compiled
 def take_task(axis: Any, image: Any) -> None:
     """The signals of this step in physical units; ``asked`` is set on the edge that starts a task."""
     stw1 = axis.stw1
     axis.asked = 0
+    if image.valid and not image.received[STW1] & CONTROL_BY_PLC:
+        # nothing of the telegram is taken over: what was asked for last stays
+        _take_command(axis)
+        return
     axis.jog = JOG_NONE
     axis.mdi = 0
     if axis.task_form == TASKS_NONE or not image.valid:
@@ -120,8 +144,8 @@ def take_task(axis: Any, image: Any) -> None:
         axis.asked_velocity = velocity * axis.task_velocity_step
         up = axis.task_acceleration_step if axis.task_acceleration_step > 0.0 else axis.jog_acceleration / WHOLE
         down = axis.task_deceleration_step if axis.task_deceleration_step > 0.0 else axis.jog_deceleration / WHOLE
-        axis.asked_acceleration = (image.received[MDI_ACC] & 0xFFFF) * up
-        axis.asked_deceleration = (image.received[MDI_DEC] & 0xFFFF) * down
+        axis.asked_acceleration = _ramp(axis, int(image.received[MDI_ACC])) * up
+        axis.asked_deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
         axis.asked_backwards = 1 if stw1 & BACKWARDS else 0
         if axis.task_form == TASKS_MDI:
             axis.asked_relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
@@ -136,14 +160,12 @@ def take_task(axis: Any, image: Any) -> None:
                 axis.homed = 1
             axis.pos_stw2 = word
         axis.mdi = 1 if selected else 0
-        if axis.task_command != 0:
-            axis.asked = 1
-            select_task(axis, int(axis.task_command) - 1)
-        elif not selected and axis.task_form == TASKS_MDI:
+        if _take_command(axis) or selected:
+            return
+        if axis.task_form == TASKS_MDI:
             select_task(axis, int(image.received[SATZANW]) & NUMBER)
-        elif not selected:
+        else:
             axis.asked = 0
-        axis.task_command = 0
         return
     axis.asked_relative = 1 if stw1 & RELATIVE else 0
     axis.asked_velocity = abs(image.received[VELOCITY_A] * axis.task_velocity_step)

@@ -13,6 +13,7 @@ from pnfarm.firmware.positioning import (
     second_position_word,
 )
 from pnfarm.firmware.sign_of_life import second_status_word
+from pnfarm.firmware.torque_limits import torque_limited
 from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
@@ -107,10 +108,14 @@ def clamp_unsigned(value: float) -> int:
 
 @compiled
 def message_word(axis: Any) -> int:
-    """MELDW (HIWIN E1 manual 3.16); the motor model knows no overload, and bit 8 is always set there."""
-    word = 0x01C0
-    if abs(axis.current) < axis.peak_current:
-        word |= 0x0002  # torque limit not active
+    """MELDW (HIWIN E1 manual 3.16); bit 8 is always set there."""
+    word = 0x0100
+    if axis.warning_code == 0 or axis.warning_code != axis.message_warnings[0]:
+        word |= 0x0040  # no motor overload warning
+    if axis.warning_code == 0 or axis.warning_code != axis.message_warnings[1]:
+        word |= 0x0080  # no i2t warning
+    if not torque_limited(axis):
+        word |= 0x0002
     if axis.state == 4:
         word |= 0x0800  # controller enabled
     if axis.state >= 2:

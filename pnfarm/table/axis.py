@@ -8,6 +8,8 @@ States and faults as numbers:
 
 from __future__ import annotations
 
+from math import inf
+
 from pnfarm.table.layout import Field, Layout
 
 __all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS", "FAULT_WORDS"]
@@ -341,5 +343,13 @@ AXIS = Layout(
         Field("mt_dwell_ns", "i8", "ns", "parameter", "before the next one begins", (MOTION_TASKS,)),
         Field("mt_flags", "u1", "", "parameter", "what each task is: TASK_* above", (MOTION_TASKS,)),
         Field("mt_next", "u1", "", "parameter", "the next one of a chained task", (MOTION_TASKS,)),
+        # torque limits by parameters, beside the motor's peak current
+        Field("rated_torque", "f8", "N m", "station", "100 % of the torque limits, 0 = the model has none"),
+        Field("torque_limit_positive", "f8", "N m", "parameter", "most torque forwards, inf = no limit", default=inf),
+        Field("torque_limit_negative", "f8", "N m", "parameter", "most torque backwards, alike", default=inf),
+        # of the telegram's words
+        Field("message_warnings", "u4", "", "station", "warnings that MELDW.6 and 7 tell of, 0 = none", (2,)),
+        Field("task_ramps_signed", "u1", "", "parameter", "1 = MDI_ACC and MDI_DEC have a sign; below 0 is no ramp"),
+        Field("brake_released", "u1", "", "firmware", "1 = the axis came to rest since its power stage went off"),
     ],
 )

@@ -31,7 +31,7 @@ class Field:
     """One column.
 
     ``kind`` is a NumPy type string; ``shape`` makes a small array inside the row; ``unit`` is
-    ``""`` for flags, codes and counts.
+    ``""`` for flags, codes and counts; ``default`` is what a row has that nobody wrote yet.
     """
 
     name: str
@@ -40,6 +40,7 @@ class Field:
     writer: str
     doc: str
     shape: tuple[int, ...] = ()
+    default: float = 0
 
 
 class Layout:
@@ -61,8 +62,12 @@ class Layout:
         )
 
     def allocate(self, rows: int) -> Any:
-        """``rows`` zeroed rows as a record array: ``row.field`` works compiled and interpreted alike."""
-        return np.zeros(rows, self.dtype).view(np.recarray)
+        """``rows`` fresh rows as a record array: ``row.field`` works compiled and interpreted alike."""
+        table: Any = np.zeros(rows, self.dtype).view(np.recarray)
+        for field in self.fields.values():
+            if field.default:
+                table[field.name] = field.default
+        return table
 
     def markdown(self) -> str:
         """The layout as a table for the documentation."""

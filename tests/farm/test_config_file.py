@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from ipaddress import IPv4Interface
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import FarmFileError, Known, clock_of, controller_mac, expand, load_farm, parse_farm
+from pnfarm.farm.config_axis import Load
 from pnfarm.farm.config_known import catalogue
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -28,6 +30,12 @@ class Model:
 
     def parameter_complaints(self, params):
         return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]
+
+    def moves_straight(self, kind):
+        return kind == "linear"
+
+    def motor_complaints(self, kind, pitch):
+        return []
 
     def identity_complaints(self, identity):
         return [(key, "is no identity", "vendor") for key in identity if key != "vendor"]
@@ -289,6 +297,7 @@ WRONG = [
     ("mac: auto", "mac: 00:00:00:00:00:00", 10, "drives[0].mac", "zeros", "auto"),
     ("mac: auto", "mac: 02:ff:ff:ff:ff:fe", 10, "drives[0].mac", "up into multicast", "lower"),
     ("inertia: 2.0e-4", "inertia: 0", 11, "drives[0].load.inertia", "is 0", "above 0"),
+    ("inertia: 2.0e-4", "mass: 5", 11, "drives[0].load", "has a mass or a force", "`lead`, in mm"),
     ("inertia: 2.0e-4", "inertia: .inf", 11, "drives[0].load.inertia", "is inf", "finite"),
     ("inertia: 2.0e-4", "inertai: 2.0e-4", 11, "drives[0].load.inertai", "did you mean inertia?", "friction"),
     ("{inertia: 2.0e-4, friction: 0.05}", "[1, 2]", 11, "drives[0].load", "is a list", "a mapping"),
@@ -617,3 +626,16 @@ drives:
     said = {(issue.line, issue.field): issue.what for issue in caught.value.issues}
     assert "no station name" in said[5, "drives[0].name"]
     assert said[7, "drives[2].name"].endswith("of drives[1] already")
+
+
+def test_a_load_behind_gear_and_spindle_counts_as_the_shaft_feels_it():
+    load = expand(
+        parse(GOOD.replace("inertia: 2.0e-4", "gear: 4, lead: 20, mass: 50, force: 490, driven_inertia: 1.6e-3"))
+    )[0].load
+    way = 0.020 / 4 / (2 * math.pi)
+    assert load.referred_inertia(0.0) == pytest.approx(50 * way**2 + 1e-4)
+    assert load.referred_torque(0.0) == pytest.approx(490 * way)
+
+
+def test_a_mass_on_a_linear_motor_needs_no_spindle():
+    assert Load(mass=5.0).referred_inertia(32.0) == pytest.approx(5 * (0.032 / (2 * math.pi)) ** 2)

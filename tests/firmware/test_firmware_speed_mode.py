@@ -158,7 +158,7 @@ def test_meldw_tells_enable_ready_and_pulses(drive):
     drive.enable()
     drive.run(1)
     assert int(drive.image.sent[MELDW]) == 0x39C2
-    drive.axis.current = -drive.axis.peak_current
+    drive.axis.torque = -drive.axis.peak_current * drive.axis.torque_constant
     assert message_word(drive.axis) == 0x39C0
 
 

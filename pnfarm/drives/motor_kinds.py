@@ -1,0 +1,145 @@
+"""Kinds of motors that one drive model can run: its usual rotary one, and those that a farm file may choose instead.
+
+The axis record turns: it counts revolutions, rpm and N m.  A linear motor is one whose revolution is a way, its pitch:
+its data stand in millimetres, newtons and kilograms and are carried over here.  What a kind does not speak of is as the
+model has it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from math import pi
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.data_files import integer, required
+from pnfarm.drives.parameter_rows import PER_PITCH, axis_parameters
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import AXIS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pnfarm.drives.model import Fact, Model
+    from pnfarm.drives.parameter import Parameter
+
+__all__ = ["ROTARY", "MotorKind", "axis_value", "read_motor_kinds", "with_motor"]
+
+#: The kind of a model's own sections ``motor`` and ``firmware``.
+ROTARY = "rotary"
+
+
+def _lever(pitch: float) -> float:
+    """Metres of way to a radian, for a pitch in millimetres."""
+    return pitch / 1000.0 / (2.0 * pi)
+
+
+#: Unit in the axis record -> unit of a linear motor, and what one of the latter is in the former.
+_LINEAR: dict[str, tuple[str, Callable[[float], float]]] = {
+    "rev": ("mm", lambda pitch: 1.0 / pitch),
+    "rpm": ("mm/s", lambda pitch: 60.0 / pitch),
+    "rpm/s": ("mm/s^2", lambda pitch: 60.0 / pitch),
+    "N m": ("N", _lever),
+    "N m/A": ("N/A", _lever),
+    "kg m^2": ("kg", lambda pitch: _lever(pitch) ** 2),
+    "N m s/rad": ("N s/m", lambda pitch: _lever(pitch) ** 2),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MotorKind:
+    """What differs with this motor: fields of the axis record in its own units, and defaults of parameters by PNU.
+
+    ``pitch`` is the way of one revolution in mm, 0 for a motor that turns.
+    """
+
+    pitch: float = 0.0
+    motor: Mapping[str, float] = field(default_factory=dict)
+    firmware: Mapping[str, float] = field(default_factory=dict)
+    defaults: Mapping[int, int] = field(default_factory=dict)
+
+
+def axis_value(name: str, value: float, pitch: float) -> float:
+    """A field of the axis record from a value in the units of a motor with this pitch; as it is for one that turns."""
+    linear = _LINEAR.get(AXIS.fields[name].unit)
+    return value if pitch <= 0.0 or linear is None else value * linear[1](pitch)
+
+
+def with_motor(model: Model, name: str | None, pitch: float | None = None) -> Model:
+    """The model with a motor of this kind, None for its usual one; ``pitch`` in mm takes the place of a linear one's.
+
+    Raises :class:`ConfigError` for a kind that the model does not have, and a pitch for a motor that turns.
+    """
+    kind = MotorKind() if name in {None, ROTARY} else model.motor_kinds.get(str(name))
+    if kind is None:
+        raise ConfigError(f"{model.name} has no {name} motor; it has {', '.join((ROTARY, *model.motor_kinds))}")
+    if pitch is not None and kind.pitch <= 0.0:
+        raise ConfigError(f"a {name or ROTARY} motor turns and has no pitch")
+    way = kind.pitch if pitch is None else pitch
+    if kind == MotorKind():
+        return model
+    parameters = {pnu: _fitted(parameter, kind, way) for pnu, parameter in model.parameters.items()}
+    return replace(
+        model,
+        motor_kind=str(name),
+        pitch=way,
+        motor={**model.motor, **{key: axis_value(key, value, way) for key, value in kind.motor.items()}},
+        firmware={**model.firmware, **{key: axis_value(key, value, way) for key, value in kind.firmware.items()}},
+        parameters=parameters,
+        axis_parameters=axis_parameters(parameters, linear=way > 0.0),
+    )
+
+
+def _fitted(parameter: Parameter, kind: MotorKind, pitch: float) -> Parameter:
+    """A parameter's default and factor with this motor."""
+    factor = parameter.factor / pitch if parameter.scale.endswith(PER_PITCH) and pitch > 0.0 else parameter.factor
+    default = kind.defaults.get(parameter.pnu, parameter.default)
+    if factor == parameter.factor and default == parameter.default:
+        return parameter
+    return replace(parameter, factor=factor, default=default)
+
+
+# model.toml
+
+
+def read_motor_kinds(
+    tables: Mapping[str, Mapping[str, Mapping[str, Fact]]], parameters: Mapping[int, Parameter], where: str
+) -> dict[str, MotorKind]:
+    """The sections ``motors.<kind>``; raises :class:`ConfigError` that names the section and the key."""
+    kinds: dict[str, MotorKind] = {}
+    for name, table in tables.items():
+        here = f"{where}.{name}"
+        if name == ROTARY or (unknown := sorted(table.keys() - {"kind", "motor", "firmware", "defaults"})):
+            raise ConfigError(f"{here}: {name if name == ROTARY else unknown[0]!r} stands in the model's own sections")
+        pitch = table["kind"]["pitch"].value if "pitch" in table.get("kind", {}) else 0.0
+        if not isinstance(pitch, int | float) or pitch < 0:
+            raise ConfigError(f"{here}.kind.pitch: {pitch!r} is no way in mm")
+        kinds[name] = MotorKind(
+            float(pitch),
+            _values(table.get("motor", {}), "station", float(pitch), f"{here}.motor"),
+            _values(table.get("firmware", {}), "parameter", float(pitch), f"{here}.firmware"),
+            _defaults(table.get("defaults", {}), parameters, f"{here}.defaults"),
+        )
+    return kinds
+
+
+def _values(facts: Mapping[str, Fact], writer: str, pitch: float, where: str) -> dict[str, float]:
+    for key, fact in facts.items():
+        column = AXIS.fields.get(key)
+        if column is None or column.writer != writer:
+            raise ConfigError(f"{where}.{key}: the axis has no such field that the {writer} writes")
+        unit = _LINEAR[column.unit][0] if pitch > 0.0 and column.unit in _LINEAR else column.unit
+        if fact.unit != unit:
+            raise ConfigError(f"{where}.{key}, unit: {fact.unit!r}; of this motor it is {unit!r}")
+    return {key: fact.value for key, fact in facts.items()}
+
+
+def _defaults(facts: Mapping[str, Fact], parameters: Mapping[int, Parameter], where: str) -> dict[int, int]:
+    found: dict[int, int] = {}
+    by_name = {parameter.name: parameter for parameter in parameters.values()}
+    for key, fact in facts.items():
+        parameter = required(by_name, key, where)
+        value = integer(str(fact.value), where, key)
+        if not parameter.minimum <= value <= parameter.maximum:
+            raise ConfigError(f"{where}.{key}: {value} is not within {parameter.minimum}..{parameter.maximum}")
+        found[parameter.pnu] = value
+    return found
