@@ -65,8 +65,8 @@ def _factor(scale: str, where: str) -> float:
     return factor
 
 
-def _behaviour(text: str, where: str, *, writable: bool) -> tuple[Behaviour, str, int]:
-    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``."""
+def _behaviour(text: str, where: str, *, writable: bool, elements: int) -> tuple[Behaviour, str, int]:
+    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``; an array fills a field of its length."""
     kind_name, _, argument = text.partition(":")
     try:
         kind = Behaviour[kind_name.upper()]
@@ -82,7 +82,8 @@ def _behaviour(text: str, where: str, *, writable: bool) -> tuple[Behaviour, str
         if match is None or field is None:
             raise ConfigError(f"{where}, behaviour: the axis has no field {argument!r}")
         index = int(match[2]) if match[2] else -1
-        if (index >= 0) != bool(field.shape) or (field.shape and index >= field.shape[0]):
+        whole = bool(elements) and index < 0 and field.shape == (elements,)
+        if not whole and (elements or (index >= 0) != bool(field.shape) or (field.shape and index >= field.shape[0])):
             raise ConfigError(f"{where}, behaviour: {argument!r} does not fit the field's shape {field.shape}")
         if writable and field.writer != "parameter":
             raise ConfigError(f"{where}, behaviour: {argument!r} is written by {field.writer}, not by a parameter")
@@ -145,7 +146,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     if row.get(_EFFECTIVE, "") not in {"", "power-on"}:
         raise ConfigError(f"{where}, effective: {row[_EFFECTIVE]!r} is neither empty nor power-on")
     writable = "w" in row["access"]
-    behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable)
+    behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable, elements=elements)
     return Parameter(
         pnu=pnu,
         name=row["name"],
@@ -168,7 +169,11 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         values_source=row["values_source"],
         note=row["note"],
         after_power_on=row.get(_EFFECTIVE, "") == "power-on",
-        defaults=defaults + (usual,) * (elements - len(defaults)) if behaviour is Behaviour.STORED and elements else (),
+        defaults=(
+            defaults + (usual,) * (elements - len(defaults))
+            if behaviour in {Behaviour.STORED, Behaviour.FIELD} and elements
+            else ()
+        ),
         choices=_choices(row["scale"], maximum, where),
     )
 

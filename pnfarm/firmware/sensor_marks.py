@@ -23,7 +23,7 @@ ALL_FUNCTIONS = 0x0F
 @compiled
 def encoder_faulty(axis: Any) -> bool:
     """Whether the drive shows the encoder's own fault."""
-    number = int(axis.sensor_fault)
+    number = int(axis.sensor_fault) & NUMBER_MASK
     found = False
     for i in range(FAULT_SLOTS):
         found = found or (number != 0 and (int(axis.fault_code[i]) & NUMBER_MASK) == number)
@@ -33,7 +33,7 @@ def encoder_faulty(axis: Any) -> bool:
 @compiled
 def cause_stays(axis: Any) -> bool:
     """Whether the encoder cannot be read now."""
-    number = int(axis.sensor_fault)
+    number = int(axis.sensor_fault) & NUMBER_MASK
     found = False
     for i in range(FAULT_SLOTS):
         found = found or (number != 0 and (int(axis.fault_held[i]) & NUMBER_MASK) == number)
@@ -85,7 +85,9 @@ def look_for_marks(axis: Any) -> None:
         elif axis.sensor_marks[function] == MARK_ZERO:
             if _zero_mark_passed(axis):
                 axis.sensor_value[function] = (
-                    floor(axis.measured_position) if axis.measured_position > axis.sensor_position else ceil(axis.measured_position)
+                    floor(axis.measured_position)
+                    if axis.measured_position > axis.sensor_position
+                    else ceil(axis.measured_position)
                 )
                 _found(axis, function)
             continue

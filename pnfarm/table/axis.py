@@ -364,7 +364,7 @@ AXIS = Layout(
         ),
         Field("probe_inputs", "u4", "", "parameter", "bit of digital_inputs that is probe 1 or 2, 0 = none", (2,)),
         Field("probe_mode", "u2", "", "parameter", "0 = the probes measure"),
-        Field("sensor_fault", "u4", "", "parameter", "number of the fault that is an encoder's, 0 = none"),
+        Field("sensor_fault", "u4", "", "parameter", "the encoder's fault, number | reaction << 24, 0 = none"),
         Field("digital_inputs", "u4", "", "fault", "levels of the drive's digital inputs, bit by bit"),
         Field("sensor_state", "u1", "", "firmware", "SD1 to SD12 as 1..12, 0 = not yet; firmware/sensor_interface.py"),
         Field("sensor_stw", "u2", "", "firmware", "G1_STW in force, without bits that mean nothing"),
