@@ -66,7 +66,7 @@ def _factor(scale: str, where: str) -> float:
 
 
 def _behaviour(text: str, where: str, *, writable: bool, elements: int) -> tuple[Behaviour, str, int]:
-    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``; an array fills a field of its length."""
+    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``; an array fills a whole field."""
     kind_name, _, argument = text.partition(":")
     try:
         kind = Behaviour[kind_name.upper()]

@@ -271,7 +271,8 @@ def test_a_request_for_an_absolute_position_that_is_not_there_is_error_8(sensor:
     ("words", "code"),
     [
         ((0x40,), 0x0F01), ((0x70 | 1,), 0x0F01), ((SET_HOME,), 0x0F01),
-        ((ACTIVATE | 8,), 0x0004), ((ACTIVATE | 1, READ | 1), 0x0004), ((ACTIVATE | 1, ON_THE_FLY | ACTIVATE | 1), 0x0004),
+        ((ACTIVATE | 8,), 0x0004), ((ACTIVATE | 1, READ | 1), 0x0004),
+        ((ACTIVATE | 1, ON_THE_FLY | ACTIVATE | 1), 0x0004),
         ((READ | 1,), 0x0005), ((READ,), 0x0005), ((READ | 3,), 0x0005),
         ((ON_THE_FLY | ACTIVATE | 1, ACTIVATE | 1), 0x0006), ((ON_THE_FLY | ACTIVATE | 1, READ | 1), 0x0006),
         ((ON_THE_FLY | READ | 1,), 0x0007), ((ON_THE_FLY | ACTIVATE | 1, ON_THE_FLY | READ | 1), 0x0007),
