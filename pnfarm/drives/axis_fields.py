@@ -29,8 +29,9 @@ _REFERENCE = 0x4000
 _PARAMETER_FIELDS = tuple(field for field in AXIS.fields.values() if field.writer == "parameter")
 #: Fields that are places on the shaft; parameters count from the machine's zero.
 PLACES = frozenset({"position", "commanded_position"})
-#: Fields that hold the fault of a cause that the motor itself sees.
-_RAISED_BY_THE_MOTOR = {
+#: Fields that hold the fault of a cause that the firmware itself sees.
+_FAULT_OF_CAUSE = {
+    "encoder-error": "sensor_fault",
     "overvoltage": "overvoltage_fault",
     "overload": "overload_fault",
     "overspeed": "overspeed_fault",
@@ -72,8 +73,8 @@ class AxisFields:
         if model.following_error is not None:
             axis.following_fault = model.faults[model.following_error.fault].code
         for fault in model.faults.values():
-            if fault.cause in _RAISED_BY_THE_MOTOR:
-                axis[_RAISED_BY_THE_MOTOR[fault.cause]] = fault.code
+            if fault.cause in _FAULT_OF_CAUSE:
+                axis[_FAULT_OF_CAUSE[fault.cause]] = fault.code
         self.apply_telegram()
 
     def apply_written(self, parameter: Parameter) -> None:
@@ -120,6 +121,11 @@ class AxisFields:
         return raw * self._factor(parameter)
 
     def _apply(self, parameter: Parameter) -> None:
+        if parameter.elements:
+            field = getattr(self._handle.axis, parameter.argument)
+            for index, raw in enumerate(self._values.array(parameter)):
+                field[index] = self.physical(parameter, raw)
+            return
         value = self.physical(parameter, self._values.raw(parameter.pnu))
         if parameter.index >= 0:
             getattr(self._handle.axis, parameter.argument)[parameter.index] = value

@@ -154,7 +154,7 @@ class Parameter:
     values_source: str
     note: str
     after_power_on: bool = False
-    #: Every element's default, for a stored array.
+    #: Every element's default, for an array that is stored or stands in the axis record.
     defaults: tuple[int, ...] = ()
     #: With the scale ``a|b|...``: the values of the raw numbers 0, 1, ...
     choices: tuple[float, ...] = ()

@@ -69,8 +69,8 @@ def _factor(scale: str, where: str) -> float:
     return factor
 
 
-def _behaviour(text: str, where: str, *, writable: bool) -> tuple[Behaviour, str, int]:
-    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``."""
+def _behaviour(text: str, where: str, *, writable: bool, elements: int) -> tuple[Behaviour, str, int]:
+    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``; an array fills a whole field."""
     kind_name, _, argument = text.partition(":")
     try:
         kind = Behaviour[kind_name.upper()]
@@ -86,7 +86,8 @@ def _behaviour(text: str, where: str, *, writable: bool) -> tuple[Behaviour, str
         if match is None or field is None:
             raise ConfigError(f"{where}, behaviour: the axis has no field {argument!r}")
         index = int(match[2]) if match[2] else -1
-        if (index >= 0) != bool(field.shape) or (field.shape and index >= field.shape[0]):
+        whole = bool(elements) and index < 0 and field.shape == (elements,)
+        if not whole and (elements or (index >= 0) != bool(field.shape) or (field.shape and index >= field.shape[0])):
             raise ConfigError(f"{where}, behaviour: {argument!r} does not fit the field's shape {field.shape}")
         if writable and field.writer != "parameter":
             raise ConfigError(f"{where}, behaviour: {argument!r} is written by {field.writer}, not by a parameter")
@@ -153,7 +154,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     if row["scale"].endswith(PER_PITCH) and row.get(_MOTOR) != "linear":
         raise ConfigError(f"{where}, scale: {row['scale']!r} needs the motor linear")
     writable = "w" in row["access"]
-    behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable)
+    behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable, elements=elements)
     return Parameter(
         pnu=pnu,
         name=row["name"],
@@ -176,7 +177,11 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         values_source=row["values_source"],
         note=row["note"],
         after_power_on=row.get(_EFFECTIVE, "") == "power-on",
-        defaults=defaults + (usual,) * (elements - len(defaults)) if behaviour is Behaviour.STORED and elements else (),
+        defaults=(
+            defaults + (usual,) * (elements - len(defaults))
+            if behaviour in {Behaviour.STORED, Behaviour.FIELD} and elements
+            else ()
+        ),
         choices=_choices(row["scale"], maximum, where),
         motor=row.get(_MOTOR, ""),
     )

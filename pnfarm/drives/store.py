@@ -104,7 +104,7 @@ class ParameterStore:
             self._check_plain(parameter, subindex, count)
             return [self._value(parameter)]
         self._check_elements(parameter, subindex, count)
-        if parameter.behaviour is Behaviour.STORED:
+        if parameter.behaviour in {Behaviour.STORED, Behaviour.FIELD}:
             return list(self._values.array(parameter)[subindex : subindex + count])
         return list(COMPUTED[parameter.argument](self, parameter)[subindex : subindex + count])
 

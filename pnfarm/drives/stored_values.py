@@ -75,7 +75,7 @@ class StoredValues:
         )
 
     def array(self, parameter: Parameter) -> tuple[int, ...]:
-        """A stored array's elements."""
+        """The elements of an array that is stored or stands in the axis record."""
         stored = self.current.get(parameter.pnu)
         return stored if isinstance(stored, tuple) else parameter.defaults
 
@@ -171,7 +171,7 @@ class StoredValues:
         for index, number in enumerate(values):
             if not parameter.minimum <= number <= parameter.maximum:
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, index)
-        if target.elements and target.behaviour is Behaviour.STORED:
+        if target.elements and target.behaviour in {Behaviour.STORED, Behaviour.FIELD}:
             self.permanent[target.pnu] = tuple(values) + target.defaults[len(values) :]
             return
         if target.elements:

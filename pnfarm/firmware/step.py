@@ -8,6 +8,7 @@ from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.positioning import position_bits, take_motion
 from pnfarm.firmware.ramp import velocity_command
+from pnfarm.firmware.sensor_interface import step_sensor
 from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
 from pnfarm.firmware.tasks import take_task
@@ -146,3 +147,4 @@ def step(axis: Any, image: Any, now: int) -> None:
     watch_motor(axis, now)
     axis.zsw1 = _status_word(axis)
     to_actuals(axis, image)
+    step_sensor(axis, image)

@@ -24,8 +24,6 @@ from pnfarm.table.signals import (
     DRV_ACC,
     DRV_DEC,
     FAULT_CODE,
-    G1_XIST1,
-    G1_XIST2,
     ITIST_GLATT,
     MELDW,
     NIST_A,
@@ -49,6 +47,7 @@ __all__ = [
     "from_setpoints",
     "long_step",
     "message_word",
+    "nearest",
     "signed16",
     "signed32",
     "to_actuals",
@@ -168,10 +167,6 @@ def to_actuals(axis: Any, image: Any) -> None:
     number = int(axis.fault_code[0]) & NUMBER_MASK
     image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
     image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
-    if axis.sensor_step > 0.0:
-        image.sent[G1_XIST1] = signed32(nearest(axis.measured_position / axis.sensor_step))
-    if axis.sensor_step_2 > 0.0:
-        image.sent[G1_XIST2] = signed32(nearest(axis.measured_position / axis.sensor_step_2))
     image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
     image.sent[XIST_A] = signed32(nearest((axis.measured_position - axis.origin) / axis.position_step))
     axis.motion_status = motion_status(axis)

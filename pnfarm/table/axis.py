@@ -91,6 +91,14 @@ LIFE_GOOD = 0
 LIFE_FAILED = 1  # and the step raises the fault
 LIFE_TOLD = 2  # and it has raised it
 
+# Where functions 1 to 4 of the sensor interface find their reference mark (``sensor_marks``), and its edge.
+MARK_NONE = 0
+MARK_PROBE_1 = 1
+MARK_PROBE_2 = 2
+MARK_ZERO = 3  # the encoder's own, once in a revolution
+EDGE_RISING = 0
+EDGE_FALLING = 1
+
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
 FIRMWARE_PROFIDRIVE = 1
@@ -351,5 +359,33 @@ AXIS = Layout(
         Field("message_warnings", "u4", "", "station", "warnings that MELDW.6 and 7 tell of, 0 = none", (2,)),
         Field("task_ramps_signed", "u1", "", "parameter", "1 = MDI_ACC and MDI_DEC have a sign; below 0 is no ramp"),
         Field("brake_released", "u1", "", "firmware", "1 = the axis came to rest since its power stage went off"),
+        # sensor interface of encoder 1
+        Field("sensor_bits", "u2", "", "parameter", "bits of G1_STW that mean something, 0 = no sensor interface"),
+        Field("sensor_refused", "u2", "", "parameter", "those of them that ask for what the drive does not have"),
+        Field("sensor_status_bits", "u2", "", "parameter", "bits of G1_ZSW that mean something"),
+        Field("sensor_shows", "u1", "", "parameter", "1 = G1_XIST2 is the position while nothing else is asked for"),
+        Field(
+            "sensor_marks",
+            "u1",
+            "",
+            "parameter",
+            "places 0..3: where functions 1 to 4 find their mark, MARK_* above; 4..7: its edge, EDGE_*; 8..11: nothing",
+            (12,),
+        ),
+        Field("probe_inputs", "u4", "", "parameter", "bit of digital_inputs that is probe 1 or 2, 0 = none", (2,)),
+        Field("probe_mode", "u2", "", "parameter", "0 = the probes measure"),
+        Field("sensor_fault", "u4", "", "parameter", "the encoder's fault, number | reaction << 24, 0 = none"),
+        Field("digital_inputs", "u4", "", "fault", "levels of the drive's digital inputs, bit by bit"),
+        Field("sensor_state", "u1", "", "firmware", "SD1 to SD12 as 1..12, 0 = not yet; firmware/sensor_interface.py"),
+        Field("sensor_stw", "u2", "", "firmware", "G1_STW in force, without bits that mean nothing"),
+        Field("sensor_error", "u2", "", "firmware", "code of the sensor error, 0 = none"),
+        Field("sensor_active", "u1", "", "firmware", "functions that wait for their mark or edge: G1_ZSW.0 to 3"),
+        Field("sensor_found", "u1", "", "firmware", "functions whose value is there: G1_ZSW.4 to 7"),
+        Field("sensor_probing", "u1", "", "firmware", "1 = what is active or found are measurements on the fly"),
+        Field("sensor_read", "u1", "", "firmware", "function whose value is read, 1 to 4"),
+        Field("sensor_value", "f8", "rev", "firmware", "position at each function's mark or edge", (4,)),
+        Field("sensor_position", "f8", "rev", "firmware", "shaft position at the last step"),
+        Field("sensor_inputs", "u4", "", "firmware", "digital_inputs at the last step"),
+        Field("sensor_faulty", "u1", "", "firmware", "1 = the encoder's fault was there at the last step"),
     ],
 )

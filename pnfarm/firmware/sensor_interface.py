@@ -1,0 +1,399 @@
+"""The sensor interface of encoder 1: G1_STW, G1_ZSW, G1_XIST1 and G1_XIST2 (PROFIdrive 4.2, 6.3.6).
+
+States as in the profile's state diagram (6.3.6.7), for one encoder:
+
+====  ==========================  ===================================================================
+SD1   normal operation            the absolute position on request (G1_STW.13)
+SD2   error acknowledgement       G1_STW.15 = 1: G1_ZSW.11
+SD3   error                       G1_ZSW.15, the code in G1_XIST2
+SD4   reference value             G1_STW.4-6 = 2: the position at a reference mark in G1_XIST2
+SD5   wait for a reference mark   G1_STW.4-6 = 1: functions in G1_ZSW.0-3, then their values in G1_ZSW.4-7
+SD10  wait for measured values    as SD5 with G1_STW.7 = 1: edges of the probes, measured on the fly
+SD11  measured value              as SD4 with G1_STW.7 = 1
+SD12  parking                     G1_STW.14 = 1: nothing is evaluated, nothing is wrong
+====  ==========================  ===================================================================
+
+SD7, which sets or shifts the home position, no model here has; they refuse it.  Which bits a drive knows, which of
+them it refuses, and where its reference marks come from is data of the axis (``sensor_*``); the bits and codes are
+those of the profile, as Moog MSD manual 11 and HIWIN E1 manual 3.7 and 3.8 repeat them.
+
+One function writes the state: :func:`_advance`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pnfarm.firmware.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
+from pnfarm.firmware.telegram import nearest, signed32
+from pnfarm.firmware.transitions import as_array
+from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
+
+__all__ = ["PRIORITY", "TRANSITIONS", "step_sensor"]
+
+# States (``sensor_state``); 0 while the drive boots.
+START = 0
+NORMAL = 1
+ACKNOWLEDGING = 2
+ERROR = 3
+REFERENCE_VALUE = 4
+WAIT_MARK = 5
+WAIT_MEASURED = 10
+MEASURED_VALUE = 11
+PARKING = 12
+STATES = 13
+
+# Events.
+BOOTED = 0
+PARK = 1  # G1_STW.14 = 1
+UNPARK = 2  # G1_STW.14 = 0
+TROUBLE = 3  # the encoder fails, or something is asked for that cannot be
+ACKNOWLEDGE = 4  # G1_STW.15 = 1
+CLEARED = 5  # G1_STW.15 = 0, and the error is gone
+REMAINS = 6  # G1_STW.15 = 0, and it is not
+SEARCH = 7  # command 1, reference marks
+MEASURE = 8  # command 1, on the fly
+READ_MARK = 9  # command 2
+READ_MEASURED = 10  # command 2, on the fly
+CANCELLED = 11  # command 3, and no function is left
+IDLE = 12  # command 0, and no function waits
+WAITS = 13  # command 0, and one does
+EVENTS = 14
+
+#: Row by row as the profile numbers them (6.3.6.7, table of transitions).
+TRANSITIONS: dict[tuple[int, int], int] = {
+    (START, BOOTED): NORMAL,
+    (ACKNOWLEDGING, CLEARED): NORMAL,  # TD1
+    (REFERENCE_VALUE, IDLE): NORMAL,  # TD2
+    (NORMAL, READ_MARK): REFERENCE_VALUE,  # TD3
+    (WAIT_MARK, IDLE): NORMAL,  # TD4
+    (WAIT_MARK, CANCELLED): NORMAL,  # TD5
+    (NORMAL, SEARCH): WAIT_MARK,  # TD6
+    (NORMAL, MEASURE): WAIT_MEASURED,  # TD11
+    (WAIT_MEASURED, CANCELLED): NORMAL,  # TD12
+    (WAIT_MEASURED, IDLE): NORMAL,  # TD13
+    (NORMAL, READ_MEASURED): MEASURED_VALUE,  # TD14
+    (MEASURED_VALUE, IDLE): NORMAL,  # TD15
+    (MEASURED_VALUE, CANCELLED): NORMAL,  # TD15
+    # TD16
+    (NORMAL, PARK): PARKING,
+    (REFERENCE_VALUE, PARK): PARKING,
+    (WAIT_MARK, PARK): PARKING,
+    (WAIT_MEASURED, PARK): PARKING,
+    (MEASURED_VALUE, PARK): PARKING,
+    (PARKING, UNPARK): NORMAL,  # TD17
+    # TD20
+    (NORMAL, TROUBLE): ERROR,
+    (REFERENCE_VALUE, TROUBLE): ERROR,
+    (WAIT_MARK, TROUBLE): ERROR,
+    (WAIT_MEASURED, TROUBLE): ERROR,
+    (MEASURED_VALUE, TROUBLE): ERROR,
+    (ERROR, ACKNOWLEDGE): ACKNOWLEDGING,  # TD21
+    (ACKNOWLEDGING, REMAINS): ERROR,  # TD22
+    # TD23
+    (ERROR, PARK): PARKING,
+    (ACKNOWLEDGING, PARK): PARKING,
+    (WAIT_MEASURED, MEASURE): WAIT_MEASURED,  # TD31
+    (WAIT_MEASURED, READ_MEASURED): MEASURED_VALUE,  # TD32
+    (MEASURED_VALUE, MEASURE): WAIT_MEASURED,  # TD33
+    (MEASURED_VALUE, WAITS): WAIT_MEASURED,  # TD33
+    (MEASURED_VALUE, READ_MEASURED): MEASURED_VALUE,  # TD34
+    # assumed: a mark that is found may be read without command 0 between, as most controllers do
+    (WAIT_MARK, READ_MARK): REFERENCE_VALUE,
+}
+
+#: Which event wins when several hold.
+PRIORITY = (
+    BOOTED, PARK, UNPARK, TROUBLE, ACKNOWLEDGE, CLEARED, REMAINS, CANCELLED, READ_MARK, READ_MEASURED, SEARCH, MEASURE,
+    IDLE, WAITS,
+)  # fmt: skip
+
+# Bits of G1_STW and G1_ZSW.
+COMMAND = 0x0070
+COMMAND_SHIFT = 4
+ON_THE_FLY = 0x0080
+SET_HOME = 0x1000
+ABSOLUTE = 0x2000
+PARK_BIT = 0x4000
+ERROR_BIT = 0x8000
+VALUE_SHIFT = 4
+PROBE_SHIFT = 8
+ACKNOWLEDGED = 0x0800
+
+ACTIVATE = 1
+READ = 2
+CANCEL = 3
+
+# Codes in G1_XIST2 (6.3.6.3, table of error codes).
+SENSOR_ERROR = 0x0001
+PARKING_FAILED = 0x0003
+SEARCH_ABORTED = 0x0004
+NO_REFERENCE_VALUE = 0x0005
+MEASURING_ABORTED = 0x0006
+NO_MEASURED_VALUE = 0x0007
+NO_ABSOLUTE_VALUE = 0x0008
+NOT_SUPPORTED = 0x0F01
+
+#: STW1.10: without it nothing of the controller's words is taken over.
+CONTROL_BY_PLC = 0x0400
+
+# Sets of events and of states.
+ACTIVATES = 1 << SEARCH | 1 << MEASURE
+READS = 1 << READ_MARK | 1 << READ_MEASURED
+ENDS = 1 << IDLE | 1 << WAITS | 1 << CANCELLED
+WAITING = 1 << WAIT_MARK | 1 << WAIT_MEASURED
+SHOWS_ABSOLUTE = 1 << NORMAL | 1 << WAIT_MEASURED
+SHOWS_VALUE = 1 << REFERENCE_VALUE | 1 << MEASURED_VALUE
+
+_NEXT = as_array(TRANSITIONS, STATES, EVENTS)
+_PRIORITY = np.array(PRIORITY, np.int64)
+
+
+@compiled
+def _activation_error(axis: Any, word: int, probing: int) -> int:
+    """What is wrong with activating the functions of ``word``, 0 for nothing."""
+    aborted = MEASURING_ABORTED if probing else SEARCH_ABORTED
+    if 1 << int(axis.sensor_state) & WAITING and probing != axis.sensor_probing:
+        return MEASURING_ABORTED if axis.sensor_probing else SEARCH_ABORTED
+    for function in range(4):
+        if word & (1 << function) and not can_wait(axis, function, probing):
+            return aborted
+    return 0
+
+
+@compiled
+def _reading_error(axis: Any, word: int, probing: int) -> int:
+    """What is wrong with reading the value that ``word`` asks for, 0 for nothing: one value at a time, and found."""
+    if axis.sensor_state == WAIT_MARK and axis.sensor_active:
+        return SEARCH_ABORTED
+    if axis.sensor_state == WAIT_MEASURED and not probing:
+        return MEASURING_ABORTED
+    wanted = word & ALL_FUNCTIONS
+    single = wanted != 0 and wanted & (wanted - 1) == 0
+    if single and wanted & int(axis.sensor_found) and probing == axis.sensor_probing:
+        return 0
+    return NO_MEASURED_VALUE if probing else NO_REFERENCE_VALUE
+
+
+@compiled
+def _trouble(axis: Any, word: int) -> int:
+    """The code of what is wrong in this step, 0 for nothing."""
+    if axis.sensor_error:
+        return int(axis.sensor_error)
+    if word & PARK_BIT and axis.state >= 4:
+        return PARKING_FAILED
+    command = (word & COMMAND) >> COMMAND_SHIFT
+    probing = 1 if word & ON_THE_FLY else 0
+    refused = int(axis.sensor_refused)
+    if command > CANCEL or word & refused & SET_HOME or (command and word & refused & ON_THE_FLY):
+        return NOT_SUPPORTED
+    if word & refused & ABSOLUTE:
+        return NO_ABSOLUTE_VALUE
+    if command == ACTIVATE and axis.sensor_state != REFERENCE_VALUE:
+        return _activation_error(axis, word, probing)
+    if command == READ and axis.sensor_state != REFERENCE_VALUE:
+        return _reading_error(axis, word, probing)
+    return 0
+
+
+@compiled
+def _held(axis: Any, word: int, trouble: int) -> int:
+    """The events that hold now, as a bit set."""
+    held = 0
+    if axis.state != 0:
+        held |= 1 << BOOTED
+    if not word & PARK_BIT:
+        held |= 1 << UNPARK
+    elif axis.state < 4:
+        held |= 1 << PARK
+    if trouble:
+        held |= 1 << TROUBLE
+    if word & ERROR_BIT:
+        held |= 1 << ACKNOWLEDGE
+    else:
+        held |= 1 << (REMAINS if axis.sensor_error else CLEARED)
+    command = (word & COMMAND) >> COMMAND_SHIFT
+    if command == ACTIVATE and word & ALL_FUNCTIONS:
+        held |= 1 << (MEASURE if word & ON_THE_FLY else SEARCH)
+    elif command == READ and word & ALL_FUNCTIONS:
+        held |= 1 << (READ_MEASURED if word & ON_THE_FLY else READ_MARK)
+    elif command == CANCEL and not axis.sensor_active:
+        held |= 1 << CANCELLED
+    elif command == 0:
+        held |= 1 << (WAITS if axis.sensor_active else IDLE)
+    return held
+
+
+@compiled
+def _forget(axis: Any) -> None:
+    """No function is active, and no value is there."""
+    axis.sensor_active = 0
+    axis.sensor_found = 0
+    axis.sensor_read = 0
+
+
+@compiled
+def _activate(axis: Any, word: int) -> None:
+    """The functions of ``word`` wait anew; values of the other kind are of no use any more."""
+    probing = 1 if word & ON_THE_FLY else 0
+    if probing != axis.sensor_probing:
+        _forget(axis)
+    axis.sensor_probing = probing
+    wanted = word & ALL_FUNCTIONS
+    axis.sensor_active = int(axis.sensor_active) | wanted
+    axis.sensor_found = int(axis.sensor_found) & ~wanted & ALL_FUNCTIONS
+
+
+@compiled
+def _read_value(axis: Any, word: int) -> None:
+    for function in range(4):
+        if word & (1 << function):
+            axis.sensor_read = function + 1
+
+
+@compiled
+def _value_taken(axis: Any) -> None:
+    """The controller has read it: it is no longer there."""
+    if axis.sensor_read:
+        axis.sensor_found = int(axis.sensor_found) & ~(1 << (int(axis.sensor_read) - 1)) & ALL_FUNCTIONS
+        axis.sensor_read = 0
+
+
+@compiled
+def _advance(axis: Any, held: int, word: int, before: int, trouble: int) -> None:
+    """Take at most one transition and do what belongs to it: the only writer of ``sensor_state``."""
+    for event in _PRIORITY:
+        if not held & (1 << event):
+            continue
+        following = _NEXT[axis.sensor_state, event]
+        if following < 0:
+            continue
+        again = axis.sensor_state == following
+        if 1 << event & ACTIVATES:
+            # a command that stands on is one command
+            if not again or (word ^ before) & COMMAND:
+                _activate(axis, word)
+        elif 1 << event & READS:
+            if not again or (word ^ before) & COMMAND:
+                _value_taken(axis)
+                _read_value(axis, word)
+        elif 1 << event & ENDS:
+            _value_taken(axis)
+        elif event == TROUBLE:
+            axis.sensor_error = trouble
+            _forget(axis)
+        elif event == PARK:
+            axis.sensor_error = 0
+            _forget(axis)
+        axis.sensor_state = following
+        return
+
+
+@compiled
+def _cancel(axis: Any, word: int) -> None:
+    """Command 3: the functions of ``word``, or all if it names none."""
+    if (word & COMMAND) >> COMMAND_SHIFT == CANCEL:
+        wanted = word & ALL_FUNCTIONS or ALL_FUNCTIONS
+        axis.sensor_active = int(axis.sensor_active) & ~wanted & ALL_FUNCTIONS
+        axis.sensor_found = int(axis.sensor_found) & ~wanted & ALL_FUNCTIONS
+
+
+@compiled
+def _status(axis: Any, word: int) -> int:
+    """G1_ZSW."""
+    state = int(axis.sensor_state)
+    if state == PARKING:
+        return PARK_BIT & int(axis.sensor_status_bits)
+    # signed, or the loop would make a float of it
+    status = np.int64(axis.sensor_active) | np.int64(axis.sensor_found) << VALUE_SHIFT
+    for probe in range(2):
+        if int(axis.digital_inputs) & int(axis.probe_inputs[probe]):
+            status |= 1 << (PROBE_SHIFT + probe)
+    if state == ACKNOWLEDGING:
+        status |= ACKNOWLEDGED
+    if axis.sensor_error:
+        status |= ERROR_BIT
+    elif _sends_absolute(state, word):
+        status |= ABSOLUTE
+    return int(status) & int(axis.sensor_status_bits)
+
+
+@compiled
+def _sends_absolute(state: int, word: int) -> bool:
+    return word & ABSOLUTE != 0 and 1 << state & SHOWS_ABSOLUTE != 0
+
+
+@compiled
+def _second_value(axis: Any, word: int) -> int:
+    """G1_XIST2: an error's code before a value that is read, before the absolute position."""
+    step = axis.sensor_step_2 if axis.sensor_step_2 > 0.0 else axis.sensor_step
+    state = int(axis.sensor_state)
+    if axis.sensor_error:
+        return int(axis.sensor_error)
+    if state == ACKNOWLEDGING or step <= 0.0:
+        return 0
+    if 1 << state & SHOWS_VALUE:
+        return signed32(nearest(axis.sensor_value[int(axis.sensor_read) - 1] / step))
+    if _sends_absolute(state, word) or axis.sensor_shows:
+        return signed32(nearest(axis.measured_position / step))
+    return 0
+
+
+@compiled
+def _control_word(axis: Any, image: Any) -> int:
+    """G1_STW in force: nothing while nobody sends valid set points, the last one without STW1.10."""
+    if not image.valid:
+        return 0
+    if not axis.stw1_seen & CONTROL_BY_PLC:
+        return int(axis.sensor_stw)
+    return int(image.received[G1_STW]) & int(axis.sensor_bits)
+
+
+@compiled
+def _watch_encoder(axis: Any) -> None:
+    """A failing encoder is an error until it is acknowledged; while it is parked nobody misses it."""
+    faulty = encoder_faulty(axis)
+    parked = axis.sensor_state == PARKING
+    if not parked and axis.sensor_error == 0 and (cause_stays(axis) or (faulty and not axis.sensor_faulty)):
+        axis.sensor_error = SENSOR_ERROR
+        _forget(axis)
+    axis.sensor_faulty = 1 if faulty else 0
+    if axis.sensor_state == ACKNOWLEDGING and not (axis.sensor_error == SENSOR_ERROR and cause_stays(axis)):
+        axis.sensor_error = 0
+
+
+@compiled
+def step_sensor(axis: Any, image: Any) -> None:
+    """Once in each firmware step, behind the motor: what the controller asks of the encoder, and what it shows."""
+    if axis.sensor_bits == 0:
+        # no sensor interface: positions alone
+        if axis.sensor_step > 0.0:
+            image.sent[G1_XIST1] = signed32(nearest(axis.measured_position / axis.sensor_step))
+        if axis.sensor_step_2 > 0.0:
+            image.sent[G1_XIST2] = signed32(nearest(axis.measured_position / axis.sensor_step_2))
+        return
+    if axis.state == 0:
+        axis.sensor_state = START
+        axis.sensor_stw = 0
+        axis.sensor_error = 0
+        _forget(axis)
+    before = int(axis.sensor_stw)
+    word = _control_word(axis, image)
+    axis.sensor_stw = word
+    _watch_encoder(axis)
+    _cancel(axis, word)
+    trouble = _trouble(axis, word)
+    _advance(axis, _held(axis, word, trouble), word, before, trouble)
+    look_for_marks(axis)
+    axis.sensor_position = axis.measured_position
+    axis.sensor_inputs = axis.digital_inputs
+    image.sent[G1_ZSW] = _status(axis, word)
+    if axis.sensor_state == PARKING:
+        image.sent[G1_XIST1] = 0
+        image.sent[G1_XIST2] = 0
+        return
+    image.sent[G1_XIST1] = signed32(nearest(axis.measured_position / axis.sensor_step)) if axis.sensor_step > 0.0 else 0
+    image.sent[G1_XIST2] = _second_value(axis, word)
