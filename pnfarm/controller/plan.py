@@ -13,7 +13,7 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
-from pnfarm.firmware.tasks import WHOLE
+from pnfarm.firmware.tasks import ramp_step
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
@@ -125,8 +125,10 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
         control_config=int(axis.control_config),
         target_step=float(axis.target_step) or float(axis.position_step),
         task_velocity_step=float(axis.task_velocity_step) or 1.0,
-        task_acceleration_step=float(axis.task_acceleration_step) or float(axis.jog_acceleration) / WHOLE or 1.0,
-        task_deceleration_step=float(axis.task_deceleration_step) or float(axis.jog_deceleration) / WHOLE or 1.0,
+        task_acceleration_step=float(ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration))
+        or 1.0,
+        task_deceleration_step=float(ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration))
+        or 1.0,
         ramp_step=float(axis.acceleration_step) or 1.0,
     )
 

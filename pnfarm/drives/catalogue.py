@@ -1,14 +1,15 @@
-"""The drive models that come with pnfarm; each is read when it is first asked for."""
+"""The drive models that come with pnfarm, and those of :data:`MODELS_VARIABLE`; each is read when first asked for."""
 
 from __future__ import annotations
 
 import difflib
+import os
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.data_files import read_toml
+from pnfarm.drives.data_files import read_toml, required
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
 from pnfarm.drives.telegram import TASK_FORMS
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameter import Parameter
     from pnfarm.drives.telegram import Module, Telegram
 
-__all__ = ["Entry", "as_json", "model", "models"]
+__all__ = ["MODELS_VARIABLE", "Entry", "as_json", "model", "models"]
 
 _FOLDER = Path(__file__).resolve().parent / "models"
+#: Environment: further folders with a folder for each model, written as PATH is.
+MODELS_VARIABLE = "PNFARM_MODELS"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,32 +39,51 @@ class Entry:
     folder: Path
 
 
+def _folders(further: str) -> list[Path]:
+    """The folders of all models; raises :class:`ConfigError` for a named place without any."""
+    found = sorted(path.parent for path in _FOLDER.glob("*/model.toml"))
+    for place in filter(None, further.split(os.pathsep)):
+        own = sorted(path.parent for path in Path(place).expanduser().resolve().glob("*/model.toml"))
+        if not own:
+            raise ConfigError(f"{MODELS_VARIABLE}: {place} has no folder with a model.toml")
+        found += [folder for folder in own if folder not in found]
+    return found
+
+
 @cache
-def _entries() -> dict[str, Entry]:
+def _entries(further: str) -> dict[str, Entry]:
     found: dict[str, Entry] = {}
-    for path in sorted(_FOLDER.glob("*/model.toml")):
+    owners: dict[str, Path] = {}
+    for folder in _folders(further):
+        path = folder / "model.toml"
         data = read_toml(path)
-        texts = {key: str(data.get(key, "")) for key in ("name", "title", "maker", "bus", "edition")}
-        found[texts["name"]] = Entry(**texts, aliases=tuple(data.get("aliases", ())), folder=path.parent)
+        name = str(required(data, "name", str(path)))
+        aliases = tuple(data.get("aliases", ()))
+        for word in (name, *aliases):
+            if word in owners:
+                raise ConfigError(f"{path}: {word!r} is a name of {owners[word]} already")
+            owners[word] = path
+        texts = {key: str(data.get(key, "")) for key in ("title", "maker", "bus", "edition")}
+        found[name] = Entry(name=name, aliases=aliases, **texts, folder=folder)
     return found
 
 
 def models() -> dict[str, Entry]:
-    """All models by name."""
-    return dict(_entries())
+    """All models by name.  Raises :class:`ConfigError` when those of :data:`MODELS_VARIABLE` cannot be listed."""
+    return dict(_entries(os.environ.get(MODELS_VARIABLE, "")))
 
 
 @cache
-def _loaded(name: str) -> Model:
-    return load_model(_entries()[name].folder)
+def _loaded(folder: Path) -> Model:
+    return load_model(folder)
 
 
 def model(name: str) -> Model:
     """The model of this name or alias; raises :class:`ConfigError` that says which there are."""
-    entries = _entries()
+    entries = models()
     for entry in entries.values():
         if name == entry.name or name in entry.aliases:
-            return _loaded(entry.name)
+            return _loaded(entry.folder)
     known = [word for entry in entries.values() for word in (entry.name, *entry.aliases)]
     close = difflib.get_close_matches(name, known, 1)
     hint = f"; did you mean {close[0]}?" if close else ""

@@ -250,7 +250,7 @@ def load_model(folder: Path) -> Model:
     try:
         submodules = tuple(Submodule(input_bytes=0, output_bytes=0, **entry) for entry in dap["submodules"])
         dap_module = Module(
-            dap["module_ident"]["value"], submodules, dap["module_ident"]["source"], dap["module_ident"]["note"]
+            dap["module_ident"]["value"], submodules, dap["module_ident"]["source"], dap["module_ident"].get("note", "")
         )
     except (KeyError, TypeError) as exc:
         raise ConfigError(f"{path}, dap: {exc}") from exc

@@ -67,7 +67,7 @@ def _telegram(
         output_bytes=2 * len(words["output"]),
         name=required(table, "name", where),
         source=known["source"],
-        note=known["note"],
+        note=known.get("note", ""),
     )
     ident, source = required(table, "module_ident", where), required(table, "ident_source", where)
     return Telegram(
@@ -110,7 +110,7 @@ def _access_point(layout: Mapping[str, Any]) -> Submodule:
         output_bytes=0,
         name="Parameter access point",
         source=point["source"],
-        note=point["note"],
+        note=point.get("note", ""),
     )
 
 

@@ -37,7 +37,7 @@ from pnfarm.table.signals import (
     VELOCITY_A,
 )
 
-__all__ = ["select_task", "take_task"]
+__all__ = ["ramp_step", "select_task", "take_task"]
 
 START_BIT = 0x0040  # STW1.6
 CONTROL_BY_PLC = 0x0400  # STW1.10
@@ -56,6 +56,14 @@ HERE = 0x0002  # POS_STW2.1
 
 #: Override of 100 % (HIWIN E1 manual 6.6.1 has this figure for the other percentages).
 WHOLE = 16384.0
+
+
+@compiled
+def ramp_step(own: float, jog: float, ramp: float) -> float:
+    """rpm/s of one increment of MDI_ACC or MDI_DEC: its own, or a part of the jogging ramp, which may be the axis's."""
+    if own > 0.0:
+        return own
+    return (jog if jog > 0.0 else ramp) / WHOLE
 
 
 @compiled
@@ -142,8 +150,8 @@ def take_task(axis: Any, image: Any) -> None:
             velocity &= 0xFFFFFFFF
         # a negative one is no velocity of a task
         axis.asked_velocity = velocity * axis.task_velocity_step
-        up = axis.task_acceleration_step if axis.task_acceleration_step > 0.0 else axis.jog_acceleration / WHOLE
-        down = axis.task_deceleration_step if axis.task_deceleration_step > 0.0 else axis.jog_deceleration / WHOLE
+        up = ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration)
+        down = ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration)
         axis.asked_acceleration = _ramp(axis, int(image.received[MDI_ACC])) * up
         axis.asked_deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
         axis.asked_backwards = 1 if stw1 & BACKWARDS else 0

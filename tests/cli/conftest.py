@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from pnfarm.cli.main import main
+from pnfarm.drives.catalogue import MODELS_VARIABLE
 
 CLONE_NEWNET = 0x40000000
 #: A first start compiles the engine, on a machine that others use as well.
@@ -33,7 +34,7 @@ class Outcome:
 def pnfarm(capsys, monkeypatch):
     """One command line in this process; the test run keeps its own logging."""
     monkeypatch.setattr("pnfarm.cli.logging.configure", lambda **_: None)
-    for name in [name for name in os.environ if name.startswith("PNFARM_")]:
+    for name in os.environ.keys() - clean_environment().keys():
         monkeypatch.delenv(name)
 
     def run(*arguments: str | Path) -> Outcome:
@@ -48,7 +49,9 @@ def command(*arguments: str | Path) -> list[str]:
 
 
 def clean_environment(**more: str) -> dict[str, str]:
-    return {name: value for name, value in os.environ.items() if not name.startswith("PNFARM_")} | more
+    """Without the program's own variables, but with the models that the test run knows."""
+    kept = {n: v for n, v in os.environ.items() if not n.startswith("PNFARM_") or n == MODELS_VARIABLE}
+    return kept | more
 
 
 @pytest.fixture(scope="session")

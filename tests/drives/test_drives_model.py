@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 import shutil
 import time
@@ -79,6 +80,57 @@ def test_a_model_is_read_when_asked_for_and_within_50_ms(name: str) -> None:
 def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ConfigError, match=r"akd-profinet.*did you mean"):
         model("akd-profinte")
+
+
+def beside(place: Path, name: str, aliases: str = "[]") -> Path:
+    """A folder with a copy of the AKD under another name."""
+    folder = place / "drive"
+    shutil.copytree(models()["akd-profinet"].folder, folder)
+    path = folder / "model.toml"
+    text = path.read_text(encoding="utf-8").replace('name = "akd-profinet"', f'name = "{name}"', 1)
+    path.write_text(re.sub(r"(?m)^aliases = .*$", f"aliases = {aliases}", text), encoding="utf-8")
+    return folder
+
+
+def test_models_of_further_folders_are_known_like_the_others(tmp_path: Path, monkeypatch) -> None:
+    first, second = beside(tmp_path / "a", "akd-mine", '["mine"]'), beside(tmp_path / "b", "akd-yours")
+    monkeypatch.setenv(catalogue.MODELS_VARIABLE, os.pathsep.join(["", str(first.parent), str(second.parent)]))
+    assert model("mine") is model("akd-mine")
+    assert models()["akd-yours"].folder == second
+    assert model("akd-mine").parameters.keys() == model("akd-profinet").parameters.keys()
+    monkeypatch.delenv(catalogue.MODELS_VARIABLE)
+    with pytest.raises(ConfigError, match="there is no drive model 'akd-mine'"):
+        model("akd-mine")
+
+
+def test_the_folder_of_the_shipped_models_may_be_named_too(monkeypatch) -> None:
+    before = models()
+    monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(before["akd-profinet"].folder.parent))
+    assert models() == before
+
+
+@pytest.mark.parametrize(("name", "aliases"), [("akd-profinet", "[]"), ("akd", "[]"), ("other", '["hiwin-e1"]')])
+def test_a_name_that_another_model_has_is_refused(tmp_path: Path, monkeypatch, name: str, aliases: str) -> None:
+    folder = beside(tmp_path, name, aliases)
+    monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(tmp_path))
+    with pytest.raises(ConfigError, match=r"is a name of .*model\.toml already") as caught:
+        models()
+    assert str(folder) in str(caught.value)
+
+
+def test_a_further_folder_without_a_model_is_refused(tmp_path: Path, monkeypatch) -> None:
+    for place in (tmp_path, tmp_path / "not-there"):
+        monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(place))
+        with pytest.raises(ConfigError, match=r"PNFARM_MODELS: .* has no folder with a model\.toml"):
+            model("akd-profinet")
+
+
+def test_a_model_without_a_name_is_refused(tmp_path: Path, monkeypatch) -> None:
+    path = beside(tmp_path, "other") / "model.toml"
+    path.write_text(path.read_text(encoding="utf-8").replace('name = "other"', "", 1), encoding="utf-8")
+    monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(tmp_path))
+    with pytest.raises(ConfigError, match=r"model\.toml, name: missing"):
+        models()
 
 
 # the AKD against its manual

@@ -169,6 +169,25 @@ def test_velocity_and_acceleration_stay_at_what_the_task_says():
     assert most_down == pytest.approx(8 * ACCELERATION_UNIT / 1000, rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("own", "jog", "full"), [(0.5, 4_000.0, 0.5 * 0x4000), (0.0, 4_000.0, 4_000.0), (0.0, 0.0, 10_000.0)]
+)
+def test_0x4000_of_mdi_acc_is_its_own_step_or_the_jogging_ramp_or_the_axis_ramp(own, jog, full):
+    """HIWIN E1 manual 6.6.1 for the share of a ramp; without a jogging ramp it is, as for jogging, that of the axis."""
+    drive = Positioner()
+    axis = drive.axis
+    axis.task_acceleration_step = axis.task_deceleration_step = own
+    axis.jog_acceleration = axis.jog_deceleration = jog
+    axis.acceleration = axis.deceleration = 10_000.0
+    drive.data(20.0)
+    drive.image.received[MDI_ACC] = drive.image.received[MDI_DEC] = 0x4000
+    assert drive.stw(START) & ACKNOWLEDGED
+    drive.run(10)
+    before = float(axis.profile_velocity)
+    drive.run(1)
+    assert float(axis.profile_velocity) - before == pytest.approx(full / 1000, rel=1e-6)
+
+
 def test_the_following_error_at_a_constant_velocity_is_zero_with_the_velocity_fed_forward():
     drive = Positioner()
     drive.move(100.0, velocity=600.0)

@@ -1,4 +1,4 @@
-"""Every test of this folder is an interop test: real namespaces, real frames, somebody else's programs."""
+"""Every test of this folder is an interop test: somebody else's programs, most over real frames in real namespaces."""
 
 from __future__ import annotations
 
