@@ -325,6 +325,20 @@ def virtual_64(seconds: float) -> list[Result]:
     return [Result("virtual-64", value, "times faster than real time", None, ">= 30", value >= 30)]
 
 
+def firmware(seconds: float) -> list[Result]:
+    """One drive's own firmware in a step of 1 ms: all models mixed, moving."""
+    del seconds
+    from pnfarm.cli.bench_firmware import POSITION, SPEED, cost_of_a_step
+
+    results = []
+    for name, text in (("speed", SPEED), ("position", POSITION)):
+        value = cost_of_a_step(text)
+        results.append(Result(f"firmware-{name}", value, "ns per drive and step", None, "< 500", value < 500))
+    value = cost_of_a_step(POSITION, motor_step_ns=62_500)
+    results.append(Result("firmware-position-16-khz", value, "ns per drive and step", None, "none", True))
+    return results
+
+
 #: Name on the command line -> (benchmark, seconds of one measurement).
 BENCHMARKS: dict[str, tuple[Callable[[float], list[Result]], float]] = {
     "frame-cost": (frame_cost, 10.0),
@@ -335,6 +349,7 @@ BENCHMARKS: dict[str, tuple[Callable[[float], list[Result]], float]] = {
     "connect-storm": (connect_storm, 5.0),
     "akd-1024": (akd_1024, 10.0),
     "virtual": (virtual_64, 0.0),
+    "firmware": (firmware, 0.0),
 }
 
 
