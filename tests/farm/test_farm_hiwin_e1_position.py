@@ -1,4 +1,4 @@
-"""A PLC program for the HIWIN E1 in position mode, telegrams 9 and 111, bit by bit (manual 3.3.2 to 3.15, 6.4 to 6.8)."""
+"""A PLC program for the HIWIN E1 in position mode, telegrams 9 and 111, bit by bit (manual 3.3.2 to 3.16, 6)."""
 
 from __future__ import annotations
 
