@@ -234,7 +234,7 @@ def test_tables_3_14_1_and_3_15_1_in_a_move_forwards_and_backwards():
         plc.wait(300)
         assert (plc["POS_ZSW1"], plc["POS_ZSW2"]) == (0x8000, 0x8004 | direction)
         plc.arrive()
-        plc.wait(5)
+        plc.wait(100)
         assert plc["POS_ZSW2"] == 0
 
 
