@@ -202,6 +202,34 @@ def test_6_6_1_pt534_and_pt537_are_the_ramps_and_mdi_acc_and_mdi_dec_their_share
     assert plc.axis.task_deceleration == pytest.approx(600.0 / 0.4 / 4, rel=1e-3)
 
 
+@pytest.mark.parametrize(("words", "target"), [
+    ({"SATZANW": 0xFFFF, "MDI_MOD": 0xFFFF}, 1.0), ({"SATZANW": 0x8001, "MDI_MOD": 0xFFFE}, 3.0),
+])  # fmt: skip
+def test_tables_3_9_1_to_3_11_1_reserved_bits_do_nothing(words, target):
+    """Only SATZANW.15 selects the submode, and only MDI_MODE.0 tells an absolute from a relative task."""
+    plc = E1Plc(9)
+    plc.task(2.0)
+    assert plc.go()
+    plc.arrive()
+    plc.task(1.0, **words)
+    assert plc["AKTSATZ"] == 0x8000
+    assert plc.go()
+    plc.arrive()
+    plc.wait(50)
+    assert plc.rev == pytest.approx(target, abs=0.001)
+
+
+@BOTH
+def test_a_task_goes_on_when_mdi_is_deselected_on_the_way(telegram):
+    """The submode counts with the edge that starts a task: assumed."""
+    plc = E1Plc(telegram)
+    plc.task(3.0)
+    assert plc.go()
+    plc.task(3.0, mdi=False)
+    plc.arrive()
+    assert plc.rev == pytest.approx(3.0, abs=0.01)
+
+
 def test_override_slows_a_running_task_and_never_beyond_the_velocity_limit():
     """Table 3.1.1, OVERRIDE; that 0x4000 is 100 % is assumed by the other shares of 6.6.1."""
     plc = E1Plc(111, params="{Pt316: 900}")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import pytest
 from e1_plc import ACKNOWLEDGE, JOG_FORWARDS, RUN, E1Plc
+from hand_plc import HandPlc
 
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.table.axis import REACTION_COAST
+from pnfarm.table.signals import STW2
 
 E1 = model("hiwin-e1")
 FAULTS = [fault for fault in E1.faults.values() if not fault.warning]
@@ -123,3 +125,68 @@ def test_1_3_a_power_cycle_ends_a_fault_without_an_acknowledgement_and_a_cause_t
         assert bool(plc["ZSW1"] & 0x0008) == hold
         assert plc["FAULT_CODE"] == (0x410 if hold else 0)
         assert 18 in plc.store.read(947, 8, 56)
+
+
+@pytest.mark.parametrize("telegram", [9, 111])
+def test_a_lost_connection_brakes_with_pt538_and_leaves_the_fieldbus_alarm_for_the_next_one(telegram):
+    """AL.FB1: that lost cyclic data raise it, and that it brakes, is assumed."""
+    plc = E1Plc(telegram, params="{Pt538: 1000}")
+    run(plc)
+    plc.wait(100)
+    plc.inject("link-down")
+    plc.run(0.1)
+    assert 500.0 < plc.rpm < 600.0
+    plc.run(1.5)
+    assert plc.rpm == pytest.approx(0.0, abs=0.1)
+    plc.clear()
+    plc.connect()
+    plc.put(STW1=0x0400)
+    assert plc["ZSW1"] & 0x0048 == 0x0048
+    assert plc.store.read(945, 0, 1) == [0xFB1]
+    if telegram == 111:
+        assert plc["FAULT_CODE"] == 0xFB1
+    assert acknowledge(plc) & 0x0008 == 0
+    plc.switch_on(operation=RUN)
+    plc.wait(100)
+    assert plc.rpm == pytest.approx(0.0, abs=0.1), "the jog of the old connection is not remembered"
+
+
+@pytest.mark.parametrize("telegram", [3, 9, 111])
+def test_4_1_pnu_925_frames_without_sign_of_life_are_the_fieldbus_alarm(telegram):
+    """Table 3.4.1, 4.1: five by default; AL.FB1 and counting as in the profile are assumed."""
+    plc = HandPlc("hiwin-e1", telegram)
+    for tolerance in (5, 2, 20):
+        plc.store.set(925, tolerance)
+        life = plc.life
+        for _ in range(tolerance + 3):
+            plc.image.sent[STW2] = life << 12
+            plc.run(0.001)
+        assert plc["ZSW1"] & 0x0008
+        assert plc.store.read(947, 0, 1) == [73]
+        plc.wait(20)
+        plc.put(STW1=0x0400)
+        assert plc.put(STW1=0x0400 | ACKNOWLEDGE) & 0x0008 == 0
+
+
+def test_4_1_one_failed_sign_of_life_less_than_pnu_925_is_no_fault():
+    plc = HandPlc("hiwin-e1", 3)
+    life = plc.life
+    for _ in range(4):
+        plc.image.sent[STW2] = life << 12
+        plc.run(0.001)
+    plc.wait(60)
+    assert plc["ZSW1"] & 0x0008 == 0
+    assert 4 <= plc.axis.life_errors <= 5
+
+
+def test_alarms_that_the_drive_sees_itself():
+    """AL.510 beyond the overspeed of the motor, AL.720 by its heat; their thresholds are assumed."""
+    plc = E1Plc(111)
+    plc.axis.thermal_load = 1.2
+    plc.wait(5)
+    assert plc["FAULT_CODE"] == 0x720
+    plc.axis.thermal_load = 0.0
+    assert acknowledge(plc) & 0x0008 == 0
+    plc.axis.velocity = 9000.0
+    plc.wait(5)
+    assert plc["FAULT_CODE"] == 0x510
