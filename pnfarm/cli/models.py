@@ -68,8 +68,12 @@ def _print(found: dict[str, Any]) -> None:
     sections = (
         "motor", "firmware", "communication_loss", "sign_of_life", "parameter_access", "description_file", "diagnosis",
     )  # fmt: skip
-    for section in sections:
-        if found[section]:
+    shown = [(section.replace("_", " "), found[section]) for section in sections]
+    shown += [
+        (f"{kind} motor: {part}", facts) for kind, parts in found["motors"].items() for part, facts in parts.items()
+    ]
+    for title, facts in shown:
+        if facts:
             print_line()
             rows = [
                 (
@@ -78,9 +82,9 @@ def _print(found: dict[str, Any]) -> None:
                     fact["source"],
                     fact["note"],
                 )
-                for key, fact in found[section].items()
+                for key, fact in facts.items()
             ]
-            print_table((section.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
+            print_table((title.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
     print_line()
     columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
     print_table(columns, _module_rows(found))

@@ -289,13 +289,16 @@ class Program(Section):
         "leaves the drive disabled.",
     )
     speed_rpm: float = Field(
-        default=100.0, ge=-100_000, le=100_000, description="Speed, its peak, or the velocity of a move, rpm."
+        default=100.0,
+        ge=-100_000,
+        le=100_000,
+        description="Speed, its peak, or the velocity of a move, rpm (linear motor: pitches a minute).",
     )
     targets: list[Annotated[float, Field(ge=-10_000, le=10_000)]] = Field(
         default=[0.0, 1.0],
         min_length=1,
         max_length=TARGETS,
-        description="Of positions, in turn, revolutions from the home position.",
+        description="Of positions, in turn, revolutions (linear motor: pitches) from the home position.",
     )
     acceleration: float = Field(default=10_000.0, gt=0, le=10_000_000, description="Of positions, up and down, rpm/s.")
     dwell_ns: Duration = Field(default=0, alias="dwell", description="Of positions, how long it stays in each target.")

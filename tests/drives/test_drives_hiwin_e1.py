@@ -380,6 +380,51 @@ def test_4_3_6_number_of_values_attribute_and_drive_object(e1: Drive) -> None:
     refused(0x19, e1, "06 01 01 01 10 00 2534 0000")
 
 
+#: Table 4.3.6.1: a request that meets each error; None for those that have no cause in this drive.
+ERRORS: dict[int, str | None] = {
+    0x00: "01 01 00 01 10 00 03C5 0000",
+    0x01: "01 02 00 01 10 00 03B0 0000 06 01 0000",
+    0x02: "01 02 00 01 10 00 2402 0000 06 01 0321",
+    0x03: "01 01 00 01 10 01 03C4 0007",
+    0x04: "01 01 00 01 10 01 2402 0001",
+    0x05: "01 02 00 01 10 00 2402 0000 07 01 00000001",
+    0x06: "01 02 00 01 10 00 03B8 0000 06 01 0005",
+    0x07: "01 02 00 01 20 00 2402 0000 06 01 0001",
+    0x09: "01 01 00 01 20 00 2402 0000",
+    0x0B: None,  # every parameter may be written by everybody
+    0x0F: "01 01 00 01 30 00 2402 0000",
+    0x11: "01 02 00 01 10 00 03B8 0000 06 01 0000",  # with a drive that takes no commands
+    0x14: None,  # no parameter of single values can be written
+    0x15: "01 01 00 01 10 1F 03D3 0000",  # with a reader that takes 16 octets
+    0x16: "01 01 00 01 11 00 2402 0000",
+    0x17: "01 02 00 01 10 00 2402 0000 0A 01 0001",
+    0x18: "01 02 00 01 10 00 2402 0000 06 02 0001 0001",
+    0x19: "01 01 02 01 10 00 2402 0000",
+    0x20: "01 02 00 01 30 00 2402 0000 06 01 0001",
+    0x21: "01 03 00 01 10 00 2402 0000",
+    0x22: None,  # 0x23 comes first
+    0x23: "01 01 00 02 10 00 2402 0000 10 00 2403 0000",
+}
+
+
+def test_4_3_6_every_error_number_that_this_drive_can_give(e1: Drive, manual: str) -> None:
+    table = manual.split("Table 4.3.6.1\n", maxsplit=1)[1].split("5. Diagnostics", maxsplit=1)[0]
+    rows = re.findall(r"^0x([0-9A-F]{2})\t(?!Reserved)", table, re.MULTILINE)
+    assert {int(number, 16) for number in rows} - {0x0D, 0x0E, 0x13} == set(ERRORS)
+    for _ in range(16):
+        e1.store.handle.push_command(CMD_CLEAR_HISTORY)
+    for number, request in ERRORS.items():
+        if request is None:
+            continue
+        channel = ParameterChannel(e1.store)
+        channel.write_request(bytes.fromhex(request))
+        response = channel.read_response(16)
+        assert response is not None
+        assert response[1] & 0x80
+        assert response[3:] == bytes([1, 0x44, 1, 0, number]), f"0x{number:02X}"
+    assert e1.store.get("Pt402") == 800
+
+
 @pytest.mark.parametrize("service", ["00", "03", "7F", "81"])
 def test_4_3_6_an_unknown_request_id_is_answered_with_80h(e1: Drive, service: str) -> None:
     assert ask(e1, f"07 {service} 00 01 10 00 2534 0000") == bytes.fromhex("07 80 00 01 44 01 0021")
