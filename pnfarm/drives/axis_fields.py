@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite, pi
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Behaviour, Parameter
@@ -14,13 +14,8 @@ if TYPE_CHECKING:
     from pnfarm.drives.stored_values import StoredValues
     from pnfarm.drives.telegram_selection import TelegramSelection
 
-__all__ = ["POSITION_UNITS", "AxisFields"]
+__all__ = ["AxisFields"]
 
-POSITION_SCALING = 3014
-UNIT_ROTARY = 2393
-UNIT_IN = 2390
-UNIT_OUT = 2392
-POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
 #: Fields that other parameters' scales follow.
 _SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n", "velocity_step": "reference/n"}
 #: Velocity steps to the velocity reference value (HIWIN E1 manual 6.1: 0x4000 is 100 %).
@@ -83,7 +78,7 @@ class AxisFields:
         if parameter.behaviour is Behaviour.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
-        if parameter.pnu in POSITION_UNITS:
+        if model.position_units is not None and parameter.pnu in model.position_units.numbers:
             self._apply_scaled("position")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
@@ -159,10 +154,12 @@ class AxisFields:
         return parameter.clamp(round(physical / self._factor(parameter)))
 
     def position_units(self) -> float:
-        """Raw numbers of a position parameter to one revolution (UNIT.PROTARY, PN.POSSCALE)."""
-        raw = self._values.raw
-        units = {1: 2.0 * pi, 2: 360.0, 3: raw(UNIT_IN, 1) / max(raw(UNIT_OUT, 1), 1), 4: 65536.0}
-        return units.get(raw(UNIT_ROTARY), 4294967296.0) / max(raw(POSITION_SCALING, 1), 1)
+        """Raw numbers of a position parameter to one revolution; 1 for a model that has no such parameters."""
+        raw, units = self._values.raw, self._values.model.position_units
+        if units is None:
+            return 1.0
+        chosen = units.revolution[raw(units.unit)] or raw(units.numerator) / raw(units.denominator)
+        return chosen / raw(units.scaling)
 
     def _factor(self, parameter: Parameter) -> float:
         if parameter.scale == "acceleration":

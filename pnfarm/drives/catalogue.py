@@ -241,6 +241,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "sign_of_life": _fact_json(described, "sign_of_life"),
         "following_error": _fact_json(described, "following_error"),
         "motion_tasks": _fact_json(described, "motion_tasks"),
+        "position_units": _fact_json(described, "position_units"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),

@@ -26,6 +26,7 @@ from pnfarm.drives.model import (
     Model,
     MotionTaskParameters,
     ParameterAccess,
+    PositionUnits,
     SignOfLife,
     fault_label,
     fault_number,
@@ -171,6 +172,28 @@ def _motion_tasks(
     return numbers
 
 
+def _position_units(
+    facts: Mapping[str, Fact] | None, parameters: Mapping[int, Parameter], where: str
+) -> PositionUnits | None:
+    """Of a drive whose positions come in units to be chosen: plain stored parameters, and a value for each unit."""
+    if facts is None:
+        scaled = next((parameter.pnu for parameter in parameters.values() if parameter.scale == "position"), None)
+        if scaled is not None:
+            raise ConfigError(f"{where}: missing, but PNU {scaled} has the scale position")
+        return None
+    units: PositionUnits = _build(PositionUnits, facts, where)
+    for pnu in sorted(units.numbers):
+        parameter = parameters.get(pnu)
+        if parameter is None or parameter.behaviour is not Behaviour.STORED or parameter.elements:
+            raise ConfigError(f"{where}: {pnu} is no plain parameter that is stored")
+    if parameters[units.unit].maximum >= len(units.revolution):
+        raise ConfigError(f"{where}.revolution: PNU {units.unit} goes to {parameters[units.unit].maximum}")
+    for pnu in (units.scaling, units.numerator, units.denominator):
+        if parameters[pnu].minimum < 1:
+            raise ConfigError(f"{where}: PNU {pnu} may be {parameters[pnu].minimum}, which divides nothing")
+    return units
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -236,6 +259,7 @@ def load_model(folder: Path) -> Model:
             "diagnosis_coding",
             "following_error",
             "motion_tasks",
+            "position_units",
             "sign_of_life",
         )
         if key in data
@@ -277,6 +301,7 @@ def load_model(folder: Path) -> Model:
         sign_of_life=life,
         following_error=error,
         motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),
+        position_units=_position_units(sections.get("position_units"), parameters, f"{path}, position_units"),
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),

@@ -34,6 +34,7 @@ __all__ = [
     "Model",
     "MotionTaskParameters",
     "ParameterAccess",
+    "PositionUnits",
     "SignOfLife",
     "fault_label",
     "fault_number",
@@ -186,6 +187,26 @@ class MotionTaskParameters:
 
 
 @dataclass(frozen=True, slots=True)
+class PositionUnits:
+    """The PNUs that parameters with the scale ``position`` follow: so many units to a revolution.
+
+    The value of ``unit`` picks one of ``revolution``, units to a revolution, where 0 stands for ``numerator`` by
+    ``denominator``; ``scaling`` divides what was picked.
+    """
+
+    scaling: int
+    unit: int
+    numerator: int
+    denominator: int
+    revolution: tuple[float, ...]
+
+    @property
+    def numbers(self) -> frozenset[int]:
+        """All the PNUs."""
+        return frozenset({self.scaling, self.unit, self.numerator, self.denominator})
+
+
+@dataclass(frozen=True, slots=True)
 class FollowingError:
     """Position mode: the fault that a following error beyond its limit raises."""
 
@@ -281,6 +302,7 @@ class Model:
     sign_of_life: SignOfLife | None
     following_error: FollowingError | None
     motion_tasks: MotionTaskParameters | None
+    position_units: PositionUnits | None
     description_file: DescriptionFile | None
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.axis_fields import POSITION_UNITS, AxisFields
+from pnfarm.drives.axis_fields import AxisFields
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.motion_tasks import MotionTasks
@@ -37,7 +37,6 @@ __all__ = [
     "TelegramChanged",
 ]
 
-HOME_POSITION = 2205
 #: DRV.OPMODE of position mode.
 POSITION_MODE = 2
 
@@ -136,7 +135,8 @@ class ParameterStore:
             self._values.write(target, subindex, values)
             if not target.after_power_on:
                 self._axis.apply_written(target)
-            if self._tasks is not None and target.pnu in POSITION_UNITS:
+            units = self.model.position_units
+            if self._tasks is not None and units is not None and target.pnu in units.numbers:
                 self._tasks.apply_all()
         if self.model.access.saves_at_once and target.nonvolatile:
             self._save()
@@ -323,8 +323,7 @@ class ParameterStore:
                     self.handle.axis.standstill
                 ):
                     raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
-                revolutions = self.raw(HOME_POSITION) / self._axis.position_units()
-                self.handle.push_command(CMD_SET_POSITION, round(revolutions * 1e6))
+                self.handle.push_command(CMD_SET_POSITION, round(float(self.handle.axis.home_position) * 1e6))
             elif name == "home":
                 self._start(CMD_HOME, 0, parameter)
             elif name == "task-move":

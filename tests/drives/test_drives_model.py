@@ -426,6 +426,10 @@ def folder(tmp_path: Path) -> Path:
         ("model.toml", 'name = "akd-profinet"', "", r"name: missing"),
         ("model.toml", "pnu = 1,", "pnu = 9,", r"PN\.STW1"),
         ("model.toml", "[limits]", "[borders]", r"limits: missing"),
+        ("model.toml", "[position_units]", "[units]", r"position_units: missing, but PNU 2198 has the scale position"),
+        ("model.toml", "unit = { value = 2393", "unit = { value = 9", r"position_units: 9 is no plain parameter"),
+        ("model.toml", "0.0, 65536.0]", "0.0]", r"position_units\.revolution: PNU 2393 goes to 4"),
+        ("model.toml", "scaling = { value = 3014", "scaling = { value = 2391", r"PNU 2391 may be 0"),
     ],
 )
 def test_a_mistake_in_a_models_file_is_named_by_file_row_and_field(
