@@ -68,6 +68,7 @@ class SignalSteps:
     task_velocity_step: float = 1.0
     task_acceleration_step: float = 1.0
     task_deceleration_step: float = 1.0
+    task_ramps_signed: bool = False
     ramp_step: float = 1.0
 
 
@@ -129,6 +130,7 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
         or 1.0,
         task_deceleration_step=float(ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration))
         or 1.0,
+        task_ramps_signed=bool(axis.task_ramps_signed),
         ramp_step=float(axis.acceleration_step) or 1.0,
     )
 

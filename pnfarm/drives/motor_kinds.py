@@ -36,6 +36,7 @@ def _lever(pitch: float) -> float:
 #: Unit in the axis record -> unit of a linear motor, and what one of the latter is in the former.
 _LINEAR: dict[str, tuple[str, Callable[[float], float]]] = {
     "rev": ("mm", lambda pitch: 1.0 / pitch),
+    "1/rev": ("1/mm", lambda pitch: pitch),
     "rpm": ("mm/s", lambda pitch: 60.0 / pitch),
     "rpm/s": ("mm/s^2", lambda pitch: 60.0 / pitch),
     "N m": ("N", _lever),

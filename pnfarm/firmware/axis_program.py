@@ -119,8 +119,9 @@ def _write_task(program: Any, image: Any) -> None:
         return
     image.sent[MDI_TARPOS] = target
     image.sent[MDI_VELOCITY] = clamp32(velocity)
-    image.sent[MDI_ACC] = clamp_unsigned(program.acceleration / program.task_acceleration_step)
-    image.sent[MDI_DEC] = clamp_unsigned(program.acceleration / program.task_deceleration_step)
+    most = 0x7FFF if program.task_ramps_signed else 0xFFFF
+    image.sent[MDI_ACC] = min(most, clamp_unsigned(program.acceleration / program.task_acceleration_step))
+    image.sent[MDI_DEC] = min(most, clamp_unsigned(program.acceleration / program.task_deceleration_step))
     image.sent[MDI_MOD] = 1
     image.sent[SATZANW] = MDI_SELECTED
     image.sent[POS_STW1] = MDI_SELECTED | POS_ABSOLUTE

@@ -362,8 +362,8 @@ def _has_task(axis: Any) -> bool:
 
 @compiled
 def standing(axis: Any) -> bool:
-    """Whether the axis is at rest: no profile moves it, and the shaft does not turn."""
-    return axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
+    """Whether the axis is at rest, so that a task may begin: no profile moves it, and the shaft does not turn."""
+    return axis.motion != BRAKING and axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
 
 
 @compiled

@@ -52,6 +52,7 @@ PROGRAM = Layout(
         Field("task_velocity_step", "f8", "rpm", "station", "one increment of a task's velocity"),
         Field("task_acceleration_step", "f8", "rpm/s", "station", "one increment of a task's acceleration"),
         Field("task_deceleration_step", "f8", "rpm/s", "station", "one increment of a task's deceleration"),
+        Field("task_ramps_signed", "u1", "", "station", "1 = MDI_ACC and MDI_DEC have a sign"),
         Field("ramp_step", "f8", "rpm/s", "station", "one increment of DRV_ACC and DRV_DEC"),
         Field("life", "u1", "", "station", "1 = send a running sign of life in STW2"),
         Field(

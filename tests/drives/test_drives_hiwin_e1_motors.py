@@ -82,9 +82,9 @@ def test_6_3_torque_limits_are_shares_of_the_rated_torque_and_act_at_once() -> N
 
 def test_6_3_force_limits_of_a_linear_motor_start_with_30_percent(linear: Drive) -> None:
     newton = PITCH / 1000 / (2 * pi)
-    assert linear.axis.torque_limit_positive == pytest.approx(60.0 * newton)
+    assert linear.axis.torque_limit_positive == pytest.approx(54.0 * newton)
     linear.store.set("Pt484", 800)
-    assert linear.axis.torque_limit_negative == pytest.approx(1600.0 * newton)
+    assert linear.axis.torque_limit_negative == pytest.approx(1440.0 * newton)
 
 
 def test_a_model_without_torque_limits_has_none() -> None:

@@ -52,6 +52,11 @@ def test_3_3_1_reserved_bits_do_nothing(plc):
         assert plc.put(STW1=RUN | 1 << bit, wait=20) == 0x0737
         assert rpm(plc) == pytest.approx(600.0, abs=1.0)
     assert plc["ZSW1"] & 0xF800 == 0
+    plc.stw2 = 0x0FFF
+    plc.wait(50)
+    assert plc["ZSW1"] == 0x0737
+    assert plc["ZSW2"] & 0x0FFF == 0
+    assert plc.axis.life_errors == 0
 
 
 def test_6_1_the_set_point_is_a_share_of_the_reference_value_in_both_directions(plc):

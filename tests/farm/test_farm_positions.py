@@ -39,7 +39,7 @@ def run_until(line, condition, seconds=20.0):
     begun = line.world.now
     while not condition():
         line.run(0.001)
-        assert line.world.now - begun < seconds * 1e9, line.plc.rows()
+        assert line.world.now - begun < seconds * 1e9, line.reasons()
     return (line.world.now - begun) / 1e9
 
 

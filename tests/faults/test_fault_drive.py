@@ -90,11 +90,27 @@ def test_a_limit_switch_warns_and_the_drive_goes_on(line, side, number):
     line.run(2 * CYCLE)
     assert line.seen_zsw1() & WARNING
     assert int(line.farm.columns.axis[0].warning_code) == number
+    assert int(line.farm.columns.axis[0].limit_switch) == {"negative": 1, "positive": 2}[side]
     assert line.plc.all_running
     assert fault.evidence().confirmed
     line.clear(fault.id)
     line.run(2 * CYCLE)
     assert not line.seen_zsw1() & WARNING
+    assert int(line.farm.columns.axis[0].limit_switch) == 0
+
+
+def test_a_drive_without_a_warning_of_its_own_stands_on_the_switch_alone():
+    line = FaultLine(model="hiwin-e1", telegram=3, cycle="1ms")
+    line.enable()
+    two = [line.add("limit-switch", params={"side": "negative"}) for _ in range(2)]
+    line.run(0.01)
+    assert int(line.farm.columns.axis[0].limit_switch) == 1
+    assert not line.seen_zsw1() & WARNING
+    assert two[0].evidence().confirmed
+    line.clear(two[0].id)
+    assert int(line.farm.columns.axis[0].limit_switch) == 1, "the other one still stands"
+    line.clear(two[1].id)
+    assert int(line.farm.columns.axis[0].limit_switch) == 0
 
 
 def test_the_earlier_warning_shows_again_when_the_later_one_ends(line):

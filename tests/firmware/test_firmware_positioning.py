@@ -578,3 +578,49 @@ def test_the_axis_takes_the_time_of_the_trapezoid():
     assert steps == pytest.approx(1000 * (top / up / 2 + top / down / 2 + 8.0 / top), abs=4)
     assert math.isclose(float(drive.axis.commanded_position), 8.0, abs_tol=1e-9)
     assert drive.image.received[STW1] == READY
+
+
+def test_a_task_can_begin_with_the_step_that_shows_the_axis_stopped():
+    drive = Positioner()
+    drive.stw(0x050F, 200)
+    drive.stw(READY)
+    drive.data(1.0)
+    while not drive.zsw1 & STOPPED:
+        drive.run(1)
+    assert drive.stw(START) & ACKNOWLEDGED
+
+
+@pytest.mark.parametrize(("word", "taken"), [(0x7FFF, True), (0x8000, False), (0xFFFF, False), (1, True)])
+def test_hiwin_3_1_ramps_with_a_sign_are_none_below_zero(word, taken):
+    for signal in (MDI_ACC, MDI_DEC):
+        drive = Positioner()
+        drive.axis.task_ramps_signed = 1
+        drive.data(1.0)
+        drive.image.received[signal] = word
+        assert bool(drive.stw(START) & ACKNOWLEDGED) == taken
+
+
+def test_an_override_beyond_100_percent_ends_at_the_velocity_limit():
+    drive = Positioner()
+    drive.axis.task_form = TASKS_POS_STW
+    drive.axis.velocity_limit = 900.0
+    drive.image.received[POS_STW1] = 0x8100
+    drive.image.received[OVERRIDE] = 0xFFFF
+    drive.data(100.0)
+    assert drive.stw(START) & ACKNOWLEDGED
+    drive.run(500)
+    assert drive.axis.velocity == pytest.approx(900.0, abs=1.0)
+    assert abs(drive.axis.following_error) < 0.05
+
+
+def test_without_control_by_plc_nothing_is_taken_over_but_a_command_is():
+    drive = Positioner()
+    drive.axis.mt_flags[3], drive.axis.mt_position[3] = TASK_DEFINED, 1.0
+    drive.axis.mt_velocity[3], drive.axis.mt_acceleration[3], drive.axis.mt_deceleration[3] = 300.0, 3e4, 3e4
+    drive.image.received[SATZANW] = 0
+    drive.stw((START | HOME) & ~0x0400, 50)
+    assert drive.axis.motion == positioning.STANDBY
+    assert drive.axis.mdi, "as before"
+    drive.command(CMD_START_TASK, 3)
+    drive.run(2)
+    assert drive.axis.motion == positioning.TASK

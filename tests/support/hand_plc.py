@@ -31,13 +31,15 @@ class HandPlc(VirtualLine):
         self.axis = self.farm.columns.axis[0]
         self.store = self.farm.stations[0].store
         self.life = 0
+        #: Bits 0 to 11 of STW2.
+        self.stw2 = 0
         self.wait_for(lambda: self.axis.state == 1)
         self.wait(30)
 
     def wait(self, milliseconds: int = 1) -> None:
         for _ in range(milliseconds):
             self.life = 1 + self.life % 15
-            self.image.sent[SETPOINT_SLOTS["STW2"]] = self.life << 12
+            self.image.sent[SETPOINT_SLOTS["STW2"]] = self.life << 12 | self.stw2
             self.run(0.001)
 
     def put(self, *, wait: int = 4, **signals: int) -> int:
