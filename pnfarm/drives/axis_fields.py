@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.table.axis import AXIS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
-from pnfarm.table.signals import HOME_DIST, HOME_MODE, NSOLL_B, REF_SPEED
+from pnfarm.table.signals import FIRST_SHOWN, HOME_DIST, HOME_MODE, NSOLL_B, REF_SPEED
 
 if TYPE_CHECKING:
     from pnfarm.drives.axis_handle import AxisHandle
@@ -82,6 +82,8 @@ class AxisFields:
             self._apply_scaled("position")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
+        if int(self._handle.axis.shows):
+            self._apply_shown()
 
     def _apply_scaled(self, scale: str) -> None:
         for parameter in self._values.model.axis_parameters if scale else ():
@@ -97,9 +99,22 @@ class AxisFields:
         axis.task_form = telegram.tasks
         axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
+        axis.parameter_channel = self._selection.frame.parameter_words > 0
+        self._apply_shown()
         axis.velocity_signal = (
             VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
         )
+
+    def _apply_shown(self) -> None:
+        """What a free mapping shows that is no actual value: set points as they came, and stored parameters."""
+        axis, values = self._handle.axis, self._values
+        shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
+        stored = [signal for signal in shown if signal.stored]
+        axis.shows = any(signal.readable for signal in shown) | bool(stored) << 1
+        for signal in stored:
+            parameter = values.model.parameters[signal.number]
+            raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
+            axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >> 31 else raw
 
     def physical(self, parameter: Parameter, raw: int) -> float:
         """A raw number of a parameter in the unit of its field."""

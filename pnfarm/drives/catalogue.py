@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.data_files import read_toml, required
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
+from pnfarm.drives.parameter import Form
 from pnfarm.drives.telegram import TASK_FORMS
 from pnfarm.errors import ConfigError
 
@@ -139,7 +140,7 @@ def _parameter_json(parameter: Parameter) -> dict[str, Any]:
     return {
         "pnu": parameter.pnu,
         "name": parameter.name,
-        "type": parameter.type.name.lower(),
+        "type": parameter.type.name.lower() if parameter.form is Form.INTEGER else parameter.form.value,
         "signed": parameter.signed,
         "elements": parameter.elements,
         "access": "r" * parameter.readable + "w" * parameter.writable,

@@ -34,16 +34,18 @@ from pnfarm.drives.model import (
 from pnfarm.drives.motor_kinds import read_motor_kinds
 from pnfarm.drives.parameter import Behaviour
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_parameters
+from pnfarm.drives.profiles.profidrive.pkw import PARAMETER_TASKS, ParameterWords
 from pnfarm.drives.telegram import Module, Submodule
 from pnfarm.drives.telegram_tables import check_settings, read_telegrams
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS, FAULT_WORDS, MOTION_TASKS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.telegram import Telegram
 
 __all__ = ["load_model"]
 
@@ -194,6 +196,23 @@ def _position_units(
     return units
 
 
+def _parameter_words(
+    facts: Mapping[str, Fact] | None, telegrams: Iterable[Telegram], where: str
+) -> ParameterWords | None:
+    if facts is None:
+        if any(telegram.parameter_words for telegram in telegrams):
+            raise ConfigError(f"{where}: missing, and a telegram has a parameter channel")
+        return None
+    words: ParameterWords = _build(ParameterWords, facts, where)
+    unknown = set(words.tasks) - PARAMETER_TASKS
+    if unknown or len(words.tasks) > 16:
+        raise ConfigError(f"{where}.tasks: each of at most 16 is one of {', '.join(sorted(PARAMETER_TASKS))}")
+    for key, fact in facts.items():
+        if key != "tasks" and not 1 <= fact.value <= 15:
+            raise ConfigError(f"{where}.{key}: {fact.value!r} is no response identifier from 1 to 15")
+    return words
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -260,6 +279,7 @@ def load_model(folder: Path) -> Model:
             "following_error",
             "motion_tasks",
             "position_units",
+            "parameter_words",
             "sign_of_life",
         )
         if key in data
@@ -298,6 +318,9 @@ def load_model(folder: Path) -> Model:
         limits=limits,
         access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
         communication_loss=loss,
+        parameter_words=_parameter_words(
+            sections.get("parameter_words"), telegrams.values(), f"{path}, parameter_words"
+        ),
         sign_of_life=life,
         following_error=error,
         motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),

@@ -129,7 +129,7 @@ class ParameterStore:
             self._write_signal(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED and target.argument == "fault-situations":
             self._clear_history(target, values[0])
-        elif target.behaviour is Behaviour.COMPUTED:
+        elif target.behaviour is Behaviour.COMPUTED or target.pnu in self.model.access.mapping_elements:
             self._write_telegram(target, subindex, values)
         else:
             self._values.write(target, subindex, values)
@@ -154,11 +154,11 @@ class ParameterStore:
 
     def changed(self, parameter: Parameter) -> bool:
         """Whether a stored value differs from the model's default."""
-        return self.model.canonical(parameter).pnu in self._values.current
+        return self._values.changed(self.model.canonical(parameter))
 
     def changed_numbers(self) -> list[int]:
         """The PNUs of every stored value that differs from the model's default, rising."""
-        return sorted(self._values.current)
+        return sorted(pnu for pnu in self._values.current if self._values.changed(self.model.parameters[pnu]))
 
     def events(self) -> list[Event]:
         """What happened since the last call."""
@@ -298,7 +298,10 @@ class ParameterStore:
         self.handle.image.received[parameter.index] = value - (1 << 32) if value >> 31 else value
 
     def _write_telegram(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
-        """PNU 922, 915, 916: not while the axis is in operation; a mapping only where the telegram has a free one."""
+        """What the telegram is (PNU 922, 915, 916, the elements of these): not while the axis is in operation.
+
+        A mapping only where the telegram has a free one.
+        """
         if self.handle.in_operation:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
         self._values.current[parameter.pnu] = self._selection.checked(parameter, subindex, values)
