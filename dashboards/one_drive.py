@@ -191,6 +191,30 @@ def _drive_motor(board: Board) -> None:
         6,
         9,
     )
+    board.add(
+        timeseries(
+            "Torque and heat",
+            targets(
+                (drive("pnfarm_axis_torque_newton_metres"), "torque"),
+                (drive("pnfarm_axis_thermal_load_ratio"), "heat"),
+            ),
+            "Torque of the motor in N m; its heat on the right, 1 is as much as it bears (I2t).",
+            unit="none",
+            overrides=[override("heat", custom__axisPlacement="right", unit="percentunit")],
+        ),
+        12,
+        7,
+    )
+    board.add(
+        timeseries(
+            "DC link",
+            targets((drive("pnfarm_axis_bus_volts"), "voltage (VBUS.VALUE)")),
+            "It rises while the motor brakes.",
+            unit="volt",
+        ),
+        12,
+        7,
+    )
 
 
 def _bit(word: str, number: int) -> str:

@@ -115,6 +115,9 @@ class Drive(_Model):
     )
     current_amperes: float
     following_error_revolutions: float
+    torque_newton_metres: float
+    bus_volts: float = Field(description="Voltage of the DC link; 0 for a drive without one.")
+    thermal_load: float = Field(description="Heat of the motor, 1 = as much as it bears.")
     signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")
     signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
     faults_injected: list[str] = Field(description="Ids of the injected faults in force.")

@@ -66,7 +66,8 @@ def _print(found: dict[str, Any]) -> None:
         ]
         print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
     sections = (
-        "motor", "firmware", "communication_loss", "sign_of_life", "parameter_access", "description_file", "diagnosis",
+        "motor", "firmware", "position_units", "motion_tasks", "communication_loss", "sign_of_life", "following_error",
+        "parameter_access", "description_file", "diagnosis", "diagnosis_coding",
     )  # fmt: skip
     shown = [(section.replace("_", " "), found[section]) for section in sections]
     shown += [

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.controller.channels import SessionChannels
+from pnfarm.controller.parameter_words import parameter_answer, put_parameter_task
 from pnfarm.controller.records import READ_LENGTH, RecordJob, RecordPlace
 from pnfarm.controller.search import Duplicate, Outcome, Search
 from pnfarm.controller.session import DeviceSession, SessionState, Sign
@@ -44,6 +45,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
 from pnfarm.table import engine_row, program
 from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
+from pnfarm.table.signals import PKW_HEAD, WORD_NONE
 from pnfarm.wire.ethernet import (
     ETHERTYPE_LLDP,
     ETHERTYPE_PROFINET,
@@ -57,6 +59,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.controller.plan import DevicePlan
+    from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profinet.ar import ExpectedKey
@@ -288,6 +291,23 @@ class ControllerCore:
         begun = session.machine is not None and session.machine.reparametrise(submodules)
         self.touch(session, now)
         return begun
+
+    def put_parameter_task(self, name: str, task: Pkw) -> None:
+        """Let a task stand in the parameter channel (PKW) of a drive, if its telegram has one.
+
+        Raises :class:`ConfigError` for an unknown drive and for a telegram without such a channel.
+        """
+        put_parameter_task(self._channel_image(name), task)
+
+    def parameter_answer(self, name: str) -> Pkw:
+        """What a drive answers in its parameter channel; raises as :meth:`put_parameter_task` does."""
+        return parameter_answer(self._channel_image(name))
+
+    def _channel_image(self, name: str) -> Any:
+        session = self._named(name)
+        if PKW_HEAD not in {code >> 2 for code in session.plan.output_words if code != WORD_NONE}:
+            raise ConfigError(f"the telegram of drive {name!r} has no parameter channel (PKW)")
+        return self.columns.image[session.index]
 
     def _named(self, name: str) -> DeviceSession:
         session = self._by_name.get(name)

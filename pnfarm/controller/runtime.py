@@ -13,6 +13,7 @@ import anyio
 
 from pnfarm.controller.core import CALL_PORT, ControllerCore
 from pnfarm.controller.plan import plan_devices
+from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.config import FarmConfig, controller_mac, expand, load_farm
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
+    from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.engine.realtime import RealTimeSettings
     from pnfarm.links.base import Link
 
@@ -222,6 +224,24 @@ class Plc:
             while not condition(self.core):  # noqa: ASYNC110 - the engine's thread sets no events
                 await anyio.sleep(0.005)
         return bool(condition(self.core))
+
+    async def ask_parameter(self, name: str, task: Pkw, seconds: float = 1.0) -> Pkw | None:
+        """One task through the cyclic parameter channel (PKW) of a drive, as a PLC program has it.
+
+        Task 0, until it is answered by 0, then ``task`` until something answers; it stays in the telegrams.  None when
+        the drive did not answer in time.  Raises :class:`ConfigError` for an unknown drive and for a telegram without
+        such a channel.
+        """
+        for wanted in (NO_TASK, task):
+            self.core.put_parameter_task(name, wanted)
+            idle = wanted.identifier == NO_TASK.identifier
+
+            def answered(core: ControllerCore, idle: bool = idle) -> bool:
+                return (core.parameter_answer(name).identifier == NO_TASK.identifier) == idle
+
+            if not await self._wait(answered, seconds):
+                return None
+        return self.core.parameter_answer(name)
 
     def summary(self) -> Sequence[dict[str, Any]]:
         return self.core.snapshot()

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from math import isfinite, pi
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.table.axis import AXIS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
-from pnfarm.table.signals import HOME_DIST, HOME_MODE, NSOLL_B, REF_SPEED
+from pnfarm.table.signals import FIRST_SHOWN, HOME_DIST, HOME_MODE, NSOLL_B, REF_SPEED
 
 if TYPE_CHECKING:
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.stored_values import StoredValues
     from pnfarm.drives.telegram_selection import TelegramSelection
 
-__all__ = ["POSITION_UNITS", "AxisFields"]
+__all__ = ["AxisFields"]
 
-POSITION_SCALING = 3014
-UNIT_ROTARY = 2393
-UNIT_IN = 2390
-UNIT_OUT = 2392
-POSITION_UNITS = frozenset({POSITION_SCALING, UNIT_ROTARY, UNIT_IN, UNIT_OUT})
 #: Fields that other parameters' scales follow.
 _SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n", "velocity_step": "reference/n"}
 #: Velocity steps to the velocity reference value (HIWIN E1 manual 6.1: 0x4000 is 100 %).
@@ -83,10 +78,12 @@ class AxisFields:
         if parameter.behaviour is Behaviour.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
-        if parameter.pnu in POSITION_UNITS:
+        if model.position_units is not None and parameter.pnu in model.position_units.numbers:
             self._apply_scaled("position")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
+        if int(self._handle.axis.shows):
+            self._apply_shown()
 
     def _apply_scaled(self, scale: str) -> None:
         for parameter in self._values.model.axis_parameters if scale else ():
@@ -102,9 +99,22 @@ class AxisFields:
         axis.task_form = telegram.tasks
         axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
+        axis.parameter_channel = self._selection.frame.parameter_words > 0
+        self._apply_shown()
         axis.velocity_signal = (
             VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
         )
+
+    def _apply_shown(self) -> None:
+        """What a free mapping shows that is no actual value: set points as they came, and stored parameters."""
+        axis, values = self._handle.axis, self._values
+        shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
+        stored = [signal for signal in shown if signal.stored]
+        axis.shows = any(signal.readable for signal in shown) | bool(stored) << 1
+        for signal in stored:
+            parameter = values.model.parameters[signal.number]
+            raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
+            axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >> 31 else raw
 
     def physical(self, parameter: Parameter, raw: int) -> float:
         """A raw number of a parameter in the unit of its field."""
@@ -159,10 +169,12 @@ class AxisFields:
         return parameter.clamp(round(physical / self._factor(parameter)))
 
     def position_units(self) -> float:
-        """Raw numbers of a position parameter to one revolution (UNIT.PROTARY, PN.POSSCALE)."""
-        raw = self._values.raw
-        units = {1: 2.0 * pi, 2: 360.0, 3: raw(UNIT_IN, 1) / max(raw(UNIT_OUT, 1), 1), 4: 65536.0}
-        return units.get(raw(UNIT_ROTARY), 4294967296.0) / max(raw(POSITION_SCALING, 1), 1)
+        """Raw numbers of a position parameter to one revolution; 1 for a model that has no such parameters."""
+        raw, units = self._values.raw, self._values.model.position_units
+        if units is None:
+            return 1.0
+        chosen = units.revolution[raw(units.unit)] or raw(units.numerator) / raw(units.denominator)
+        return chosen / raw(units.scaling)
 
     def _factor(self, parameter: Parameter) -> float:
         if parameter.scale == "acceleration":

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.data_files import read_toml, required
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
+from pnfarm.drives.parameter import Form
 from pnfarm.drives.telegram import TASK_FORMS
 from pnfarm.errors import ConfigError
 
@@ -139,7 +140,7 @@ def _parameter_json(parameter: Parameter) -> dict[str, Any]:
     return {
         "pnu": parameter.pnu,
         "name": parameter.name,
-        "type": parameter.type.name.lower(),
+        "type": parameter.type.name.lower() if parameter.form is Form.INTEGER else parameter.form.value,
         "signed": parameter.signed,
         "elements": parameter.elements,
         "access": "r" * parameter.readable + "w" * parameter.writable,
@@ -241,6 +242,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "sign_of_life": _fact_json(described, "sign_of_life"),
         "following_error": _fact_json(described, "following_error"),
         "motion_tasks": _fact_json(described, "motion_tasks"),
+        "position_units": _fact_json(described, "position_units"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),

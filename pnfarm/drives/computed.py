@@ -143,7 +143,8 @@ def _setpoint_signals(store: ParameterStore, parameter: Parameter) -> Sequence[i
 
 
 def _actual_signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(sorted(n for n, signal in store.model.signals.items() if not signal.setpoint), parameter)
+    shown = (n for n, signal in store.model.signals.items() if not signal.setpoint or signal.readable)
+    return _fill(sorted(shown), parameter)
 
 
 def _changed_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:

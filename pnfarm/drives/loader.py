@@ -26,6 +26,7 @@ from pnfarm.drives.model import (
     Model,
     MotionTaskParameters,
     ParameterAccess,
+    PositionUnits,
     SignOfLife,
     fault_label,
     fault_number,
@@ -33,16 +34,18 @@ from pnfarm.drives.model import (
 from pnfarm.drives.motor_kinds import read_motor_kinds
 from pnfarm.drives.parameter import Behaviour
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_parameters
+from pnfarm.drives.profiles.profidrive.pkw import PARAMETER_TASKS, ParameterWords
 from pnfarm.drives.telegram import Module, Submodule
 from pnfarm.drives.telegram_tables import check_settings, read_telegrams
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS, FAULT_WORDS, MOTION_TASKS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.telegram import Telegram
 
 __all__ = ["load_model"]
 
@@ -171,6 +174,45 @@ def _motion_tasks(
     return numbers
 
 
+def _position_units(
+    facts: Mapping[str, Fact] | None, parameters: Mapping[int, Parameter], where: str
+) -> PositionUnits | None:
+    """Of a drive whose positions come in units to be chosen: plain stored parameters, and a value for each unit."""
+    if facts is None:
+        scaled = next((parameter.pnu for parameter in parameters.values() if parameter.scale == "position"), None)
+        if scaled is not None:
+            raise ConfigError(f"{where}: missing, but PNU {scaled} has the scale position")
+        return None
+    units: PositionUnits = _build(PositionUnits, facts, where)
+    for pnu in sorted(units.numbers):
+        parameter = parameters.get(pnu)
+        if parameter is None or parameter.behaviour is not Behaviour.STORED or parameter.elements:
+            raise ConfigError(f"{where}: {pnu} is no plain parameter that is stored")
+    if parameters[units.unit].maximum >= len(units.revolution):
+        raise ConfigError(f"{where}.revolution: PNU {units.unit} goes to {parameters[units.unit].maximum}")
+    for pnu in (units.scaling, units.numerator, units.denominator):
+        if parameters[pnu].minimum < 1:
+            raise ConfigError(f"{where}: PNU {pnu} may be {parameters[pnu].minimum}, which divides nothing")
+    return units
+
+
+def _parameter_words(
+    facts: Mapping[str, Fact] | None, telegrams: Iterable[Telegram], where: str
+) -> ParameterWords | None:
+    if facts is None:
+        if any(telegram.parameter_words for telegram in telegrams):
+            raise ConfigError(f"{where}: missing, and a telegram has a parameter channel")
+        return None
+    words: ParameterWords = _build(ParameterWords, facts, where)
+    unknown = set(words.tasks) - PARAMETER_TASKS
+    if unknown or len(words.tasks) > 16:
+        raise ConfigError(f"{where}.tasks: each of at most 16 is one of {', '.join(sorted(PARAMETER_TASKS))}")
+    for key, fact in facts.items():
+        if key != "tasks" and not 1 <= fact.value <= 15:
+            raise ConfigError(f"{where}.{key}: {fact.value!r} is no response identifier from 1 to 15")
+    return words
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -236,6 +278,8 @@ def load_model(folder: Path) -> Model:
             "diagnosis_coding",
             "following_error",
             "motion_tasks",
+            "position_units",
+            "parameter_words",
             "sign_of_life",
         )
         if key in data
@@ -274,9 +318,13 @@ def load_model(folder: Path) -> Model:
         limits=limits,
         access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
         communication_loss=loss,
+        parameter_words=_parameter_words(
+            sections.get("parameter_words"), telegrams.values(), f"{path}, parameter_words"
+        ),
         sign_of_life=life,
         following_error=error,
         motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),
+        position_units=_position_units(sections.get("position_units"), parameters, f"{path}, position_units"),
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),

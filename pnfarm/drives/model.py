@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.telegram import Module, Submodule
 from pnfarm.drives.word_bits import WordBits, bit_names
@@ -19,6 +20,7 @@ from pnfarm.table.axis import FAULT_WORDS, REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
     from pnfarm.drives.motor_kinds import MotorKind
+    from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
     from pnfarm.drives.telegram import Signal, Telegram
 
 __all__ = [
@@ -34,6 +36,7 @@ __all__ = [
     "Model",
     "MotionTaskParameters",
     "ParameterAccess",
+    "PositionUnits",
     "SignOfLife",
     "fault_label",
     "fault_number",
@@ -115,6 +118,7 @@ class ParameterAccess:
     * ``descriptions``: parameters describe themselves (attribute 0x20).
     * ``unknown_service_id``: response id for a request id that is not known, 0 for that id with bit 7 set.
     * ``saves_at_once``: what is written is permanent at once.
+    * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
     """
 
     record_indexes: tuple[int, ...]
@@ -128,6 +132,7 @@ class ParameterAccess:
     descriptions: bool = True
     unknown_service_id: int = 0
     saves_at_once: bool = False
+    mapping_elements: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +188,26 @@ class MotionTaskParameters:
         return (
             self.position, self.velocity, self.acceleration, self.deceleration, self.control, self.next, self.dwell,
         )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PositionUnits:
+    """The PNUs that parameters with the scale ``position`` follow: so many units to a revolution.
+
+    The value of ``unit`` picks one of ``revolution``, units to a revolution, where 0 stands for ``numerator`` by
+    ``denominator``; ``scaling`` divides what was picked.
+    """
+
+    scaling: int
+    unit: int
+    numerator: int
+    denominator: int
+    revolution: tuple[float, ...]
+
+    @property
+    def numbers(self) -> frozenset[int]:
+        """All the PNUs."""
+        return frozenset({self.scaling, self.unit, self.numerator, self.denominator})
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,9 +303,11 @@ class Model:
     limits: Limits
     access: ParameterAccess
     communication_loss: CommunicationLoss
+    parameter_words: ParameterWords | None
     sign_of_life: SignOfLife | None
     following_error: FollowingError | None
     motion_tasks: MotionTaskParameters | None
+    position_units: PositionUnits | None
     description_file: DescriptionFile | None
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]
@@ -356,19 +383,11 @@ class Model:
             (t for t in self.telegrams.values() if any(module.ident == module_ident for module in t.modules)), None
         )
 
-    def signals_of(self, numbers: Sequence[int]) -> tuple[Signal | None, ...]:
-        """Signals by number, 0 for none; raises :class:`ParameterError` (value impermissible) with the index."""
-        found: list[Signal | None] = []
-        for index, number in enumerate(numbers):
-            signal = self.signals.get(number)
-            if signal is None and number:
-                raise ParameterError(
-                    ParameterErrorNumber.VALUE_IMPERMISSIBLE,
-                    index,
-                    f"word {index + 1}: {self.name} has no signal {number}",
-                )
-            found.append(signal)
-        return tuple(found)
+    def signals_of(
+        self, numbers: Sequence[int], *, setpoint: bool, elements: Sequence[int] = ()
+    ) -> tuple[Signal | None, ...]:
+        """What a free mapping makes of ``numbers`` (:func:`pnfarm.drives.mapping.mapped_signals`)."""
+        return mapped_signals(self, numbers, setpoint=setpoint, elements=elements)
 
     def bit_names(self, word: str, telegram: int) -> tuple[str, ...]:
         """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any."""

@@ -7,11 +7,11 @@ chapter 6.2.3); every other way to a parameter (API, command line) reports the s
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import Enum, IntEnum
 
 from pnfarm.errors import PnfarmError
 
-__all__ = ["Behaviour", "Parameter", "ParameterError", "ParameterErrorNumber", "ParameterType", "refusal"]
+__all__ = ["Behaviour", "Form", "Parameter", "ParameterError", "ParameterErrorNumber", "ParameterType", "refusal"]
 
 
 class ParameterErrorNumber(IntEnum):
@@ -112,6 +112,14 @@ class ParameterType(IntEnum):
         return self.value or 1
 
 
+class Form(Enum):
+    """What the bits of a value are, where they are no integer."""
+
+    INTEGER = "integer"
+    FLOAT = "float"  # a double word: IEEE 754, single precision
+    TEXT = "text"  # octets: one character each, an array as long as the text may be
+
+
 class Behaviour(IntEnum):
     """What stands behind a parameter."""
 
@@ -160,6 +168,17 @@ class Parameter:
     choices: tuple[float, ...] = ()
     #: The motors that it is for, ``rotary`` or ``linear``; empty for all.  With another one it has no effect.
     motor: str = ""
+    form: Form = Form.INTEGER
+
+    @property
+    def text(self) -> bool:
+        """Whether its elements are the characters of a text."""
+        return self.form is Form.TEXT
+
+    @property
+    def only_reset(self) -> bool:
+        """Whether zero is all that it takes."""
+        return self.behaviour is Behaviour.COMPUTED and self.argument == "fault-situations" and self.writable
 
     @property
     def octets(self) -> int:

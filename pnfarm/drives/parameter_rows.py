@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.data_files import integer, required, rows
 from pnfarm.drives.model import COMMANDS
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterType
+from pnfarm.drives.parameter import Behaviour, Form, Parameter, ParameterType
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
@@ -24,7 +24,10 @@ _TYPES = {
     "Byte": ParameterType.BYTE,
     "Word": ParameterType.WORD,
     "DWord": ParameterType.DWORD,
+    "Float": ParameterType.DWORD,
+    "String": ParameterType.BYTE,
 }
+_FORMS = {"Float": Form.FLOAT, "String": Form.TEXT}
 #: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
 #: UNIT.PROTARY.
 #: ``jog/n`` and ``reference/n`` are ramps in so many milliseconds to or from the first jogging velocity, or from the
@@ -128,6 +131,8 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         raise ConfigError(f"{where}, note: an assumed value needs its reason")
     kind = _TYPES[row["type"]]
     signed = row["signed"] == "1"
+    if row["type"] in _FORMS and (signed or (row["type"] == "String") > bool(row["elements"])):
+        raise ConfigError(f"{where}, type: {row['type']} has no sign, and a String as many elements as characters")
     bits = 8 * kind.octets
     lowest, highest = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
     minimum = integer(row["min"], where, "min", lowest)
@@ -184,6 +189,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         ),
         choices=_choices(row["scale"], maximum, where),
         motor=row.get(_MOTOR, ""),
+        form=_FORMS.get(row["type"], Form.INTEGER),
     )
 
 

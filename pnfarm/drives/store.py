@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.axis_fields import POSITION_UNITS, AxisFields
+from pnfarm.drives.axis_fields import AxisFields
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.motion_tasks import MotionTasks
@@ -37,7 +37,6 @@ __all__ = [
     "TelegramChanged",
 ]
 
-HOME_POSITION = 2205
 #: DRV.OPMODE of position mode.
 POSITION_MODE = 2
 
@@ -130,13 +129,14 @@ class ParameterStore:
             self._write_signal(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED and target.argument == "fault-situations":
             self._clear_history(target, values[0])
-        elif target.behaviour is Behaviour.COMPUTED:
+        elif target.behaviour is Behaviour.COMPUTED or target.pnu in self.model.access.mapping_elements:
             self._write_telegram(target, subindex, values)
         else:
             self._values.write(target, subindex, values)
             if not target.after_power_on:
                 self._axis.apply_written(target)
-            if self._tasks is not None and target.pnu in POSITION_UNITS:
+            units = self.model.position_units
+            if self._tasks is not None and units is not None and target.pnu in units.numbers:
                 self._tasks.apply_all()
         if self.model.access.saves_at_once and target.nonvolatile:
             self._save()
@@ -154,11 +154,11 @@ class ParameterStore:
 
     def changed(self, parameter: Parameter) -> bool:
         """Whether a stored value differs from the model's default."""
-        return self.model.canonical(parameter).pnu in self._values.current
+        return self._values.changed(self.model.canonical(parameter))
 
     def changed_numbers(self) -> list[int]:
         """The PNUs of every stored value that differs from the model's default, rising."""
-        return sorted(self._values.current)
+        return sorted(pnu for pnu in self._values.current if self._values.changed(self.model.parameters[pnu]))
 
     def events(self) -> list[Event]:
         """What happened since the last call."""
@@ -298,7 +298,10 @@ class ParameterStore:
         self.handle.image.received[parameter.index] = value - (1 << 32) if value >> 31 else value
 
     def _write_telegram(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
-        """PNU 922, 915, 916: not while the axis is in operation; a mapping only where the telegram has a free one."""
+        """What the telegram is (PNU 922, 915, 916, the elements of these): not while the axis is in operation.
+
+        A mapping only where the telegram has a free one.
+        """
         if self.handle.in_operation:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
         self._values.current[parameter.pnu] = self._selection.checked(parameter, subindex, values)
@@ -323,8 +326,7 @@ class ParameterStore:
                     self.handle.axis.standstill
                 ):
                     raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
-                revolutions = self.raw(HOME_POSITION) / self._axis.position_units()
-                self.handle.push_command(CMD_SET_POSITION, round(revolutions * 1e6))
+                self.handle.push_command(CMD_SET_POSITION, round(float(self.handle.axis.home_position) * 1e6))
             elif name == "home":
                 self._start(CMD_HOME, 0, parameter)
             elif name == "task-move":

@@ -28,10 +28,16 @@ def check_telegram(model: Model, parameter: Parameter, number: int) -> None:
         raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, 0)
 
 
-def mapping_numbers(model: Model, parameter: Parameter, numbers: Sequence[int]) -> tuple[int, ...]:
-    """The signals that PNU 915 or 916 shall map, if they can be; raises :class:`ParameterError`."""
+def mapping_numbers(
+    model: Model, parameter: Parameter, numbers: Sequence[int], elements: Sequence[int] = ()
+) -> tuple[int, ...]:
+    """The signals that PNU 915 or 916 shall map, if they can be; raises :class:`ParameterError`.
+
+    ``elements`` are those of stored arrays, word by word.
+    """
+    setpoint = parameter.argument == "setpoint-mapping"
     try:
-        signal_codes(model.signals_of(numbers), setpoint=parameter.argument == "setpoint-mapping")
+        signal_codes(model.signals_of(numbers, setpoint=setpoint, elements=elements), setpoint=setpoint)
     except MappingError as exc:
         raise ParameterError(
             ParameterErrorNumber.VALUE_IMPERMISSIBLE, exc.index, f"{parameter.pnu} {parameter.name}, {exc}"
@@ -78,6 +84,14 @@ class StoredValues:
         """The elements of an array that is stored or stands in the axis record."""
         stored = self.current.get(parameter.pnu)
         return stored if isinstance(stored, tuple) else parameter.defaults
+
+    def changed(self, parameter: Parameter) -> bool:
+        """Whether the value in force is another than the model's default."""
+        factory = parameter.defaults or parameter.default
+        if parameter.behaviour not in {Behaviour.STORED, Behaviour.FIELD}:
+            # a telegram or a mapping, whose default is the module's
+            return parameter.pnu in self.current
+        return self.current.get(parameter.pnu, factory) != factory
 
     def write(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
         """Change a plain value, or elements of an array from ``subindex`` on."""

@@ -6,7 +6,7 @@ A telegram has a list of words for each direction; a double word takes two conse
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
@@ -16,7 +16,21 @@ from pnfarm.table.signals import ACTUAL_SLOTS, PART_HIGH, PART_LOW, PART_WORD, S
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-__all__ = ["TASK_FORMS", "MappingError", "Module", "Signal", "Submodule", "Telegram", "signal_codes", "signal_numbers"]
+__all__ = [
+    "PARAMETER_WORDS",
+    "TASK_FORMS",
+    "MappingError",
+    "Module",
+    "Signal",
+    "Submodule",
+    "Telegram",
+    "parameter_signals",
+    "signal_codes",
+    "signal_numbers",
+]
+
+#: Words of a parameter channel, in front of all others.
+PARAMETER_WORDS = 4
 
 
 class MappingError(ConfigError):
@@ -29,7 +43,11 @@ class MappingError(ConfigError):
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` tells set points from actual values."""
+    """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` tells set points from actual values.
+
+    A set point that is ``readable`` can be sent back as it came.  ``stored``: it is no actual value but a stored
+    parameter of this number, of an array its ``element``.
+    """
 
     number: int
     name: str
@@ -38,6 +56,14 @@ class Signal:
     drive_signal: str
     source: str
     note: str = ""
+    readable: bool = False
+    stored: bool = False
+    element: int = 0
+
+    @property
+    def back(self) -> Signal:
+        """This set point as the drive sends it back."""
+        return replace(self, name=f"{self.name}_BACK", setpoint=False)
 
     @property
     def slot(self) -> int:
@@ -123,7 +149,7 @@ class Telegram:
 def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[int, ...]:
     """Word codes of a list of signals; :class:`MappingError` on a torn double word, a wrong direction, a repetition."""
     codes: list[int] = []
-    seen: set[int] = set()
+    seen: set[str] = set()
     while len(codes) < len(signals):
         index = len(codes)
         signal = signals[index]
@@ -133,16 +159,25 @@ def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[i
         if signal.setpoint != setpoint:
             wanted, given = ("set point", "an actual value") if setpoint else ("actual value", "a set point")
             raise MappingError(index, f"{signal.name} is {given}; this direction takes {wanted}s")
-        if signal.number in seen:
+        if signal.name in seen:
             raise MappingError(index, f"{signal.name} stands twice")
-        seen.add(signal.number)
+        seen.add(signal.name)
         if signal.bits == 16:
             codes.append(word_code(signal.slot, PART_WORD))
             continue
-        if index + 1 >= len(signals) or signals[index + 1] is not signal:
+        if index + 1 >= len(signals) or signals[index + 1] != signal:
             raise MappingError(index, f"{signal.name} is a double word and takes two consecutive words")
         codes += [word_code(signal.slot, PART_HIGH), word_code(signal.slot, PART_LOW)]
     return tuple(codes)
+
+
+def parameter_signals(*, setpoint: bool) -> tuple[Signal, ...]:
+    """The words of a parameter channel, in one direction; they have no number, so that no mapping names them."""
+    head, value = (
+        Signal(0, name, 32, setpoint, "", "profile; Moog MSD manual 8.2.4, table 8.11")
+        for name in ("PKW_HEAD", "PKW_VALUE")
+    )
+    return head, head, value, value
 
 
 def signal_numbers(signals: Iterable[Signal | None]) -> tuple[int, ...]:

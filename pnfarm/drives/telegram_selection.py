@@ -91,7 +91,14 @@ class TelegramSelection:
         stored = self._values.current.get(SETPOINT_MAPPING if setpoint else ACTUAL_MAPPING)
         if not self.telegram.free_mapping or not isinstance(stored, tuple):
             return words
-        signals = list(self._values.model.signals_of(stored[: len(words)]))
+        model = self._values.model
+        numbers = stored[: len(words)]
+        # an element was checked with what was mapped when it was written, which may have been fewer words
+        elements = [
+            element if number in model.parameters and element < model.parameters[number].elements else 0
+            for number, element in zip(numbers, self._elements(setpoint=setpoint), strict=False)
+        ]
+        signals = list(model.signals_of(numbers, setpoint=setpoint, elements=elements))
         if (
             len(stored) > len(words)
             and signals
@@ -100,6 +107,11 @@ class TelegramSelection:
         ):
             signals[-1] = None
         return tuple(signals) + (None,) * (len(words) - len(signals))
+
+    def _elements(self, *, setpoint: bool) -> tuple[int, ...]:
+        """The elements of stored arrays, word by word (Moog MSD manual 8.2.3, P-1253 and P-1254)."""
+        numbers = self._values.model.access.mapping_elements
+        return self._values.array(self._values.model.parameters[numbers[not setpoint]]) if numbers else ()
 
     def codes(self, *, setpoint: bool) -> tuple[int, ...]:
         """Word codes of one direction."""
@@ -114,6 +126,8 @@ class TelegramSelection:
         """
         if parameter.argument == "telegram":
             return self._checked_number(parameter, values[0])
+        if parameter.pnu in self._values.model.access.mapping_elements:
+            return self._checked_elements(parameter, subindex, values)
         if not self.telegram.free_mapping:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
         return self._checked_mapping(parameter, subindex, values)
@@ -134,4 +148,14 @@ class TelegramSelection:
         for index in range(length, parameter.elements):
             if numbers[index]:
                 raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, index)
-        return mapping_numbers(self._values.model, parameter, numbers[:length])
+        elements = self._elements(setpoint=setpoint)
+        return mapping_numbers(self._values.model, parameter, numbers[:length], elements)
+
+    def _checked_elements(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> tuple[int, ...]:
+        """The elements with ``values`` among them, if what is mapped now has them."""
+        setpoint = parameter.pnu == self._values.model.access.mapping_elements[0]
+        elements = list(self._elements(setpoint=setpoint))
+        elements[subindex : subindex + len(values)] = values
+        numbers = signal_numbers(self.mapping(setpoint=setpoint))[self.frame.parameter_words :]
+        self._values.model.signals_of(numbers, setpoint=setpoint, elements=elements)
+        return tuple(elements)

@@ -7,11 +7,21 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.data_files import integer, read_toml, required
 from pnfarm.drives.parameter import Behaviour, Parameter
-from pnfarm.drives.telegram import TASK_FORMS, MappingError, Module, Signal, Submodule, Telegram, signal_codes
+from pnfarm.drives.telegram import (
+    PARAMETER_WORDS,
+    TASK_FORMS,
+    MappingError,
+    Module,
+    Signal,
+    Submodule,
+    Telegram,
+    parameter_signals,
+    signal_codes,
+)
 from pnfarm.drives.word_bits import WordBits, read_bits
 from pnfarm.errors import ConfigError
 from pnfarm.table.channel import MAX_WORDS
-from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
+from pnfarm.table.signals import ACTUAL_SLOTS, SENT_BACK, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,6 +39,10 @@ def _signal(table: Mapping[str, Any], where: str) -> Signal:
         raise ConfigError(f"{where}, name: the process image has no {direction} {name!r}")
     if required(table, "bits", where) not in {16, 32}:
         raise ConfigError(f"{where}, bits: {table['bits']!r} is neither 16 nor 32")
+    if table.get("readable") and not (setpoint and SETPOINT_SLOTS[name] in SENT_BACK):
+        raise ConfigError(f"{where}, readable: {name!r} is no set point that the process image sends back")
+    if table.get("stored", False) != name.startswith("SHOWN_"):
+        raise ConfigError(f"{where}, stored: of a signal SHOWN_0, which is a stored parameter, and of no other")
     return Signal(
         number=required(table, "number", where),
         name=name,
@@ -37,7 +51,20 @@ def _signal(table: Mapping[str, Any], where: str) -> Signal:
         drive_signal=table.get("drive_signal", ""),
         source=required(table, "source", where),
         note=table.get("note", ""),
+        readable=table.get("readable", False),
+        stored=table.get("stored", False),
     )
+
+
+def _parameter_words(table: Mapping[str, Any], where: str) -> int:
+    """How many words in front are a parameter channel: they have no signal of their own."""
+    count: int = table.get("parameter_words", 0)
+    if count not in {0, PARAMETER_WORDS}:
+        raise ConfigError(f"{where}, parameter_words: {count!r} is neither 0 nor {PARAMETER_WORDS}")
+    for direction in ("output", "input"):
+        if required(table, direction, where)[:count] != ["-"] * count:
+            raise ConfigError(f"{where}, {direction}: the first {count} words are the parameter channel's, - each")
+    return count
 
 
 def _telegram(
@@ -45,6 +72,7 @@ def _telegram(
 ) -> Telegram:
     words: dict[str, tuple[Signal | None, ...]] = {}
     codes: dict[str, tuple[int, ...]] = {}
+    parameter_words = _parameter_words(table, where)
     for direction in ("output", "input"):
         names = required(table, direction, where)
         unknown = [name for name in names if name != "-" and name not in signals]
@@ -52,7 +80,8 @@ def _telegram(
             raise ConfigError(f"{where}, {direction}: there is no signal {unknown[0]!r}")
         if len(names) > MAX_WORDS:
             raise ConfigError(f"{where}, {direction}: {len(names)} words; a frame carries at most {MAX_WORDS}")
-        words[direction] = tuple(None if name == "-" else signals[name] for name in names)
+        channel = parameter_signals(setpoint=direction == "output")[:parameter_words]
+        words[direction] = channel + tuple(None if name == "-" else signals[name] for name in names[parameter_words:])
         try:
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")
         except MappingError as exc:
@@ -85,7 +114,7 @@ def _telegram(
             _other_module(other, data, layout, f"{where}, other_modules {index}")
             for index, other in enumerate(table.get("other_modules", ()), 1)
         ),
-        parameter_words=table.get("parameter_words", 0),
+        parameter_words=parameter_words,
         settings=_settings(table, where),
         opmode=table.get("opmode"),
         tasks=_tasks(table.get("tasks", "none"), where),

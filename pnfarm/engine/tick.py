@@ -13,6 +13,7 @@ import numpy as np
 from pnfarm.engine.impair import impair_received, impair_sent
 from pnfarm.firmware.axis_program import step_program
 from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.parameter_words import exchange
 from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.channel import (
@@ -42,6 +43,7 @@ from pnfarm.table.engine_row import (
     FAULTS_CLEARED,
     FIRST_FRAME,
     IOPS_CHANGED,
+    PARAMETER_TASK,
     PHASE_CHANGED,
     PROVIDER_CHANGED,
     STATE_CHANGED,
@@ -257,6 +259,8 @@ def run_firmware(columns: Columns, now: int) -> None:
             continue
         if axis.life and axis.powered:
             count_life(axis, columns.image[number])
+        if axis.parameter_channel and exchange(columns.image[number], now):
+            emit(engine, events, PARAMETER_TASK, number, now, int(columns.image[number].parameter_task))
         if now - axis.last_ns < axis.step_ns:
             continue
         state = axis.state

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from pnfarm.drives.motor_kinds import axis_value
+from pnfarm.farm.config_cycle import format_duration
+from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import Duration
 
@@ -16,6 +18,15 @@ __all__ = ["Load", "Motor", "apply_axis"]
 #: Steps of controllers and motor, ns: 16 kHz, and the engine's own longest.
 SHORTEST_STEP_NS = 62_500
 LONGEST_STEP_NS = 1_000_000
+
+
+def _within_bounds(value: int) -> int:
+    if not SHORTEST_STEP_NS <= value <= LONGEST_STEP_NS:
+        raise problem(f"is {format_duration(value)}", "62.5us to 1ms")
+    return value
+
+
+Step = Annotated[Duration, AfterValidator(_within_bounds)]
 
 
 class Load(Section):
@@ -80,12 +91,8 @@ class Motor(Section):
     holding_brake: float | None = Field(default=None, ge=0, description="Torque of the holding brake, N m; 0: none.")
     brake_release: float | None = Field(default=None, ge=0, description="Until it is open, s.")
     brake_apply: float | None = Field(default=None, ge=0, description="Until it holds, s.")
-    step_ns: Duration | None = Field(
-        default=None,
-        alias="step",
-        ge=SHORTEST_STEP_NS,
-        le=LONGEST_STEP_NS,
-        description="Longest step of controllers and motor, 62.5us to 1ms.",
+    step_ns: Step | None = Field(
+        default=None, alias="step", description="Longest step of controllers and motor, 62.5us to 1ms."
     )
 
 

@@ -335,6 +335,8 @@ class FarmCore:
                 self.log.record(when, name, "controller reacted to fault", after_seconds=value / 1e9)
             case engine_row.WARNING_CHANGED:
                 self.log.record(when, name, "warning", number=value)
+            case engine_row.PARAMETER_TASK:
+                station.parameter_words.take(value)
             case _:
                 return None
         return station

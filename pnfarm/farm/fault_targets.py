@@ -99,6 +99,8 @@ class StationTarget(CmTarget):
         self._warnings: list[Fault] = []
         self._limits: Counter[str] = Counter()
         self._commands: deque[tuple[int, int]] = deque()
+        #: Torque, inertia and friction that faults put on the shaft.
+        self._load = [0.0, 0.0, 0.0]
 
     # who it is
 
@@ -403,6 +405,16 @@ class StationTarget(CmTarget):
             except CommandRingFullError:
                 return
             self._commands.popleft()
+
+    def load(self, torque: float, inertia: float, friction: float) -> None:
+        self._load = [had + more for had, more in zip(self._load, (torque, inertia, friction), strict=True)]
+        axis = self._station.handle.axis
+        axis.added_torque, axis.added_inertia, axis.added_friction = self._load
+
+    def sent_data(self, since: int) -> bool:
+        columns = self._core.columns
+        rows = (columns.ppm[number] for ar in self._station.ars.values() for number, _ in ar.providers)
+        return any(int(row.last_ns) >= since for row in rows)
 
     def sent_status(self, bit: int, since: int) -> bool:
         columns = self._core.columns

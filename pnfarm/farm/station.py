@@ -28,6 +28,7 @@ from pnfarm.farm.station_channels import ArChannels, StationChannels
 from pnfarm.farm.station_connections import StationConnections
 from pnfarm.farm.station_diagnosis import FaultDiagnosis
 from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
+from pnfarm.farm.station_parameter_words import StationParameterWords
 from pnfarm.farm.station_snmp import PortTraffic, snmp_view
 from pnfarm.farm.station_snmp_neighbours import NeighbourRows
 from pnfarm.protocols.ip.host import DatagramReceived
@@ -141,6 +142,7 @@ class DriveStation:
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
         self.parameter_records = ParameterRecords(self.store, slot, api)
+        self.parameter_words = StationParameterWords(self.store)
         self.addressing = StationAddress(
             mac,
             DcpIdentity(

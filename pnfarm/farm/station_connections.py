@@ -213,6 +213,7 @@ class StationConnections:
         if ar is not None and not self._station.channels.any_cyclic:
             self._station.handle.axis.step_ns = SLOWEST_STEP_NS
             self._station.parameter_records.reset()
+            self._station.parameter_words.reset()
 
     def _lost(self, key: int) -> None:
         """An established connection ended without a release: the drive's own fault, unless it has it already."""

@@ -30,6 +30,8 @@ _HELD = frozenset({"for", "cycles"})
 _ALL_WAYS: tuple[Way, ...] = ("both", "in", "out")
 _OUT: tuple[Way, ...] = ("out",)
 
+_ANY_LOAD: dict[str, Any] = {"low": -1e9, "high": 1e9}
+
 _HOLD = ParamSpec(
     "yes or no", "The cause stays: the fault cannot be acknowledged until this is cleared.", default=False
 )
@@ -282,6 +284,29 @@ _ALL = (
             )
         },
         takes=_HELD,
+    ),
+    FaultKind(
+        "load",
+        "drive",
+        "The machine puts more on the shaft, beside the load of the farm file; several of these add up.  The drive's "
+        "controllers stay tuned for the load that they know.",
+        "the change",
+        "load",
+        {
+            "torque": ParamSpec("number", "Against forward motion.", default=0.0, unit="N m", **_ANY_LOAD),
+            "inertia": ParamSpec("number", "More of it.", default=0.0, unit="kg m^2", low=0.0, high=1e6),
+            "friction": ParamSpec("number", "More dry friction.", default=0.0, unit="N m", low=0.0, high=1e9),
+        },
+        takes=_HELD,
+    ),
+    FaultKind(
+        "stuck-axis",
+        "drive",
+        "The machine is jammed: no torque of the motor turns the shaft.",
+        "the jam",
+        "load",
+        takes=_HELD,
+        preset={"torque": 0.0, "inertia": 0.0, "friction": 1e9},
     ),
     FaultKind(
         "power-cycle",

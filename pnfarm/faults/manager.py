@@ -36,6 +36,7 @@ from pnfarm.faults.effects_connection import (
     RpcDelayEffect,
 )
 from pnfarm.faults.effects_drive import DriveFaultEffect, LimitSwitchEffect, PowerCycleEffect, WarningEffect
+from pnfarm.faults.effects_machine import LoadEffect
 from pnfarm.faults.plan import FaultSpec, matching
 from pnfarm.faults.target import NOTHING, Evidence
 from pnfarm.faults.words import FaultError, did_you_mean
@@ -73,6 +74,7 @@ _EFFECTS: Mapping[str, type[Effect]] = {
     "drive-fault": DriveFaultEffect,
     "drive-warning": WarningEffect,
     "limit-switch": LimitSwitchEffect,
+    "load": LoadEffect,
     "power-cycle": PowerCycleEffect,
 }
 

@@ -386,6 +386,14 @@ class FaultTarget(Protocol):
         """Undo one :meth:`reach_limit`."""
         ...
 
+    def load(self, torque: float, inertia: float, friction: float) -> None:
+        """Put so much more on the shaft, N m, kg m^2, N m; all that was ever asked for adds up."""
+        ...
+
+    def sent_data(self, since: int) -> bool:
+        """Whether a cyclic frame left at or after ``since``."""
+        ...
+
     def sent_status(self, bit: int, since: int) -> bool:
         """Whether a cyclic frame that left at or after ``since`` has ``bit`` of ZSW1 set."""
         ...

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.positioning import (
     drive_inputs,
@@ -24,6 +26,8 @@ from pnfarm.table.signals import (
     DRV_ACC,
     DRV_DEC,
     FAULT_CODE,
+    FIRST_SENT_BACK,
+    FIRST_SHOWN,
     ITIST_GLATT,
     MELDW,
     NIST_A,
@@ -33,6 +37,8 @@ from pnfarm.table.signals import (
     POS_ZSW1,
     POS_ZSW2,
     REF_SPEED,
+    SENT_BACK,
+    SHOWN,
     WARN_CODE,
     XIST_A,
     XIST_ERROR,
@@ -57,6 +63,8 @@ __all__ = [
 N2_FULL = 16384.0
 #: Increments of NSOLL_B and NIST_B to one of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
 B_STEPS = 65536.0
+#: An array, because indexing a tuple in compiled code copies it.
+_SENT_BACK = np.array(SENT_BACK, np.int64)
 
 
 @compiled
@@ -154,6 +162,17 @@ def from_setpoints(axis: Any, image: Any) -> None:
 
 
 @compiled
+def _beside(axis: Any, image: Any) -> None:
+    """What a free mapping shows that is no actual value (Moog MSD manual 8.2.3; 14.3, table 14.5)."""
+    if axis.shows & 1:
+        for place in range(len(_SENT_BACK)):
+            image.sent[FIRST_SENT_BACK + place] = image.received[_SENT_BACK[place]]
+    if axis.shows & 2:
+        for place in range(SHOWN):
+            image.sent[FIRST_SHOWN + place] = axis.shown[place]
+
+
+@compiled
 def to_actuals(axis: Any, image: Any) -> None:
     """Status words, actual velocity, current, messages and the position signals."""
     image.sent[ZSW1] = axis.zsw1
@@ -176,3 +195,5 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(nearest(axis.following_error / axis.position_step))
+    if axis.shows:
+        _beside(axis, image)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from math import inf
 
 from pnfarm.table.layout import Field, Layout
+from pnfarm.table.signals import SHOWN
 
 __all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS", "FAULT_WORDS"]
 
@@ -387,5 +388,15 @@ AXIS = Layout(
         Field("sensor_position", "f8", "rev", "firmware", "shaft position at the last step"),
         Field("sensor_inputs", "u4", "", "firmware", "digital_inputs at the last step"),
         Field("sensor_faulty", "u1", "", "firmware", "1 = the encoder's fault was there at the last step"),
+        # cyclic words beside set points and actual values
+        Field("parameter_channel", "u1", "", "parameter", "1 = the telegram has a parameter channel"),
+        Field(
+            "shows",
+            "u1",
+            "",
+            "parameter",
+            "what the telegram shows beside actual values: bit 0 set points as they came, bit 1 stored parameters",
+        ),
+        Field("shown", "i4", "", "parameter", "raw numbers of the stored parameters that it shows", (SHOWN,)),
     ],
 )

@@ -23,6 +23,7 @@ FAULTS_CLEARED = 7  # axis row; ns from the fault to its acknowledgement
 FAULT_REACTED = 8  # axis row; ns from the fault to the withdrawal of the enable
 PHASE_CHANGED = 9  # program row; old << 8 | new
 WARNING_CHANGED = 10  # axis row; warning number, 0 = none
+PARAMETER_TASK = 11  # axis row; the eight octets of the parameter channel, most significant first
 
 #: Upper bounds of the lateness histogram, nanoseconds; a last bucket takes the rest.
 LATENESS_EDGES_NS = (

@@ -38,5 +38,11 @@ IMAGE = Layout(
         Field("good", "u1", "", "station", "1 = own IOPS is GOOD"),
         Field("port", "u4", "", "station", "the station's port, as frames that come in name it; 0 = none"),
         Field("strays", "i8", "frames", "receive", "cyclic frames at this port that belong to no channel"),
+        # the parameter channel: eight octets as one number, so that neither side ever sees half of them
+        Field("parameter_task", "i8", "", "firmware", "the task that was told last"),
+        Field("parameter_told_ns", "i8", "ns", "firmware", "when it was told"),
+        Field("parameter_answered", "i8", "", "station", "the task that parameter_answer answers"),
+        Field("parameter_answer", "i8", "", "station", "the answer that is sent"),
+        Field("parameter_repeats", "u1", "", "station", "1 = the answer is a value that shall stay up to date"),
     ],
 )

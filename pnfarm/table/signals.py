@@ -11,10 +11,14 @@ from __future__ import annotations
 
 __all__ = [
     "ACTUAL_SLOTS",
+    "FIRST_SENT_BACK",
+    "FIRST_SHOWN",
     "PART_HIGH",
     "PART_LOW",
     "PART_WORD",
+    "SENT_BACK",
     "SETPOINT_SLOTS",
+    "SHOWN",
     "SLOTS",
     "WORD_NONE",
     "word_code",
@@ -63,6 +67,12 @@ REF_SPEED = 25
 TORQUE_LIMIT_POSITIVE = 26
 TORQUE_LIMIT_NEGATIVE = 27
 
+# Both ways, in front of all others: the parameter channel (:mod:`pnfarm.drives.profiles.profidrive.pkw`).
+#: Identifier, subindex and length.
+PKW_HEAD = 60
+#: The value.
+PKW_VALUE = 61
+
 # Drive to controller.
 ZSW1 = 0
 NIST_A = 1
@@ -86,6 +96,12 @@ WARN_CODE = 17
 ACT_SPEED = 18
 E_DIGITAL = 19
 A_DIGITAL = 20
+#: Set points that are sent back as they came, from here on: one slot for each of :data:`SENT_BACK`.
+FIRST_SENT_BACK = 40
+#: Stored parameters that a mapping shows, from here on.
+FIRST_SHOWN = 56
+#: So many of them.
+SHOWN = 4
 
 SETPOINT_SLOTS: dict[str, int] = {
     "STW1": STW1,
@@ -116,7 +132,14 @@ SETPOINT_SLOTS: dict[str, int] = {
     "REF_SPEED": REF_SPEED,
     "TORQUE_LIMIT_POSITIVE": TORQUE_LIMIT_POSITIVE,
     "TORQUE_LIMIT_NEGATIVE": TORQUE_LIMIT_NEGATIVE,
+    "PKW_HEAD": PKW_HEAD,
+    "PKW_VALUE": PKW_VALUE,
 }
+#: Set points that a drive can send back, in the order of their slots.
+SENT_BACK = (
+    STW1, STW2, REF_SPEED, XSOLL_A, SATZANW, TARPOS_A, VELOCITY_A, DRV_ACC, DRV_DEC, TORQUE_LIMIT_POSITIVE,
+    TORQUE_LIMIT_NEGATIVE, XERR, KPC, NSOLL_B, G1_STW,
+)  # fmt: skip
 ACTUAL_SLOTS: dict[str, int] = {
     "ZSW1": ZSW1,
     "NIST_A": NIST_A,
@@ -139,6 +162,14 @@ ACTUAL_SLOTS: dict[str, int] = {
     "ACT_SPEED": ACT_SPEED,
     "E_DIGITAL": E_DIGITAL,
     "A_DIGITAL": A_DIGITAL,
+    "PKW_HEAD": PKW_HEAD,
+    "PKW_VALUE": PKW_VALUE,
+    **{
+        f"{name}_BACK": FIRST_SENT_BACK + SENT_BACK.index(slot)
+        for name, slot in SETPOINT_SLOTS.items()
+        if slot in SENT_BACK
+    },
+    **{f"SHOWN_{place}": FIRST_SHOWN + place for place in range(SHOWN)},
 }
 
 

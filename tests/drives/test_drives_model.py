@@ -20,7 +20,7 @@ from pnfarm.drives.telegram import MappingError, signal_codes, signal_numbers
 from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
-from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS, WORD_NONE, word_code
+from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS, SLOTS, WORD_NONE, word_code
 
 AKD_ROW = re.compile(r"^([A-Z0-9]+\.[A-Z0-9_]+)\t(\d+)\t(.*)$")
 
@@ -228,7 +228,7 @@ def test_every_telegram_packs_and_unpacks_every_signal_once(name: str) -> None:
             (telegram.input, telegram.input_words, ACTUAL_SLOTS),
         ):
             assert len(signals) == len(words)
-            image = dict.fromkeys(range(48), 0)
+            image = dict.fromkeys(range(SLOTS), 0)
             frame = [0x1000 + index for index in range(len(words))]
             for word, code in zip(frame, words, strict=True):
                 if code != WORD_NONE:
@@ -373,7 +373,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
-        ("parameters.csv", "\n1,STW1,Word", "\n1,STW1,Float", r"parameters\.csv, line 2, type"),
+        ("parameters.csv", "\n1,STW1,Word", "\n1,STW1,Real", r"parameters\.csv, line 2, type"),
         ("parameters.csv", "\n2,ZSW1,Word,0,,r,", "\n2,ZSW1,Word,0,,x,", r"line 3, access"),
         ("parameters.csv", "\n2,ZSW1", "\n1,ZSW1", r"line 3, pnu: 1 stands twice"),
         ("parameters.csv", "\n2,ZSW1", "\n0,ZSW1", r"line 3, pnu"),
@@ -426,6 +426,10 @@ def folder(tmp_path: Path) -> Path:
         ("model.toml", 'name = "akd-profinet"', "", r"name: missing"),
         ("model.toml", "pnu = 1,", "pnu = 9,", r"PN\.STW1"),
         ("model.toml", "[limits]", "[borders]", r"limits: missing"),
+        ("model.toml", "[position_units]", "[units]", r"position_units: missing, but PNU 2198 has the scale position"),
+        ("model.toml", "unit = { value = 2393", "unit = { value = 9", r"position_units: 9 is no plain parameter"),
+        ("model.toml", "0.0, 65536.0]", "0.0]", r"position_units\.revolution: PNU 2393 goes to 4"),
+        ("model.toml", "scaling = { value = 3014", "scaling = { value = 2391", r"PNU 2391 may be 0"),
     ],
 )
 def test_a_mistake_in_a_models_file_is_named_by_file_row_and_field(

@@ -92,6 +92,8 @@ def test_without_lldp_nobody_speaks_and_nobody_is_known():
         telegram=1,
         model="akd-profinet",
         params="{}",
+        motor="{}",
+        load="{}",
         program="{kind: constant, speed_rpm: 60}",
     )
     line = asyncio.run(controller_line.VirtualLine.create(parse_farm(text)))

@@ -144,7 +144,7 @@ def test_a_free_mapping_brings_the_speed_in_two_words_behind_the_parameter_chann
     station.store.write(916, 0, [968, 1271, 1271])
     assert station.store.read(915, 0, 6) == [967, 1270, 1270, 1278, 1279, 0]
     assert [s.name if s else None for s in station.store.mapping(setpoint=True)] == [
-        None, None, None, None, "STW1", "REF_SPEED", "REF_SPEED", "DRV_ACC", "DRV_DEC", None,
+        "PKW_HEAD", "PKW_HEAD", "PKW_VALUE", "PKW_VALUE", "STW1", "REF_SPEED", "REF_SPEED", "DRV_ACC", "DRV_DEC", None,
     ]  # fmt: skip
 
 

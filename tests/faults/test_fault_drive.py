@@ -350,3 +350,52 @@ def test_a_fault_on_one_of_many_drives_leaves_the_others_alone():
     assert fault.drives == ("axis-02",)
     assert [line.losses(index) for index in range(3)] == [0, 1, 0]
     assert [line.seen_zsw1(index) & 0x0004 for index in (0, 2)] == [4, 4]
+
+
+def _turning(line):
+    line.run(1.0)
+    return line.farm.columns.axis[0]
+
+
+def test_a_load_draws_current_and_goes_away_again(line):
+    axis = _turning(line)
+    before = float(axis.current)
+    fault = line.add("load", params={"torque": 1.0})
+    line.run(0.5)
+    assert float(axis.current) - before == pytest.approx(1.0 / float(axis.torque_constant), rel=0.02)
+    assert fault.evidence().confirmed
+    line.clear(fault.id)
+    line.run(0.5)
+    assert float(axis.current) == pytest.approx(before, abs=0.02)
+
+
+def test_loads_add_up_and_each_takes_its_own_away(line):
+    axis = _turning(line)
+    line.add("load", params={"torque": 0.5, "inertia": 1e-4, "friction": 0.1}, as_="one")
+    line.add("load", params={"torque": -0.25}, as_="two")
+    assert (axis.added_torque, axis.added_inertia, axis.added_friction) == (0.25, 1e-4, 0.1)
+    line.clear("one")
+    assert (axis.added_torque, axis.added_inertia, axis.added_friction) == (-0.25, 0.0, 0.0)
+
+
+def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_drive_trips_on_the_overload(line):
+    axis = _turning(line)
+    assert axis.velocity != 0.0
+    fault = line.add("stuck-axis")
+    line.run(0.5)
+    assert axis.velocity == 0.0
+    assert axis.current == pytest.approx(axis.peak_current)
+    assert line.seen_zsw1() & 0x0100 == 0, "the speed is not what it should be"
+    line.run(20.0)
+    assert line.farm.stations[0].fault_counts[304] > 0, "the motor is too hot"
+    line.clear(fault.id)
+    line.enable()
+
+
+@pytest.mark.parametrize(
+    ("params", "words"),
+    [({"torque": "x"}, "number"), ({"inertia": -1.0}, "from 0"), ({"friction": float("nan")}, "from 0")],
+)
+def test_a_load_that_is_none_is_refused(line, params, words):
+    with pytest.raises(ConfigError, match=words):
+        line.add("load", params=params)

@@ -6,7 +6,7 @@ Twelve elements in 46 octets; subindex 0 asks for all of them, 1..12 for one.
  n  element                  octets  here
 ==  =======================  ======  =====================================================
  1  identifier               2       bits below, data type in bits 0..7
- 2  number of elements       2       0 for a parameter that is no array
+ 2  number of elements       2       0 for a parameter that is no array, the length of a text
  3  standardisation factor   4       factor as a float, 1.0 where it does not matter
  4  variable attribute       2       0
  5  reserved                 4       0
@@ -22,18 +22,29 @@ Twelve elements in 46 octets; subindex 0 asks for all of them, 1..12 for one.
 
 from __future__ import annotations
 
-from pnfarm.drives.parameter import Parameter, ParameterError, ParameterErrorNumber, ParameterType
+from pnfarm.drives.parameter import Form, Parameter, ParameterError, ParameterErrorNumber, ParameterType
 from pnfarm.wire.octets import Writer
 
 __all__ = ["describe"]
 
 ID_ARRAY = 1 << 14
+ID_ONLY_RESET = 1 << 13
 ID_CHANGED = 1 << 12
 ID_NOT_WRITABLE = 1 << 9
 ID_FACTOR_IRRELEVANT = 1 << 8
 #: Data types Integer8..32 and Unsigned8..32 by (signed, octets).
 _DATA_TYPES = {(True, 1): 0x02, (True, 2): 0x03, (True, 4): 0x04, (False, 1): 0x05, (False, 2): 0x06, (False, 4): 0x07}
+FLOATING_POINT = 0x08
+VISIBLE_STRING = 0x09
+#: The finite numbers of single precision.
+LOWEST_FLOAT, HIGHEST_FLOAT = 0xFF7FFFFF, 0x7F7FFFFF
 _WIDTHS = (2, 2, 4, 2, 4, 16, 4, 4, 2, 2, 2, 2)
+
+
+def _data_type(parameter: Parameter) -> int:
+    """Bits 0 to 7 of the identifier (Moog MSD manual, table 8.17)."""
+    forms = {Form.FLOAT: FLOATING_POINT, Form.TEXT: VISIBLE_STRING}
+    return forms.get(parameter.form) or _DATA_TYPES[parameter.signed, parameter.octets]
 
 
 def describe(parameter: Parameter, element: int, *, changed: bool) -> bytes:
@@ -44,15 +55,19 @@ def describe(parameter: Parameter, element: int, *, changed: bool) -> bytes:
     if not 0 <= element <= len(_WIDTHS):
         raise ParameterError(ParameterErrorNumber.FAULTY_SUBINDEX, element)
     plain = parameter.factor == 1.0 or parameter.type is ParameterType.COMMAND
-    identifier = _DATA_TYPES[parameter.signed, parameter.octets]
-    identifier |= ID_ARRAY if parameter.elements else 0
+    identifier = _data_type(parameter)
+    identifier |= ID_ARRAY if parameter.elements and not parameter.text else 0
+    identifier |= ID_ONLY_RESET if parameter.only_reset else 0
     identifier |= ID_CHANGED if changed else 0
     identifier |= 0 if parameter.writable else ID_NOT_WRITABLE
     identifier |= ID_FACTOR_IRRELEVANT if plain else 0
     name = parameter.name.encode("ascii", "replace")[:16].ljust(16)
     writer = Writer()
     writer.u16(identifier).u16(parameter.elements).f32(parameter.factor).u16(0).u32(0).bytes(name)
-    writer.u32(parameter.minimum & 0xFFFFFFFF).u32(parameter.maximum & 0xFFFFFFFF).zeros(8)
+    low, high = parameter.minimum, parameter.maximum
+    if parameter.form is Form.FLOAT and (low, high) == (parameter.lowest, parameter.highest):
+        low, high = LOWEST_FLOAT, HIGHEST_FLOAT
+    writer.u32(low & 0xFFFFFFFF).u32(high & 0xFFFFFFFF).zeros(8)
     octets: bytes = writer.getvalue()
     if element == 0:
         return octets

@@ -1,0 +1,45 @@
+"""The parameter channel's way through the drive: the master's task to the event loop, its answer into the sent words.
+
+The task is told once when it changes, in an event, and the next one waits until this one is answered, as in a drive
+that carries out one at a time (PROFIdrive's PKW mechanism; Moog MSD manual 8.2.4).  An answer that shall stay up to
+date is asked for again, and so is one that never came.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
+
+__all__ = ["REPEAT_NS", "exchange"]
+
+#: How often a value that is read is read anew.
+REPEAT_NS = 20_000_000
+
+
+@compiled
+def exchange(image: Any, now: int) -> bool:
+    """Send what is answered; whether ``parameter_task`` is to be told now.
+
+    Without valid set points there is no task and nothing is sent (Moog MSD manual 16: all outputs are zero).
+    """
+    task = 0
+    answer = 0
+    if image.valid:
+        task = (int(image.received[PKW_HEAD]) << 32) | (int(image.received[PKW_VALUE]) & 0xFFFFFFFF)
+        answer = int(image.parameter_answer)
+    image.sent[PKW_HEAD] = answer >> 32
+    low = answer & 0xFFFFFFFF
+    image.sent[PKW_VALUE] = low - 0x100000000 if low & 0x80000000 else low
+    waited = now - image.parameter_told_ns >= REPEAT_NS
+    if image.parameter_answered != image.parameter_task:
+        tell = waited
+    elif task != image.parameter_task:
+        image.parameter_task = task
+        tell = True
+    else:
+        tell = waited and image.parameter_repeats != 0
+    if tell:
+        image.parameter_told_ns = now
+    return tell

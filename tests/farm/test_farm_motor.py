@@ -1,0 +1,95 @@
+"""Motor and load as the farm file gives them, down to the shaft, in virtual time."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from virtual_line import VirtualLine
+
+from pnfarm.farm.config import FarmFileError, parse_farm
+
+FILE = """
+farm: bench
+link: {{kind: memory}}
+drives:
+  - {{name: a, model: {model}, ip: 10.0.0.1/24, motor: {motor}, load: {load}}}
+"""
+
+
+def axis_of(**options):
+    line = VirtualLine(program="{kind: constant, speed_rpm: 600}", **options)
+    line.enable()
+    line.run(1.0)
+    return line.farm.columns.axis[0]
+
+
+def test_a_spindle_that_lifts_a_mass_draws_the_current_of_its_weight():
+    axis = axis_of(load="{friction: 0, damping: 0, lead: 10, gear: 2, mass: 100, force: 981}")
+    torque = 981 * 0.010 / 2 / (2 * math.pi)
+    assert axis.current == pytest.approx(torque / float(axis.torque_constant), rel=0.01)
+    assert axis.inertia == pytest.approx(2.0e-4 + 100 * (0.005 / (2 * math.pi)) ** 2)
+
+
+@pytest.mark.parametrize("step", ["62.5us", "125us", "1ms"])
+def test_the_controllers_step_is_as_fine_as_the_file_asks(step):
+    axis = axis_of(motor=f"{{step: {step}}}")
+    assert axis.motor_step_ns == {"62.5us": 62_500, "125us": 125_000, "1ms": 1_000_000}[step]
+    assert axis.velocity == pytest.approx(600.0, abs=0.5)
+
+
+def test_everything_that_the_file_says_of_the_motor_arrives():
+    text = (
+        "{torque_constant: 1.5, peak_current: 20, continuous_current: 6, thermal_time: 30,"
+        " current_time_constant: 0.0002, velocity_time_constant: 0.004,"
+        " max_velocity: 2000, overspeed: 2200, resistance: 0.8, inductance: 0.003,"
+        " bus_voltage: 650, braking_resistor: false, encoder_steps: 4096, holding_brake: 8, brake_release: 0.04,"
+        " brake_apply: 0.02}"
+    )
+    axis = axis_of(motor=text)
+    for field, value in {
+        "torque_constant": 1.5,
+        "peak_current": 20,
+        "continuous_current": 6,
+        "thermal_time": 30,
+        "current_time_constant": 0.0002,
+        "velocity_time_constant": 0.004,
+        "max_velocity": 2000,
+        "overspeed": 2200,
+        "winding_resistance": 0.8,
+        "winding_inductance": 0.003,
+        "bus_nominal": 650,
+        "bus_brake": 0,
+        "encoder_steps": 4096,
+        "holding_brake": 8,
+        "brake_release": 0.04,
+        "brake_apply": 0.02,
+    }.items():
+        assert axis[field] == value, field
+
+
+@pytest.mark.parametrize(
+    ("motor", "load", "field", "words"),
+    [
+        ("{step: 50us}", "{}", "motor.step", "62.5"),
+        ("{step: 2ms}", "{}", "motor.step", "1"),
+        ("{step: 1}", "{}", "motor.step", "unit"),
+        ("{resistance: -1}", "{}", "motor.resistance", "0"),
+        ("{kind: linear}", "{}", "motor.kind", "rotary"),
+        ("{}", "{gear: 0}", "load.gear", "above 0"),
+        ("{}", "{mass: 3}", "load", "lead"),
+        ("{}", "{force: 3}", "load", "lead"),
+    ],
+)
+def test_what_cannot_be_is_told_with_its_field(motor, load, field, words):
+    with pytest.raises(FarmFileError) as wrong:
+        parse_farm(FILE.format(model="akd-profinet", motor=motor, load=load))
+    (issue,) = wrong.value.issues
+    assert issue.field == f"drives[0].{field}"
+    assert words in issue.what + issue.allowed
+
+
+def test_a_linear_motor_takes_a_mass_but_no_spindle():
+    parse_farm(FILE.format(model="hiwin-e1", motor="{kind: linear}", load="{mass: 3, force: 5}"))
+    with pytest.raises(FarmFileError, match="behind a linear motor"):
+        parse_farm(FILE.format(model="hiwin-e1", motor="{kind: linear}", load="{lead: 5, mass: 3}"))
