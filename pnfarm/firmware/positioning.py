@@ -293,6 +293,8 @@ def _advance(axis: Any, held: int) -> None:
         if event == ENTER:
             begin_profile(axis)
             axis.profile = PROFILE_STOP
+            # a shaft that turns when operation begins comes to rest as after jogging
+            axis.task_deceleration = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
         elif event == START:
             _start_task(axis)
             axis.acknowledged = 1 if axis.control_config & CONFIG_RISING_EDGE else 1 - axis.acknowledged

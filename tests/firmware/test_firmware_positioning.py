@@ -624,3 +624,19 @@ def test_without_control_by_plc_nothing_is_taken_over_but_a_command_is():
     drive.command(CMD_START_TASK, 3)
     drive.run(2)
     assert drive.axis.motion == positioning.TASK
+
+
+@pytest.mark.parametrize(("jog_deceleration", "milliseconds"), [(1_000.0, 600), (0.0, 120)])
+def test_a_shaft_that_turns_when_operation_begins_is_brought_to_rest_before_any_task(jog_deceleration, milliseconds):
+    drive = Positioner(homed=False)
+    drive.axis.jog_deceleration = jog_deceleration
+    drive.axis.coast_method = 2
+    drive.stw(0x0436)
+    drive.axis.velocity = 600.0
+    for word in (0x0437, READY):
+        drive.stw(word)
+    drive.run(milliseconds * 3 // 4)
+    assert drive.axis.velocity > 50.0
+    drive.run(milliseconds // 2)
+    assert abs(drive.axis.velocity) < 1.0
+    assert drive.zsw1 & STOPPED
