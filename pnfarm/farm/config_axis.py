@@ -72,6 +72,9 @@ class Motor(Section):
         default=None, gt=0, description="Of a linear motor, mm: what a revolution is elsewhere; left out, the model's."
     )
     torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere (linear motor: N).")
+    rated_torque: float | None = Field(
+        default=None, gt=0, description="N m (linear motor: N); 100 % of torque limits that are percentages."
+    )
     peak_current: float | None = Field(default=None, gt=0, description="A; 100 % of the current signals (DRV.IPEAK).")
     continuous_current: float | None = Field(default=None, gt=0, description="A that the motor bears for ever.")
     thermal_time: float | None = Field(default=None, ge=0, description="Thermal time constant, s; 0: it stays cool.")
@@ -87,7 +90,9 @@ class Motor(Section):
     inductance: float | None = Field(default=None, ge=0, description="Winding of one phase, H.")
     bus_voltage: float | None = Field(default=None, ge=0, description="DC link, V; 0: voltage limits nothing.")
     braking_resistor: bool = Field(default=True, description="Whether one holds the DC link while the motor brakes.")
-    encoder_steps: float | None = Field(default=None, ge=0, description="To one revolution; 0: infinitely many.")
+    encoder_steps: float | None = Field(
+        default=None, ge=0, description="To one revolution (linear motor: mm); 0: infinitely many."
+    )
     holding_brake: float | None = Field(default=None, ge=0, description="Torque of the holding brake, N m; 0: none.")
     brake_release: float | None = Field(default=None, ge=0, description="Until it is open, s.")
     brake_apply: float | None = Field(default=None, ge=0, description="Until it holds, s.")
@@ -106,6 +111,7 @@ def apply_axis(axis: Any, load: Load, motor: Motor, pitch: float) -> None:
         ("friction", load.friction),
         ("damping", load.damping),
         ("torque_constant", motor.torque_constant),
+        ("rated_torque", motor.rated_torque),
         ("peak_current", motor.peak_current),
         ("continuous_current", motor.continuous_current),
         ("thermal_time", motor.thermal_time),

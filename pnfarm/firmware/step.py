@@ -6,6 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
+from pnfarm.firmware.own_warnings import watch_warnings
 from pnfarm.firmware.positioning import position_bits, take_motion
 from pnfarm.firmware.ramp import velocity_command
 from pnfarm.firmware.sensor_interface import step_sensor
@@ -145,6 +146,7 @@ def step(axis: Any, image: Any, now: int) -> None:
         velocity_command(axis, seconds)
         step_motor(axis, axis.state >= 4, seconds)
     watch_motor(axis, now)
+    watch_warnings(axis)
     axis.zsw1 = _status_word(axis)
     to_actuals(axis, image)
     step_sensor(axis, image)

@@ -398,5 +398,8 @@ AXIS = Layout(
             "what the telegram shows beside actual values: bit 0 set points as they came, bit 1 stored parameters",
         ),
         Field("shown", "i4", "", "parameter", "raw numbers of the stored parameters that it shows", (SHOWN,)),
+        # warnings of its own
+        Field("thermal_warning", "f8", "", "station", "thermal_load above which the I2t warning shows, 0 = none"),
+        Field("warns_itself", "u1", "", "firmware", "1 = the warning that shows is the drive's own"),
     ],
 )

@@ -107,10 +107,15 @@ def test_6_8_a_direct_drive_jogs_with_60_rpm():
 
 def test_load_and_motor_of_the_farm_file_are_in_the_units_of_the_motor():
     plc = linear(
-        3, motor="{kind: linear, pitch: 20, max_velocity: 100, torque_constant: 30}", load="{inertia: 10, torque: 8}"
+        3,
+        motor="{kind: linear, pitch: 20, max_velocity: 100, torque_constant: 30, rated_torque: 90, encoder_steps: 500}",
+        load="{inertia: 10, torque: 8}",
     )
     assert plc.axis.inertia * (2 * 3.14159265 / 0.02) ** 2 == pytest.approx(10.0)
     assert plc.axis.torque_constant * 2 * 3.14159265 / 0.02 == pytest.approx(30.0)
+    assert plc.axis.rated_torque * 2 * 3.14159265 / 0.02 == pytest.approx(90.0)
+    assert plc.axis.torque_limit_positive == pytest.approx(0.3 * plc.axis.rated_torque)
+    assert plc.axis.encoder_steps == pytest.approx(10_000.0)
     assert plc.axis.load_torque * 2 * 3.14159265 / 0.02 == pytest.approx(8.0)
     assert plc.axis.max_velocity == pytest.approx(300.0)
 

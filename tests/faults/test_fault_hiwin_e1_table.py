@@ -190,3 +190,31 @@ def test_alarms_that_the_drive_sees_itself():
     plc.axis.velocity = 9000.0
     plc.wait(5)
     assert plc["FAULT_CODE"] == 0x510
+
+
+def test_3_16_the_motors_heat_is_the_i2t_warning_before_it_is_the_overload():
+    """MELDW.7; its threshold is assumed."""
+    plc = E1Plc(111)
+    plc.axis.thermal_load = 0.9
+    plc.wait(5)
+    assert (plc["MELDW"] & 0x00C0, plc["WARN_CODE"], plc["ZSW1"] & 0x0088) == (0x0040, 0x911, 0x0080)
+    plc.inject("drive-warning", warning="motor-overload-warning")
+    plc.wait(5)
+    assert (plc["MELDW"] & 0x00C0, plc["WARN_CODE"]) == (0x0080, 0x910), "one that was raised stays in front"
+    plc.clear()
+    plc.wait(5)
+    assert plc["WARN_CODE"] == 0x911
+    plc.axis.thermal_load = 0.5
+    plc.wait(5)
+    assert (plc["MELDW"] & 0x00C0, plc["WARN_CODE"], plc["ZSW1"] & 0x0080) == (0x00C0, 0, 0)
+
+
+def test_a_stalled_axis_heats_its_motor_until_it_warns_and_trips():
+    """A load above the rated torque: I2t warning, then AL.720."""
+    plc = E1Plc(111)
+    plc.axis.load_torque = 1.8
+    told = plc.wait_for(lambda: bool(plc["WARN_CODE"]), 120_000)
+    tripped = plc.wait_for(lambda: bool(plc["FAULT_CODE"]), 120_000)
+    assert plc["FAULT_CODE"] == 0x720
+    assert told > 10_000
+    assert tripped > 1_000
