@@ -248,6 +248,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "position_units": _fact_json(described, "position_units"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "parameter_words": _fact_json(described, "parameter_words"),
+        "lamps": _fact_json(described, "lamps"),
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),
         "diagnosis_coding": _fact_json(described, "diagnosis_coding"),

@@ -11,6 +11,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.drives.data_files import integer, read_toml, required, rows
+from pnfarm.drives.lamps import Lamps
 from pnfarm.drives.model import (
     DIAGNOSIS_CODINGS,
     REACTIONS,
@@ -213,6 +214,15 @@ def _parameter_words(
     return words
 
 
+def _lamps(facts: Mapping[str, Fact] | None, where: str) -> Lamps | None:
+    if facts is None:
+        return None
+    if len({len(fact.value) for fact in facts.values()}) > 1:
+        raise ConfigError(f"{where}: each state has as many entries as there are names")
+    lamps: Lamps = _build(Lamps, facts, where)
+    return lamps
+
+
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
     """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
@@ -277,6 +287,7 @@ def load_model(folder: Path) -> Model:
             "diagnosis",
             "diagnosis_coding",
             "following_error",
+            "lamps",
             "motion_tasks",
             "position_units",
             "parameter_words",
@@ -321,6 +332,7 @@ def load_model(folder: Path) -> Model:
         parameter_words=_parameter_words(
             sections.get("parameter_words"), telegrams.values(), f"{path}, parameter_words"
         ),
+        lamps=_lamps(sections.get("lamps"), f"{path}, lamps"),
         sign_of_life=life,
         following_error=error,
         motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),

@@ -19,6 +19,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.axis import FAULT_WORDS, REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
+    from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.motor_kinds import MotorKind
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
     from pnfarm.drives.telegram import Signal, Telegram
@@ -306,6 +307,7 @@ class Model:
     access: ParameterAccess
     communication_loss: CommunicationLoss
     parameter_words: ParameterWords | None
+    lamps: Lamps | None
     sign_of_life: SignOfLife | None
     following_error: FollowingError | None
     motion_tasks: MotionTaskParameters | None

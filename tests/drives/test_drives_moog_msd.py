@@ -348,6 +348,7 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
         ("model.toml", '"extended", ', '"verbose", ', r"diagnosis_coding\.modes"),
         ("model.toml", "[1, 1, 1, 2]", "[1, 1, 1]", r"diagnosis_coding\.modes"),
         ("model.toml", "mode_parameter = { value = 1256", "mode_parameter = { value = 1257", r"no parameter 1257"),
+        ("model.toml", 'ready = { value = ["on", "on"]', 'ready = { value = ["on"]', r"lamps: each state"),
         ("model.toml", '"cache-read"]', '"cash-read"]', r"parameter_words\.tasks"),
         ("model.toml", "array_word = { value = 4", "array_word = { value = 16", r"parameter_words\.array_word: 16"),
         ("model.toml", "[parameter_words]", "[description]", r"parameter_words: missing, and a telegram"),

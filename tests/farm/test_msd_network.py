@@ -1,4 +1,4 @@
-"""The Moog MSD's parameters about its station, P-1289 to P-1292 and P-1295; sections are those of its manual."""
+"""What the Moog MSD shows of its network: P-1289 to P-1292 and P-1295, and lamps; sections are those of its manual."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.farm.snapshot import drive_snapshot
 
 
 @pytest.fixture
@@ -73,3 +74,31 @@ def test_a_name_that_no_station_may_have_is_refused(line, name):
         write_name(line, name)
     assert caught.value.number == ParameterErrorNumber.VALUE_IMPERMISSIBLE
     assert name_of(line) == "axis-01"
+
+
+def lamps(line: VirtualLine) -> tuple[str, ...]:
+    return tuple(drive_snapshot(line.farm, line.farm.stations[0], line.world.now)["lamps"].values())
+
+
+def test_lamps_are_lit_as_in_table_5_2(line):
+    """5.2.1: H16 red and H17 green."""
+    (station,) = line.farm.stations
+    line.run(0.001)
+    shown = drive_snapshot(line.farm, station, line.world.now)["lamps"]
+    assert shown == {"H16 red": "on", "H17 green": "off"}  # device test and initialisation
+    line.connect()
+    assert lamps(line) == ("off", "on, interrupted for 0.5 s")
+    line.plc.dcp.signal(station.port.mac, now=line.world.now)
+    line.run(0.1)
+    assert lamps(line) == ("1 s on, 1 s off",) * 2
+    line.run(3.0)
+    line.plc.release(line.world.now)
+    line.run(0.1)
+    assert lamps(line) == ("on", "on")  # ready, no cyclic data
+    station.power_off(line.world.now)
+    assert lamps(line) == ("off", "off")
+
+
+def test_a_model_whose_manual_names_no_lamps_shows_none():
+    line = VirtualLine(model="akd-profinet", controller=False)
+    assert lamps(line) == ()
