@@ -15,6 +15,7 @@ from pnfarm.table.axis import (
     CMD_POWER_ON,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,
+    FAULT_WORDS,
     REACTION_QUICK_STOP,
 )
 from pnfarm.table.image import LOST_NOT
@@ -91,9 +92,8 @@ def test_each_fault_stops_the_drive_as_its_row_says_is_read_back_and_acknowledge
         assert running.zsw1 & 0x0008, fault
         assert active_faults(running.axis) == [fault.number]
         assert fault_situations(running.axis)[0] == [fault.number]
-        shown = fault.word or fault.number
-        if fault.number < 1 << 16:
-            assert int(running.image.sent[FAULT_CODE]) & 0xFFFF == shown & 0xFFFF
+        shown = fault.word if fault.number < FAULT_WORDS else fault.number & 0xFFFF
+        assert int(running.image.sent[FAULT_CODE]) & 0xFFFF == shown
         assert all(values[0] == fault.number for values in running.value("fault-buffer")), fault
         assert all(values == [fault.number] for values in running.value("fault")[:1]), fault
         assert all(values[0] == shown for values in running.value("fault-codes")), fault
