@@ -210,10 +210,15 @@ class DriveStation:
     def _take_written_name(self, kept: dict[str, Any]) -> None:
         """A station name that a parameter brought is the station's from now on, as one that DCP set for good."""
         name = self.store.take_name()
-        if name is not None and (not name or check_station_name(name) is None):
+        if name is None:
+            return
+        if "drive" in kept:
+            number = str(self.model.access.station_name)
+            parameters = {pnu: value for pnu, value in kept["drive"]["parameters"].items() if pnu != number}
+            self._kept["drive"] = {**kept["drive"], "parameters": parameters}
+        if not name or check_station_name(name) is None:
             kept["name"] = self._kept["name"] = name
-            self._kept["drive"] = self.store.snapshot()
-            self._services.memory.save(self.configured_name, self._kept)
+        self._services.memory.save(self.configured_name, self._kept)
 
     @property
     def ars(self) -> dict[int, ArChannels]:
