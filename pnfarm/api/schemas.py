@@ -119,6 +119,9 @@ class Drive(_Model):
     bus_volts: float = Field(description="Voltage of the DC link; 0 for a drive without one.")
     thermal_load: float = Field(description="Heat of the motor, 1 = as much as it bears.")
     signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")
+    lamps: dict[str, str] = Field(
+        description="The network interface's lamps by name, on, off or how they flash; none where the manual has none."
+    )
     signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
     faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
     events: list[dict[str, Any]] = Field(

@@ -13,6 +13,12 @@ if TYPE_CHECKING:
 
 __all__ = ["models"]
 
+#: Sections whose values each have a source of their own.
+_FACTS = (
+    "motor", "firmware", "position_units", "communication_loss", "sign_of_life", "following_error", "motion_tasks",
+    "parameter_access", "parameter_words", "lamps", "description_file", "diagnosis", "diagnosis_coding",
+)  # fmt: skip
+
 
 def models(
     model: Annotated[
@@ -65,27 +71,14 @@ def _print(found: dict[str, Any]) -> None:
             for key, value in values.items()
         ]
         print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
-    sections = (
-        "motor", "firmware", "position_units", "motion_tasks", "communication_loss", "sign_of_life", "following_error",
-        "parameter_access", "description_file", "diagnosis", "diagnosis_coding",
-    )  # fmt: skip
-    shown = [(section.replace("_", " "), found[section]) for section in sections]
-    shown += [
-        (f"{kind} motor: {part}", facts) for kind, parts in found["motors"].items() for part, facts in parts.items()
-    ]
-    for title, facts in shown:
-        if facts:
+    for section in _FACTS:
+        if found[section]:
             print_line()
-            rows = [
-                (
-                    key.replace("_", " "),
-                    f"{_value(key, fact['value'])} {fact['unit']}".strip(),
-                    fact["source"],
-                    fact["note"],
-                )
-                for key, fact in facts.items()
-            ]
-            print_table((title.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
+            print_table((section.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
+    for kind, parts in found["motors"].items():
+        print_line()
+        rows = [row for part, facts in parts.items() for row in _fact_rows(facts, f"{part} ")]
+        print_table((f"MOTORS {kind}", "VALUE", "~SOURCE", "~NOTE"), rows)
     print_line()
     columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
     print_table(columns, _module_rows(found))
@@ -113,6 +106,18 @@ def _print(found: dict[str, Any]) -> None:
     )
     print_line()
     print_line(f"Every row: pnfarm models {found['name']} --format json")
+
+
+def _fact_rows(facts: dict[str, Any], prefix: str = "") -> list[tuple[str, str, str, str]]:
+    return [
+        (
+            prefix + key.replace("_", " "),
+            f"{_value(key, fact['value'])} {fact['unit']}".strip(),
+            fact["source"],
+            fact["note"],
+        )
+        for key, fact in facts.items()
+    ]
 
 
 def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:

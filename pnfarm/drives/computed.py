@@ -207,6 +207,30 @@ def _timeout(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     return [store.watchdog_ns // 1_000_000]
 
 
+def _station_name(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """P-1289: a name that was written and waits for the next power-on, else the station's own."""
+    waiting = store.waiting_name
+    name = store.network.name.encode("ascii", "replace") if waiting is None else waiting
+    return _fill(list(name[: parameter.elements]), parameter) if name else parameter.defaults
+
+
+def _station_ip(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [store.network.ip]
+
+
+def _station_mask(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [store.network.mask]
+
+
+def _station_gateway(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    return [store.network.gateway]
+
+
+def _station_macs(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """P-1292: the station's address, then those of its ports."""
+    return _fill(b"".join(store.network.macs)[: parameter.elements], parameter)
+
+
 _Function = Callable[["ParameterStore", Parameter], Sequence[int]]
 
 
@@ -241,4 +265,9 @@ COMPUTED: dict[str, _Function] = {
     "actual-signals": _actual_signals,
     "changed-list": _changed_list,
     "fault-classes": _fault_classes,
+    "station-name": _station_name,
+    "station-ip": _station_ip,
+    "station-mask": _station_mask,
+    "station-gateway": _station_gateway,
+    "station-macs": _station_macs,
 }

@@ -11,6 +11,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.drives.data_files import integer, read_toml, required, rows
+from pnfarm.drives.lamps import Lamps
 from pnfarm.drives.model import (
     DIAGNOSIS_CODINGS,
     REACTIONS,
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.drives.parameter import Parameter
-    from pnfarm.drives.telegram import Telegram
+    from pnfarm.drives.telegram import Signal, Telegram
 
 __all__ = ["load_model"]
 
@@ -204,13 +205,46 @@ def _parameter_words(
             raise ConfigError(f"{where}: missing, and a telegram has a parameter channel")
         return None
     words: ParameterWords = _build(ParameterWords, facts, where)
-    unknown = set(words.tasks) - PARAMETER_TASKS
+    unknown = set(words.tasks) - PARAMETER_TASKS if isinstance(words.tasks, tuple) else True
     if unknown or len(words.tasks) > 16:
         raise ConfigError(f"{where}.tasks: each of at most 16 is one of {', '.join(sorted(PARAMETER_TASKS))}")
     for key, fact in facts.items():
-        if key != "tasks" and not 1 <= fact.value <= 15:
+        if key != "tasks" and fact.value not in range(1, 16):
             raise ConfigError(f"{where}.{key}: {fact.value!r} is no response identifier from 1 to 15")
     return words
+
+
+def _access(
+    facts: Mapping[str, Fact], parameters: Mapping[int, Parameter], signals: Mapping[int, Signal], path: Path
+) -> ParameterAccess:
+    """How parameters are reached, and whether those that it names, and that signals show, are there."""
+    where = f"{path}, parameter_access"
+    access: ParameterAccess = _build(ParameterAccess, facts, where)
+    name = parameters.get(access.station_name)
+    if access.station_name and (name is None or not name.text or not name.defaults):
+        raise ConfigError(f"{where}.station_name: {access.station_name} is no String with a default")
+    elements = [parameters.get(pnu) for pnu in access.mapping_elements]
+    if elements and (len(elements) != 2 or any(p is None or not p.elements for p in elements)):
+        raise ConfigError(f"{where}.mapping_elements: {list(access.mapping_elements)} are not two arrays")
+    for signal in signals.values():
+        shown = parameters.get(signal.number)
+        if signal.stored and (
+            shown is None or shown.behaviour is not Behaviour.STORED or 8 * shown.octets != signal.bits
+        ):
+            raise ConfigError(
+                f"{path.parent / 'telegrams.toml'}, signal {signal.number}: no stored parameter of its length"
+            )
+    return access
+
+
+def _lamps(facts: Mapping[str, Fact] | None, where: str) -> Lamps | None:
+    if facts is None:
+        return None
+    lengths = {len(fact.value) if isinstance(fact.value, tuple) else 0 for fact in facts.values()}
+    if 0 in lengths or len(lengths) > 1:
+        raise ConfigError(f"{where}: each state has as many entries as there are names")
+    lamps: Lamps = _build(Lamps, facts, where)
+    return lamps
 
 
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
@@ -277,6 +311,7 @@ def load_model(folder: Path) -> Model:
             "diagnosis",
             "diagnosis_coding",
             "following_error",
+            "lamps",
             "motion_tasks",
             "position_units",
             "parameter_words",
@@ -316,11 +351,12 @@ def load_model(folder: Path) -> Model:
         default_telegram=data["default_telegram"],
         identity=_build(Identity, sections["identity"], f"{path}, identity"),
         limits=limits,
-        access=_build(ParameterAccess, sections["parameter_access"], f"{path}, parameter_access"),
+        access=_access(sections["parameter_access"], parameters, signals, path),
         communication_loss=loss,
         parameter_words=_parameter_words(
             sections.get("parameter_words"), telegrams.values(), f"{path}, parameter_words"
         ),
+        lamps=_lamps(sections.get("lamps"), f"{path}, lamps"),
         sign_of_life=life,
         following_error=error,
         motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),

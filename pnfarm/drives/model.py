@@ -19,6 +19,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.axis import FAULT_WORDS, REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
+    from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.motor_kinds import MotorKind
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
     from pnfarm.drives.telegram import Signal, Telegram
@@ -118,6 +119,7 @@ class ParameterAccess:
     * ``descriptions``: parameters describe themselves (attribute 0x20).
     * ``unknown_service_id``: response id for a request id that is not known, 0 for that id with bit 7 set.
     * ``saves_at_once``: what is written is permanent at once.
+    * ``station_name``: the PNU of the station's name, 0 without such a parameter.
     * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
     """
 
@@ -133,6 +135,7 @@ class ParameterAccess:
     unknown_service_id: int = 0
     saves_at_once: bool = False
     mapping_elements: tuple[int, ...] = ()
+    station_name: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,6 +307,7 @@ class Model:
     access: ParameterAccess
     communication_loss: CommunicationLoss
     parameter_words: ParameterWords | None
+    lamps: Lamps | None
     sign_of_life: SignOfLife | None
     following_error: FollowingError | None
     motion_tasks: MotionTaskParameters | None

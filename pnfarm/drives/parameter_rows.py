@@ -184,7 +184,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         after_power_on=row.get(_EFFECTIVE, "") == "power-on",
         defaults=(
             defaults + (usual,) * (elements - len(defaults))
-            if behaviour in {Behaviour.STORED, Behaviour.FIELD} and elements
+            if elements and (row["default"] or behaviour in {Behaviour.STORED, Behaviour.FIELD})
             else ()
         ),
         choices=_choices(row["scale"], maximum, where),

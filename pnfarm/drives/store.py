@@ -17,6 +17,7 @@ from pnfarm.drives.axis_fields import AxisFields
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.motion_tasks import MotionTasks
+from pnfarm.drives.network import NoNetwork
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.stored_values import StoredValues, Value
 from pnfarm.drives.telegram_selection import TelegramSelection
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pnfarm.drives.model import Model
+    from pnfarm.drives.network import Network
     from pnfarm.drives.telegram import Signal, Telegram
 
 __all__ = [
@@ -78,14 +80,16 @@ Event = ParameterWritten | TelegramChanged | NonVolatileSaved | RebootRequested 
 class ParameterStore:
     """All parameters of one drive.
 
-    ``handle`` is the drive's rows of the table; ``watchdog_ns`` (PNU 3022) is set by the station on a connect.
+    ``handle`` is the drive's rows of the table, ``network`` its name and addresses; ``watchdog_ns`` (PNU 3022) is set
+    by the station on a connect.
     """
 
-    __slots__ = ("_axis", "_events", "_selection", "_tasks", "_values", "handle", "model", "watchdog_ns")
+    __slots__ = ("_axis", "_events", "_selection", "_tasks", "_values", "handle", "model", "network", "watchdog_ns")
 
     def __init__(self, model: Model, handle: AxisHandle) -> None:
         self.model = model
         self.handle = handle
+        self.network: Network = NoNetwork()
         self.watchdog_ns = 0
         self._values = StoredValues(model)
         self._selection = TelegramSelection(self._values)
@@ -129,6 +133,8 @@ class ParameterStore:
             self._write_signal(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED and target.argument == "fault-situations":
             self._clear_history(target, values[0])
+        elif target.behaviour is Behaviour.COMPUTED and target.argument == "station-name":
+            self._write_name(target, subindex, values)
         elif target.behaviour is Behaviour.COMPUTED or target.pnu in self.model.access.mapping_elements:
             self._write_telegram(target, subindex, values)
         else:
@@ -217,6 +223,16 @@ class ParameterStore:
         self.watchdog_ns = 0
         self._apply_all()
 
+    @property
+    def waiting_name(self) -> bytes | None:
+        """A station name that was written as a parameter and waits for the next power-on, None for none."""
+        return self._values.waiting_name
+
+    def take_name(self) -> str | None:
+        """The name that was written and made permanent before this power-on, once."""
+        name = self._values.take_name()
+        return None if name is None else name.decode("ascii")
+
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
         return self._values.snapshot()
@@ -287,6 +303,15 @@ class ParameterStore:
             self.handle.push_command(CMD_CLEAR_HISTORY)
         except CommandRingFullError as exc:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter) from exc
+
+    def _write_name(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
+        """Characters of a station name (P-1289), which is kept as others are and counts from the next power-on."""
+        array = list(self.read(parameter.pnu, 0, parameter.elements))
+        array[subindex : subindex + len(values)] = values
+        text = bytes(array).partition(b"\0")[0]
+        if not text.isascii() or not self.network.allows(text.decode("ascii")):
+            raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, subindex)
+        self._values.current[parameter.pnu] = tuple(text.ljust(parameter.elements, b"\0"))
 
     def _write_signal(self, parameter: Parameter, value: int) -> None:
         """A set point by its PNU, unless the running cyclic channel brings it (MDI_ACC with telegram 352: allowed)."""

@@ -102,6 +102,27 @@ class StoredValues:
         else:
             self.current[parameter.pnu] = values[0]
 
+    # a station name, which a parameter of some models is
+
+    @property
+    def _name(self) -> Parameter | None:
+        pnu = self.model.access.station_name
+        return self.model.parameters[pnu] if pnu else None
+
+    @property
+    def waiting_name(self) -> bytes | None:
+        """The name that was written, None for none."""
+        written = self.current.get(self._name.pnu) if self._name is not None else None
+        return bytes(written).partition(b"\0")[0] if isinstance(written, tuple) else None
+
+    def take_name(self) -> bytes | None:
+        """The name that is permanent; it is forgotten here, because it is the station's from now on."""
+        name = self.waiting_name
+        if self._name is not None:
+            self.current.pop(self._name.pnu, None)
+            self.permanent.pop(self._name.pnu, None)
+        return name
+
     # non-volatile memory
 
     def save(self) -> None:
@@ -187,6 +208,11 @@ class StoredValues:
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, index)
         if target.elements and target.behaviour in {Behaviour.STORED, Behaviour.FIELD}:
             self.permanent[target.pnu] = tuple(values) + target.defaults[len(values) :]
+            return
+        if target.text:
+            if not bytes(values).isascii():
+                raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter)
+            self.permanent[target.pnu] = tuple(values) + (0,) * (target.elements - len(values))
             return
         if target.elements:
             self.permanent[target.pnu] = mapping_numbers(self.model, target, values)

@@ -92,19 +92,14 @@ class TelegramSelection:
         if not self.telegram.free_mapping or not isinstance(stored, tuple):
             return words
         model = self._values.model
-        numbers = stored[: len(words)]
         # an element was checked with what was mapped when it was written, which may have been fewer words
         elements = [
             element if number in model.parameters and element < model.parameters[number].elements else 0
-            for number, element in zip(numbers, self._elements(setpoint=setpoint), strict=False)
+            for number, element in zip(stored, self._elements(setpoint=setpoint), strict=False)
         ]
-        signals = list(model.signals_of(numbers, setpoint=setpoint, elements=elements))
-        if (
-            len(stored) > len(words)
-            and signals
-            and signals[-1] is not None
-            and signals[-1].number == stored[len(words)]
-        ):
+        every = model.signals_of(stored, setpoint=setpoint, elements=elements)
+        signals = list(every[: len(words)])
+        if len(every) > len(words) and signals and signals[-1] is not None and signals[-1] == every[len(words)]:
             signals[-1] = None
         return tuple(signals) + (None,) * (len(words) - len(signals))
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.model import fault_label
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.channel import DISCARDS
 from pnfarm.wire.mac import format_mac
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from pnfarm.farm.station import DriveStation
     from pnfarm.farm.station_channels import ArChannels
     from pnfarm.faults.manager import FaultManager
-    from pnfarm.protocols.profinet.ar import CmdevState
 
 __all__ = [
     "NO_AR",
@@ -174,9 +174,22 @@ def drive_snapshot(
         "bus_volts": float(axis.bus_voltage),
         "thermal_load": float(axis.thermal_load),
         "signalling": powered and station.dcp.signalling,
+        "lamps": _lamps(station, machine_state),
         "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
         "faults_injected": list(injected.get(station.configured_name, ())),
     }
+
+
+def _lamps(station: DriveStation, ar_state: CmdevState | None) -> dict[str, str]:
+    lamps = station.model.lamps
+    if lamps is None:
+        return {}
+    return lamps.show(
+        powered=station.powered,
+        booting=int(station.handle.axis.state) == 0,
+        exchanging=ar_state is CmdevState.DATA,
+        signalling=station.dcp.signalling,
+    )
 
 
 def farm_snapshot(core: FarmCore, now: int) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from pnfarm.farm.station_channels import ArChannels, StationChannels
 from pnfarm.farm.station_connections import StationConnections
 from pnfarm.farm.station_diagnosis import FaultDiagnosis
 from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
+from pnfarm.farm.station_network import StationNetwork
 from pnfarm.farm.station_parameter_words import StationParameterWords
 from pnfarm.farm.station_snmp import PortTraffic, snmp_view
 from pnfarm.farm.station_snmp_neighbours import NeighbourRows
@@ -56,6 +57,7 @@ from pnfarm.protocols.profinet.rpc_server import RpcServer
 from pnfarm.protocols.profinet.snmp import SnmpAgent
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
+from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
@@ -139,6 +141,7 @@ class DriveStation:
         self.store.restore(kept.get("drive"))
         self.store.commission({key: _raw(value) for key, value in self.config.params.items()})
         self.store.power_on()
+        self._take_written_name(kept)
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
         self.parameter_records = ParameterRecords(self.store, slot, api)
@@ -154,6 +157,7 @@ class DriveStation:
             note=self.note,
         )
         self.dcp, self.ip = self.addressing.dcp, self.addressing.ip
+        self.store.network = StationNetwork(self.dcp, mac, self.model.limits.ports)
         self.ip.open_ports = {RPC_PORT, CALL_PORT, SNMP_PORT}
         self.neighbours = StationNeighbours(mac, self.index, self.description, enabled=self._services.lldp)
         self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, 0)
@@ -202,6 +206,19 @@ class DriveStation:
         self.neighbour_rows = NeighbourRows()
         self.snmp = SnmpAgent(lambda now: snmp_view(self, now))
         self.traffic = PortTraffic(self._services.channels, self.channels, self.discards())
+
+    def _take_written_name(self, kept: dict[str, Any]) -> None:
+        """A station name that a parameter brought is the station's from now on, as one that DCP set for good."""
+        name = self.store.take_name()
+        if name is None:
+            return
+        if "drive" in kept:
+            number = str(self.model.access.station_name)
+            parameters = {pnu: value for pnu, value in kept["drive"]["parameters"].items() if pnu != number}
+            self._kept["drive"] = {**kept["drive"], "parameters": parameters}
+        if not name or check_station_name(name) is None:
+            kept["name"] = self._kept["name"] = name
+        self._services.memory.save(self.configured_name, self._kept)
 
     @property
     def ars(self) -> dict[int, ArChannels]:

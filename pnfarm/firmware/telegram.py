@@ -164,10 +164,10 @@ def from_setpoints(axis: Any, image: Any) -> None:
 @compiled
 def _beside(axis: Any, image: Any) -> None:
     """What a free mapping shows that is no actual value (Moog MSD manual 8.2.3; 14.3, table 14.5)."""
-    if axis.shows & 1:
+    if int(axis.shows) & 1:
         for place in range(len(_SENT_BACK)):
             image.sent[FIRST_SENT_BACK + place] = image.received[_SENT_BACK[place]]
-    if axis.shows & 2:
+    if int(axis.shows) & 2:
         for place in range(SHOWN):
             image.sent[FIRST_SHOWN + place] = axis.shown[place]
 

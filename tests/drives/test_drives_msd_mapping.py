@@ -153,6 +153,21 @@ def test_an_element_beyond_a_mapping_that_grew_is_element_0(msd: Drive) -> None:
     assert sent_words(msd)[8:10] == [0, 7]
 
 
+@pytest.mark.parametrize(
+    ("numbers", "left"),
+    [
+        ([202, 202, 202, 202], [202, 202]),  # the first element whole, the second one gone
+        ([968, 202, 202], [968, 0]),  # a double word is not torn
+        ([968, 1281, 121], [968, 1281]),
+    ],
+)
+def test_a_mapping_that_is_too_long_for_another_module_is_cut(msd: Drive, numbers: list[int], left: list[int]) -> None:
+    msd.store.write(916, 0, numbers)
+    msd.store.plug_telegram(101)
+    assert msd.store.read(916, 0, 3) == [*left, 0]
+    assert len(msd.store.input_words()) == 6
+
+
 def test_selections_are_not_changed_in_operation(msd: Drive) -> None:
     msd.axis.state = 4
     for pnu, value in ((915, 967), (916, 968), (922, 105), (1253, 0), (1254, 0)):

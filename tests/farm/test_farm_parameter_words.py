@@ -16,7 +16,7 @@ from virtual_line import VirtualLine
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.table.signals import PKW_HEAD
+from pnfarm.table.signals import PKW_HEAD, STW1, ZSW1
 
 CYCLE = 0.002
 
@@ -46,6 +46,26 @@ def test_every_telegram_with_a_parameter_channel_reads_and_writes(telegram):
     assert ask(line, Pkw(2, 918, value=7)) == Pkw(1, 918, value=7)
     assert ask(line, NO_TASK) == NO_TASK
     assert line.farm.stations[0].store.get("P-0918") == 7
+
+
+def test_the_channel_maps_the_words_behind_it_while_they_are_exchanged():
+    """8.2.3: P-0916 by tasks 7, element by element; what it names is in the next telegrams."""
+    line = line_of(102)
+    line.plc.columns.program[0].enable = 0
+    (station,) = line.farm.stations
+    line.run(0.1)
+    assert ask(line, Pkw(7, 916, 2, value=967)) == Pkw(4, 916, 2, value=967)
+    assert ask(line, Pkw(7, 916, 3, value=1276)).value == 18  # half of a double word
+    assert station.store.read(916, 0, 3) == [968, 967, 0]
+    line.run(0.01)
+    data = station.channels.io_data(1, 2, False).data
+    image = station.handle.image
+    assert [int.from_bytes(data[n : n + 2], "big") for n in (8, 10, 12)] == [
+        int(image.sent[ZSW1]) & 0xFFFF,
+        int(image.received[STW1]) & 0xFFFF,
+        0,
+    ]
+    assert int(image.received[STW1]) & 0x0400
 
 
 def test_a_telegram_without_the_channel_takes_no_task():

@@ -33,7 +33,8 @@ def active_faults(axis: Any) -> list[int]:
 
 
 def fault_situations(axis: Any) -> list[list[int]]:
-    """The buffer by situation, newest first, without empty places."""
+    """The buffer by situation, newest first, without empty places; a situation has the drive's number of places."""
     numbers = fault_numbers(axis)
-    rows = [numbers[FAULT_SLOTS * n : FAULT_SLOTS * (n + 1)] for n in range(FAULT_SITUATIONS)]
+    places = int(axis.fault_places) or FAULT_SLOTS
+    rows = [numbers[n : n + places] for n in range(0, FAULT_SITUATIONS * FAULT_SLOTS, places)]
     return [[number for number in row if number] for row in rows]

@@ -1,0 +1,49 @@
+"""What a drive's parameters show of its station on the network."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+__all__ = ["Network", "NoNetwork"]
+
+
+class Network(Protocol):
+    """Name and addresses in force; an address is a number of 32 bits, 0 for none."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def ip(self) -> int: ...
+
+    @property
+    def mask(self) -> int: ...
+
+    @property
+    def gateway(self) -> int: ...
+
+    @property
+    def macs(self) -> tuple[bytes, ...]:
+        """Of the station, then port by port."""
+        ...
+
+    def allows(self, name: str) -> bool:
+        """Whether a station may have this name."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class NoNetwork:
+    """A drive that nothing is connected to."""
+
+    name: str = ""
+    ip: int = 0
+    mask: int = 0
+    gateway: int = 0
+    macs: tuple[bytes, ...] = ()
+
+    def allows(self, name: str) -> bool:
+        """Any."""
+        del name
+        return True
