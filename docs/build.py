@@ -54,9 +54,10 @@ def _diagram(title: str, source: str, rows: list[tuple[str, str, str]]) -> list[
     return [*lines, "```", ""]
 
 
-MOTION_STATES = {"OUT", "STANDBY", "TASK", "INTERMEDIATE_STOP", "BRAKING", "HOMING", "JOG"}
+MOTION_STATES = {"OUT", "STANDBY", "TASK", "INTERMEDIATE_STOP", "BRAKING", "HOMING", "JOG", "HALTED"}
 MOTION_EVENTS = (
     "LEAVE", "ENTER", "REJECT", "PAUSE", "RESUME", "START", "HOME", "HOME_OFF", "JOG_ON", "JOG_OFF", "OVER", "BLOCKED",
+    "HALT", "CONTINUE",
 )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.table.axis import AXIS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
-from pnfarm.table.signals import FIRST_SHOWN, HOME_DIST, HOME_MODE, NSOLL_B, REF_SPEED
+from pnfarm.table.signals import FIRST_SHOWN, HOME_DIST, HOME_MODE, MT_FEEDRATE, NSOLL_B, REF_SPEED
 
 if TYPE_CHECKING:
     from pnfarm.drives.axis_handle import AxisHandle
@@ -38,12 +38,14 @@ AT_ONCE = 1e12
 class AxisFields:
     """Writes the axis record of ``handle`` from the drive's stored values and its telegram."""
 
-    __slots__ = ("_handle", "_selection", "_values")
+    __slots__ = ("_handle", "_places", "_selection", "_values")
 
     def __init__(self, values: StoredValues, selection: TelegramSelection, handle: AxisHandle) -> None:
         self._values = values
         self._selection = selection
         self._handle = handle
+        #: Parameters whose raw number is rounded since the unit changed: PNU -> that number, and the place, rev.
+        self._places: dict[int, tuple[int, float]] = {}
 
     @property
     def axis(self) -> Any:
@@ -55,6 +57,7 @@ class AxisFields:
     def apply_all(self) -> None:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
+        self._places.clear()
         for column in _PARAMETER_FIELDS:
             axis[column.name] = column.default
         for field, value in model.firmware.items():
@@ -78,8 +81,6 @@ class AxisFields:
         if parameter.behaviour is Behaviour.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
-        if model.position_units is not None and parameter.pnu in model.position_units.numbers:
-            self._apply_scaled("position")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
         if int(self._handle.axis.shows):
@@ -98,6 +99,7 @@ class AxisFields:
         slots = {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
         axis.task_form = telegram.tasks
         axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
+        axis.feedrate_signal = MT_FEEDRATE in slots
         axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
         axis.parameter_channel = self._selection.frame.parameter_words > 0
         self._apply_shown()
@@ -116,6 +118,16 @@ class AxisFields:
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
             axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >> 31 else raw
 
+    def bring(self, slot: int) -> None:
+        """A set point that no telegram brings was written by its PNU: it counts from now on."""
+        axis = self._handle.axis
+        if slot == HOME_MODE:
+            axis.home_signals |= 0x1
+        elif slot == HOME_DIST:
+            axis.home_signals |= 0x2
+        elif slot == MT_FEEDRATE:
+            axis.feedrate_signal = 1
+
     def physical(self, parameter: Parameter, raw: int) -> float:
         """A raw number of a parameter in the unit of its field."""
         if parameter.choices:
@@ -123,11 +135,16 @@ class AxisFields:
         if parameter.scale == "2^-n":
             return 2.0**-raw
         if parameter.scale == "position":
-            return raw / self.position_units()
+            number, place = self._places.get(parameter.pnu, (None, 0.0))
+            return place if number == raw else raw / self.position_units()
         if parameter.scale == "jog/n":
             return 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else AT_ONCE
         if parameter.scale == "reference/n":
             return 1000.0 * _REFERENCE * float(self._handle.axis.velocity_step) / raw if raw else AT_ONCE
+        if parameter.scale.endswith("/n"):
+            return parameter.factor / raw if raw else AT_ONCE
+        if parameter.scale.endswith("torque-constant") and raw == parameter.default:
+            return AXIS.fields[parameter.argument].default
         return raw * self._factor(parameter)
 
     def _apply(self, parameter: Parameter) -> None:
@@ -168,6 +185,31 @@ class AxisFields:
             return parameter.wrap(round(physical * self.position_units()))
         return parameter.clamp(round(physical / self._factor(parameter)))
 
+    def carry_places(self, units: float) -> None:
+        """The unit of positions changed from ``units`` to the revolution: places stay, their numbers follow.
+
+        AKD PROFINET manual 6.2: a PNU's value is the parameter's value divided by PN.POSSCALE.
+        """
+        now = self.position_units()
+        current = self._values.current
+        for parameter in self._values.model.parameters.values():
+            if parameter.scale != "position" or not parameter.writable or parameter.behaviour is Behaviour.SIGNAL:
+                continue
+            raw = self._values.raw(parameter.pnu)
+            number, place = self._places.get(parameter.pnu, (None, 0.0))
+            place = place if number == raw else raw / units
+            raw = self._numbered(parameter, place * now)
+            current[parameter.pnu] = raw
+            self._places[parameter.pnu] = (raw, place)
+            for task in self._values.tasks.values():
+                if parameter.pnu in task:
+                    task[parameter.pnu] = self._numbered(parameter, task[parameter.pnu] / units * now)
+        self._apply_scaled("position")
+
+    @staticmethod
+    def _numbered(parameter: Parameter, value: float) -> int:
+        return min(max(parameter.wrap(round(value)), parameter.minimum), parameter.maximum)
+
     def position_units(self) -> float:
         """Raw numbers of a position parameter to one revolution; 1 for a model that has no such parameters."""
         raw, units = self._values.raw, self._values.model.position_units
@@ -179,6 +221,8 @@ class AxisFields:
     def _factor(self, parameter: Parameter) -> float:
         if parameter.scale == "acceleration":
             return float(self._handle.axis.acceleration_step)
+        if parameter.scale.endswith("torque-constant"):
+            return float(self._handle.axis.torque_constant) / (-1000.0 if parameter.scale[0] == "-" else 1000.0)
         if parameter.scale == "rated-torque":
             return float(self._handle.axis.rated_torque) / 100.0
         return parameter.factor

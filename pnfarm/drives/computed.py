@@ -198,6 +198,36 @@ def _controlled_stop(store: ParameterStore, _parameter: Parameter) -> Sequence[i
     return [int(int(axis.state) == 5 and int(axis.stop) in {2, 3})]
 
 
+def _disable_sources(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """DRV.DISSOURCES (AKD parameter reference): bit 0 software, 1 fault, 4 not started up yet.
+
+    The hardware enables this drive (bit 2), and no input asks for a controlled stop (bit 5).
+    """
+    axis = store.handle.axis
+    software = not store.handle.in_operation
+    return [software | (int(axis.fault_code[0]) != 0) << 1 | (int(axis.state) == 0) << 4]
+
+
+def _digital_input(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """The level of one input, the first is 0."""
+    return [int(store.handle.axis.digital_inputs) >> parameter.index & 1]
+
+
+def _torque_allowed(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """STO.STATE: bit 6 of DRIVE_INPUTS (AKD PROFINET manual 5.8.1)."""
+    return [int(store.handle.image.sent[DRIVE_INPUTS]) >> 6 & 1]
+
+
+def _mechanical_position(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """FB1.MECHPOS (AKD parameter reference): the angle of the shaft, 2^32 to the revolution."""
+    return [int(float(store.handle.axis.position) % 1.0 * 2**32) & 0xFFFFFFFF]
+
+
+def _shaft_position(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """The feedback's own position, which no homing moves."""
+    return [store.scaled(parameter, float(store.handle.axis.position))]
+
+
 def _velocity_error(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     axis = store.handle.axis
     return [store.scaled(parameter, float(axis.ramp) - float(axis.velocity))]
@@ -258,6 +288,11 @@ COMPUTED: dict[str, _Function] = {
     "controlled-stop": _controlled_stop,
     "limit-switch": _limit_switch,
     "software-limits": _software_limits,
+    "disable-sources": _disable_sources,
+    "digital-input": _digital_input,
+    "torque-allowed": _torque_allowed,
+    "mechanical-position": _mechanical_position,
+    "shaft-position": _shaft_position,
     "velocity-error": _velocity_error,
     "timeout": _timeout,
     "signals": _signals,

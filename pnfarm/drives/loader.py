@@ -116,6 +116,8 @@ def _limits(facts: Mapping[str, Fact], where: str) -> Limits:
         raise ConfigError(f"{where}.send_clocks: {list(limits.send_clocks)} are not some of {list(SEND_CLOCKS)}")
     if limits.max_cycle_ns and limits.max_cycle_ns < limits.min_cycle_ns:
         raise ConfigError(f"{where}.max_cycle_ns: {limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
+    if not 0 <= limits.motion_tasks <= MOTION_TASKS:
+        raise ConfigError(f"{where}.motion_tasks: {limits.motion_tasks} is not within 0..{MOTION_TASKS}")
     return limits
 
 

@@ -47,8 +47,8 @@ __all__ = [
 SEND_CLOCKS = (8, 16, 32, 64, 128)
 #: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
 COMMANDS = frozenset({
-    "acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse", "home", "task-clear",
-    "task-load", "task-move", "task-set",
+    "acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse", "home", "enable",
+    "disable", "service", "stop", "task-clear", "task-continue", "task-load", "task-move", "task-set",
 })  # fmt: skip
 #: Causes of the warnings that MELDW.6 and 7 tell of (HIWIN E1 manual 3.16).
 MESSAGE_CAUSES = ("motor-overload-warning", "i2t-warning")
@@ -92,7 +92,8 @@ class Limits:
     """What the manual denies: cycle in ns, counts, octets.
 
     A model may leave out the last ones: ``max_cycle_ns`` 0 is no slowest cycle, ``alarms`` False is a drive that sends
-    none, ``send_clocks`` (in 31.25 us) are all that a description file can name for RT.
+    none, ``send_clocks`` (in 31.25 us) are all that a description file can name for RT, ``motion_tasks`` is how many
+    a drive keeps, numbered from 0.
     """
 
     min_cycle_ns: int
@@ -104,6 +105,7 @@ class Limits:
     max_cycle_ns: int = 0
     alarms: bool = False
     send_clocks: tuple[int, ...] = SEND_CLOCKS
+    motion_tasks: int = 0
 
 
 @dataclass(frozen=True, slots=True)

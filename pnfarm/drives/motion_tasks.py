@@ -2,46 +2,130 @@
 
 Kollmorgen AKD (PROFINET manual 5.10.1): MT.NUM and the other MT parameters are the task that is edited, MT.SET keeps
 it, MT.LOAD brings one back, MT.CLEAR forgets one or all; SATZANW or MT.MOVE starts one.  Like parameters they live in
-RAM until the drive saves them.
+RAM until the drive saves them.  A commissioning tool may have left some in the drive, with or without such parameters.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.table.axis import MOTION_TASKS, TASK_CHAINED, TASK_DEFINED, TASK_RELATIVE
+from pnfarm.table.axis import (
+    MOTION_TASKS,
+    TASK_CHAINED,
+    TASK_DEFINED,
+    TASK_FROM_ACTUAL,
+    TASK_FROM_COMMAND,
+    TASK_FROM_TARGET,
+    TASK_PASSING,
+    TASK_RELATIVE,
+)
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from pnfarm.drives.axis_fields import AxisFields
     from pnfarm.drives.model import MotionTaskParameters
     from pnfarm.drives.stored_values import StoredValues
 
-__all__ = ["MotionTasks"]
+__all__ = ["MotionTask", "MotionTasks"]
 
-#: Of the parameter that says what a task is.
-RELATIVE, CHAINED = 0x01, 0x10
+# MT.CNTL, bits 0 to 3, 4 and 5 to 9 (AKD parameter reference).
+#: What the position is; the kinds without a row need a position from outside, which the model does not have.
+KINDS = {
+    0b0000: 0,
+    0b0001: TASK_RELATIVE | TASK_FROM_COMMAND,
+    0b0011: TASK_RELATIVE | TASK_FROM_TARGET,
+    0b0111: TASK_RELATIVE | TASK_FROM_ACTUAL,
+}
+KIND, CHAINED, FOLLOWS, FOLLOWS_SHIFT = 0x000F, 0x0010, 0x03E0, 5
+#: How the next task begins: at once, or after MT.TNEXT (also where an event from outside could shorten it).
+AT_ONCE, DELAYED, DELAYED_OR_EVENT = 0b00000, 0b00001, 0b00111
+#: At the target without a stop; the model changes velocity behind the target in both.
+PASSING, PASSING_AT_NEXT_SPEED = 0b10000, 0b11000
+FOLLOWING = {AT_ONCE, DELAYED, DELAYED_OR_EVENT, PASSING, PASSING_AT_NEXT_SPEED}
 _MS = 1_000_000
 
 
+@dataclass(frozen=True, slots=True)
+class MotionTask:
+    """One task: ``position`` in rev (a way from the commanded position if ``relative``), rpm, rpm/s.
+
+    ``following`` is the task that begins ``dwell_ns`` behind it, None for none.
+    """
+
+    number: int
+    position: float
+    velocity: float
+    acceleration: float
+    deceleration: float
+    relative: bool = False
+    following: int | None = None
+    dwell_ns: int = 0
+
+    @property
+    def control(self) -> int:
+        """MT.CNTL."""
+        kind = 0b0001 if self.relative else 0b0000
+        return kind if self.following is None else kind | CHAINED | DELAYED << FOLLOWS_SHIFT
+
+
 class MotionTasks:
-    """``numbers`` are the PNUs of what a task consists of; the tasks themselves stand in ``values``."""
+    """``numbers`` are the PNUs of what a task consists of; the tasks themselves stand in ``values``.
 
-    __slots__ = ("_fields", "_numbers", "_values")
+    A drive without such parameters (``numbers`` None) has those tasks only that it was :meth:`given <give>`.
+    """
 
-    def __init__(self, numbers: MotionTaskParameters, values: StoredValues, fields: AxisFields) -> None:
+    __slots__ = ("_fields", "_given", "_numbers", "_values")
+
+    def __init__(self, numbers: MotionTaskParameters | None, values: StoredValues, fields: AxisFields) -> None:
         self._numbers = numbers
         self._values = values
         self._fields = fields
+        self._given: dict[int, MotionTask] = {}
 
-    def keep(self) -> None:
-        """The edited task becomes the one of its number."""
-        number = self._values.raw(self._numbers.number)
-        self._values.tasks[number] = {pnu: self._values.raw(pnu) for pnu in self._numbers.contents}
+    def give(self, tasks: Iterable[MotionTask]) -> None:
+        """Tasks of a commissioning tool: in the drive from the next power-on on."""
+        self._given = {task.number: task for task in tasks}
+
+    def power_on(self) -> None:
+        """The given tasks are among the others."""
+        if self._numbers is not None:
+            for number, task in self._given.items():
+                self._values.tasks[number] = self._raw(task, self._numbers)
+
+    def _raw(self, task: MotionTask, numbers: MotionTaskParameters) -> dict[int, int]:
+        """The task in the drive's own numbers, as near as they come."""
+
+        def number(pnu: int, physical: float) -> int:
+            parameter = self._values.model.parameters[pnu]
+            return min(max(self._fields.scaled(parameter, physical), parameter.minimum), parameter.maximum)
+
+        return {
+            numbers.position: number(numbers.position, task.position),
+            numbers.velocity: number(numbers.velocity, task.velocity),
+            numbers.acceleration: number(numbers.acceleration, task.acceleration),
+            numbers.deceleration: number(numbers.deceleration, task.deceleration),
+            numbers.control: task.control,
+            numbers.next: task.following or 0,
+            numbers.dwell: number(numbers.dwell, task.dwell_ns // _MS),
+        }
+
+    def keep(self) -> bool:
+        """The edited task becomes the one of its number; false for one that no drive could carry out."""
+        raw, numbers = self._values.raw, self._edited
+        number = raw(numbers.number)
+        control = raw(numbers.control)
+        known = control & KIND in KINDS and (not control & CHAINED or (control & FOLLOWS) >> FOLLOWS_SHIFT in FOLLOWING)
+        if not known or not (raw(numbers.velocity) and raw(numbers.acceleration) and raw(numbers.deceleration)):
+            return False
+        self._values.tasks[number] = {pnu: raw(pnu) for pnu in numbers.contents}
         self._apply(number)
+        return True
 
     def load(self) -> bool:
         """Edit a copy of the task of the number at hand; false when there is none."""
-        kept = self._values.tasks.get(self._values.raw(self._numbers.number))
+        kept = self._values.tasks.get(self._values.raw(self._edited.number))
         if kept is None:
             return False
         self._values.current.update(kept)
@@ -58,23 +142,51 @@ class MotionTasks:
         for number in range(MOTION_TASKS):
             self._apply(number)
 
+    @property
+    def _edited(self) -> MotionTaskParameters:
+        if self._numbers is None:
+            raise ValueError("this drive has no parameters of motion tasks")
+        return self._numbers
+
     def _apply(self, number: int) -> None:
-        axis, numbers = self._fields.axis, self._numbers
-        kept = self._values.tasks.get(number)
+        axis = self._fields.axis
         # first: the firmware may look while the rest changes
         axis.mt_flags[number] = 0
+        if self._numbers is None:
+            if number in self._given:
+                self._write(self._given[number])
+            return
+        kept, numbers, given = self._values.tasks.get(number), self._numbers, self._given.get(number)
         if kept is None:
             return
-        control = kept[numbers.control]
-        for field, pnu in (
-            ("mt_position", numbers.position),
-            ("mt_velocity", numbers.velocity),
-            ("mt_acceleration", numbers.acceleration),
-            ("mt_deceleration", numbers.deceleration),
-        ):
-            axis[field][number] = self._fields.physical(self._values.model.parameters[pnu], kept[pnu])
-        axis.mt_dwell_ns[number] = kept[numbers.dwell] * _MS
-        axis.mt_next[number] = kept[numbers.next]
+        if given is not None and kept == self._raw(given, numbers):
+            # the numbers may be too short for its target
+            self._write(given)
+            return
+        parameters, physical = self._values.model.parameters, self._fields.physical
+        position, velocity, up, down = (
+            physical(parameters[pnu], kept[pnu])
+            for pnu in (numbers.position, numbers.velocity, numbers.acceleration, numbers.deceleration)
+        )
+        task = MotionTask(
+            number, position, velocity, up, down, following=kept[numbers.next], dwell_ns=kept[numbers.dwell] * _MS
+        )
+        self._write(task, kept[numbers.control])
+
+    def _write(self, task: MotionTask, control: int | None = None) -> None:
+        """Into the axis record; ``control`` is MT.CNTL where the drive has one."""
+        axis, number = self._fields.axis, task.number
+        control = task.control if control is None else control
+        axis.mt_position[number] = task.position
+        axis.mt_velocity[number] = task.velocity
+        axis.mt_acceleration[number] = task.acceleration
+        axis.mt_deceleration[number] = task.deceleration
+        following = (control & FOLLOWS) >> FOLLOWS_SHIFT if control & CHAINED else AT_ONCE
+        axis.mt_dwell_ns[number] = task.dwell_ns if following in {DELAYED, DELAYED_OR_EVENT} else 0
+        axis.mt_next[number] = task.following or 0
         axis.mt_flags[number] = (
-            TASK_DEFINED | (TASK_RELATIVE if control & RELATIVE else 0) | (TASK_CHAINED if control & CHAINED else 0)
+            TASK_DEFINED
+            | KINDS.get(control & KIND, 0)
+            | (TASK_CHAINED if control & CHAINED else 0)
+            | (TASK_PASSING if following in {PASSING, PASSING_AT_NEXT_SPEED} else 0)
         )

@@ -32,7 +32,12 @@ _FORMS = {"Float": Form.FLOAT, "String": Form.TEXT}
 #: UNIT.PROTARY.
 #: ``jog/n`` and ``reference/n`` are ramps in so many milliseconds to or from the first jogging velocity, or from the
 #: velocity reference value; ``rated-torque`` is a percentage of it.
-_NAMED_SCALES = {"2^-n", "acceleration", "jog/n", "position", "rated-torque", "reference/n"}
+#: ``torque-constant`` and ``-torque-constant`` are thousandths of an ampere times the motor's torque constant; the
+#: default of such a parameter leaves it to motor and drive.
+#: A number followed by ``/n`` is divided by the raw number: a rate given for a time.
+_NAMED_SCALES = {
+    "-torque-constant", "2^-n", "acceleration", "jog/n", "position", "rated-torque", "reference/n", "torque-constant",
+}  # fmt: skip
 #: Behind a factor: divided by the pitch of the linear motor at hand, so that the factor stands in mm.
 PER_PITCH = "/pitch"
 _COLUMNS = (
@@ -64,7 +69,7 @@ def _factor(scale: str, where: str) -> float:
         return 1.0
     numerator, _, denominator = scale.removesuffix(PER_PITCH).partition("/")
     try:
-        factor = float(numerator) / float(denominator or 1)
+        factor = float(numerator) / (1.0 if denominator == "n" else float(denominator or 1))
     except (ValueError, ZeroDivisionError):
         raise ConfigError(
             f"{where}, scale: {scale!r} is not a number, a fraction or one of {', '.join(sorted(_NAMED_SCALES))}"

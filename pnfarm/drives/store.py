@@ -13,18 +13,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.axis_commands import AXIS_COMMANDS, command_axis
 from pnfarm.drives.axis_fields import AxisFields
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.computed import COMPUTED
-from pnfarm.drives.motion_tasks import MotionTasks
+from pnfarm.drives.motion_tasks import MotionTask, MotionTasks
 from pnfarm.drives.network import NoNetwork
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.stored_values import StoredValues, Value
 from pnfarm.drives.telegram_selection import TelegramSelection
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_CLEAR_HISTORY, CMD_HOME, CMD_SET_POSITION, CMD_START_TASK
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import CMD_CLEAR_HISTORY
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from pnfarm.drives.model import Model
     from pnfarm.drives.network import Network
@@ -38,9 +40,6 @@ __all__ = [
     "RebootRequested",
     "TelegramChanged",
 ]
-
-#: DRV.OPMODE of position mode.
-POSITION_MODE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +93,9 @@ class ParameterStore:
         self._values = StoredValues(model)
         self._selection = TelegramSelection(self._values)
         self._axis = AxisFields(self._values, self._selection, handle)
-        numbers = model.motion_tasks
-        self._tasks = None if numbers is None else MotionTasks(numbers, self._values, self._axis)
+        self._tasks = None
+        if model.limits.motion_tasks:
+            self._tasks = MotionTasks(model.motion_tasks, self._values, self._axis)
         self._events: list[Event] = []
 
     # access
@@ -138,12 +138,14 @@ class ParameterStore:
         elif target.behaviour is Behaviour.COMPUTED or target.pnu in self.model.access.mapping_elements:
             self._write_telegram(target, subindex, values)
         else:
+            units = self._axis.position_units()
             self._values.write(target, subindex, values)
             if not target.after_power_on:
                 self._axis.apply_written(target)
-            units = self.model.position_units
-            if self._tasks is not None and units is not None and target.pnu in units.numbers:
-                self._tasks.apply_all()
+            if self._axis.position_units() != units:
+                self._axis.carry_places(units)
+                if self._tasks is not None:
+                    self._tasks.apply_all()
         if self.model.access.saves_at_once and target.nonvolatile:
             self._save()
         self._events.append(ParameterWritten(pnu, subindex, tuple(values)))
@@ -219,6 +221,8 @@ class ParameterStore:
     def power_on(self) -> None:
         """As after a power cycle: the permanent values are in force and on the axis record, no module is plugged."""
         self._values.load()
+        if self._tasks is not None:
+            self._tasks.power_on()
         self._selection.unplug()
         self.watchdog_ns = 0
         self._apply_all()
@@ -251,6 +255,15 @@ class ParameterStore:
         """
         for key, value in values.items():
             self._values.keep(key, value)
+
+    def commission_tasks(self, tasks: Iterable[MotionTask]) -> None:
+        """Motion tasks that the drive has from :meth:`power_on` on; raises :class:`ConfigError` for a wrong number."""
+        given = list(tasks)
+        for task in given:
+            if not 0 <= task.number < self.model.limits.motion_tasks:
+                raise ConfigError(f"{self.model.name} keeps no motion task {task.number}")
+        if self._tasks is not None:
+            self._tasks.give(given)
 
     # what computed parameters use
 
@@ -321,6 +334,7 @@ class ParameterStore:
         bits = 8 * parameter.octets
         value &= (1 << bits) - 1
         self.handle.image.received[parameter.index] = value - (1 << 32) if value >> 31 else value
+        self._axis.bring(parameter.index)
 
     def _write_telegram(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
         """What the telegram is (PNU 922, 915, 916, the elements of these): not while the axis is in operation.
@@ -343,52 +357,31 @@ class ParameterStore:
     def _execute(self, parameter: Parameter, value: int) -> None:
         """Carry out a command parameter; its value does not matter, except that a reboot asks for one that is not 0."""
         name = parameter.argument
-        try:
-            if name == "acknowledge":
-                self.handle.push_command(CMD_ACKNOWLEDGE)
-            elif name == "set-position":
-                if self.handle.in_operation and abs(float(self.handle.axis.velocity)) > float(
-                    self.handle.axis.standstill
-                ):
-                    raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
-                self.handle.push_command(CMD_SET_POSITION, round(float(self.handle.axis.home_position) * 1e6))
-            elif name == "home":
-                self._start(CMD_HOME, 0, parameter)
-            elif name == "task-move":
-                self._start(CMD_START_TASK, value, parameter)
-            elif name.startswith("task-"):
-                self._edit_tasks(name, value, parameter)
-            elif name == "save":
-                self._save()
-            elif name == "load":
-                self._reload(self._values.permanent, parameter)
-            elif name == "factory-values":
-                self._reload({}, parameter)
-            elif name == "blink":
-                self._events.append(DisplayBlinkRequested())
-            elif name == "reboot":
-                if value:
-                    self._events.append(RebootRequested())
-            else:
-                # "refuse": the model has no such function, or the control word does it
-                raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
-        except CommandRingFullError as exc:
-            raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter) from exc
-
-    def _start(self, command: int, argument: int, parameter: Parameter) -> None:
-        """What the control word starts, started by a parameter: in operation, position mode."""
-        if not self.handle.in_operation or int(self.handle.axis.opmode) != POSITION_MODE:
+        if name in AXIS_COMMANDS:
+            command_axis(self.handle, parameter, value)
+        elif name.startswith("task-"):
+            self._edit_tasks(name, value, parameter)
+        elif name == "save":
+            self._save()
+        elif name == "load":
+            self._reload(self._values.permanent, parameter)
+        elif name == "factory-values":
+            self._reload({}, parameter)
+        elif name == "blink":
+            self._events.append(DisplayBlinkRequested())
+        elif name == "reboot":
+            if value:
+                self._events.append(RebootRequested())
+        else:
+            # "refuse": the model has no such function, or the control word does it
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
-        self.handle.push_command(command, argument)
 
     def _edit_tasks(self, name: str, value: int, parameter: Parameter) -> None:
         if self._tasks is None:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
-        if name == "task-set":
-            self._tasks.keep()
-        elif name == "task-clear":
+        if name == "task-clear":
             self._tasks.clear(value)
-        elif not self._tasks.load():
+        elif not (self._tasks.keep() if name == "task-set" else self._tasks.load()):
             raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter)
 
     def _save(self) -> None:

@@ -108,6 +108,7 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
         report((*at, "telegram"), what, ", ".join(map(str, sorted(model.telegrams))))
     for key, what, allowed in model.parameter_complaints(group.params):
         report((*at, "params", key), what, allowed)
+    _check_tasks((*at, "motion_tasks"), group, model, report)
     for key, what, allowed in model.identity_complaints(group.identity):
         report((*at, "identity", key) if key else (*at, "identity"), what, allowed)
     for key, what, allowed in model.motor_complaints(group.motor.kind, group.motor.pitch):
@@ -118,6 +119,18 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
     elif group.load.lead is not None or group.load.gear != 1.0 or group.load.driven_inertia:
         report((*at, "load"), "has a gear or a spindle behind a linear motor", "`mass` and `force`")
     _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
+
+
+def _check_tasks(at: Location, group: DriveGroup, model: ModelFacts, report: Report) -> None:
+    seen: set[int] = set()
+    for place, task in enumerate(group.motion_tasks):
+        if not model.motion_tasks:
+            report((*at, place), f"{model.name} keeps no motion tasks", "none")
+        elif task.number >= model.motion_tasks:
+            report((*at, place, "number"), f"is {task.number}", f"0 to {model.motion_tasks - 1}")
+        elif task.number in seen:
+            report((*at, place, "number"), f"{task.number} stands twice", "each number once")
+        seen.add(task.number)
 
 
 def _check_limit(at: Location, group: DriveGroup, model: ModelFacts, cycle_ns: int | None, report: Report) -> None:

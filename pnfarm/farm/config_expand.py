@@ -23,12 +23,14 @@ from pnfarm.farm.config_model import (
     Load,
     Motor,
 )
+from pnfarm.farm.config_tasks import drive_task
 from pnfarm.farm.config_values import expand_name
 from pnfarm.wire.mac import mac_from_int, mac_to_int
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from pnfarm.drives.motion_tasks import MotionTask
     from pnfarm.farm.config_known import Known
 
 __all__ = ["Clock", "DriveConfig", "auto_mac", "clock_of", "controller_mac", "expand_sections"]
@@ -60,6 +62,7 @@ class DriveConfig:
     telegram: int | None
     cycle_ns: int | None
     hello: bool = False
+    motion_tasks: tuple[MotionTask, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +160,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 telegram=group.telegram,
                 cycle_ns=group.cycle_ns,
                 hello=group.hello,
+                motion_tasks=tuple(drive_task(task) for task in group.motion_tasks),
             )
             index += 1
 

@@ -60,6 +60,11 @@ class ModelFacts(Protocol):
         """The telegram of a drive that is told none."""
         ...
 
+    @property
+    def motion_tasks(self) -> int:
+        """How many motion tasks it keeps."""
+        ...
+
     def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
         """What is wrong with the ``params`` of a group."""
         ...
@@ -106,6 +111,10 @@ class InstalledModel:
     @property
     def default_telegram(self) -> int:
         return self.model.default_telegram
+
+    @property
+    def motion_tasks(self) -> int:
+        return self.model.limits.motion_tasks
 
     def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
         complaints: list[Complaint] = []

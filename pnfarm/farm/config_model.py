@@ -23,6 +23,7 @@ from pnfarm.farm.config_axis import Load, Motor
 from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR
 from pnfarm.farm.config_issue import did_you_mean, problem, shown
 from pnfarm.farm.config_section import Section
+from pnfarm.farm.config_tasks import Task
 from pnfarm.farm.config_values import (
     AUTO,
     Cidr,
@@ -265,6 +266,9 @@ class DriveGroup(Section):
         default_factory=dict,
         description="Parameters at power-on, by the manual's name or by number.",
         examples=[{"DRV.OPMODE": 1}],
+    )
+    motion_tasks: list[Task] = Field(
+        default_factory=list, description="Motion tasks in the drive, as a commissioning tool leaves them there."
     )
     impair: list[Impairment] = Field(default_factory=list, description="Impairments from the start.")
     telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the model's.")

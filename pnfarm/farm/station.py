@@ -140,6 +140,7 @@ class DriveStation:
         self.store = ParameterStore(self.model, self.handle)
         self.store.restore(kept.get("drive"))
         self.store.commission({key: _raw(value) for key, value in self.config.params.items()})
+        self.store.commission_tasks(self.config.motion_tasks)
         self.store.power_on()
         self._take_written_name(kept)
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)

@@ -13,17 +13,22 @@ from pnfarm.table.axis import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_HISTORY,
     CMD_CLEAR_WARNING,
+    CMD_CONTINUE,
+    CMD_DISABLE,
     CMD_HOLD_FAULT,
     CMD_HOME,
     CMD_POWER_ON,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,
     CMD_RELEASE_FAULT,
+    CMD_SERVICE,
     CMD_SET_POSITION,
     CMD_START_TASK,
+    CMD_STOP,
     COMMANDS,
     FAULT_SITUATIONS,
     FAULT_SLOTS,
+    STOP_DROP,
 )
 from pnfarm.table.compiled import compiled
 
@@ -112,6 +117,7 @@ def _clear_history(axis: Any) -> None:
 @compiled
 def acknowledge(axis: Any) -> bool:
     """Clear the situation unless a cause is still there; true when it was cleared."""
+    axis.task_error = 0
     if axis.fault_code[0] == 0:
         return False
     for i in range(FAULT_SLOTS):
@@ -148,6 +154,16 @@ def _power_on(axis: Any, now: int) -> None:
     axis.task_command = 0
     axis.home_command = 0
     axis.over_ns = 0
+    axis.jogging = 0
+    axis.home_seen = 0
+    axis.home_error = 0
+    axis.task_error = 0
+    axis.disable_command = 0
+    axis.stop_command = 0
+    axis.continue_command = 0
+    axis.service = 0
+    axis.service_command = 0
+    axis.limits_seen = 0
     axis.warning_code = 0
     axis.image_valid = 0
     axis.telegram_ns = 0
@@ -160,6 +176,28 @@ def _power_on(axis: Any, now: int) -> None:
     for i in range(FAULT_SLOTS):
         if axis.fault_held[i] != 0:
             raise_fault(axis, axis.fault_held[i], now)
+
+
+@compiled
+def _take_motion_command(axis: Any, code: int, argument: int) -> None:
+    """What parameters start and end; the step of this moment carries it out."""
+    if code == CMD_SET_POSITION:
+        axis.origin = axis.position - argument / 1e6
+        axis.homed = 1
+        axis.home_error = 0
+        axis.stop_command = STOP_DROP
+    elif code == CMD_START_TASK:
+        axis.task_command = (argument & 0x7FFF) + 1
+    elif code == CMD_HOME:
+        axis.home_command = 1
+    elif code == CMD_DISABLE:
+        axis.disable_command = 1
+    elif code == CMD_STOP:
+        axis.stop_command = argument & 0xFF
+    elif code == CMD_CONTINUE:
+        axis.continue_command = 1
+    elif code == CMD_SERVICE:
+        axis.service_command = 1
 
 
 @compiled
@@ -180,17 +218,12 @@ def take_commands(axis: Any, now: int) -> None:
             acknowledge(axis)
         elif code == CMD_POWER_ON:
             _power_on(axis, now)
-        elif code == CMD_SET_POSITION:
-            axis.origin = axis.position - argument / 1e6
-            axis.homed = 1
-        elif code == CMD_START_TASK:
-            axis.task_command = (argument & 0x7FFF) + 1
-        elif code == CMD_HOME:
-            axis.home_command = 1
         elif code == CMD_RAISE_WARNING:
             axis.warning_code = argument & NUMBER_MASK
         elif code == CMD_CLEAR_HISTORY:
             _clear_history(axis)
         elif code == CMD_CLEAR_WARNING and axis.warning_code == (argument & NUMBER_MASK):
             axis.warning_code = 0
+        else:
+            _take_motion_command(axis, code, argument)
         axis.command_tail = (axis.command_tail + 1) & 0xFFFFFFFF

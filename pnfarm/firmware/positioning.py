@@ -10,6 +10,7 @@ INTERMEDIATE_STOP   STW1.5 = 0: braked, the task waits
 BRAKING             rejected (STW1.4 = 0), homing or jogging ended
 HOMING              STW1.11 = 1
 JOG                 STW1.8 or STW1.9, or real-time jogging
+HALTED              a parameter ended the task (AKD: DRV.STOP), which another one can continue
 ==================  ========================================================
 
 Positions here are the shaft's; ``origin`` is where the machine's zero lies on it.
@@ -33,15 +34,23 @@ from pnfarm.table.axis import (
     JOG_MINUS,
     JOG_NONE,
     JOG_REAL_TIME,
+    MOTION_HALTED,
     PROFILE_STOP,
     PROFILE_TARGET,
     PROFILE_VELOCITY,
+    STOP_DROP,
+    STOP_HALT,
     TASK_CHAINED,
+    TASK_FROM_ACTUAL,
+    TASK_FROM_COMMAND,
+    TASK_FROM_TARGET,
+    TASK_PASSING,
 )
 from pnfarm.table.compiled import compiled
 
 __all__ = [
     "BRAKING",
+    "HALTED",
     "HOMING",
     "INTERMEDIATE_STOP",
     "JOG",
@@ -50,16 +59,8 @@ __all__ = [
     "STANDBY",
     "TASK",
     "TRANSITIONS",
-    "drive_inputs",
     "fastest",
-    "first_position_word",
-    "limits_reached",
-    "motion_status",
-    "position_bits",
     "positioning_command",
-    "running_task",
-    "second_position_word",
-    "standing",
     "take_motion",
 ]
 
@@ -71,7 +72,8 @@ INTERMEDIATE_STOP = 3
 BRAKING = 4
 HOMING = 5
 JOG = 6
-STATES = 7
+HALTED = MOTION_HALTED
+STATES = 8
 
 # Events.
 LEAVE = 0  # operation ends
@@ -80,13 +82,15 @@ REJECT = 2  # STW1.4 = 0
 PAUSE = 3  # STW1.5 = 0
 RESUME = 4  # STW1.5 = 1
 START = 5  # a traversing task that can be executed
-HOME = 6  # STW1.11 = 1, seen to rise
+HOME = 6  # STW1.11 = 1
 HOME_OFF = 7  # STW1.11, seen to fall
 JOG_ON = 8
 JOG_OFF = 9
 OVER = 10  # the profile stands where it was to end
 BLOCKED = 11  # it runs into a limit switch
-EVENTS = 12
+HALT = 12  # a parameter ends what runs
+CONTINUE = 13  # a parameter goes on with the halted task
+EVENTS = 14
 
 TRANSITIONS: dict[tuple[int, int], int] = {
     (OUT, ENTER): STANDBY,
@@ -99,12 +103,21 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     (TASK, REJECT): BRAKING,
     (TASK, BLOCKED): BRAKING,
     (TASK, PAUSE): INTERMEDIATE_STOP,
+    (TASK, HALT): HALTED,
     (TASK, START): TASK,
     (TASK, OVER): STANDBY,
     # its intermediate stop
     (INTERMEDIATE_STOP, LEAVE): OUT,
     (INTERMEDIATE_STOP, REJECT): BRAKING,
     (INTERMEDIATE_STOP, RESUME): TASK,
+    (INTERMEDIATE_STOP, HALT): HALTED,
+    # halted by a parameter
+    (HALTED, LEAVE): OUT,
+    (HALTED, REJECT): BRAKING,
+    (HALTED, CONTINUE): TASK,
+    (HALTED, START): TASK,
+    (HALTED, HOME): HOMING,
+    (HALTED, JOG_ON): JOG,
     # braking
     (BRAKING, LEAVE): OUT,
     (BRAKING, OVER): STANDBY,
@@ -112,6 +125,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     (HOMING, LEAVE): OUT,
     (HOMING, HOME_OFF): BRAKING,
     (HOMING, BLOCKED): BRAKING,
+    (HOMING, HALT): BRAKING,
     (HOMING, OVER): STANDBY,
     # jogging
     (JOG, LEAVE): OUT,
@@ -119,7 +133,9 @@ TRANSITIONS: dict[tuple[int, int], int] = {
 }
 
 #: Which event wins when several hold.
-PRIORITY = (LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, PAUSE, RESUME, START, HOME, JOG_ON, OVER, ENTER)
+PRIORITY = (
+    LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, HALT, PAUSE, RESUME, CONTINUE, START, HOME, JOG_ON, OVER, ENTER,
+)  # fmt: skip
 
 REJECT_BIT = 0x0010  # STW1.4, 0 = reject
 PAUSE_BIT = 0x0020  # STW1.5, 0 = intermediate stop
@@ -165,19 +181,34 @@ def _can_start(axis: Any) -> bool:
 
 @compiled
 def _asked_target(axis: Any) -> float:
-    """Where the asked task leads to, on the shaft; a relative one counts from where the last one leads to."""
+    """Where the asked task leads to, on the shaft; a relative one counts from where the last one leads to.
+
+    A motion task of the drive's own may say otherwise.
+    """
     if axis.asked_relative:
+        if axis.asked_base == TASK_FROM_COMMAND:
+            return axis.commanded_position + axis.asked_position
+        if axis.asked_base == TASK_FROM_TARGET:
+            return axis.target + axis.asked_position
+        if axis.asked_base == TASK_FROM_ACTUAL:
+            return axis.position + axis.asked_position
         return (axis.target if axis.motion == TASK else axis.commanded_position) + axis.asked_position
     return axis.origin + axis.asked_position
 
 
 @compiled
-def fastest(axis: Any, velocity: float) -> float:
-    """A task's velocity within the limits of motor and parameters, rpm."""
-    limit = axis.max_velocity
+def fastest(axis: Any, velocity: float, forwards: bool) -> float:
+    """A velocity, 0 or more, within the limits of motor and parameters in one direction, rpm."""
+    limit = min(axis.max_velocity, axis.velocity_limit_positive if forwards else axis.velocity_limit_negative)
     if axis.velocity_limit > 0.0 and axis.velocity_limit < limit:
         limit = axis.velocity_limit
     return min(velocity, limit)
+
+
+@compiled
+def _fastest_there(axis: Any, velocity: float) -> float:
+    """A velocity on the way to the target, within its limits."""
+    return fastest(axis, velocity, axis.target >= axis.commanded_position)
 
 
 @compiled
@@ -192,16 +223,38 @@ def _start_task(axis: Any) -> None:
     axis.target = _asked_target(axis)
     axis.task = axis.asked_task
     axis.over_ns = 0
-    axis.task_top = fastest(axis, axis.asked_velocity)
-    _take_ramps(axis, fastest(axis, axis.task_top * axis.override), axis.asked_acceleration, axis.asked_deceleration)
-    axis.profile = PROFILE_TARGET
+    axis.task_top = _fastest_there(axis, axis.asked_velocity)
+    _take_ramps(axis, axis.task_top, axis.asked_acceleration, axis.asked_deceleration)
     axis.target_reached = 0
+    _aim(axis)
+
+
+@compiled
+def _passes(axis: Any) -> bool:
+    """Whether the task at hand hands its target over to the next one without a stop."""
+    if axis.task < 0:
+        return False
+    both = TASK_CHAINED | TASK_PASSING
+    return int(axis.mt_flags[int(axis.task)]) & both == both
+
+
+@compiled
+def _aim(axis: Any) -> None:
+    """Towards the target of the task at hand; what passes it does not brake for it."""
+    axis.task_velocity = _fastest_there(axis, axis.task_top * axis.override)
+    axis.profile = PROFILE_TARGET
+    if _passes(axis) and axis.target != axis.commanded_position:
+        axis.profile = PROFILE_VELOCITY
+        if axis.target < axis.commanded_position:
+            axis.task_velocity = -axis.task_velocity
 
 
 @compiled
 def _start_homing(axis: Any) -> None:
     """To the next zero mark of the encoder in the direction of homing: there is no machine with a switch."""
     axis.homed = 0
+    axis.home_seen = 1
+    axis.home_error = 0
     axis.target_reached = 0
     axis.home_command = 0
     if axis.asked_home_method == HOME_AT_ONCE:
@@ -210,7 +263,7 @@ def _start_homing(axis: Any) -> None:
         axis.target = ceil(axis.commanded_position + ON_THE_MARK)
     else:
         axis.target = floor(axis.commanded_position - ON_THE_MARK)
-    axis.task_top = fastest(axis, axis.home_velocity)
+    axis.task_top = _fastest_there(axis, axis.home_velocity)
     _take_ramps(axis, axis.task_top, axis.home_acceleration, axis.home_deceleration)
     axis.profile = PROFILE_TARGET
     axis.home_leg = 0
@@ -267,9 +320,18 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
         held |= 1 << START
     if axis.motion_seen & HOME_BIT and not stw1 & HOME_BIT:
         held |= 1 << HOME_OFF
-    if axis.home_command or (stw1 & HOME_BIT and not axis.motion_seen & HOME_BIT):
+    if axis.home_command or (stw1 & HOME_BIT and not axis.home_seen):
         held |= 1 << HOME
-    held |= 1 << (JOG_OFF if axis.jog == JOG_NONE else JOG_ON)
+    if axis.jog == JOG_NONE:
+        held |= 1 << JOG_OFF
+    elif axis.profile_velocity == 0.0:
+        held |= 1 << JOG_ON
+    if axis.stop_command == STOP_HALT:
+        held |= 1 << HALT
+    elif axis.stop_command == STOP_DROP:
+        held |= 1 << REJECT | 1 << HOME_OFF
+    if axis.continue_command and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT):
+        held |= 1 << CONTINUE
     if profile_over(axis) and not waits:
         held |= 1 << OVER
     if axis.profile_velocity != 0.0 and _limited(axis, axis.profile_velocity):
@@ -278,8 +340,11 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
 
 
 @compiled
-def _advance(axis: Any, held: int) -> None:
-    """Take at most one transition and do what belongs to it: the only writer of ``motion``."""
+def _advance(axis: Any, held: int) -> int:
+    """Take at most one transition and do what belongs to it: the only writer of ``motion``.
+
+    Returns the event that was taken, -1 for none.
+    """
     for event in _PRIORITY:
         if not held & (1 << event):
             continue
@@ -287,9 +352,11 @@ def _advance(axis: Any, held: int) -> None:
         if following < 0:
             continue
         if event == OVER and axis.motion == HOMING and not _homing_over(axis):
-            return
+            return event
         if event == OVER and axis.motion == TASK:
             axis.target_reached = 1
+        if event == BLOCKED and axis.motion == HOMING:
+            axis.home_error = 1
         if event == ENTER:
             begin_profile(axis)
             axis.profile = PROFILE_STOP
@@ -298,23 +365,30 @@ def _advance(axis: Any, held: int) -> None:
         elif event == START:
             _start_task(axis)
             axis.acknowledged = 1 if axis.control_config & CONFIG_RISING_EDGE else 1 - axis.acknowledged
-        elif event == RESUME:
-            axis.profile = PROFILE_TARGET
+        elif event == RESUME or event == CONTINUE:  # noqa: PLR1714, SIM109 - a tuple in compiled code would allocate
+            _aim(axis)
         elif event == HOME:
             _start_homing(axis)
         elif event != OVER:
             axis.profile = PROFILE_STOP
         axis.motion = following
-        return
+        return event
+    return -1
 
 
 @compiled
 def _follow_on(axis: Any, now: int) -> bool:
     """Begin the task behind a chained one, once its dwell is over; true while there is one to come or begun."""
-    if axis.motion != TASK or axis.task < 0 or not profile_over(axis):
+    if axis.motion != TASK or axis.task < 0:
         return False
     number = int(axis.task)
-    if not axis.mt_flags[number] & TASK_CHAINED:
+    if axis.profile == PROFILE_VELOCITY:
+        if (axis.target - axis.commanded_position) * axis.task_velocity > 0.0:
+            return False
+        # not further than the target, should nothing follow
+        axis.profile = PROFILE_TARGET
+        axis.task_velocity = abs(axis.task_velocity)
+    elif not profile_over(axis) or not int(axis.mt_flags[number]) & TASK_CHAINED:
         return False
     if axis.over_ns == 0:
         axis.over_ns = now
@@ -334,12 +408,19 @@ def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: what the controller asks for, and what becomes of it."""
     enabled = axis.state == 4 and axis.opmode == 2 and not brake_holds(axis)
     waits = enabled and _follow_on(axis, now)
-    _advance(axis, _held(axis, enabled, waits))
+    event = _advance(axis, _held(axis, enabled, waits))
+    if enabled and axis.asked:
+        axis.task_error = 0 if event == START else 1
     axis.home_command = 0
+    axis.stop_command = 0
+    axis.continue_command = 0
+    if axis.motion == OUT or not axis.stw1 & HOME_BIT:
+        axis.home_seen = 0
     if axis.motion == JOG:
         _jog(axis)
     elif axis.motion == TASK:
-        axis.task_velocity = fastest(axis, axis.task_top * axis.override)
+        top = _fastest_there(axis, axis.task_top * axis.override)
+        axis.task_velocity = -top if axis.profile == PROFILE_VELOCITY and axis.task_velocity < 0.0 else top
     if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
         raise_fault(axis, axis.following_fault, now)
     if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:
@@ -354,96 +435,3 @@ def positioning_command(axis: Any, seconds: float) -> float:
     error = axis.commanded_position - axis.measured_position
     step_profile(axis, seconds)
     return axis.profile_velocity + axis.position_gain * error * RPM
-
-
-@compiled
-def _has_task(axis: Any) -> bool:
-    """Whether a task runs, or waits in an intermediate stop."""
-    return axis.motion == TASK or axis.motion == INTERMEDIATE_STOP  # noqa: PLR1714 - a tuple in compiled code would allocate
-
-
-@compiled
-def standing(axis: Any) -> bool:
-    """Whether the axis is at rest, so that a task may begin: no profile moves it, and the shaft does not turn."""
-    return axis.motion != BRAKING and axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
-
-
-@compiled
-def position_bits(axis: Any) -> int:
-    """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
-    word = 0
-    if abs(axis.following_error) <= axis.following_window:
-        word |= 0x0100
-    if axis.target_reached and abs(axis.following_error) <= axis.target_window:
-        word |= 0x0400
-    if axis.homed:
-        word |= 0x0800
-    if axis.acknowledged:
-        word |= 0x1000
-    if standing(axis):
-        word |= 0x2000
-    if _has_task(axis):
-        word |= axis.task_active
-    return word
-
-
-@compiled
-def motion_status(axis: Any) -> int:
-    """DRV.MOTIONSTAT, as far as ZSW1 shows it (AKD PROFINET manual 5.5): bits 0, 1, 2 and 11."""
-    word = 0
-    if _has_task(axis):
-        word |= 0x0001
-    if axis.homed:
-        word |= 0x0006
-    if axis.target_reached:
-        word |= 0x0800
-    return word
-
-
-@compiled
-def first_position_word(axis: Any) -> int:
-    """POS_ZSW1 (HIWIN E1 manual 3.14)."""
-    word = (int(axis.limit_switch) & 0x3) << 8
-    if axis.motion == JOG:
-        word |= 0x0400
-    if axis.motion == HOMING:
-        word |= 0x0800
-    if axis.mdi:
-        word |= 0x8000
-    return word
-
-
-@compiled
-def second_position_word(axis: Any) -> int:
-    """POS_ZSW2 (HIWIN E1 manual 3.15)."""
-    word = 0
-    if _has_task(axis):
-        word |= 0x8004
-    if not standing(axis):
-        word |= 0x0010 if axis.velocity > 0.0 else 0x0020
-    return word
-
-
-@compiled
-def running_task(axis: Any) -> int:
-    """The number of the motion task at hand; 0 for none, and for one that the telegram brings."""
-    return int(axis.task) if _has_task(axis) and axis.task > 0 else 0
-
-
-@compiled
-def limits_reached(axis: Any) -> int:
-    """SWLS.STATE: software limits that the axis has reached, bit 0 the low one, bit 1 the high one."""
-    word = 0
-    if axis.homed:
-        place = axis.position - axis.origin
-        if axis.software_limits & 0x1 and place <= axis.limit_low + axis.target_window:
-            word |= 0x1
-        if axis.software_limits & 0x2 and place >= axis.limit_high - axis.target_window:
-            word |= 0x2
-    return word
-
-
-@compiled
-def drive_inputs(axis: Any) -> int:
-    """DRIVE_INPUTS (AKD PROFINET manual 5.8.1): limits by software and by switch; no other input is active here."""
-    return limits_reached(axis) | (int(axis.limit_switch) & 0x3) << 2

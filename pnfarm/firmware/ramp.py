@@ -6,6 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.positioning import OUT, fastest, positioning_command
+from pnfarm.firmware.service_motion import service_setpoint
 from pnfarm.table.axis import RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
@@ -46,7 +47,34 @@ def approach(value: float, target: float, up: float, down: float, seconds: float
 @compiled
 def limited(axis: Any, target: float) -> float:
     """``target`` within the limits of motor and parameters, rpm."""
-    return fastest(axis, target) if target > 0.0 else -fastest(axis, -target)
+    return fastest(axis, target, True) if target > 0.0 else -fastest(axis, -target, False)
+
+
+@compiled
+def _jogs(axis: Any) -> bool:
+    """Whether the axis jogs: it begins at standstill with STW1.4 to 6 at zero, and ends there without STW1.8 and 9."""
+    stw1 = axis.stw1
+    if axis.ramp_generator == RAMP_ABSENT or stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED):
+        axis.jogging = 0
+    elif not axis.jogging:
+        axis.jogging = 1 if stw1 & (JOG_1 | JOG_2) and axis.ramp == 0.0 and abs(axis.velocity) <= axis.standstill else 0
+    elif not stw1 & (JOG_1 | JOG_2) and axis.ramp == 0.0:
+        axis.jogging = 0
+    return axis.jogging != 0
+
+
+@compiled
+def _jog_command(axis: Any, seconds: float) -> None:
+    """The velocity command of a jog, along ramps of its own; both jog bits at once ask for standstill."""
+    bits = axis.stw1 & (JOG_1 | JOG_2)
+    target = 0.0
+    if bits == JOG_1:
+        target = axis.jog_velocity[0]
+    elif bits == JOG_2:
+        target = axis.jog_velocity[1]
+    up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
+    down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
+    axis.ramp = approach(axis.ramp, limited(axis, target), up, down, seconds)
 
 
 @compiled
@@ -54,6 +82,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
     """Advance ``axis.ramp`` by one step of ``seconds``; ``axis.setpoint`` is what the controller asks for."""
     stw1 = axis.stw1
     if axis.state == 5:
+        axis.jogging = 0
         # a drive without a ramp generator has one ramp for every stop
         down = axis.quick_stop_deceleration
         if axis.stop == 1 and axis.ramp_generator != RAMP_ABSENT:
@@ -65,6 +94,7 @@ def velocity_command(axis: Any, seconds: float) -> None:
     if axis.state != 4:
         # the axis coasts or stands: a later start takes up from the speed that it has
         axis.ramp = axis.velocity
+        axis.jogging = 0
         return
     if brake_holds(axis):
         axis.ramp = 0.0
@@ -78,14 +108,13 @@ def velocity_command(axis: Any, seconds: float) -> None:
     if axis.ramp_generator == RAMP_ABSENT:
         axis.ramp = limited(axis, axis.setpoint)
         return
-    working = stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED)
-    if working == 0 and stw1 & (JOG_1 | JOG_2):
-        target = axis.jog_velocity[0] if stw1 & JOG_1 else axis.jog_velocity[1]
-        if (stw1 & (JOG_1 | JOG_2)) == (JOG_1 | JOG_2):
-            target = 0.0
-        up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
-        down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
-        axis.ramp = approach(axis.ramp, target, up, down, seconds)
+    if axis.service:
+        axis.ramp = approach(
+            axis.ramp, limited(axis, service_setpoint(axis)), axis.acceleration, axis.deceleration, seconds
+        )
+        return
+    if _jogs(axis):
+        _jog_command(axis, seconds)
         return
     if not stw1 & RAMP_ENABLED:
         # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp

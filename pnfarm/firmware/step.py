@@ -7,14 +7,16 @@ from typing import Any
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
-from pnfarm.firmware.positioning import position_bits, take_motion
+from pnfarm.firmware.position_status import position_bits
+from pnfarm.firmware.positioning import take_motion
 from pnfarm.firmware.ramp import velocity_command
 from pnfarm.firmware.sensor_interface import step_sensor
+from pnfarm.firmware.service_motion import step_service
 from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
 from pnfarm.firmware.tasks import take_task
 from pnfarm.firmware.telegram import from_setpoints, to_actuals
-from pnfarm.table.axis import FAULT_SLOTS, REACTION_QUICK_STOP
+from pnfarm.table.axis import DISABLE_AT_ONCE, FAULT_SLOTS, REACTION_QUICK_STOP
 from pnfarm.table.compiled import compiled
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
@@ -98,6 +100,22 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
 
 
 @compiled
+def _word_in_force(axis: Any, reaction: int) -> int:
+    """What the state machine sees of STW1: a fault reaction runs to its end, and a parameter may disable the axis."""
+    stw1 = int(axis.stw1)
+    if axis.state == 5 and axis.stop == 3:
+        # losing the controller meanwhile does not turn it into coasting
+        stw1 |= 0x0006
+    elif axis.state == 4 and reaction:
+        stw1 |= 0x000F
+    if axis.disable_command != 0 and axis.state >= 4:
+        # as a coast stop or a quick stop of the control word would, once: the controller walks the states anew
+        stw1 &= ~0x0002 if axis.disable_method == DISABLE_AT_ONCE else ~0x0004
+    axis.disable_command = 0
+    return stw1
+
+
+@compiled
 def step(axis: Any, image: Any, now: int) -> None:
     """Advance one drive to ``now``; nothing happens without control supply."""
     elapsed = now - axis.last_ns
@@ -119,18 +137,14 @@ def step(axis: Any, image: Any, now: int) -> None:
             code = axis.fault_code[i]
             if code != 0 and (code >> 24) != REACTION_QUICK_STOP:
                 reaction = 0
-    stw1 = axis.stw1
-    if axis.state == 5 and axis.stop == 3:
-        # a fault reaction runs to its end; losing the controller meanwhile does not turn it into coasting
-        stw1 |= 0x0006
-    elif axis.state == 4 and reaction:
-        stw1 |= 0x000F
+    stw1 = _word_in_force(axis, reaction)
     standing = abs(axis.velocity) <= axis.standstill and axis.ramp == 0.0
     if axis.holding_brake > 0.0 and axis.state == 5 and not brake_holds(axis):
         # the power stage holds the axis until the brake does
         standing = False
     take_task(axis, image)
     advance(axis, conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS))
+    step_service(axis, now)
     take_motion(axis, now)
     if axis.state >= 4:
         axis.brake_released = 0

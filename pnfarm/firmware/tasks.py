@@ -13,10 +13,14 @@ from pnfarm.table.axis import (
     JOG_REAL_TIME,
     MOTION_TASKS,
     TASK_DEFINED,
+    TASK_FROM_ACTUAL,
+    TASK_FROM_COMMAND,
+    TASK_FROM_TARGET,
     TASK_MDI,
     TASK_RELATIVE,
     TASKS_MDI,
     TASKS_NONE,
+    TASKS_POS_STW,
     TASKS_TARPOS,
 )
 from pnfarm.table.compiled import compiled
@@ -28,6 +32,7 @@ from pnfarm.table.signals import (
     MDI_MOD,
     MDI_TARPOS,
     MDI_VELOCITY,
+    MT_FEEDRATE,
     OVERRIDE,
     POS_STW1,
     POS_STW2,
@@ -54,6 +59,10 @@ ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8
 HERE = 0x0002  # POS_STW2.1
 
+#: DRV.OPMODE of position mode.
+POSITION_MODE = 2
+#: MT_FEEDRATE of 100 %.
+PERCENT = 100.0
 #: Override of 100 % (HIWIN E1 manual 6.6.1 has this figure for the other percentages).
 WHOLE = 16384.0
 
@@ -87,7 +96,9 @@ def select_task(axis: Any, number: int) -> None:
         return
     axis.asked_task = number
     axis.asked_position = axis.mt_position[number]
-    axis.asked_relative = 1 if axis.mt_flags[number] & TASK_RELATIVE else 0
+    flags = int(axis.mt_flags[number])
+    axis.asked_relative = 1 if flags & TASK_RELATIVE else 0
+    axis.asked_base = flags & (TASK_FROM_COMMAND | TASK_FROM_TARGET | TASK_FROM_ACTUAL)
     axis.asked_velocity = axis.mt_velocity[number]
     axis.asked_acceleration = axis.mt_acceleration[number]
     axis.asked_deceleration = axis.mt_deceleration[number]
@@ -123,9 +134,63 @@ def _take_command(axis: Any) -> bool:
 
 
 @compiled
+def _take_data(axis: Any, image: Any, step: float) -> None:
+    """The data of a task out of MDI_*: telegram 9 and its kin."""
+    axis.asked_position = image.received[MDI_TARPOS] * step
+    velocity = int(image.received[MDI_VELOCITY])
+    if axis.task_velocity_unsigned:
+        velocity &= 0xFFFFFFFF
+    # a negative one is no velocity of a task
+    axis.asked_velocity = velocity * axis.task_velocity_step
+    up = ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration)
+    down = ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration)
+    axis.asked_acceleration = _ramp(axis, int(image.received[MDI_ACC])) * up
+    axis.asked_deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
+    axis.asked_backwards = 1 if axis.stw1 & BACKWARDS else 0
+
+
+@compiled
+def _take_target(axis: Any, image: Any, step: float) -> None:
+    """The task of TASKS_TARPOS: a target, and STW1.12 and 13 beside it."""
+    stw1 = axis.stw1
+    axis.asked_relative = 1 if stw1 & RELATIVE else 0
+    axis.asked_velocity = abs(image.received[VELOCITY_A] * axis.task_velocity_step)
+    axis.asked_acceleration = axis.ramp_up
+    axis.asked_deceleration = axis.ramp_down
+    position = image.received[TARPOS_A] * step
+    if stw1 & NO_HANDSHAKE and stw1 & START_BIT == axis.motion_seen & START_BIT:
+        axis.asked = 1 if position != axis.asked_position else 0
+    axis.asked_position = position
+
+
+@compiled
+def _select(axis: Any, image: Any) -> None:
+    """Which task begins: that of the telegram's data, one of the drive's own, or the one of a command."""
+    if axis.task_form == TASKS_POS_STW:
+        axis.asked_relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
+        axis.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
+        axis.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
+        word = image.received[POS_STW2] & 0xFFFF
+        if word & ~axis.pos_stw2 & HERE:
+            axis.origin = axis.position - axis.home_position
+            axis.homed = 1
+        axis.pos_stw2 = word
+    elif axis.task_form == TASKS_MDI:
+        axis.asked_relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
+        axis.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
+    if axis.feedrate_signal:
+        axis.override = (image.received[MT_FEEDRATE] & 0xFFFF) / PERCENT
+    if _take_command(axis) or axis.mdi:
+        return
+    if axis.task_form == TASKS_MDI:
+        select_task(axis, int(image.received[SATZANW]) & NUMBER)
+    else:
+        axis.asked = 0
+
+
+@compiled
 def take_task(axis: Any, image: Any) -> None:
     """The signals of this step in physical units; ``asked`` is set on the edge that starts a task."""
-    stw1 = axis.stw1
     axis.asked = 0
     if image.valid and not image.received[STW1] & CONTROL_BY_PLC:
         # nothing of the telegram is taken over: what was asked for last stays
@@ -133,53 +198,21 @@ def take_task(axis: Any, image: Any) -> None:
         return
     axis.jog = JOG_NONE
     axis.mdi = 0
-    if axis.task_form == TASKS_NONE or not image.valid:
+    if not image.valid or (axis.task_form == TASKS_NONE and axis.opmode != POSITION_MODE):
+        axis.task_command = 0
         return
-    axis.jog = _jog_asked(axis, stw1)
-    changed = (stw1 ^ axis.motion_seen) & START_BIT
-    if changed and (stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
+    axis.jog = _jog_asked(axis, axis.stw1)
+    changed = (axis.stw1 ^ axis.motion_seen) & START_BIT
+    if changed and (axis.stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
         axis.asked = 1
     axis.override = 1.0
+    axis.asked_base = 0
     target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
     _take_homing(axis, image, target_step)
     axis.asked_task = TASK_MDI
-    if axis.task_form != TASKS_TARPOS:
-        axis.asked_position = image.received[MDI_TARPOS] * target_step
-        velocity = int(image.received[MDI_VELOCITY])
-        if axis.task_velocity_unsigned:
-            velocity &= 0xFFFFFFFF
-        # a negative one is no velocity of a task
-        axis.asked_velocity = velocity * axis.task_velocity_step
-        up = ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration)
-        down = ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration)
-        axis.asked_acceleration = _ramp(axis, int(image.received[MDI_ACC])) * up
-        axis.asked_deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
-        axis.asked_backwards = 1 if stw1 & BACKWARDS else 0
-        if axis.task_form == TASKS_MDI:
-            axis.asked_relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
-            selected = image.received[SATZANW] & MDI_SELECTED
-        else:
-            axis.asked_relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
-            axis.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
-            selected = image.received[POS_STW1] & MDI_SELECTED
-            word = image.received[POS_STW2] & 0xFFFF
-            if word & ~axis.pos_stw2 & HERE:
-                axis.origin = axis.position - axis.home_position
-                axis.homed = 1
-            axis.pos_stw2 = word
-        axis.mdi = 1 if selected else 0
-        if _take_command(axis) or selected:
-            return
-        if axis.task_form == TASKS_MDI:
-            select_task(axis, int(image.received[SATZANW]) & NUMBER)
-        else:
-            axis.asked = 0
-        return
-    axis.asked_relative = 1 if stw1 & RELATIVE else 0
-    axis.asked_velocity = abs(image.received[VELOCITY_A] * axis.task_velocity_step)
-    axis.asked_acceleration = axis.ramp_up
-    axis.asked_deceleration = axis.ramp_down
-    position = image.received[TARPOS_A] * target_step
-    if stw1 & NO_HANDSHAKE and stw1 & START_BIT == axis.motion_seen & START_BIT:
-        axis.asked = 1 if position != axis.asked_position else 0
-    axis.asked_position = position
+    if axis.task_form == TASKS_TARPOS:
+        _take_target(axis, image, target_step)
+    else:
+        _take_data(axis, image, target_step)
+        _select(axis, image)
+    axis.task_command = 0

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.faults import NUMBER_MASK
-from pnfarm.firmware.positioning import (
+from pnfarm.firmware.position_status import (
     drive_inputs,
     first_position_word,
     motion_status,
@@ -155,6 +155,8 @@ def from_setpoints(axis: Any, image: Any) -> None:
         axis.setpoint = image.received[REF_SPEED] * axis.velocity_step
     else:
         axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
+    if axis.setpoint_ignored:
+        axis.setpoint = 0.0
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
     axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration

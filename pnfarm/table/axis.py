@@ -40,7 +40,19 @@ CMD_RAISE_WARNING = 7  # argument: warning number
 CMD_CLEAR_WARNING = 8  # argument: warning number
 CMD_CLEAR_HISTORY = 9  # forget the acknowledged fault situations
 CMD_START_TASK = 10  # argument: number of a motion task; as the edge of STW1.6
-CMD_HOME = 11  # as the edge of STW1.11
+CMD_HOME = 11  # as STW1.11
+CMD_DISABLE = 12  # power stage off by software
+CMD_STOP = 13  # end what runs; argument: STOP_* below
+CMD_CONTINUE = 14  # go on with the task that CMD_STOP halted
+CMD_SERVICE = 15  # begin service motion
+
+# How the power stage goes off by software (``disable_method``).
+DISABLE_AT_ONCE = 0
+DISABLE_STOPPED = 1  # along the quick stop ramp first
+
+# What becomes of the task at hand (``stop_command``, CMD_STOP).
+STOP_HALT = 1  # CMD_CONTINUE goes on with it
+STOP_DROP = 2
 
 # Which set point the telegram brings (``velocity_signal``).
 VELOCITY_NSOLL_A = 0
@@ -74,8 +86,19 @@ MOTION_TASKS = 129
 TASK_DEFINED = 1
 TASK_RELATIVE = 2
 TASK_CHAINED = 4  # another follows
+TASK_FROM_COMMAND = 8  # a way counts from the commanded position
+TASK_FROM_TARGET = 16  # a way counts from the last target
+TASK_FROM_ACTUAL = 32  # a way counts from the actual position
+TASK_PASSING = 64  # the next one begins at the target without a stop
 #: A running task whose data the controller brings (``task``).
 TASK_MDI = -1
+
+# Course of service motion (``service_mode``): what an AKD's SM.MODE has for velocity mode.
+SERVICE_CONSTANT = 2
+SERVICE_ALTERNATING = 3
+
+#: State of positioning in which a task waits to be continued by a parameter (``motion``).
+MOTION_HALTED = 7
 
 # What jogging is asked for (``jog``).
 JOG_NONE = 0
@@ -401,5 +424,31 @@ AXIS = Layout(
         # warnings of its own
         Field("thermal_warning", "f8", "", "station", "thermal_load above which the I2t warning shows, 0 = none"),
         Field("warns_itself", "u1", "", "firmware", "1 = the warning that shows is the drive's own"),
+        # what single models add
+        Field("rest_without_task", "u1", "", "parameter", "1 = ZSW1.13 stands only while no task is active, too"),
+        Field("reached_without_task", "u1", "", "parameter", "1 = ZSW1.10 stands whenever no motion is active"),
+        Field("velocity_limit_positive", "f8", "rpm", "parameter", "most speed forwards, inf = no limit", default=inf),
+        Field("velocity_limit_negative", "f8", "rpm", "parameter", "most speed backwards, alike", default=inf),
+        Field("disable_method", "u1", "", "parameter", "how the power stage goes off by software: DISABLE_* above"),
+        Field("setpoint_ignored", "u1", "", "parameter", "1 = velocity set points of the telegram are not followed"),
+        Field("feedrate_signal", "u1", "", "parameter", "1 = MT_FEEDRATE is brought, in percent"),
+        Field("target_velocity_window", "f8", "rpm", "parameter", "how near a task's velocity counts as reached"),
+        Field("sto_fault", "u4", "", "parameter", "fault whose cause is that the torque is safely off, 0 = none"),
+        Field("limit_warning", "u4", "", "parameter", "warning at the low and the high software limit, 0 = none", (2,)),
+        Field("service_mode", "u1", "", "parameter", "course of service motion: SERVICE_* above"),
+        Field("service_velocity", "f8", "rpm", "parameter", "of its first and its second leg", (2,)),
+        Field("service_time", "f8", "s", "parameter", "of these, 0 = the first one never ends", (2,)),
+        Field("service", "u1", "", "firmware", "leg of the service motion that runs, 0 = none"),
+        Field("service_command", "u1", "", "firmware", "1 = service motion shall begin"),
+        Field("service_ns", "i8", "ns", "firmware", "when its leg began"),
+        Field("limits_seen", "u1", "", "firmware", "software limits that the last step reached"),
+        Field("jogging", "u1", "", "firmware", "1 = a jog of velocity mode runs, or brakes"),
+        Field("home_seen", "u1", "", "firmware", "1 = STW1.11 has started homing and still stands"),
+        Field("home_error", "u1", "", "firmware", "1 = the last homing was not carried out"),
+        Field("task_error", "u1", "", "firmware", "1 = the last task could not be started"),
+        Field("asked_base", "u1", "", "firmware", "what a way counts from: TASK_FROM_* above, 0 = the last target"),
+        Field("disable_command", "u1", "", "firmware", "1 = the power stage shall go off"),
+        Field("stop_command", "u1", "", "firmware", "what runs shall end: STOP_* above, 0 = not"),
+        Field("continue_command", "u1", "", "firmware", "1 = a halted task shall go on"),
     ],
 )

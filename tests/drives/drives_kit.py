@@ -10,9 +10,12 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.model import Model
 from pnfarm.drives.store import ParameterStore
-from pnfarm.table.axis import AXIS
-from pnfarm.table.image import IMAGE
+from pnfarm.firmware.step import step
+from pnfarm.table.axis import AXIS, FIRMWARE_PROFIDRIVE
+from pnfarm.table.image import IMAGE, LOST_NOT
+from pnfarm.table.signals import NSOLL_A, STW1, ZSW1
 
+MS = 1_000_000
 #: Manuals and captures beside the project; tests skip where they are absent.
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 
@@ -34,3 +37,26 @@ def new_drive(name: str) -> Drive:
     described.apply_motor(axis)
     store.power_on()
     return Drive(described, axis, image, store)
+
+
+class Running:
+    """A drive whose firmware is stepped by hand: ``send`` as a controller does, look at ``drive.axis``."""
+
+    def __init__(self, name: str) -> None:
+        self.drive = new_drive(name)
+        self.axis, self.image = self.drive.axis, self.drive.image
+        self.axis.firmware, self.axis.powered = FIRMWARE_PROFIDRIVE, 1
+        self.now = 0
+        self.run(150)
+
+    def run(self, milliseconds: int) -> None:
+        for _ in range(milliseconds):
+            self.now += MS
+            step(self.axis, self.image, self.now)
+
+    def send(self, stw1: int, nsoll_a: int = 0, milliseconds: int = 1) -> int:
+        """ZSW1 after so many milliseconds."""
+        self.image.received[STW1], self.image.received[NSOLL_A] = stw1, nsoll_a
+        self.image.valid, self.image.lost = 1, LOST_NOT
+        self.run(milliseconds)
+        return int(self.image.sent[ZSW1])

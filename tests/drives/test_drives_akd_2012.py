@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from drives_kit import SHARED, Drive, new_drive
+from drives_kit import SHARED, Drive, Running, new_drive
 
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterErrorNumber
@@ -18,10 +18,18 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 )
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.drives.profiles.profidrive.requester import read_request, response_error
-from pnfarm.firmware.step import step
-from pnfarm.table.axis import FIRMWARE_PROFIDRIVE
-from pnfarm.table.image import LOST_NOT, LOST_STOP
-from pnfarm.table.signals import ITIST_GLATT, NIST_A, NSOLL_A, STW1, ZSW1
+from pnfarm.table.image import LOST_STOP
+from pnfarm.table.signals import (
+    ITIST_GLATT,
+    MDI_ACC,
+    MDI_DEC,
+    MDI_MOD,
+    MDI_TARPOS,
+    MDI_VELOCITY,
+    NIST_A,
+    SATZANW,
+    ZSW1,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,32 +54,9 @@ def manual() -> str:
     return MANUAL.read_text(encoding="utf-8")
 
 
-class Running:
-    """A drive whose firmware is stepped by hand: ``send`` as a controller does, look at ``drive.axis``."""
-
-    def __init__(self) -> None:
-        self.drive = new_drive(NAME)
-        self.axis, self.image = self.drive.axis, self.drive.image
-        self.axis.firmware, self.axis.powered = FIRMWARE_PROFIDRIVE, 1
-        self.now = 0
-        self.run(150)
-
-    def run(self, milliseconds: int) -> None:
-        for _ in range(milliseconds):
-            self.now += MS
-            step(self.axis, self.image, self.now)
-
-    def send(self, stw1: int, nsoll_a: int = 0, milliseconds: int = 1) -> int:
-        """ZSW1 after so many milliseconds."""
-        self.image.received[STW1], self.image.received[NSOLL_A] = stw1, nsoll_a
-        self.image.valid, self.image.lost = 1, LOST_NOT
-        self.run(milliseconds)
-        return int(self.image.sent[ZSW1])
-
-
 @pytest.fixture
 def running() -> Running:
-    return Running()
+    return Running(NAME)
 
 
 def ask(drive: Drive, data: bytes) -> bytes:
@@ -150,7 +135,7 @@ def test_5_4_and_5_5_say_which_bits_this_edition_does_not_have() -> None:
 
 
 def test_5_4_bits_11_to_15_do_nothing_in_velocity_mode_and_5_5_bits_11_to_15_are_never_set(running: Running) -> None:
-    plain = Running()
+    plain = Running(NAME)
     for word in (0x0470, 0x0476, 0x0477, 0x047F, 0x047F, 0x0474):
         for _ in range(30):
             assert running.send(word | 0xF800, 0x00A3) == plain.send(word, 0x00A3)
@@ -358,6 +343,60 @@ def test_5_4_jogging_runs_at_pnu_1004_and_1005_with_the_ramp_of_1006_and_1007(ru
     assert running.axis.velocity == pytest.approx(-59.7, abs=0.5)
     running.send(0x040F, 0, 100)
     assert running.axis.velocity == 0
+
+
+# 5.10: position mode of this edition
+
+
+class Positioning(Running):
+    """In position mode, operation enabled, homed where it stands; telegram 9."""
+
+    def __init__(self) -> None:
+        super().__init__(NAME)
+        self.drive.store.plug_telegram(9)
+        self.drive.store.write(930, 0, [2])
+        for word in (0x0430, 0x0436, 0x0437, 0x043F, 0x0C3F, 0x043F):
+            self.send(word, milliseconds=5)
+        received = self.image.received
+        received[SATZANW], received[MDI_MOD] = 0x8000, 1
+        received[MDI_VELOCITY], received[MDI_ACC], received[MDI_DEC] = 2**32 // 20, 40, 40
+
+    def move(self, revolutions: float, milliseconds: int = 20) -> int:
+        self.image.received[MDI_TARPOS] = round(revolutions * 65536)
+        return self.send(0x047F, milliseconds=milliseconds)
+
+
+def test_5_4_this_edition_has_no_real_time_jogging() -> None:
+    drive = Positioning()
+    drive.send(0x343F, milliseconds=300)
+    assert drive.axis.velocity == 0.0
+    assert drive.image.sent[ZSW1] & 0x2000
+
+
+def test_5_5_this_edition_has_no_bit_14_and_bits_10_and_13_go_by_the_task() -> None:
+    drive = Positioning()
+    assert drive.send(0x043F) & 0xFC00 == 0x2C00
+    assert drive.move(5.0) & 0xFC00 == 0x1800, "acknowledged, homed, moving"
+    assert drive.send(0x041F, milliseconds=400) & 0xFC00 == 0x0800, "an interrupted task is active still"
+    assert drive.axis.velocity == pytest.approx(0.0, abs=0.1)
+    assert drive.send(0x040F, milliseconds=400) & 0xFC00 == 0x2C00, "rejected: no task is active"
+    drive.send(0x043F)
+    drive.move(0.0, 3000)
+    assert drive.send(0x043F) & 0xFC00 == 0x2C00
+
+
+def test_5_10_3_pnu_1001_is_the_homing_mode_of_this_edition() -> None:
+    drive = Positioning()
+    drive.drive.store.write(1001, 0, [7])
+    for word in (0x0430, 0x0436):
+        drive.send(word)
+    drive.axis.position = 0.3
+    for word in (0x0437, 0x043F, 0x0C3F):
+        drive.send(word, milliseconds=20)
+    assert not drive.image.sent[ZSW1] & 0x2C00
+    drive.send(0x0C3F, milliseconds=3000)
+    assert drive.image.sent[ZSW1] & 0x2C00 == 0x2C00
+    assert drive.axis.position == pytest.approx(1.0, abs=0.01)
 
 
 # 5.14 and lost data

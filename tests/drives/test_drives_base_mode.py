@@ -120,7 +120,10 @@ def test_each_parameter_is_read_in_its_format(drive: Drive) -> None:
 
 
 #: What stands behind a writable parameter that takes a few values only, each with tests of its own.
-NO_VALUES = {"home", "task-load", "task-move", "refuse", "telegram", "fault-situations"}
+NO_VALUES = {
+    "home", "enable", "service", "task-continue", "task-load", "task-move", "task-set", "refuse", "telegram",
+    "fault-situations",
+}  # fmt: skip
 
 
 def test_each_writable_parameter_takes_its_limits_over_the_wire(drive: Drive) -> None:

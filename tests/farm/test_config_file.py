@@ -27,6 +27,7 @@ class Model:
     max_cycle_ns: int = 0
     telegrams: tuple[int, ...] = (1, 7)
     default_telegram: int = 1
+    motion_tasks: int = 0
 
     def parameter_complaints(self, params):
         return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]

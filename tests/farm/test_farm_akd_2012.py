@@ -6,6 +6,7 @@ import asyncio
 from dataclasses import replace
 
 import pytest
+from hand_line import HandLine
 from test_farm_line import MANUAL_3_6_2_REQUEST, MANUAL_3_6_2_RESPONSE, access, reading, value_of
 from virtual_line import VirtualLine
 
@@ -115,6 +116,50 @@ def test_a_controller_in_stop_gives_fault_702_too():
     assert station.watchdog_expirations == 0
     assert station.fault_counts == {702: 1}
     assert line.farm.columns.axis[0].velocity == pytest.approx(0, abs=0.5)
+
+
+@pytest.mark.parametrize(("name", "cycle"), [(NAME, "8ms"), ("akd-profinet", "16ms")])
+def test_5_10_1_telegram_7_starts_a_motion_task_that_the_setup_left_in_the_drive(name, cycle):
+    tasks = "[{number: 3, position: 2, velocity: 600, acceleration: 30000}, {number: 4, position: -1, velocity: 300, \
+      acceleration: 30000, deceleration: 20000, relative: true, next: 3, wait: 100ms}]"
+    line = HandLine(model=name, cycle=cycle, telegram=7, params="{930: 2}", tasks=tasks)
+    line.enable_axis(0x043F)
+    assert line.send(0x0C3F) & 0x0800
+    line.send(0x043F)
+    assert line.send(0x047F, SATZANW=3) & 0x1000
+    assert line.actual("AKTSATZ") == 3
+    line.send(0x043F, frames=10)
+    line.until(0x2400)
+    line.run(0.2)
+    assert line.place == pytest.approx(2.0, abs=0.01)
+    line.send(0x047F, SATZANW=4)
+    seen = []
+    while line.actual("AKTSATZ"):
+        seen.append(line.actual("AKTSATZ"))
+        line.run(0.02)
+        assert len(seen) < 500
+    assert set(seen) == {4, 3}
+    line.run(0.2)
+    assert line.place == pytest.approx(2.0, abs=0.01), "back by the task behind it"
+
+
+@pytest.mark.parametrize(
+    ("model", "tasks", "words"),
+    [
+        ("moog-msd", "[{number: 1, position: 1, velocity: 1, acceleration: 1}]", "moog-msd keeps no motion tasks"),
+        (NAME, "[{number: 129, position: 1, velocity: 1, acceleration: 1}]", "number"),
+        (NAME, "[{number: 1, position: 1, velocity: 0, acceleration: 1}]", "velocity"),
+        (NAME, "[{number: 1, position: 1, velocity: 1, acceleration: 1, wait: x}]", "wait"),
+        (
+            NAME,
+            str([{"number": 1, "position": 1, "velocity": 1, "acceleration": 1}] * 2),
+            "1 stands twice",
+        ),
+    ],
+)
+def test_a_motion_task_of_the_farm_file_that_cannot_be_is_refused(model, tasks, words):
+    with pytest.raises(ConfigError, match=words):
+        VirtualLine(model=model, telegram=9, cycle="8ms", tasks=tasks, controller=False)
 
 
 BOTH = """

@@ -2,6 +2,7 @@
 
 import pytest
 from fault_line import FaultLine
+from hand_line import HandLine
 
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterRequest, emit_request
 from pnfarm.errors import ConfigError
@@ -399,3 +400,30 @@ def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_dri
 def test_a_load_that_is_none_is_refused(line, params, words):
     with pytest.raises(ConfigError, match=words):
         line.add("load", params=params)
+
+
+class HandFaultLine(FaultLine, HandLine):
+    """Control words by hand, and faults."""
+
+
+def test_a_limit_switch_stops_an_axis_in_position_mode_in_its_direction_and_lets_it_back():
+    """AKD PROFINET manual 5.8.1: HWLS.POSSTATE is bit 3 of DRIVE_INPUTS."""
+    line = HandFaultLine(telegram=9, params="{DRV.OPMODE: 2}")
+    mdi = {"SATZANW": 0x8000, "MDI_VELOCITY": 2**32 // 20, "MDI_ACC": 39, "MDI_DEC": 39, "MDI_MOD": 1}
+    line.enable_axis(0x043F)
+    line.send(0x0C3F)
+    line.send(0x043F)
+    line.send(0x047F, MDI_TARPOS=50 * 65536, **mdi, frames=20)
+    fault = line.add("limit-switch", params={"side": "positive"})
+    store = line.farm.stations[0].store
+    assert line.send(0x043F, frames=20) & 0x6080 == 0x2080, "a warning, at rest, no task"
+    assert (store.get("HWLS.POSSTATE"), store.get("DRIVE_INPUTS")) == (1, 0x48)
+    held = line.place
+    assert not line.send(0x047F, frames=10) & 0x1000, "no task in this direction"
+    line.send(0x043F)
+    assert line.send(0x047F, MDI_TARPOS=0) & 0x1000
+    assert line.until(lambda: line.zsw1 & 0x0400)
+    assert line.place < held
+    line.clear(fault.id)
+    line.run(0.1)
+    assert store.get("HWLS.POSSTATE") == 0

@@ -17,6 +17,7 @@ drives:
     count: {drives}
     model: {model}
     params: {params}
+    motion_tasks: {tasks}
     motor: {motor}
     load: {load}
     ip: 10.77.0.11/23
@@ -38,7 +39,7 @@ class VirtualLine:
 
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
-                 memory: VolatileMemory | None = None, params: str = "{}",
+                 memory: VolatileMemory | None = None, params: str = "{}", tasks: str = "[]",
                  motor: str = "{}", load: str = "{}",
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
         text = FILE.format(
@@ -50,6 +51,7 @@ class VirtualLine:
             telegram=telegram,
             model=model,
             params=params,
+            tasks=tasks,
             motor=motor,
             load=load,
             program=program,

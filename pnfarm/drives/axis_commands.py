@@ -1,0 +1,87 @@
+"""Commands of parameters that the firmware carries out: what each is for it, and when a drive takes it.
+
+As the Kollmorgen AKD has them (PROFINET manual 5.6, 5.10.3; its parameter reference).  The control word alone enables
+the drive and gives velocity set points, and so these commands start and end what runs beside it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.axis_handle import CommandRingFullError
+from pnfarm.drives.parameter import Parameter, ParameterErrorNumber, refusal
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_CONTINUE,
+    CMD_DISABLE,
+    CMD_HOME,
+    CMD_SERVICE,
+    CMD_SET_POSITION,
+    CMD_START_TASK,
+    CMD_STOP,
+    MOTION_HALTED,
+    SERVICE_ALTERNATING,
+    SERVICE_CONSTANT,
+    STOP_HALT,
+)
+
+if TYPE_CHECKING:
+    from pnfarm.drives.axis_handle import AxisHandle
+
+__all__ = ["AXIS_COMMANDS", "command_axis"]
+
+#: DRV.OPMODE.
+VELOCITY_MODE, POSITION_MODE = 1, 2
+#: ``command:<name>`` and what the firmware is told, None for nothing.
+AXIS_COMMANDS = {
+    "acknowledge": CMD_ACKNOWLEDGE,
+    "set-position": CMD_SET_POSITION,
+    "home": CMD_HOME,
+    "task-move": CMD_START_TASK,
+    "task-continue": CMD_CONTINUE,
+    "enable": None,
+    "disable": CMD_DISABLE,
+    "service": CMD_SERVICE,
+    "stop": CMD_STOP,
+}
+
+
+def command_axis(handle: AxisHandle, parameter: Parameter, value: int) -> None:
+    """Hand the command of ``parameter`` to the firmware; raises :class:`ParameterError` when the drive cannot take it.
+
+    A drive that is off has nothing to disable or to stop.
+    """
+    name = parameter.argument
+    command = AXIS_COMMANDS[name]
+    if not _allowed(handle, name):
+        raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
+    if command is None or (name in {"disable", "stop"} and not handle.in_operation):
+        return
+    argument = {
+        "set-position": round(float(handle.axis.home_position) * 1e6),
+        "task-move": value,
+        "stop": STOP_HALT,
+    }.get(name, 0)
+    try:
+        handle.push_command(command, argument)
+    except CommandRingFullError as exc:
+        raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter) from exc
+
+
+def _allowed(handle: AxisHandle, name: str) -> bool:
+    axis, running = handle.axis, handle.in_operation
+    positions = int(axis.opmode) == POSITION_MODE
+    match name:
+        case "enable":
+            return running
+        case "home" | "task-move":
+            return running and positions
+        case "task-continue":
+            return int(axis.motion) == MOTION_HALTED
+        case "stop":
+            return not running or positions or bool(axis.service)
+        case "service":
+            turns = int(axis.service_mode) in {SERVICE_CONSTANT, SERVICE_ALTERNATING}
+            return running and turns and int(axis.opmode) == VELOCITY_MODE and bool(axis.setpoint_ignored)
+        case _:
+            return True

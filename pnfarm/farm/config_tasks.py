@@ -1,0 +1,39 @@
+"""Motion tasks of the farm file: what a commissioning tool has left in a drive."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from pnfarm.drives.motion_tasks import MotionTask
+from pnfarm.farm.config_section import Section
+from pnfarm.farm.config_values import Duration
+from pnfarm.table.axis import MOTION_TASKS
+
+__all__ = ["Task", "drive_task"]
+
+
+class Task(Section):
+    """One motion task, which the controller starts by its number (SATZANW)."""
+
+    number: int = Field(ge=0, lt=MOTION_TASKS, description="What SATZANW names it by.")
+    position: float = Field(description="Target from the home position, or way, revolutions.")
+    velocity: float = Field(gt=0, description="rpm.")
+    acceleration: float = Field(gt=0, description="rpm/s.")
+    deceleration: float | None = Field(default=None, gt=0, description="rpm/s; left out, as acceleration.")
+    relative: bool = Field(default=False, description="Whether position is a way from where the axis is told to be.")
+    next: int | None = Field(default=None, ge=0, lt=MOTION_TASKS, description="The task that begins behind this one.")
+    wait_ns: Duration = Field(default=0, alias="wait", description="How long the axis stands before the next one.")
+
+
+def drive_task(task: Task) -> MotionTask:
+    """The task as a drive takes it."""
+    return MotionTask(
+        number=task.number,
+        position=task.position,
+        velocity=task.velocity,
+        acceleration=task.acceleration,
+        deceleration=task.acceleration if task.deceleration is None else task.deceleration,
+        relative=task.relative,
+        following=task.next,
+        dwell_ns=task.wait_ns,
+    )

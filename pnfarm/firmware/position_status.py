@@ -1,0 +1,153 @@
+"""What an axis tells of its position mode: bits of ZSW1, DRV.MOTIONSTAT, the words of telegram 111, limits."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
+from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.compiled import compiled
+
+__all__ = [
+    "drive_inputs",
+    "first_position_word",
+    "limits_reached",
+    "motion_status",
+    "position_bits",
+    "running_task",
+    "second_position_word",
+    "standing",
+    "torque_free",
+]
+
+
+@compiled
+def _has_task(axis: Any) -> bool:
+    """Whether a task runs, or waits in an intermediate stop."""
+    return axis.motion == TASK or axis.motion == INTERMEDIATE_STOP  # noqa: PLR1714 - a tuple in compiled code would allocate
+
+
+@compiled
+def standing(axis: Any) -> bool:
+    """Whether the axis is at rest, so that a task may begin: no profile moves it, and the shaft does not turn."""
+    return axis.motion != BRAKING and axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
+
+
+@compiled
+def _reached(axis: Any) -> bool:
+    """ZSW1.10: the last task ended in its target, or (AKD, edition B, 5.5) simply no motion is active."""
+    if axis.reached_without_task:
+        return axis.motion == OUT or axis.motion == STANDBY  # noqa: PLR1714 - a tuple in compiled code would allocate
+    return axis.target_reached and abs(axis.following_error) <= axis.target_window
+
+
+@compiled
+def position_bits(axis: Any) -> int:
+    """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
+    word = 0
+    if abs(axis.following_error) <= axis.following_window:
+        word |= 0x0100
+    if _reached(axis):
+        word |= 0x0400
+    if axis.homed:
+        word |= 0x0800
+    if axis.acknowledged:
+        word |= 0x1000
+    if standing(axis) and not (axis.rest_without_task and _has_task(axis)):
+        word |= 0x2000
+    if _has_task(axis):
+        word |= axis.task_active
+    return word
+
+
+@compiled
+def motion_status(axis: Any) -> int:
+    """DRV.MOTIONSTAT (AKD PROFINET manual 5.5 for bits 0, 1, 2 and 11; the others: AKD parameter reference)."""
+    word = 0
+    if _has_task(axis):
+        word |= 0x0001
+    if axis.homed:
+        word |= 0x0006
+    if axis.motion == HOMING:
+        word |= 0x0008
+    if axis.home_error:
+        word |= 0x0010
+    if axis.state == 5 and axis.stop >= 2:
+        word |= 0x0080
+    if axis.service:
+        word |= 0x0200
+    if axis.task_error:
+        word |= 0x0400
+    if axis.target_reached:
+        word |= 0x0800
+    if axis.motion == TASK and abs(abs(axis.velocity) - abs(axis.task_velocity)) <= axis.target_velocity_window:
+        word |= 0x1000
+    return word
+
+
+@compiled
+def first_position_word(axis: Any) -> int:
+    """POS_ZSW1 (HIWIN E1 manual 3.14)."""
+    word = (int(axis.limit_switch) & 0x3) << 8
+    if axis.motion == JOG:
+        word |= 0x0400
+    if axis.motion == HOMING:
+        word |= 0x0800
+    if axis.mdi:
+        word |= 0x8000
+    return word
+
+
+@compiled
+def second_position_word(axis: Any) -> int:
+    """POS_ZSW2 (HIWIN E1 manual 3.15)."""
+    word = 0
+    if _has_task(axis):
+        word |= 0x8004
+    if not standing(axis):
+        word |= 0x0010 if axis.velocity > 0.0 else 0x0020
+    return word
+
+
+@compiled
+def running_task(axis: Any) -> int:
+    """The number of the motion task at hand; 0 for none, and for one that the telegram brings."""
+    return int(axis.task) if _has_task(axis) and axis.task > 0 else 0
+
+
+@compiled
+def limits_reached(axis: Any) -> int:
+    """SWLS.STATE: software limits that the axis has reached, bit 0 the low one, bit 1 the high one."""
+    word = 0
+    if axis.homed:
+        place = axis.position - axis.origin
+        if axis.software_limits & 0x1 and place <= axis.limit_low + axis.target_window:
+            word |= 0x1
+        if axis.software_limits & 0x2 and place >= axis.limit_high - axis.target_window:
+            word |= 0x2
+    return word
+
+
+@compiled
+def torque_free(axis: Any) -> bool:
+    """Whether safe torque off is requested: the cause of its fault is there."""
+    if axis.sto_fault == 0:
+        return False
+    off = False
+    for i in range(FAULT_SLOTS):
+        off = off or int(axis.fault_held[i]) & NUMBER_MASK == axis.sto_fault
+    return off
+
+
+@compiled
+def drive_inputs(axis: Any) -> int:
+    """DRIVE_INPUTS (AKD PROFINET manual 5.8.1).
+
+    Bits 0 to 3 are limits by software and by switch.  Bits 4 and 5 stay 0: the hardware enables the drive, and no input
+    asks for a controlled stop.  Bit 6 is STO.STATE, which is 1 while torque is allowed (AKD parameter reference).
+    """
+    word = limits_reached(axis) | (int(axis.limit_switch) & 0x3) << 2
+    if axis.sto_fault != 0 and not torque_free(axis):
+        word |= 0x40
+    return word
