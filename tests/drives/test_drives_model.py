@@ -426,6 +426,7 @@ def folder(tmp_path: Path) -> Path:
         ("model.toml", 'name = "akd-profinet"', "", r"name: missing"),
         ("model.toml", "pnu = 1,", "pnu = 9,", r"PN\.STW1"),
         ("model.toml", "[limits]", "[borders]", r"limits: missing"),
+        ("model.toml", "motion_tasks = { value = 129", "motion_tasks = { value = 130", r"130 is not within 0\.\.129"),
         ("model.toml", "[position_units]", "[units]", r"position_units: missing, but PNU 2004 has the scale position"),
         ("model.toml", "unit = { value = 2393", "unit = { value = 9", r"position_units: 9 is no plain parameter"),
         ("model.toml", "0.0, 65536.0]", "0.0]", r"position_units\.revolution: PNU 2393 goes to 4"),
