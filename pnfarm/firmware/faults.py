@@ -163,7 +163,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.continue_command = 0
     axis.service = 0
     axis.service_command = 0
-    axis.limits_seen = 0
+    axis.own_warning = 0
     axis.warning_code = 0
     axis.image_valid = 0
     axis.telegram_ns = 0

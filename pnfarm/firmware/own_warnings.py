@@ -1,7 +1,7 @@
 """Warnings that the drive shows by itself, beside those that are raised by command.
 
-The motor's heat (I2t; HIWIN E1 manual 3.16, MELDW.7), and software limits (AKD PROFINET manual 5.10.1: ZSW1.7).  One
-that was raised by command stays in front.
+The motor's heat, I2t (HIWIN E1 manual 3.16, MELDW.7), and software limits that the axis reached (AKD PROFINET manual
+5.8.1 and 5.6, SWLS.STATE).  A warning that was raised by command stays in front.
 """
 
 from __future__ import annotations
@@ -15,41 +15,22 @@ __all__ = ["watch_warnings"]
 
 
 @compiled
-def _watch_heat(axis: Any) -> None:
-    """Show the model's I2t warning as long as the motor is hotter than its threshold."""
-    number = axis.message_warnings[1]
-    if number == 0 or axis.thermal_warning <= 0.0:
-        return
-    if axis.thermal_load > axis.thermal_warning:
-        if axis.warning_code == 0:
-            axis.warning_code = number
-            axis.warns_itself = 1
-    elif axis.warns_itself:
-        axis.warns_itself = 0
-        if axis.warning_code == number:
-            axis.warning_code = 0
-
-
-@compiled
-def _watch_limits(axis: Any) -> None:
-    """A software limit that is reached is a warning of the drive's own, until it is left."""
-    if axis.limit_warning[0] == 0 and axis.limit_warning[1] == 0:
-        return
-    reached = limits_reached(axis) if axis.opmode == 2 else 0
-    changed = reached ^ int(axis.limits_seen)
-    for i in range(2):
-        if not changed >> i & 1:
-            continue
-        if reached >> i & 1:
-            if axis.warning_code == 0:
-                axis.warning_code = axis.limit_warning[i]
-        elif axis.warning_code == axis.limit_warning[i]:
-            axis.warning_code = 0
-    axis.limits_seen = reached
+def _own(axis: Any) -> int:
+    """The warning that the drive has to tell of, 0 for none."""
+    if axis.thermal_warning > 0.0 and axis.thermal_load > axis.thermal_warning:
+        return int(axis.message_warnings[1])
+    if axis.opmode == 2 and (axis.limit_warning[0] != 0 or axis.limit_warning[1] != 0):
+        reached = limits_reached(axis)
+        for i in range(2):
+            if reached >> i & 1:
+                return int(axis.limit_warning[i])
+    return 0
 
 
 @compiled
 def watch_warnings(axis: Any) -> None:
-    """Show and take away what the drive warns of by itself."""
-    _watch_heat(axis)
-    _watch_limits(axis)
+    """Show the drive's own warning while it stands, unless a command raised another one."""
+    own = _own(axis)
+    if axis.warning_code == 0 or axis.warning_code == axis.own_warning:  # noqa: PLR1714 - a tuple in compiled code would allocate
+        axis.warning_code = own
+    axis.own_warning = own

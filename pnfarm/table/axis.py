@@ -423,7 +423,7 @@ AXIS = Layout(
         Field("shown", "i4", "", "parameter", "raw numbers of the stored parameters that it shows", (SHOWN,)),
         # warnings of its own
         Field("thermal_warning", "f8", "", "station", "thermal_load above which the I2t warning shows, 0 = none"),
-        Field("warns_itself", "u1", "", "firmware", "1 = the warning that shows is the drive's own"),
+        Field("own_warning", "u4", "", "firmware", "warning that the drive itself has to tell of, 0 = none"),
         # what single models add
         Field("rest_without_task", "u1", "", "parameter", "1 = ZSW1.13 stands only while no task is active, too"),
         Field("reached_without_task", "u1", "", "parameter", "1 = ZSW1.10 stands whenever no motion is active"),
@@ -441,7 +441,6 @@ AXIS = Layout(
         Field("service", "u1", "", "firmware", "leg of the service motion that runs, 0 = none"),
         Field("service_command", "u1", "", "firmware", "1 = service motion shall begin"),
         Field("service_ns", "i8", "ns", "firmware", "when its leg began"),
-        Field("limits_seen", "u1", "", "firmware", "software limits that the last step reached"),
         Field("jogging", "u1", "", "firmware", "1 = a jog of velocity mode runs, or brakes"),
         Field("home_seen", "u1", "", "firmware", "1 = STW1.11 has started homing and still stands"),
         Field("home_error", "u1", "", "firmware", "1 = the last homing was not carried out"),

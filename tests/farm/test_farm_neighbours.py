@@ -1,14 +1,11 @@
 """Drives and the controller know each other by LLDP, in virtual time."""
 
-import asyncio
 from ipaddress import IPv4Address
 
 import pytest
-from virtual_line import FILE, VirtualLine
+from virtual_line import VirtualLine
 
-from pnfarm.controller import line as controller_line
 from pnfarm.farm import core as farm_core
-from pnfarm.farm.config import parse_farm
 from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
@@ -83,20 +80,7 @@ def test_a_snapshot_shows_the_neighbour():
 
 
 def test_without_lldp_nobody_speaks_and_nobody_is_known():
-    text = "lldp: false\n" + FILE.format(
-        drives=1,
-        cycle="16ms",
-        limits="strict",
-        watchdog=3,
-        startup="legacy",
-        telegram=1,
-        model="akd-profinet",
-        params="{}",
-        motor="{}",
-        load="{}",
-        program="{kind: constant, speed_rpm: 60}",
-    )
-    line = asyncio.run(controller_line.VirtualLine.create(parse_farm(text)))
+    line = VirtualLine(top="lldp: false")
     line.world.run(30)
     assert line.plc.lldp is None
     assert line.farm.stations[0].neighbours.lldp.sent == 0

@@ -40,9 +40,9 @@ class VirtualLine:
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
                  memory: VolatileMemory | None = None, params: str = "{}", tasks: str = "[]",
-                 motor: str = "{}", load: str = "{}",
+                 motor: str = "{}", load: str = "{}", top: str = "",
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
-        text = FILE.format(
+        text = top + FILE.format(
             drives=drives,
             cycle=cycle,
             limits=limits,
