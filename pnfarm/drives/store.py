@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DisplayBlinkRequested",
+    "FaultHistoryCleared",
     "NonVolatileSaved",
     "ParameterStore",
     "ParameterWritten",
@@ -73,7 +74,19 @@ class DisplayBlinkRequested:
     """The drive shall make itself noticed."""
 
 
-Event = ParameterWritten | TelegramChanged | NonVolatileSaved | RebootRequested | DisplayBlinkRequested
+@dataclass(frozen=True, slots=True)
+class FaultHistoryCleared:
+    """The acknowledged fault situations are forgotten."""
+
+
+Event = (
+    ParameterWritten
+    | TelegramChanged
+    | NonVolatileSaved
+    | RebootRequested
+    | DisplayBlinkRequested
+    | FaultHistoryCleared
+)
 
 
 class ParameterStore:
@@ -316,6 +329,7 @@ class ParameterStore:
             self.handle.push_command(CMD_CLEAR_HISTORY)
         except CommandRingFullError as exc:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter) from exc
+        self._events.append(FaultHistoryCleared())
 
     def _write_name(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
         """Characters of a station name (P-1289), which is kept as others are and counts from the next power-on."""

@@ -327,9 +327,11 @@ class FarmCore:
             case engine_row.FAULT_RAISED:
                 station.fault_counts[value] = station.fault_counts.get(value, 0) + 1
                 station.fault_diagnosis.raised(value)
+                station.keep_faults(when)
                 self.log.record(when, name, "fault", level="warning", number=value)
             case engine_row.FAULTS_CLEARED:
                 station.fault_diagnosis.cleared()
+                station.keep_faults(when)
                 self.log.record(when, name, "fault acknowledged", after_seconds=value / 1e9)
             case engine_row.FAULT_REACTED:
                 self.log.record(when, name, "controller reacted to fault", after_seconds=value / 1e9)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.store import (
     DisplayBlinkRequested,
+    FaultHistoryCleared,
     NonVolatileSaved,
     ParameterStore,
     RebootRequested,
@@ -22,6 +23,7 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.factory_reset import clear_memory
+from pnfarm.farm.fault_memory import history_of, restore_history
 from pnfarm.farm.record_memory import record_word, records_of
 from pnfarm.farm.station_address import StationAddress
 from pnfarm.farm.station_channels import ArChannels, StationChannels
@@ -128,6 +130,7 @@ class DriveStation:
         self._kept: dict[str, Any] = {}
         self._booted_ns: int | None = None
         self._build()
+        restore_history(handle.axis, self._kept.get("faults", ()))
 
     # -- life --------------------------------------------------------------------------------------------------------
 
@@ -539,6 +542,8 @@ class DriveStation:
                     self.power_cycle(now)
                 case DisplayBlinkRequested():
                     self.signalled_ns = now
+                case FaultHistoryCleared():
+                    self.keep(now, "faults", None)
                 case _:
                     pass
         return bool(events)
@@ -560,6 +565,10 @@ class DriveStation:
     def note(self, now: int, event: str, *, level: str = "info", **data: Any) -> None:
         """Into the log, under this drive's name."""
         self._services.log.record(now, self.configured_name, event, level=level, **data)
+
+    def keep_faults(self, now: int) -> None:
+        """The fault history changed: write it through."""
+        self.keep(now, "faults", history_of(self.handle.axis) or None)
 
     def keep(self, now: int, key: str, value: Any) -> None:
         """Write one value of non-volatile memory through; None forgets it."""

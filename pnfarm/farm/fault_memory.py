@@ -1,0 +1,34 @@
+"""The fault history in a drive's non-volatile memory, so that it outlives the farm as it outlives a power cycle.
+
+AKD PROFINET manual 5.14, Moog MSD manual 10.9: the buffer holds what was before the supply went off.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.profiles.profidrive.fault_buffer import fault_numbers
+from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["history_of", "restore_history"]
+
+PLACES = FAULT_SITUATIONS * FAULT_SLOTS
+
+
+def history_of(axis: Any) -> list[int]:
+    """The buffer as it is to be kept, without empty places behind the last fault."""
+    numbers = fault_numbers(axis)
+    while numbers and not numbers[-1]:
+        numbers.pop()
+    return numbers
+
+
+def restore_history(axis: Any, kept: Sequence[int]) -> None:
+    """Put a kept buffer into the record of a drive that was off; a situation that was active then is history now."""
+    places = int(axis.fault_places) or FAULT_SLOTS
+    shift = places if any(kept[:places]) else 0
+    for place, number in enumerate(kept[: PLACES - shift]):
+        axis.fault_buffer[place + shift] = number

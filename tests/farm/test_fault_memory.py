@@ -1,0 +1,68 @@
+"""The fault history outlives the farm in the drives' non-volatile memory."""
+
+from __future__ import annotations
+
+import pytest
+from virtual_line import VirtualLine
+
+from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.profiles.profidrive.fault_buffer import fault_situations
+
+
+def history(line):
+    return fault_situations(line.farm.stations[0].handle.axis)
+
+
+@pytest.fixture
+def memory():
+    return VolatileMemory()
+
+
+def start(memory, **options):
+    line = VirtualLine(memory=memory, **options)
+    line.enable()
+    return line
+
+
+def trip(line, fault):
+    line.farm.stations[0].raise_fault(fault, hold=False)
+    line.run(1.0)
+    line.enable()
+
+
+def test_5_14_what_was_acknowledged_is_there_after_the_farm_started_again(memory):
+    line = start(memory)
+    trip(line, "502")
+    trip(line, "702")
+    before = line.farm.stations[0].store.read(947, 0, 64)
+    assert [before[8], before[16]] == [702, 502]
+    again = start(memory)
+    assert again.farm.stations[0].store.read(947, 0, 64) == before
+    assert again.farm.stations[0].store.read(944, 0, 1) == [0]
+
+
+def test_a_fault_that_was_active_then_is_history_after_the_start(memory):
+    line = start(memory, program="{kind: constant, speed_rpm: 60}")
+    line.farm.stations[0].raise_fault("502", hold=True)
+    line.run(0.5)
+    assert line.farm.stations[0].store.read(947, 0, 1) == [502]
+    again = start(memory)
+    assert again.farm.stations[0].store.read(947, 0, 9) == [0] * 8 + [502]
+
+
+def test_10_9_the_moogs_error_memory_is_kept_alike(memory):
+    line = start(memory, model="moog-msd", cycle="1ms")
+    trip(line, "3-1")
+    trip(line, "21-1")
+    kept = history(line)
+    assert len([situation for situation in kept if situation]) == 2
+    assert history(start(memory, model="moog-msd", cycle="1ms")) == kept
+
+
+def test_what_was_cleared_stays_cleared(memory):
+    line = start(memory, model="hiwin-e1", cycle="1ms", telegram=3)
+    trip(line, "AL.400")
+    assert any(history(line))
+    line.farm.stations[0].store.write(952, 0, (0,))
+    line.run(0.1)
+    assert not any(history(start(memory, model="hiwin-e1", cycle="1ms", telegram=3)))
