@@ -367,7 +367,10 @@ class Model:
     # faults
 
     def fault(self, wanted: str | int) -> Fault:
-        """The fault of this number, name or cause (``F702``, ``undervoltage``); raises :class:`ConfigError`."""
+        """The fault of this number, name, code or cause (``F702``, ``AL.FB1``, ``undervoltage``).
+
+        Raises :class:`ConfigError` when there is none.
+        """
         text = str(wanted).strip()
         number = text[1:] if text[:1] in {"F", "f", "n"} and text[1:2].isdigit() else text
         for fault in self.faults.values():
@@ -376,7 +379,7 @@ class Model:
         if _is_number(number) and int(number) in self.faults:
             return self.faults[int(number)]
         for fault in self.faults.values():
-            if text.lower() in {fault.name.lower(), fault.cause} and text:
+            if text.lower() in {fault.name.lower(), _code_in(fault.name), fault.cause} and text:
                 return fault
         known = ", ".join(fault.label for fault in self.faults.values())
         raise ConfigError(f"{self.name} has no fault {text[:60]!r}; it has {known}, their names and causes")
@@ -418,6 +421,12 @@ class Model:
     def source_of(self, what: str) -> Fact:
         """Where a value such as ``identity.device_id`` comes from; :class:`KeyError` for an unknown one."""
         return self.facts[what]
+
+
+def _code_in(name: str) -> str:
+    """The maker's own code that a fault's name begins with, such as ``al.fb1``; empty for none."""
+    first = name.split(" ", 1)[0].lower()
+    return first if "." in first else ""
 
 
 #: Keys of the farm file's ``identity`` section.

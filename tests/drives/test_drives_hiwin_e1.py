@@ -15,7 +15,7 @@ from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber, Parame
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterValues, emit_request, parse_response
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.drives.profiles.profidrive.requester import change_request, read_request, results
-from pnfarm.drives.store import NonVolatileSaved, ParameterStore, ParameterWritten
+from pnfarm.drives.store import FaultHistoryCleared, NonVolatileSaved, ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import CMD_CLEAR_HISTORY
 from pnfarm.table.signals import WORD_NONE
@@ -264,7 +264,7 @@ def test_944_to_952_the_fault_buffer(e1: Drive) -> None:
     assert caught.value.number == E.ONLY_RESET
     e1.store.write(952, 0, [0])
     assert int(e1.axis.command[0]) == CMD_CLEAR_HISTORY
-    assert e1.store.events() == [ParameterWritten(952, 0, (0,))]
+    assert e1.store.events() == [FaultHistoryCleared(), ParameterWritten(952, 0, (0,))]
 
 
 def test_930_follows_the_telegram(e1: Drive) -> None:
@@ -483,3 +483,13 @@ def test_5_1_codes_stand_in_the_axis_for_the_signal(e1: Drive) -> None:
 def test_fault_kinds_find_the_drives_own_alarm(cause: str, number: int) -> None:
     assert E1.fault(cause).number == number
     assert (E1.communication_loss.fault, E1.sign_of_life and E1.sign_of_life.fault) == (73, 73)
+
+
+@pytest.mark.parametrize("word", ["AL.FB1", "al.fb1", "AL.FB1 Fieldbus communication error", "73", "F73"])
+def test_5_1_an_alarm_is_found_by_its_code_name_or_number(word):
+    assert model("hiwin-e1").fault(word).number == 73
+
+
+def test_no_other_word_of_a_name_finds_a_fault():
+    with pytest.raises(ConfigError, match="has no fault"):
+        model("hiwin-e1").fault("Fieldbus")

@@ -64,5 +64,6 @@ def test_what_was_cleared_stays_cleared(memory):
     trip(line, "AL.400")
     assert any(history(line))
     line.farm.stations[0].store.write(952, 0, (0,))
+    line.farm.stations[0].pump(line.world.now)
     line.run(0.1)
     assert not any(history(start(memory, model="hiwin-e1", cycle="1ms", telegram=3)))
