@@ -5,9 +5,23 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
 from pnfarm.drives.parameter import Behaviour, Parameter
-from pnfarm.table.axis import AXIS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
-from pnfarm.table.signals import FIRST_SHOWN, HOME_DIST, HOME_MODE, MT_FEEDRATE, NSOLL_B, REF_SPEED
+from pnfarm.table.axis import AXIS, TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.signals import (
+    FIRST_SHOWN,
+    HOME_DIST,
+    HOME_MODE,
+    KPC,
+    MT_FEEDRATE,
+    NSOLL_B,
+    REF_SPEED,
+    SATZANW,
+    TARPOS_A,
+    TORQUE_LIMIT_NEGATIVE,
+    TORQUE_LIMIT_POSITIVE,
+    XERR,
+)
 
 if TYPE_CHECKING:
     from pnfarm.drives.axis_handle import AxisHandle
@@ -62,6 +76,8 @@ class AxisFields:
             axis[column.name] = column.default
         for field, value in model.firmware.items():
             setattr(axis, field, value)
+        if model.factor_group is not None:
+            apply_factor_group(model.factor_group, self._values, axis)
         for parameter in model.axis_parameters:
             self._apply(parameter)
         self._apply_communication_loss()
@@ -81,6 +97,10 @@ class AxisFields:
         if parameter.behaviour is Behaviour.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
+        if model.factor_group is not None and parameter.pnu in model.factor_group.parameters:
+            apply_factor_group(model.factor_group, self._values, self._handle.axis)
+            self._apply_scaled("velocity")
+            self._apply_scaled("acceleration")
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
         if int(self._handle.axis.shows):
@@ -98,6 +118,10 @@ class AxisFields:
             axis.opmode = telegram.opmode
         slots = {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
         axis.task_form = telegram.tasks
+        if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
+            axis.task_form = TASKS_TABLE
+        axis.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (TORQUE_LIMIT_NEGATIVE in slots) << 1
+        axis.servo_control = XERR in slots and KPC in slots
         axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         axis.feedrate_signal = MT_FEEDRATE in slots
         axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
@@ -116,7 +140,7 @@ class AxisFields:
         for signal in stored:
             parameter = values.model.parameters[signal.number]
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
-            axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >> 31 else raw
+            axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
 
     def bring(self, slot: int) -> None:
         """A set point that no telegram brings was written by its PNU: it counts from now on."""
@@ -132,6 +156,8 @@ class AxisFields:
         """A raw number of a parameter in the unit of its field."""
         if parameter.choices:
             return parameter.choices[raw]
+        if parameter.scale.startswith("float32"):
+            return float_of(raw) * parameter.factor
         if parameter.scale == "2^-n":
             return 2.0**-raw
         if parameter.scale == "position":
@@ -179,6 +205,8 @@ class AxisFields:
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
         """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""
+        if parameter.scale.startswith("float32"):
+            return float_bits(physical / parameter.factor)
         if not isfinite(physical):
             return parameter.default
         if parameter.scale == "position":
@@ -219,6 +247,8 @@ class AxisFields:
         return chosen / raw(units.scaling)
 
     def _factor(self, parameter: Parameter) -> float:
+        if parameter.scale == "velocity":
+            return float(self._handle.axis.velocity_step)
         if parameter.scale == "acceleration":
             return float(self._handle.axis.acceleration_step)
         if parameter.scale.endswith("torque-constant"):

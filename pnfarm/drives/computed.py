@@ -7,8 +7,10 @@ are those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing num
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING
 
+from pnfarm.drives.factor_group import float_bits, float_of
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.drives.telegram import signal_numbers
@@ -32,6 +34,8 @@ LIFE_WARNING = 0x0010
 ENCODER_HEADER = 0x5111
 ENCODER_TYPE = 0x80000000
 ENCODER_LINEAR = 0x00000001
+#: MPRO_FG_TorqueScaleFac.
+TORQUE_FACTOR = 295
 
 
 def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
@@ -233,6 +237,25 @@ def _velocity_error(store: ParameterStore, parameter: Parameter) -> Sequence[int
     return [store.scaled(parameter, float(axis.ramp) - float(axis.velocity))]
 
 
+def _position_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """The following error in position units, as a float32 (Moog MSD manual, table 10.14, P-0414)."""
+    axis = store.handle.axis
+    return [float_bits(float(axis.following_error) / float(axis.position_step))]
+
+
+def _speed_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """What the speed controller sees, in speed units, as a float32 (table 10.13, P-0417)."""
+    axis = store.handle.axis
+    return [float_bits(float(axis.ramp - axis.velocity) / float(axis.velocity_step))]
+
+
+def _torque(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """The torque in units of P-0295 (table 15.1, P-1273)."""
+    factor = float_of(store.raw(TORQUE_FACTOR))
+    value = float(store.handle.axis.torque) / factor if factor else 0.0
+    return [round(value) if isfinite(value) else 0]
+
+
 def _timeout(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     return [store.watchdog_ns // 1_000_000]
 
@@ -295,6 +318,9 @@ COMPUTED: dict[str, _Function] = {
     "shaft-position": _shaft_position,
     "velocity-error": _velocity_error,
     "timeout": _timeout,
+    "position-difference": _position_difference,
+    "speed-difference": _speed_difference,
+    "torque": _torque,
     "signals": _signals,
     "setpoint-signals": _setpoint_signals,
     "actual-signals": _actual_signals,

@@ -10,7 +10,9 @@ from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from pnfarm.drives.consequences import read_consequences
 from pnfarm.drives.data_files import integer, read_toml, required, rows
+from pnfarm.drives.factor_group import FactorGroup, check_factor_group
 from pnfarm.drives.lamps import Lamps
 from pnfarm.drives.model import (
     DIAGNOSIS_CODINGS,
@@ -231,7 +233,9 @@ def _access(
     for signal in signals.values():
         shown = parameters.get(signal.number)
         if signal.stored and (
-            shown is None or shown.behaviour is not Behaviour.STORED or 8 * shown.octets != signal.bits
+            shown is None
+            or shown.behaviour not in {Behaviour.STORED, Behaviour.FIELD}
+            or 8 * shown.octets != signal.bits
         ):
             raise ConfigError(
                 f"{path.parent / 'telegrams.toml'}, signal {signal.number}: no stored parameter of its length"
@@ -247,6 +251,25 @@ def _lamps(facts: Mapping[str, Fact] | None, where: str) -> Lamps | None:
         raise ConfigError(f"{where}: each state has as many entries as there are names")
     lamps: Lamps = _build(Lamps, facts, where)
     return lamps
+
+
+def _factor_group(
+    facts: Mapping[str, Fact] | None, parameters: Mapping[int, Parameter], where: str
+) -> FactorGroup | None:
+    return None if facts is None else check_factor_group(_build(FactorGroup, facts, where), parameters, where)
+
+
+def _parameter_texts(
+    facts: Mapping[str, Fact], parameters: Mapping[int, Parameter], where: str
+) -> dict[int, tuple[str, ...]]:
+    """PNU -> a text for each element of an array."""
+    found: dict[int, tuple[str, ...]] = {}
+    for key, fact in facts.items():
+        parameter = parameters.get(integer(key, where, "pnu"))
+        if parameter is None or len(fact.value) != parameter.elements:
+            raise ConfigError(f"{where}: {key} is no array, or not of {len(fact.value)} elements")
+        found[parameter.pnu] = fact.value
+    return found
 
 
 def _diagnoses(facts: Mapping[str, Fact], faults: Mapping[int, Fault], limits: Limits, where: str) -> dict[int, int]:
@@ -312,9 +335,11 @@ def load_model(folder: Path) -> Model:
             "description_file",
             "diagnosis",
             "diagnosis_coding",
+            "factor_group",
             "following_error",
             "lamps",
             "motion_tasks",
+            "parameter_texts",
             "position_units",
             "parameter_words",
             "sign_of_life",
@@ -363,6 +388,9 @@ def load_model(folder: Path) -> Model:
         following_error=error,
         motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),
         position_units=_position_units(sections.get("position_units"), parameters, f"{path}, position_units"),
+        factor_group=_factor_group(sections.get("factor_group"), parameters, f"{path}, factor_group"),
+        parameter_texts=_parameter_texts(sections.get("parameter_texts", {}), parameters, f"{path}, parameter_texts"),
+        consequences=read_consequences(data.get("consequence", ()), parameters, str(path)),
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),

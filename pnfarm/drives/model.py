@@ -19,6 +19,8 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.axis import FAULT_WORDS, REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
+    from pnfarm.drives.consequences import Consequence
+    from pnfarm.drives.factor_group import FactorGroup
     from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.motor_kinds import MotorKind
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
@@ -314,6 +316,10 @@ class Model:
     following_error: FollowingError | None
     motion_tasks: MotionTaskParameters | None
     position_units: PositionUnits | None
+    factor_group: FactorGroup | None
+    consequences: tuple[Consequence, ...]
+    #: Texts of an array's elements.
+    parameter_texts: Mapping[int, tuple[str, ...]]
     description_file: DescriptionFile | None
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]

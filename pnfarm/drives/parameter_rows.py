@@ -34,12 +34,16 @@ _FORMS = {"Float": Form.FLOAT, "String": Form.TEXT}
 #: velocity reference value; ``rated-torque`` is a percentage of it.
 #: ``torque-constant`` and ``-torque-constant`` are thousandths of an ampere times the motor's torque constant; the
 #: default of such a parameter leaves it to motor and drive.
+#: ``velocity`` is times what NSOLL_A counts in; with ``float32`` the raw number is the bits of one, and ``float32*``
+#: stands in front of what it is multiplied by.
 #: A number followed by ``/n`` is divided by the raw number: a rate given for a time.
 _NAMED_SCALES = {
-    "-torque-constant", "2^-n", "acceleration", "jog/n", "position", "rated-torque", "reference/n", "torque-constant",
+    "-torque-constant", "2^-n", "acceleration", "float32", "jog/n", "position", "rated-torque", "reference/n",
+    "torque-constant", "velocity",
 }  # fmt: skip
 #: Behind a factor: divided by the pitch of the linear motor at hand, so that the factor stands in mm.
 PER_PITCH = "/pitch"
+FLOAT_TIMES = "float32*"
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
     "source", "values_source", "note",
@@ -67,7 +71,7 @@ def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
 def _factor(scale: str, where: str) -> float:
     if scale in _NAMED_SCALES or not scale or "|" in scale:
         return 1.0
-    numerator, _, denominator = scale.removesuffix(PER_PITCH).partition("/")
+    numerator, _, denominator = scale.removeprefix(FLOAT_TIMES).removesuffix(PER_PITCH).partition("/")
     try:
         factor = float(numerator) / (1.0 if denominator == "n" else float(denominator or 1))
     except (ValueError, ZeroDivisionError):

@@ -155,6 +155,7 @@ class ParameterStore:
             self._values.write(target, subindex, values)
             if not target.after_power_on:
                 self._axis.apply_written(target)
+            self._bring_about(target.pnu, subindex, values)
             if self._axis.position_units() != units:
                 self._axis.carry_places(units)
                 if self._tasks is not None:
@@ -360,6 +361,14 @@ class ParameterStore:
         self._values.current[parameter.pnu] = self._selection.checked(parameter, subindex, values)
         self._axis.apply_telegram()
         self._events.append(TelegramChanged(self.telegram_number))
+
+    def _bring_about(self, pnu: int, subindex: int, values: Sequence[int]) -> None:
+        """What the manual says that this does to other parameters."""
+        for consequence in self.model.consequences:
+            if consequence.follows(pnu, subindex, values):
+                other = self.model.parameters[consequence.other]
+                self._values.write(other, consequence.other_subindex, [consequence.to])
+                self._axis.apply_written(other)
 
     def _apply_all(self) -> None:
         self._axis.apply_all()

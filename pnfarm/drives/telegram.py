@@ -105,7 +105,7 @@ class Module:
 
 
 #: How a telegram brings traversing tasks: names of ``TASKS_*``, by number.
-TASK_FORMS = ("none", "mdi", "pos-stw", "target-position")
+TASK_FORMS = ("none", "mdi", "pos-stw", "target-position", "driving-set")
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.fault_targets_cm import CmTarget
+from pnfarm.farm.fault_targets_machine import MachineTarget
 from pnfarm.faults.carrier import Carriers
 from pnfarm.faults.gate import DelayRule, GatedLink, GateRule
 from pnfarm.faults.manager import FaultManager
@@ -51,9 +52,6 @@ if TYPE_CHECKING:
 
 __all__ = ["StationTarget", "add_impairments", "attach_faults"]
 
-#: Bits of the axis's ``limit_switch``.
-_LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
-
 
 class _HeldChannel(ParameterChannel):
     """A parameter channel whose responses ``asked()`` may hold back."""
@@ -81,11 +79,12 @@ class _HeldChannel(ParameterChannel):
         return self.inner.read_response(maximum)
 
 
-class StationTarget(CmTarget):
+class StationTarget(CmTarget, MachineTarget):
     """A :class:`~pnfarm.faults.target.FaultTarget` over one station."""
 
     def __init__(self, core: FarmCore, station: DriveStation, gate: GatedLink, carriers: Carriers) -> None:
-        super().__init__(core, station)
+        CmTarget.__init__(self, core, station)
+        MachineTarget.__init__(self, station.handle)
         self._gate = gate
         self._carriers = carriers
         self._now = 0
@@ -97,7 +96,6 @@ class StationTarget(CmTarget):
         self._off = 0
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
-        self._limits: Counter[str] = Counter()
         self._commands: deque[tuple[int, int]] = deque()
         #: Torque, inertia and friction that faults put on the shaft.
         self._load = [0.0, 0.0, 0.0]
@@ -372,19 +370,6 @@ class StationTarget(CmTarget):
     def limit_warning(self, side: str) -> Fault | None:
         cause = f"limit-switch-{side}"
         return next((fault for fault in self._station.model.faults.values() if fault.cause == cause), None)
-
-    def reach_limit(self, side: str) -> None:
-        self._limits[side] += 1
-        self._put_limits()
-
-    def leave_limit(self, side: str) -> None:
-        self._limits[side] -= 1
-        self._put_limits()
-
-    def _put_limits(self) -> None:
-        """The switches belong to the machine: the drive's supply changes nothing of them."""
-        reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
-        self._station.handle.axis.limit_switch = reached
 
     def _show_warning(self, code: int, fault: Fault) -> None:
         """A drive shows one warning, so that only the last word counts."""

@@ -309,6 +309,32 @@ _ALL = (
         preset={"torque": 0.0, "inertia": 0.0, "friction": 1e9},
     ),
     FaultKind(
+        "not-ready",
+        "drive",
+        "Something that the drive needs is taken away, and nothing is broken: it coasts, and cannot be switched on "
+        "before this ends.",
+        "taking it away",
+        "not-ready",
+        {
+            "missing": ParamSpec(
+                "word",
+                "The hardware enable (ENPO of a Moog MSD), or the power supply of the DC link.",
+                default="enable",
+                words={"enable": 0, "supply": 1},
+            )
+        },
+        takes=_HELD,
+    ),
+    FaultKind(
+        "digital-input",
+        "drive",
+        "A digital input of the drive is on: a switch, a touch probe.",
+        "switching it on",
+        "digital-input",
+        {"input": ParamSpec("whole number", "Which one, from 0.", required=True, low=0, high=31)},
+        takes=_HELD,
+    ),
+    FaultKind(
         "power-cycle",
         "drive",
         "The control supply goes off and comes back; the drive boots with what its memory kept.",

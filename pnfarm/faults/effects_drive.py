@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec
     from pnfarm.faults.target import Evidence, FaultTarget
 
-__all__ = ["DriveFaultEffect", "LimitSwitchEffect", "PowerCycleEffect", "WarningEffect"]
+__all__ = ["DriveFaultEffect", "LimitSwitchEffect", "PowerCycleEffect", "ShownEffect", "WarningEffect"]
 
 #: ZSW1 (PROFIdrive profile, status word 1).
 FAULT_PRESENT = 3
@@ -20,8 +20,8 @@ WARNING_PRESENT = 7
 LOOK_NS = 50_000_000
 
 
-class _Shown(Effect):
-    """A fault or warning that is confirmed by a status bit in a cyclic frame."""
+class ShownEffect(Effect):
+    """What is confirmed by a status bit, ``bit`` of ZSW1, in a cyclic frame."""
 
     bit = FAULT_PRESENT
 
@@ -57,7 +57,7 @@ class _Shown(Effect):
         return self._due
 
 
-class DriveFaultEffect(_Shown):
+class DriveFaultEffect(ShownEffect):
     """drive-fault, f702 and the faults named by their cause."""
 
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
@@ -121,7 +121,7 @@ class DriveFaultEffect(_Shown):
             self.target.release_fault(self._fault)
 
 
-class WarningEffect(_Shown):
+class WarningEffect(ShownEffect):
     """drive-warning."""
 
     bit = WARNING_PRESENT
@@ -158,7 +158,7 @@ class WarningEffect(_Shown):
             self.target.unwarn(self._warning)
 
 
-class LimitSwitchEffect(_Shown):
+class LimitSwitchEffect(ShownEffect):
     """limit-switch: the axis stands on it, and the drive warns if its manual names a warning."""
 
     bit = WARNING_PRESENT

@@ -36,6 +36,7 @@ from pnfarm.faults.effects_connection import (
     RpcDelayEffect,
 )
 from pnfarm.faults.effects_drive import DriveFaultEffect, LimitSwitchEffect, PowerCycleEffect, WarningEffect
+from pnfarm.faults.effects_inputs import InputEffect, NotReadyEffect
 from pnfarm.faults.effects_machine import LoadEffect
 from pnfarm.faults.plan import FaultSpec, matching
 from pnfarm.faults.target import NOTHING, Evidence
@@ -74,6 +75,8 @@ _EFFECTS: Mapping[str, type[Effect]] = {
     "drive-fault": DriveFaultEffect,
     "drive-warning": WarningEffect,
     "limit-switch": LimitSwitchEffect,
+    "not-ready": NotReadyEffect,
+    "digital-input": InputEffect,
     "load": LoadEffect,
     "power-cycle": PowerCycleEffect,
 }

@@ -394,6 +394,22 @@ class FaultTarget(Protocol):
         """Whether a cyclic frame left at or after ``since``."""
         ...
 
+    def lack(self, what: str) -> None:
+        """Take ``enable`` or ``supply`` away from the drive, until each caller has called :meth:`regain`."""
+        ...
+
+    def regain(self, what: str) -> None:
+        """Undo one :meth:`lack`."""
+        ...
+
+    def switch_input(self, number: int) -> None:
+        """Put a digital input of the drive on, until each caller has called :meth:`release_input`."""
+        ...
+
+    def release_input(self, number: int) -> None:
+        """Undo one :meth:`switch_input`."""
+        ...
+
     def sent_status(self, bit: int, since: int) -> bool:
         """Whether a cyclic frame that left at or after ``since`` has ``bit`` of ZSW1 set."""
         ...

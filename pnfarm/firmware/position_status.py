@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
-from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.axis import FAULT_SLOTS, TASKS_TABLE
 from pnfarm.table.compiled import compiled
 
 __all__ = [
@@ -112,7 +112,12 @@ def second_position_word(axis: Any) -> int:
 
 @compiled
 def running_task(axis: Any) -> int:
-    """The number of the motion task at hand; 0 for none, and for one that the telegram brings."""
+    """The number of the motion task at hand; 0 for none, and for one that the telegram brings.
+
+    Of driving sets the last one that was started (Moog MSD manual, table 8.6: the actual set).
+    """
+    if axis.task_form == TASKS_TABLE:
+        return max(0, int(axis.task))
     return int(axis.task) if _has_task(axis) and axis.task > 0 else 0
 
 

@@ -10,6 +10,7 @@ INTERMEDIATE_STOP   STW1.5 = 0: braked, the task waits
 BRAKING             rejected (STW1.4 = 0), homing or jogging ended
 HOMING              STW1.11 = 1
 JOG                 STW1.8 or STW1.9, or real-time jogging
+FOLLOWING           STW1.4 to 6 = 1 in the interpolating mode (Moog MSD manual 10.6)
 HALTED              a parameter ended the task (AKD: DRV.STOP), which another one can continue
 ==================  ========================================================
 
@@ -24,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.firmware.interpolation import begin_interpolation, follows, interpolates, step_interpolation
 from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.firmware.tasks import select_task
@@ -34,6 +36,7 @@ from pnfarm.table.axis import (
     JOG_MINUS,
     JOG_NONE,
     JOG_REAL_TIME,
+    JOG_SEQUENCE,
     MOTION_HALTED,
     PROFILE_STOP,
     PROFILE_TARGET,
@@ -50,6 +53,7 @@ from pnfarm.table.compiled import compiled
 
 __all__ = [
     "BRAKING",
+    "FOLLOWING",
     "HALTED",
     "HOMING",
     "INTERMEDIATE_STOP",
@@ -73,7 +77,8 @@ BRAKING = 4
 HOMING = 5
 JOG = 6
 HALTED = MOTION_HALTED
-STATES = 8
+FOLLOWING = 8
+STATES = 9
 
 # Events.
 LEAVE = 0  # operation ends
@@ -90,7 +95,9 @@ OVER = 10  # the profile stands where it was to end
 BLOCKED = 11  # it runs into a limit switch
 HALT = 12  # a parameter ends what runs
 CONTINUE = 13  # a parameter goes on with the halted task
-EVENTS = 14
+FOLLOW = 14  # positions of each cycle lead the axis
+UNFOLLOW = 15  # they do not
+EVENTS = 16
 
 TRANSITIONS: dict[tuple[int, int], int] = {
     (OUT, ENTER): STANDBY,
@@ -130,11 +137,17 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     # jogging
     (JOG, LEAVE): OUT,
     (JOG, JOG_OFF): BRAKING,
+    # following positions of each cycle
+    (STANDBY, FOLLOW): FOLLOWING,
+    (FOLLOWING, LEAVE): OUT,
+    (FOLLOWING, UNFOLLOW): BRAKING,
+    (FOLLOWING, HOME): HOMING,
 }
 
 #: Which event wins when several hold.
 PRIORITY = (
-    LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, HALT, PAUSE, RESUME, CONTINUE, START, HOME, JOG_ON, OVER, ENTER,
+    LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, UNFOLLOW, HALT, PAUSE, RESUME, CONTINUE, START, HOME, JOG_ON, FOLLOW,
+    OVER, ENTER,
 )  # fmt: skip
 
 REJECT_BIT = 0x0010  # STW1.4, 0 = reject
@@ -175,6 +188,8 @@ def _can_start(axis: Any) -> bool:
         return False
     if axis.home_required and not axis.homed:
         return False
+    if axis.asked_endless:
+        return not _limited(axis, -1.0 if axis.asked_backwards else 1.0)
     target = _asked_target(axis)
     return _within_limits(axis, target) and not _limited(axis, target - axis.commanded_position)
 
@@ -207,7 +222,9 @@ def fastest(axis: Any, velocity: float, forwards: bool) -> float:
 
 @compiled
 def _fastest_there(axis: Any, velocity: float) -> float:
-    """A velocity on the way to the target, within its limits."""
+    """A velocity on the way to the target, or of a task without one, within its limits."""
+    if axis.task_endless:
+        return fastest(axis, velocity, not axis.task_backwards)
     return fastest(axis, velocity, axis.target >= axis.commanded_position)
 
 
@@ -223,6 +240,8 @@ def _start_task(axis: Any) -> None:
     axis.target = _asked_target(axis)
     axis.task = axis.asked_task
     axis.over_ns = 0
+    axis.task_endless = axis.asked_endless
+    axis.task_backwards = axis.asked_backwards
     axis.task_top = _fastest_there(axis, axis.asked_velocity)
     _take_ramps(axis, axis.task_top, axis.asked_acceleration, axis.asked_deceleration)
     axis.target_reached = 0
@@ -243,7 +262,11 @@ def _aim(axis: Any) -> None:
     """Towards the target of the task at hand; what passes it does not brake for it."""
     axis.task_velocity = _fastest_there(axis, axis.task_top * axis.override)
     axis.profile = PROFILE_TARGET
-    if _passes(axis) and axis.target != axis.commanded_position:
+    if axis.task_endless:
+        axis.profile = PROFILE_VELOCITY
+        if axis.task_backwards:
+            axis.task_velocity = -axis.task_velocity
+    elif _passes(axis) and axis.target != axis.commanded_position:
         axis.profile = PROFILE_VELOCITY
         if axis.target < axis.commanded_position:
             axis.task_velocity = -axis.task_velocity
@@ -254,6 +277,7 @@ def _start_homing(axis: Any) -> None:
     """To the next zero mark of the encoder in the direction of homing: there is no machine with a switch."""
     axis.homed = 0
     axis.home_seen = 1
+    axis.task_endless = 0
     axis.home_error = 0
     axis.target_reached = 0
     axis.home_command = 0
@@ -290,6 +314,10 @@ def _jog(axis: Any) -> None:
         velocity = -axis.asked_velocity if axis.asked_backwards else axis.asked_velocity
         up = axis.asked_acceleration
         down = axis.asked_deceleration
+    elif axis.jog == JOG_SEQUENCE:
+        velocity = axis.jog_speed
+        up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.ramp_up
+        down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.ramp_down
     else:
         velocity = axis.jog_velocity[0]
         if axis.jog == JOG_MINUS:
@@ -312,15 +340,20 @@ def _jog(axis: Any) -> None:
 def _held(axis: Any, enabled: bool, waits: bool) -> int:
     """The events that hold now, as a bit set.  A task that ``waits`` for the one behind it is not over."""
     held = 1 << (ENTER if enabled else LEAVE)
-    stw1 = axis.stw1
+    stw1 = int(axis.stw1)
+    if axis.feed_free:
+        stw1 |= PAUSE_BIT
     if not stw1 & REJECT_BIT:
         held |= 1 << REJECT
     held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
-    if axis.asked and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT) and _can_start(axis):
+    held |= 1 << (FOLLOW if follows(axis) else UNFOLLOW)
+    ready = not interpolates(axis) and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT)
+    if axis.asked and ready and _can_start(axis):
         held |= 1 << START
     if axis.motion_seen & HOME_BIT and not stw1 & HOME_BIT:
         held |= 1 << HOME_OFF
-    if axis.home_command or (stw1 & HOME_BIT and not axis.home_seen):
+    rises = not axis.home_by_edge or not axis.motion_seen & HOME_BIT
+    if axis.home_command or (stw1 & HOME_BIT and not axis.home_seen and rises):
         held |= 1 << HOME
     if axis.jog == JOG_NONE:
         held |= 1 << JOG_OFF
@@ -368,7 +401,15 @@ def _advance(axis: Any, held: int) -> int:
         elif event == RESUME or event == CONTINUE:  # noqa: PLR1714, SIM109 - a tuple in compiled code would allocate
             _aim(axis)
         elif event == HOME:
+            if axis.motion == FOLLOWING:
+                begin_profile(axis)
             _start_homing(axis)
+        elif event == FOLLOW:
+            begin_interpolation(axis)
+        elif event == UNFOLLOW:
+            begin_profile(axis)
+            _take_ramps(axis, 0.0, axis.ramp_up, axis.ramp_down)
+            axis.profile = PROFILE_STOP
         elif event != OVER:
             axis.profile = PROFILE_STOP
         axis.motion = following
@@ -406,7 +447,7 @@ def _follow_on(axis: Any, now: int) -> bool:
 @compiled
 def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: what the controller asks for, and what becomes of it."""
-    enabled = axis.state == 4 and axis.opmode == 2 and not brake_holds(axis)
+    enabled = axis.state == 4 and axis.opmode == 2 and not axis.servo_control and not brake_holds(axis)
     waits = enabled and _follow_on(axis, now)
     event = _advance(axis, _held(axis, enabled, waits))
     if enabled and axis.asked:
@@ -433,5 +474,8 @@ def positioning_command(axis: Any, seconds: float) -> float:
     """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
     # both places of the same moment, the beginning of the step
     error = axis.commanded_position - axis.measured_position
-    step_profile(axis, seconds)
+    if axis.motion == FOLLOWING:
+        step_interpolation(axis, seconds)
+    else:
+        step_profile(axis, seconds)
     return axis.profile_velocity + axis.position_gain * error * RPM

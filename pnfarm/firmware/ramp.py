@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.hindrances import at_once, quick_stop_ramp
+from pnfarm.firmware.interpolation import servo_command
 from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.positioning import OUT, fastest, positioning_command
 from pnfarm.firmware.service_motion import service_setpoint
-from pnfarm.table.axis import RAMP_ABSENT, RAMP_PASSED_BY
+from pnfarm.table.axis import JOG_SEQUENCES, RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["approach", "limited", "velocity_command"]
@@ -17,6 +19,7 @@ RAMP_UNFROZEN = 0x0020  # STW1.5
 SETPOINT_ENABLED = 0x0040  # STW1.6
 JOG_1 = 0x0100  # STW1.8
 JOG_2 = 0x0200  # STW1.9
+QUICK_STOP = 2  # axis.stop
 
 
 @compiled
@@ -52,7 +55,12 @@ def limited(axis: Any, target: float) -> float:
 
 @compiled
 def _jogs(axis: Any) -> bool:
-    """Whether the axis jogs: it begins at standstill with STW1.4 to 6 at zero, and ends there without STW1.8 and 9."""
+    """Whether the axis jogs: it begins at standstill with STW1.4 to 6 at zero, and ends there without STW1.8 and 9.
+
+    A drive of sequences says so itself (:mod:`pnfarm.firmware.jog`).
+    """
+    if axis.jog_form == JOG_SEQUENCES:
+        return axis.jog_sequence != 0
     stw1 = axis.stw1
     if axis.ramp_generator == RAMP_ABSENT or stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED):
         axis.jogging = 0
@@ -68,13 +76,25 @@ def _jog_command(axis: Any, seconds: float) -> None:
     """The velocity command of a jog, along ramps of its own; both jog bits at once ask for standstill."""
     bits = axis.stw1 & (JOG_1 | JOG_2)
     target = 0.0
-    if bits == JOG_1:
+    if axis.jog_form == JOG_SEQUENCES:
+        target = axis.jog_speed
+    elif bits == JOG_1:
         target = axis.jog_velocity[0]
     elif bits == JOG_2:
         target = axis.jog_velocity[1]
-    up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
-    down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
+    up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.ramp_up
+    down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.ramp_down
     axis.ramp = approach(axis.ramp, limited(axis, target), up, down, seconds)
+
+
+@compiled
+def _servo(axis: Any, seconds: float) -> None:
+    """Dynamic servo control; STW1.4 to 6 work as for a speed that passes the ramp generator by."""
+    stw1 = int(axis.stw1)
+    if stw1 & SETPOINT_ENABLED and stw1 & RAMP_UNFROZEN and stw1 & RAMP_ENABLED:
+        axis.ramp = limited(axis, servo_command(axis))
+    elif not stw1 & RAMP_ENABLED or stw1 & RAMP_UNFROZEN:
+        axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
 
 
 @compiled
@@ -89,6 +109,11 @@ def velocity_command(axis: Any, seconds: float) -> None:
             down = axis.ramp_down
         elif axis.opmode == 2 and axis.position_stop_deceleration > 0.0:
             down = axis.position_stop_deceleration
+        if axis.stop == QUICK_STOP:
+            if at_once(axis):
+                axis.ramp = 0.0
+                return
+            down = quick_stop_ramp(axis, down)
         axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
         return
     if axis.state != 4:
@@ -101,6 +126,9 @@ def velocity_command(axis: Any, seconds: float) -> None:
         return
     if axis.motion != OUT:
         axis.ramp = limited(axis, positioning_command(axis, seconds))
+        return
+    if axis.servo_control and axis.opmode == 2:
+        _servo(axis, seconds)
         return
     if axis.opmode != 1:
         axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)

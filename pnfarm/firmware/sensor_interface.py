@@ -29,6 +29,7 @@ import numpy as np
 from pnfarm.firmware.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
 from pnfarm.firmware.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array
+from pnfarm.table.axis import SENSOR_PARKING
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
 
@@ -43,7 +44,7 @@ REFERENCE_VALUE = 4
 WAIT_MARK = 5
 WAIT_MEASURED = 10
 MEASURED_VALUE = 11
-PARKING = 12
+PARKING = SENSOR_PARKING
 STATES = 13
 
 # Events.

@@ -16,7 +16,8 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
-from pnfarm.table.axis import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD
+from pnfarm.firmware.status_forms import moog_second_word
+from pnfarm.table.axis import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD, STATUS_MOOG
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import STW2, ZSW2
 
@@ -47,6 +48,8 @@ def second_status_word(axis: Any) -> int:
     HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
     """
     word = int(axis.life_sent) << SHIFT
+    if axis.status_form == STATUS_MOOG:
+        return word | moog_second_word(axis)
     if axis.state >= 4:
         word |= int(axis.pulses_enabled)
     return word

@@ -50,7 +50,8 @@ READY = 7  # STW1.0 = 0, 1 = 1, 2 = 1 and no fault
 STANDSTILL = 8  # the axis stands
 TRIP = 9  # a fault without a controlled stop
 TRIP_STOP = 10  # a fault with a controlled stop
-EVENTS = 11
+RELEASED = 11  # STW1.2 = 1 again, where the drive stays in its quick stop (Moog MSD manual, table 10.7, transition 10)
+EVENTS = 12
 
 #: Row by row as in the profile's figure: where each state goes on which event.
 TRANSITIONS: dict[tuple[int, int], int] = {
@@ -90,6 +91,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     (S5_QUICK, TRIP_STOP): S5_FAULT,
     (S5_QUICK, COAST): S1,
     (S5_QUICK, STANDSTILL): S1,
+    (S5_QUICK, RELEASED): S4,
     (S5_QUICK, DISABLE): S1,
     # switching off: fault reaction
     (S5_FAULT, TRIP): S1,
@@ -98,7 +100,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
 }
 
 #: Which event wins when several hold: faults, then the stops from the hardest to the softest.
-PRIORITY = (BOOTED, TRIP, TRIP_STOP, COAST, QUICK, OFF, DISABLE, STANDSTILL, READY, ON, ENABLE)
+PRIORITY = (BOOTED, TRIP, TRIP_STOP, COAST, QUICK, OFF, DISABLE, STANDSTILL, RELEASED, READY, ON, ENABLE)
 
 _NEXT = as_array(TRANSITIONS, STATES, EVENTS)
 _PRIORITY = np.array(PRIORITY, np.int64)

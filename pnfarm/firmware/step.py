@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
+from pnfarm.firmware.hindrances import take_hindrances, with_hindrances
+from pnfarm.firmware.interpolation import take_cyclic
+from pnfarm.firmware.jog import take_jog
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
 from pnfarm.firmware.position_status import position_bits
@@ -14,9 +17,11 @@ from pnfarm.firmware.sensor_interface import step_sensor
 from pnfarm.firmware.service_motion import step_service
 from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
+from pnfarm.firmware.status_forms import moog_word, take_generator
 from pnfarm.firmware.tasks import take_task
 from pnfarm.firmware.telegram import from_setpoints, to_actuals
-from pnfarm.table.axis import DISABLE_AT_ONCE, FAULT_SLOTS, REACTION_QUICK_STOP
+from pnfarm.firmware.torque_limits import take_torque_limits
+from pnfarm.table.axis import DISABLE_AT_ONCE, FAULT_SLOTS, REACTION_QUICK_STOP, STATUS_MOOG
 from pnfarm.table.compiled import compiled
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
@@ -61,7 +66,7 @@ def _status_word(axis: Any) -> int:
             word |= 0x0100  # velocity error within range
         if abs(axis.setpoint - axis.velocity) <= axis.velocity_window:
             word |= 0x0400  # target velocity reached
-    return word
+    return moog_word(axis, word) if axis.status_form == STATUS_MOOG else word
 
 
 @compiled
@@ -80,8 +85,10 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
     elif axis.loss_delay_ns > 0 and axis.telegram_ns != 0 and now - axis.telegram_ns >= axis.loss_delay_ns:
         axis.telegram_ns = 0
         raise_fault(axis, axis.loss_fault, now)
-    word = image.received[STW1] & 0xFFFF if valid else 0
-    if valid and not word & CONTROL_BY_PLC:
+    # a drive that another one controls does not hear its controller
+    heard = valid and axis.control_location == axis.bus_location
+    word = image.received[STW1] & 0xFFFF if heard else 0
+    if heard and not word & CONTROL_BY_PLC:
         # the other bits are not taken over; an edge of bit 7 is none either
         axis.stw1_seen = word
         return
@@ -89,7 +96,7 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
         acknowledge(axis)
     axis.stw1_seen = word
     axis.stw1 = word
-    if valid:
+    if valid and axis.reference_source == axis.bus_source:
         from_setpoints(axis, image)
     else:
         axis.setpoint = 0.0
@@ -142,8 +149,13 @@ def step(axis: Any, image: Any, now: int) -> None:
     if axis.holding_brake > 0.0 and axis.state == 5 and not brake_holds(axis):
         # the power stage holds the axis until the brake does
         standing = False
+    take_hindrances(axis)
+    take_torque_limits(axis, image)
     take_task(axis, image)
-    advance(axis, conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS))
+    held = conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS)
+    advance(axis, with_hindrances(axis, held, stw1, faulty))
+    take_jog(axis)
+    take_cyclic(axis, image, now)
     step_service(axis, now)
     take_motion(axis, now)
     if axis.state >= 4:
@@ -161,6 +173,7 @@ def step(axis: Any, image: Any, now: int) -> None:
         step_motor(axis, axis.state >= 4, seconds)
     watch_motor(axis, now)
     watch_warnings(axis)
+    take_generator(axis)
     axis.zsw1 = _status_word(axis)
     to_actuals(axis, image)
     step_sensor(axis, image)

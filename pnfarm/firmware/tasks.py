@@ -7,10 +7,13 @@ from typing import Any
 from pnfarm.table.axis import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
+    DRIVING_SETS,
     JOG_MINUS,
     JOG_NONE,
     JOG_PLUS,
     JOG_REAL_TIME,
+    JOG_SEQUENCE,
+    JOG_SEQUENCES,
     MOTION_TASKS,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,
@@ -21,6 +24,7 @@ from pnfarm.table.axis import (
     TASKS_MDI,
     TASKS_NONE,
     TASKS_POS_STW,
+    TASKS_TABLE,
     TASKS_TARPOS,
 )
 from pnfarm.table.compiled import compiled
@@ -53,12 +57,15 @@ RELATIVE = 0x1000  # STW1.12, Moog MSD manual 10.2.1
 REAL_TIME_JOG = 0x1000  # STW1.12, AKD PROFINET manual 5.4
 BACKWARDS = 0x2000  # STW1.13, as above
 NO_HANDSHAKE = 0x2000  # STW1.13, Moog MSD manual 10.2.1
+ENDLESS = 0x4000  # STW1.14, as above
 MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15
 NUMBER = 0x7FFF  # SATZANW: the other bits
 ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8
 HERE = 0x0002  # POS_STW2.1
 
+#: A task runs (``motion``; the table of :mod:`pnfarm.firmware.positioning`).
+MOTION_TASK = 2
 #: DRV.OPMODE of position mode.
 POSITION_MODE = 2
 #: MT_FEEDRATE of 100 %.
@@ -77,6 +84,8 @@ def ramp_step(own: float, jog: float, ramp: float) -> float:
 
 @compiled
 def _jog_asked(axis: Any, stw1: int) -> int:
+    if axis.jog_form == JOG_SEQUENCES:
+        return JOG_SEQUENCE if axis.jog_sequence else JOG_NONE
     if axis.real_time_jog and stw1 & REAL_TIME_JOG:
         return JOG_REAL_TIME
     if axis.control_config & CONFIG_PROFILE_JOG and stw1 & JOG_EXCLUDES:
@@ -151,15 +160,34 @@ def _take_data(axis: Any, image: Any, step: float) -> None:
 
 @compiled
 def _take_target(axis: Any, image: Any, step: float) -> None:
-    """The task of TASKS_TARPOS: a target, and STW1.12 and 13 beside it."""
-    stw1 = axis.stw1
-    axis.asked_relative = 1 if stw1 & RELATIVE else 0
-    axis.asked_velocity = abs(image.received[VELOCITY_A] * axis.task_velocity_step)
+    """A target of the telegram, or a driving set's, with the telegram's velocity and the ramps in force.
+
+    Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, and the feed enable means nothing; STW1.14
+    runs at the velocity, in the direction of its sign, without an end.
+    """
+    stw1 = int(axis.stw1)
+    axis.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
+    position = image.received[TARPOS_A] * step
+    if axis.task_form == TASKS_TABLE:
+        number = int(image.received[SATZANW]) & NUMBER
+        if number >= DRIVING_SETS:
+            axis.asked = 0
+            return
+        axis.asked_task = number
+        position = axis.set_position[number] * step
+    relative = 1 if stw1 & RELATIVE else 0
+    velocity = image.received[VELOCITY_A] * axis.task_velocity_step
+    if stw1 & NO_HANDSHAKE and stw1 & START_BIT == axis.motion_seen & START_BIT:
+        runs = axis.motion == MOTION_TASK and not relative
+        other = abs(velocity) != axis.asked_velocity or (velocity < 0.0) != (axis.asked_backwards != 0)
+        other = other or axis.ramp_up != axis.asked_acceleration or axis.ramp_down != axis.asked_deceleration
+        axis.asked = 1 if position != axis.asked_position or (runs and other) else 0
+    axis.asked_relative = relative
+    axis.asked_endless = 1 if stw1 & ENDLESS else 0
+    axis.asked_velocity = abs(velocity)
+    axis.asked_backwards = 1 if velocity < 0.0 else 0
     axis.asked_acceleration = axis.ramp_up
     axis.asked_deceleration = axis.ramp_down
-    position = image.received[TARPOS_A] * step
-    if stw1 & NO_HANDSHAKE and stw1 & START_BIT == axis.motion_seen & START_BIT:
-        axis.asked = 1 if position != axis.asked_position else 0
     axis.asked_position = position
 
 
@@ -198,19 +226,24 @@ def take_task(axis: Any, image: Any) -> None:
         return
     axis.jog = JOG_NONE
     axis.mdi = 0
-    if not image.valid or (axis.task_form == TASKS_NONE and axis.opmode != POSITION_MODE):
+    axis.feed_free = 0
+    axis.asked_endless = 0
+    if axis.jog_form == JOG_SEQUENCES:
+        axis.jog = _jog_asked(axis, axis.stw1)
+    here = image.valid and axis.reference_source == axis.bus_source
+    if not here or (axis.task_form == TASKS_NONE and axis.opmode != POSITION_MODE):
         axis.task_command = 0
         return
     axis.jog = _jog_asked(axis, axis.stw1)
     changed = (axis.stw1 ^ axis.motion_seen) & START_BIT
     if changed and (axis.stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
         axis.asked = 1
-    axis.override = 1.0
+    axis.override = axis.speed_override
     axis.asked_base = 0
     target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
     _take_homing(axis, image, target_step)
     axis.asked_task = TASK_MDI
-    if axis.task_form == TASKS_TARPOS:
+    if axis.task_form >= TASKS_TARPOS:
         _take_target(axis, image, target_step)
     else:
         _take_data(axis, image, target_step)

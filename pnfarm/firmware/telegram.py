@@ -19,12 +19,14 @@ from pnfarm.firmware.torque_limits import torque_limited
 from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
+    ACT_CURRENT,
     ACT_SPEED,
     AKTSATZ,
     DRIVE_INPUTS,
     DRIVE_MOTION_STATUS,
     DRV_ACC,
     DRV_DEC,
+    E_DIGITAL,
     FAULT_CODE,
     FIRST_SENT_BACK,
     FIRST_SHOWN,
@@ -155,6 +157,7 @@ def from_setpoints(axis: Any, image: Any) -> None:
         axis.setpoint = image.received[REF_SPEED] * axis.velocity_step
     else:
         axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
+    axis.setpoint *= axis.speed_override
     if axis.setpoint_ignored:
         axis.setpoint = 0.0
     up = image.received[DRV_ACC] & 0xFFFF
@@ -193,6 +196,8 @@ def to_actuals(axis: Any, image: Any) -> None:
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
     image.sent[AKTSATZ] = 0x8000 if axis.mdi else running_task(axis)
+    image.sent[ACT_CURRENT] = np.int64(np.float32(axis.current).view(np.int32))
+    image.sent[E_DIGITAL] = int(axis.digital_inputs) & 0xFFFF
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)

@@ -1,6 +1,7 @@
 """How much torque the motor may give: the drive's peak current, and the limits that parameters set for each direction.
 
-HIWIN E1 manual 6.3 and 3.16 (MELDW.1).
+HIWIN E1 manual 6.3 and 3.16 (MELDW.1).  Moog MSD manual 15 and 14.3: parts of the most torque in 1/1000 by P-1286 to
+P-1288, the last two of which a telegram may bring.
 """
 
 from __future__ import annotations
@@ -8,30 +9,50 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import STW1, TORQUE_LIMIT_POSITIVE
 
-__all__ = ["limited_torque", "torque_limited"]
+__all__ = ["gives_all", "limited_torque", "take_torque_limits", "torque_limited"]
 
 #: A torque nearer to its limit than this share of it is limited.
 ROUNDING = 1e-9
+THOUSANDTH = 0.001
+CONTROL_BY_PLC = 0x0400  # STW1.10
 
 
 @compiled
-def _most(axis: Any, limit: float) -> float:
-    """The least of a direction's limit and what the peak current gives, N m."""
-    return min(limit, axis.torque_constant * axis.peak_current)
+def take_torque_limits(axis: Any, image: Any) -> None:
+    """Once in each step: the parts of the torque by parameters, or by a telegram whose set points count."""
+    for direction in range(2):
+        if not image.valid or not axis.torque_signals & (1 << direction):
+            axis.torque_asked[direction] = axis.torque_shares[direction]
+        elif image.received[STW1] & CONTROL_BY_PLC:
+            axis.torque_asked[direction] = (image.received[TORQUE_LIMIT_POSITIVE + direction] & 0xFFFF) * THOUSANDTH
+
+
+@compiled
+def _most(axis: Any, direction: int) -> float:
+    """The least of a direction's limit and what the peak current gives, N m; direction 0 is forwards."""
+    limit = axis.torque_limit_negative if direction else axis.torque_limit_positive
+    share = min(1.0, axis.torque_scale * axis.torque_asked[direction])
+    return min(limit, axis.torque_constant * axis.peak_current * share)
 
 
 @compiled
 def limited_torque(axis: Any, torque: float) -> float:
     """``torque`` within the limits of its direction, N m."""
-    return max(-_most(axis, axis.torque_limit_negative), min(_most(axis, axis.torque_limit_positive), torque))
+    return max(-_most(axis, 1), min(_most(axis, 0), torque))
+
+
+@compiled
+def gives_all(axis: Any, direction: int, near: float) -> bool:
+    """Whether the motor gives all that it may in this direction, or is as ``near`` to it as this part of it."""
+    if axis.state < 4:
+        return False
+    torque = -axis.torque if direction else axis.torque
+    return torque >= _most(axis, direction) * (1.0 - near)
 
 
 @compiled
 def torque_limited(axis: Any) -> bool:
     """Whether the motor gives all that it may; never with the power stage off."""
-    if axis.state < 4:
-        return False
-    forwards = _most(axis, axis.torque_limit_positive) * (1.0 - ROUNDING)
-    backwards = _most(axis, axis.torque_limit_negative) * (1.0 - ROUNDING)
-    return axis.torque >= forwards or axis.torque <= -backwards
+    return gives_all(axis, 0, ROUNDING) or gives_all(axis, 1, ROUNDING)

@@ -69,15 +69,39 @@ PROFILE_STOP = 0  # come to rest and stay
 PROFILE_TARGET = 1  # be at rest in ``target``
 PROFILE_VELOCITY = 2  # run at ``task_velocity``, which may be negative
 
+# How bits 9 to 15 of ZSW1 and bits 0 to 7 of ZSW2 are used (``status_form``).
+STATUS_PROFILE = 0
+STATUS_MOOG = 1  # Moog MSD manual, tables 10.8, 10.9, 10.16 and 10.17; the last two with ``profile_mode`` 1 or 3
+
+# What the drive lacks although nothing is broken (``hindrances``), bit by bit.
+LACKS_ENABLE = 1  # the hardware enable (ENPO)
+LACKS_SUPPLY = 2  # the DC link is too low
+
+# What a quick stop does (``quick_stop_option``; Moog MSD manual, table 10.3, codes + 1).
+QUICK_STOP_PROFILE = 0  # PROFIdrive: along the quick stop ramp, then off
+QUICK_STOP_COAST = 1
+QUICK_STOP_RAMP = 2  # along the deceleration ramp, then off
+QUICK_STOP_QUICK = 3  # along the quick stop ramp, then off
+QUICK_STOP_CURRENT = 4  # as fast as the motor can, then off
+QUICK_STOP_STAYS = 4  # above this: as four below, but the power stage stays on
+
+# Which word jogging follows (``jog_form``).
+JOG_LEVELS = 0  # STW1.8 is the first velocity, STW1.9 the second, both are none
+JOG_SEQUENCES = 1  # Moog MSD manual, tables 10.10 and 10.11: firmware/jog.py
+
 # Which signals bring traversing tasks (``task_form``).
 TASKS_NONE = 0
 TASKS_MDI = 1  # SATZANW.15 and MDI_*: telegram 9 of the profile
 TASKS_POS_STW = 2  # POS_STW1.15, POS_STW1.8 and MDI_*: telegram 111
-TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for no handshake
+TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for no handshake, STW1.14 for endless motion
+TASKS_TABLE = 4  # as before, and the target is the driving set that SATZANW names
 
 # How STW1 is read in position mode (``control_config``; bits of P-1267, Moog MSD manual 10.2.2).
 CONFIG_RISING_EDGE = 0x0040  # STW1.6 starts with its rising edge only; else with both, and ZSW1.12 changes with each
 CONFIG_PROFILE_JOG = 0x0100  # jogging needs STW1.4 to 6 = 0
+
+#: Driving sets of a drive (Moog MSD manual 8.2.1), numbered from 0.
+DRIVING_SETS = 16
 
 #: Motion tasks that a drive keeps, numbered from 0.
 MOTION_TASKS = 129
@@ -105,6 +129,7 @@ JOG_NONE = 0
 JOG_PLUS = 1  # at the first jogging velocity
 JOG_MINUS = 2  # at the second
 JOG_REAL_TIME = 3  # at the task's own velocity
+JOG_SEQUENCE = 4  # at ``jog_speed``
 
 # How the axis finds its home (``home_method``).
 HOME_AT_ONCE = 0  # where it stands
@@ -122,6 +147,9 @@ MARK_PROBE_2 = 2
 MARK_ZERO = 3  # the encoder's own, once in a revolution
 EDGE_RISING = 0
 EDGE_FALLING = 1
+
+#: State SD12 of the sensor interface (``sensor_state``).
+SENSOR_PARKING = 12
 
 # Firmware variants (``firmware``).
 FIRMWARE_NONE = 0
@@ -383,6 +411,54 @@ AXIS = Layout(
         Field("message_warnings", "u4", "", "station", "warnings that MELDW.6 and 7 tell of, 0 = none", (2,)),
         Field("task_ramps_signed", "u1", "", "parameter", "1 = MDI_ACC and MDI_DEC have a sign; below 0 is no ramp"),
         Field("brake_released", "u1", "", "firmware", "1 = the axis came to rest since its power stage went off"),
+        # departures from the profile's state machine and words
+        Field("hindrances", "u1", "", "fault", "what the drive lacks: LACKS_* above"),
+        Field("status_form", "u1", "", "parameter", "how the status words are used: STATUS_* above"),
+        Field("profile_mode", "u2", "", "parameter", "1 or 3 = status words as in the profile's class 4 (P-1258)"),
+        Field("pulses_choice", "u2", "", "parameter", "signal and bit for enabled pulses, STATUS_MOOG (P-0924)", (2,)),
+        Field("ready_with_on", "u1", "", "parameter", "1 = S1 is left with STW1.0 set, too"),
+        Field("enable_by_edge", "u1", "", "parameter", "1 = S3 is left when STW1.0 and 3 rise, not while they are set"),
+        Field("enable_acknowledges", "u1", "", "parameter", "1 = the hardware enable acknowledges when it comes"),
+        Field("quick_stop_option", "u1", "", "parameter", "what a quick stop does: QUICK_STOP_* above"),
+        Field("control_location", "u2", "", "parameter", "who controls the drive; only bus_location hears STW1"),
+        Field("bus_location", "u2", "", "parameter", "the controller as control_location"),
+        Field("reference_source", "u2", "", "parameter", "whose set points count; the controller's with bus_source"),
+        Field("bus_source", "u2", "", "parameter", "the controller as reference_source"),
+        Field("lacked", "u1", "", "firmware", "hindrances at the last step"),
+        Field("enable_rose", "u1", "", "firmware", "1 = STW1.0 and 3 rose since the drive got ready"),
+        Field("generator", "u1", "", "firmware", "profile generator: 0 at rest, 1 up, 2 constant, 3 down"),
+        Field("generator_speed", "f8", "rpm", "firmware", "its speed at the last step"),
+        Field("home_by_edge", "u1", "", "parameter", "1 = homing begins with the edge of STW1.11, not while it is set"),
+        # jogging by sequences
+        Field("jog_form", "u1", "", "parameter", "which word jogging follows: JOG_* above"),
+        Field("jog_sequence", "u1", "", "firmware", "state of jogging, 0 = none; firmware/jog.py"),
+        Field("jog_speed", "f8", "rpm", "firmware", "of the jog at hand"),
+        # driving sets and tasks without an end
+        Field("set_position", "f8", "", "parameter", "target or way of each set, in position steps", (DRIVING_SETS,)),
+        Field("asked_endless", "u1", "", "firmware", "1 = the task asked for has no target"),
+        Field("feed_free", "u1", "", "firmware", "1 = STW1.5 means nothing"),
+        Field("task_endless", "u1", "", "firmware", "1 = the task at hand runs at its velocity until it is ended"),
+        # set points of each cycle: positions (class 5) and dynamic servo control (class 4)
+        Field("task_backwards", "u1", "", "firmware", "1 = and it runs backwards"),
+        Field("servo_control", "u1", "", "parameter", "1 = the telegram brings XERR and KPC"),
+        # parts of the most torque, as parameters or the telegram have them at the moment
+        Field("torque_scale", "f8", "", "parameter", "part of the peak torque that is allowed", default=1.0),
+        Field("torque_shares", "f8", "", "parameter", "part of that forwards and backwards", (2,), default=1.0),
+        Field("torque_signals", "u1", "", "parameter", "bits 0 and 1: the telegram brings these parts instead"),
+        Field("torque_asked", "f8", "", "firmware", "these parts as they count", (2,), default=1.0),
+        Field("speed_override", "f8", "", "parameter", "part of every speed that is asked for", default=1.0),
+        Field("frames_taken", "u4", "", "firmware", "set point frames that interpolation or servo control has taken"),
+        Field("frames_ns", "i8", "ns", "firmware", "when it took the last one, 0 = none yet"),
+        Field("cyclic_start", "f8", "rev", "firmware", "where the curve at hand begins"),
+        Field("cyclic_speed", "f8", "rev/s", "firmware", "velocity there"),
+        Field("cyclic_end", "f8", "rev", "firmware", "where it ends: the last set point"),
+        Field("cyclic_end_speed", "f8", "rev/s", "firmware", "velocity there"),
+        Field("cyclic_time", "f8", "s", "firmware", "how long it takes"),
+        Field("cyclic_elapsed", "f8", "s", "firmware", "how much of that is over"),
+        Field("frames_told", "u4", "", "firmware", "actual value frames seen to leave"),
+        Field("servo_shown", "f8", "rev", "firmware", "position in the last one that left"),
+        Field("servo_target", "f8", "rev", "firmware", "where dynamic servo control leads to"),
+        Field("servo_gain", "f8", "1/s", "firmware", "KPC, 0 = NSOLL_B alone"),
         # sensor interface of encoder 1
         Field("sensor_bits", "u2", "", "parameter", "bits of G1_STW that mean something, 0 = no sensor interface"),
         Field("sensor_refused", "u2", "", "parameter", "those of them that ask for what the drive does not have"),

@@ -96,6 +96,8 @@ WARN_CODE = 17
 ACT_SPEED = 18
 E_DIGITAL = 19
 A_DIGITAL = 20
+#: The torque-building current, A, as the bits of a float32.
+ACT_CURRENT = 21
 #: Set points that are sent back as they came, from here on: one slot for each of :data:`SENT_BACK`.
 FIRST_SENT_BACK = 40
 #: Stored parameters that a mapping shows, from here on.
@@ -162,6 +164,7 @@ ACTUAL_SLOTS: dict[str, int] = {
     "ACT_SPEED": ACT_SPEED,
     "E_DIGITAL": E_DIGITAL,
     "A_DIGITAL": A_DIGITAL,
+    "ACT_CURRENT": ACT_CURRENT,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,
     **{

@@ -54,7 +54,7 @@ def test_figure_8_1_maps_an_element_of_an_array_as_a_double_word(msd: Drive) -> 
     assert words[3] == 0x5678
     assert words[7:] == [0x3333, 0x4444, 0]
     # what is shown follows its parameter at once
-    msd.store.write(202, 1, [0x80000001])
+    msd.store.write(202, 1, [-0x7FFFFFFF])
     assert sent_words(msd)[7:9] == [0x8000, 0x0001]
     msd.store.write(1254, 7, [0])
     assert sent_words(msd)[7:9] == [0x1111, 0x2222]
@@ -132,13 +132,13 @@ def test_a_wrong_entry_is_refused_and_changes_nothing(
 
 def test_an_element_that_the_mapped_array_has_not_is_refused(msd: Drive) -> None:
     msd.store.write(916, 0, [968, 202, 202])
-    error = refused(msd, 1254, 1, [2])
+    error = refused(msd, 1254, 1, [16])
     assert (error.number, error.value) == (E.VALUE_IMPERMISSIBLE, 1)
     # of what is no array it counts for nothing, whatever it is
     msd.store.write(1254, 0, [65535])
     msd.store.write(1254, 1, [1])
     msd.store.write(916, 1, [0, 0])
-    msd.store.write(1254, 1, [2])
+    msd.store.write(1254, 1, [16])
     assert refused(msd, 916, 1, [202, 202]).number == E.VALUE_IMPERMISSIBLE
 
 

@@ -232,7 +232,8 @@ def bits(number: float) -> int:
         (1268, [NO_FACTOR | 4, 0, bits(1.0), 0, 0, 0x434F4D5F, 0x80000000, 0x7FFFFFFF, 0, 0, 0, 0]),
         (1255, [ARRAY | NO_FACTOR | 6, 12, bits(1.0), 0, 0, 0x434F4D5F, 0, 2, 0, 0, 0, 0]),
         (1293, [READ_ONLY | NO_FACTOR | 9, 25, bits(1.0), 0, 0, 0x434F4D5F, 0, 255, 0, 0, 0, 0]),
-        (320, [NO_FACTOR | 8, 0, bits(1.0), 0, 0, int.from_bytes(b"CON_", "big"), 0xFF7FFFFF, 0x7F7FFFFF, 0, 0, 0, 0]),
+        (325, [NO_FACTOR | 8, 0, bits(1.0), 0, 0, int.from_bytes(b"CON_", "big"), 0xFF7FFFFF, 0x7F7FFFFF, 0, 0, 0, 0]),
+        (320, [NO_FACTOR | 8, 0, bits(1.0), 0, 0, int.from_bytes(b"CON_", "big"), 0, 0x7F7FFFFF, 0, 0, 0, 0]),
     ],
 )
 def test_a_description_has_the_twelve_elements_of_table_8_15(channel: Channel, pnu: int, values: list[int]) -> None:

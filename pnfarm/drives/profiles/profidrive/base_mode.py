@@ -21,6 +21,8 @@ __all__ = [
     "FORMAT_BYTE",
     "FORMAT_DWORD",
     "FORMAT_ERROR",
+    "FORMAT_OCTET_STRING",
+    "FORMAT_VISIBLE_STRING",
     "FORMAT_WORD",
     "FORMAT_ZERO",
     "MAX_BLOCK",
@@ -53,6 +55,7 @@ ATTRIBUTE_DESCRIPTION = 0x20
 ATTRIBUTE_TEXT = 0x30
 
 # Formats (Moog MSD manual, table 9.6); below 0x40 the data types of the profile.
+FORMAT_VISIBLE_STRING = 0x09
 FORMAT_OCTET_STRING = 0x0A
 FORMAT_ZERO = 0x40
 FORMAT_BYTE = 0x41

@@ -30,6 +30,7 @@ __all__ = ["describe"]
 ID_ARRAY = 1 << 14
 ID_ONLY_RESET = 1 << 13
 ID_CHANGED = 1 << 12
+ID_TEXTS = 1 << 10
 ID_NOT_WRITABLE = 1 << 9
 ID_FACTOR_IRRELEVANT = 1 << 8
 #: Data types Integer8..32 and Unsigned8..32 by (signed, octets).
@@ -47,23 +48,26 @@ def _data_type(parameter: Parameter) -> int:
     return forms.get(parameter.form) or _DATA_TYPES[parameter.signed, parameter.octets]
 
 
-def describe(parameter: Parameter, element: int, *, changed: bool) -> bytes:
+def describe(parameter: Parameter, element: int, *, changed: bool, texts: bool = False) -> bytes:
     """The octets of one element, of all for element 0; raises :class:`ParameterError` (faulty subindex).
 
-    ``changed``: the value differs from the factory's.
+    ``changed``: the value differs from the factory's; ``texts``: its elements have texts.
     """
     if not 0 <= element <= len(_WIDTHS):
         raise ParameterError(ParameterErrorNumber.FAULTY_SUBINDEX, element)
-    plain = parameter.factor == 1.0 or parameter.type is ParameterType.COMMAND
+    # a number with a fraction is its value itself
+    factor = 1.0 if parameter.form is Form.FLOAT else parameter.factor
+    plain = factor == 1.0 or parameter.type is ParameterType.COMMAND
     identifier = _data_type(parameter)
     identifier |= ID_ARRAY if parameter.elements and not parameter.text else 0
     identifier |= ID_ONLY_RESET if parameter.only_reset else 0
     identifier |= ID_CHANGED if changed else 0
+    identifier |= ID_TEXTS if texts else 0
     identifier |= 0 if parameter.writable else ID_NOT_WRITABLE
     identifier |= ID_FACTOR_IRRELEVANT if plain else 0
     name = parameter.name.encode("ascii", "replace")[:16].ljust(16)
     writer = Writer()
-    writer.u16(identifier).u16(parameter.elements).f32(parameter.factor).u16(0).u32(0).bytes(name)
+    writer.u16(identifier).u16(parameter.elements).f32(factor).u16(0).u32(0).bytes(name)
     low, high = parameter.minimum, parameter.maximum
     if parameter.form is Form.FLOAT and (low, high) == (parameter.lowest, parameter.highest):
         low, high = LOWEST_FLOAT, HIGHEST_FLOAT

@@ -16,8 +16,10 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     FORMAT_BYTE,
     FORMAT_DWORD,
     FORMAT_OCTET_STRING,
+    FORMAT_VISIBLE_STRING,
     FORMAT_WORD,
     FORMAT_ZERO,
+    MAX_ELEMENTS,
     NEGATIVE,
     REQUEST_CHANGE,
     REQUEST_READ,
@@ -46,6 +48,8 @@ LOCAL = 0xB02E
 #: Length of an error entry with its two values.
 ERROR_OCTETS = 6
 HEADER_OCTETS = 4
+#: Length of an element's text.
+TEXT_OCTETS = 16
 
 #: Formats that carry integers: what a parameter takes if the width fits.
 _INTEGER_FORMATS = {
@@ -156,6 +160,7 @@ class ParameterChannel:
             (REQUEST_READ, ATTRIBUTE_VALUE): lambda: self._read(address),
             (REQUEST_CHANGE, ATTRIBUTE_VALUE): lambda: self._change(address, request.values[position]),
             (REQUEST_READ, ATTRIBUTE_DESCRIPTION): lambda: self._describe(address),
+            (REQUEST_READ, ATTRIBUTE_TEXT): lambda: self._texts(address),
         }
         handler = handlers.get((request.request_id, address.attribute))
         if handler is not None:
@@ -163,7 +168,6 @@ class ParameterChannel:
         self._row(address)
         refusals = {
             (REQUEST_CHANGE, ATTRIBUTE_DESCRIPTION): ParameterErrorNumber.DESCRIPTION_NOT_CHANGEABLE,
-            (REQUEST_READ, ATTRIBUTE_TEXT): ParameterErrorNumber.NO_TEXT_ARRAY,
             (REQUEST_CHANGE, ATTRIBUTE_TEXT): ParameterErrorNumber.TEXT_NOT_CHANGEABLE,
         }
         number = refusals.get((request.request_id, address.attribute), ParameterErrorNumber.ADDRESS_IMPERMISSIBLE)
@@ -221,5 +225,21 @@ class ParameterChannel:
         parameter = self._row(address)
         if not self._store.model.access.descriptions:
             raise ParameterError(ParameterErrorNumber.NO_DESCRIPTION)
-        octets = describe(parameter, address.subindex, changed=self._store.changed(parameter))
+        texts = parameter.pnu in self._store.model.parameter_texts
+        octets = describe(parameter, address.subindex, changed=self._store.changed(parameter), texts=texts)
         return ParameterValues(FORMAT_OCTET_STRING, tuple(octets))
+
+    def _texts(self, address: ParameterAddress) -> ParameterValues:
+        """The texts of an array's elements, 16 octets each (profile 4.1, 6.2.1.4)."""
+        parameter = self._row(address)
+        texts = self._store.model.parameter_texts.get(parameter.pnu)
+        if texts is None:
+            raise ParameterError(ParameterErrorNumber.NO_TEXT_ARRAY, address.subindex)
+        subindex, count = self._place(parameter, address)
+        if subindex + count > len(texts):
+            raise ParameterError(ParameterErrorNumber.FAULTY_SUBINDEX, max(subindex, len(texts)))
+        if count * TEXT_OCTETS > MAX_ELEMENTS:
+            raise ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG)
+        chosen = texts[subindex : subindex + count]
+        octets = b"".join(text.encode("ascii", "replace")[:TEXT_OCTETS].ljust(TEXT_OCTETS) for text in chosen)
+        return ParameterValues(FORMAT_VISIBLE_STRING, tuple(octets))

@@ -1,0 +1,62 @@
+"""What writing one parameter does to another: ``[[consequence]]`` of ``model.toml``, as the manual states it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.data_files import required
+from pnfarm.drives.parameter import Behaviour
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.drives.parameter import Parameter
+
+__all__ = ["Consequence", "read_consequences"]
+
+
+@dataclass(frozen=True, slots=True)
+class Consequence:
+    """Writing ``value`` to one of ``subindexes`` of ``pnu`` makes ``other_subindex`` of ``other`` become ``to``."""
+
+    pnu: int
+    subindexes: tuple[int, ...]
+    value: int
+    other: int
+    other_subindex: int
+    to: int
+    source: str
+
+    def follows(self, pnu: int, subindex: int, values: Sequence[int]) -> bool:
+        """Whether writing ``values`` from ``subindex`` on brings it about."""
+        return pnu == self.pnu and any(
+            value == self.value and subindex + offset in self.subindexes for offset, value in enumerate(values)
+        )
+
+
+def read_consequences(
+    tables: Sequence[Mapping[str, Any]], parameters: Mapping[int, Parameter], path: str
+) -> tuple[Consequence, ...]:
+    """Check and build them; raises :class:`ConfigError` that names the entry."""
+    found = []
+    for index, table in enumerate(tables, 1):
+        where = f"{path}, consequence {index}"
+        entry = Consequence(
+            pnu=required(table, "pnu", where),
+            subindexes=tuple(required(table, "subindexes", where)),
+            value=required(table, "value", where),
+            other=required(table, "other", where),
+            other_subindex=required(table, "other_subindex", where),
+            to=required(table, "to", where),
+            source=required(table, "source", where),
+        )
+        cause, effect = parameters.get(entry.pnu), parameters.get(entry.other)
+        stored = {Behaviour.STORED, Behaviour.FIELD}
+        if cause is None or cause.behaviour not in stored or effect is None or effect.behaviour not in stored:
+            raise ConfigError(f"{where}: names a parameter that is not there, or not stored")
+        if entry.other_subindex >= max(effect.elements, 1) or not effect.minimum <= entry.to <= effect.maximum:
+            raise ConfigError(f"{where}: {entry.to} does not fit element {entry.other_subindex} of {entry.other}")
+        found.append(entry)
+    return tuple(found)

@@ -1,0 +1,70 @@
+"""User units of positions, speeds, accelerations and torques by factors that parameters hold (Moog MSD manual 13).
+
+One position unit is numerator / denominator revolutions, one speed unit the speed factor in rev/min, one acceleration
+unit the acceleration factor in rev/s2.  The three factors are floats, kept as the bits of a float32.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.parameter import Behaviour
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.stored_values import StoredValues
+
+__all__ = ["FactorGroup", "apply_factor_group", "check_factor_group", "float_bits", "float_of"]
+
+#: rpm/s of one rev/s2.
+RPM_PER_SECOND = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class FactorGroup:
+    """The PNUs of the factors."""
+
+    numerator: int
+    denominator: int
+    speed: int
+    acceleration: int
+
+    @property
+    def parameters(self) -> frozenset[int]:
+        """All of them."""
+        return frozenset({self.numerator, self.denominator, self.speed, self.acceleration})
+
+
+def float_of(bits: int) -> float:
+    """The number whose float32 has these bits."""
+    (value,) = struct.unpack(">f", (bits & 0xFFFFFFFF).to_bytes(4, "big"))
+    return float(value)
+
+
+def float_bits(value: float) -> int:
+    """The bits of the nearest float32; what is beyond its range is infinite there."""
+    try:
+        return int.from_bytes(struct.pack(">f", value), "big")
+    except OverflowError:
+        return 0x7F800000 if value > 0.0 else 0xFF800000
+
+
+def check_factor_group(group: FactorGroup, parameters: Mapping[int, Parameter], where: str) -> FactorGroup:
+    """Stored parameters that cannot be zero, lest a unit be nothing; raises :class:`ConfigError`."""
+    for pnu in sorted(group.parameters):
+        parameter = parameters.get(pnu)
+        if parameter is None or parameter.behaviour is not Behaviour.STORED or parameter.minimum < 1:
+            raise ConfigError(f"{where}: {pnu} is no parameter that is stored and above zero")
+    return group
+
+
+def apply_factor_group(group: FactorGroup, values: StoredValues, axis: Any) -> None:
+    """Write what one unit is into the axis record."""
+    axis.position_step = values.raw(group.numerator) / values.raw(group.denominator)
+    axis.velocity_step = axis.task_velocity_step = float_of(values.raw(group.speed))
+    axis.acceleration_step = float_of(values.raw(group.acceleration)) * RPM_PER_SECOND

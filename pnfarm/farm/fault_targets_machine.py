@@ -1,0 +1,66 @@
+"""The part of a fault's target that is the machine around the drive: limit switches, inputs, hardware enable, supply.
+
+None of it changes with the drive's control supply.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from pnfarm.table.axis import LACKS_ENABLE, LACKS_SUPPLY
+
+if TYPE_CHECKING:
+    from pnfarm.drives.axis_handle import AxisHandle
+
+__all__ = ["MachineTarget"]
+
+#: Bits of the axis's ``limit_switch`` and ``hindrances``.
+_LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
+_LACKS = {"enable": LACKS_ENABLE, "supply": LACKS_SUPPLY}
+
+
+class MachineTarget:
+    """See :class:`~pnfarm.faults.target.FaultTarget`; every call counts, so that two faults may ask for the same."""
+
+    def __init__(self, handle: AxisHandle) -> None:
+        self._handle = handle
+        self._limits: Counter[str] = Counter()
+        self._lacks: Counter[str] = Counter()
+        self._inputs: Counter[int] = Counter()
+
+    def reach_limit(self, side: str) -> None:
+        self._limits[side] += 1
+        self._put_limits()
+
+    def leave_limit(self, side: str) -> None:
+        self._limits[side] -= 1
+        self._put_limits()
+
+    def _put_limits(self) -> None:
+        """The switches belong to the machine: the drive's supply changes nothing of them."""
+        reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
+        self._handle.axis.limit_switch = reached
+
+    def lack(self, what: str) -> None:
+        self._lacks[what] += 1
+        self._put_hindrances()
+
+    def regain(self, what: str) -> None:
+        self._lacks[what] -= 1
+        self._put_hindrances()
+
+    def _put_hindrances(self) -> None:
+        missing = sum(bit for what, bit in _LACKS.items() if self._lacks[what])
+        self._handle.axis.hindrances = missing
+
+    def switch_input(self, number: int) -> None:
+        self._inputs[number] += 1
+        self._put_inputs()
+
+    def release_input(self, number: int) -> None:
+        self._inputs[number] -= 1
+        self._put_inputs()
+
+    def _put_inputs(self) -> None:
+        self._handle.axis.digital_inputs = sum(1 << number for number, count in self._inputs.items() if count)

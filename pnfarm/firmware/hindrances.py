@@ -1,0 +1,106 @@
+"""What keeps a drive from operation, and how its quick stop goes, where that departs from the profile's state machine.
+
+All of it changes the set of events that :func:`pnfarm.firmware.state_machine.advance` sees; the table stays one.
+
+* A drive without its hardware enable or with a DC link that is too low coasts to S1 and stays there (Moog MSD manual,
+  table 10.7, transitions 1, 8 and 16), as does one whose encoder is parked.
+* S1 may be left with STW1.0 set (transition 2), and S3 only when the enable rose (transition 4 with P-0144 = 0): STW1.0
+  and 3 together, so that a controller that leaves one of them set, as the profile allows, can start the drive.
+* The quick stop option codes of table 10.3.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.faults import acknowledge
+from pnfarm.firmware.position_status import torque_free
+from pnfarm.firmware.sensor_marks import parked
+from pnfarm.firmware.state_machine import COAST, DISABLE, ENABLE, QUICK, READY, RELEASED, STANDSTILL
+from pnfarm.table.axis import (
+    LACKS_ENABLE,
+    QUICK_STOP_COAST,
+    QUICK_STOP_CURRENT,
+    QUICK_STOP_PROFILE,
+    QUICK_STOP_RAMP,
+    QUICK_STOP_STAYS,
+)
+from pnfarm.table.compiled import compiled
+
+__all__ = ["at_once", "enabled_by_hardware", "quick_stop_ramp", "take_hindrances", "with_hindrances"]
+
+ON_BITS = 0x0006  # STW1.1 and 2
+NO_QUICK_STOP = 0x0004
+ENABLE_BITS = 0x0009  # STW1.0 and 3
+
+
+@compiled
+def take_hindrances(axis: Any) -> None:
+    """Once in each step, before the events: the edges of the hardware enable and of the enable by STW1."""
+    lacks = int(axis.hindrances)
+    if axis.enable_acknowledges and int(axis.lacked) & ~lacks & LACKS_ENABLE:
+        acknowledge(axis)
+    axis.lacked = lacks
+    if (int(axis.stw1) & ENABLE_BITS) != ENABLE_BITS or axis.state < 2 or axis.state > 3:
+        axis.enable_rose = 0
+    elif (int(axis.motion_seen) & ENABLE_BITS) != ENABLE_BITS:
+        axis.enable_rose = 1
+
+
+@compiled
+def _stays(axis: Any) -> bool:
+    return axis.quick_stop_option > QUICK_STOP_STAYS
+
+
+@compiled
+def _with_quick_stop(axis: Any, held: int) -> int:
+    """The option codes: a coast instead of a stop, and a stop that the drive stays in until it is taken back."""
+    if axis.quick_stop_option == QUICK_STOP_PROFILE:
+        return held
+    if axis.quick_stop_option == QUICK_STOP_COAST and held & (1 << QUICK):
+        held |= 1 << COAST
+    if axis.state == 5 and axis.stop == 2:
+        # "first reset quick stop request": taking STW1.3 back is of no effect until then
+        held &= ~(1 << DISABLE)
+        if _stays(axis):
+            held &= ~(1 << STANDSTILL)
+            if int(axis.stw1) & NO_QUICK_STOP:
+                held |= 1 << RELEASED
+    return held
+
+
+@compiled
+def with_hindrances(axis: Any, held: int, stw1: int, faulty: int) -> int:
+    """The events of :func:`~pnfarm.firmware.state_machine.conditions`, as this drive sees them."""
+    if axis.ready_with_on and (stw1 & ON_BITS) == ON_BITS and not faulty:
+        held |= 1 << READY
+    if axis.enable_by_edge and not axis.enable_rose:
+        held &= ~(1 << ENABLE)
+    if axis.hindrances or parked(axis):
+        held |= 1 << COAST
+        held &= ~(1 << READY)
+    return _with_quick_stop(axis, held)
+
+
+@compiled
+def quick_stop_ramp(axis: Any, usual: float) -> float:
+    """The ramp of the quick stop at hand, rpm/s; ``usual`` is the quick stop ramp."""
+    option = int(axis.quick_stop_option)
+    if _stays(axis):
+        option -= QUICK_STOP_STAYS
+    return axis.ramp_down if option == QUICK_STOP_RAMP else usual
+
+
+@compiled
+def at_once(axis: Any) -> bool:
+    """Whether the quick stop at hand knows no ramp: speed 0 at the current limit."""
+    option = int(axis.quick_stop_option)
+    if _stays(axis):
+        option -= QUICK_STOP_STAYS
+    return option == QUICK_STOP_CURRENT
+
+
+@compiled
+def enabled_by_hardware(axis: Any) -> bool:
+    """Whether hardware enable and safe stop let the drive run: ZSW1.14 of Moog MSD manual, table 10.8."""
+    return not torque_free(axis) and not int(axis.hindrances) & LACKS_ENABLE

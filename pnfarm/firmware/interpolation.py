@@ -1,0 +1,130 @@
+"""Set points of each cycle: positions to follow (application class 5) and dynamic servo control (class 4).
+
+*Positions* (Moog MSD manual 10.6): each frame brings XSOLL_A.  The drive goes there within one cycle along a cubic
+curve that begins with the velocity that it has and ends with that of the last two set points, so that it is one cycle
+behind; P-0370 calls that a cubic spline.  A frame that does not come leaves the axis going on for one cycle more.
+
+*Dynamic servo control* (10.8; PROFIdrive 4.2, 6.3.4): the controller sends its position deviation XERR, in steps of
+G1_XIST1, and the position controller's gain KPC, in 1/1000 per second.  The drive closes that loop itself, with what
+the shaft did since the position that the controller knows; NSOLL_B is the feed-forward.  Which position that is no
+word tells: the one in the last frame that left before the set points came (assumed).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.axis import RAMP_PASSED_BY
+from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import KPC, STW1, XERR, XSOLL_A
+
+__all__ = ["begin_interpolation", "follows", "interpolates", "servo_command", "step_interpolation", "take_cyclic"]
+
+ENABLING = 0x0070  # STW1.4 to 6
+CONTROL_BY_PLC = 0x0400  # STW1.10
+#: A pause between two frames that is no cycle, ns.
+LONGEST_CYCLE_NS = 1_000_000_000
+RPM = 60.0
+GAIN_STEP = 0.001
+POSITION_MODE = 2
+
+
+@compiled
+def follows(axis: Any) -> bool:
+    """Whether positions of each cycle lead the axis now: interpolating mode, and STW1.4 to 6 set."""
+    return interpolates(axis) and (int(axis.stw1) & ENABLING) == ENABLING
+
+
+@compiled
+def interpolates(axis: Any) -> bool:
+    """Whether the axis is in a mode where positions of each cycle lead it."""
+    return axis.opmode == POSITION_MODE and axis.ramp_generator == RAMP_PASSED_BY and not axis.servo_control
+
+
+@compiled
+def begin_interpolation(axis: Any) -> None:
+    """From where the axis is commanded to be; the next frame gives the first curve."""
+    axis.cyclic_start = axis.commanded_position
+    axis.cyclic_end = axis.commanded_position
+    axis.cyclic_speed = axis.profile_velocity / RPM
+    axis.cyclic_end_speed = 0.0
+    axis.cyclic_time = 0.0
+    axis.cyclic_elapsed = 0.0
+    axis.frames_ns = 0
+
+
+@compiled
+def _take_position(axis: Any, image: Any, now: int) -> None:
+    """A new curve for a frame that came since the last step."""
+    place = axis.origin + image.received[XSOLL_A] * axis.position_step
+    cycle = now - axis.frames_ns
+    first = axis.frames_ns == 0 or cycle <= 0 or cycle > LONGEST_CYCLE_NS
+    seconds = (axis.step_ns if first else cycle) * 1e-9
+    axis.cyclic_start = axis.commanded_position
+    axis.cyclic_speed = axis.profile_velocity / RPM
+    axis.cyclic_end_speed = 0.0 if first else (place - axis.cyclic_end) / seconds
+    axis.cyclic_end = place
+    axis.cyclic_time = seconds
+    axis.cyclic_elapsed = 0.0
+    axis.frames_ns = now
+
+
+@compiled
+def _take_servo(axis: Any, image: Any) -> None:
+    """XERR counts from the position that the controller knew."""
+    axis.servo_target = axis.servo_shown + image.received[XERR] * axis.sensor_step
+    axis.servo_gain = max(0.0, image.received[KPC] * GAIN_STEP)
+
+
+@compiled
+def take_cyclic(axis: Any, image: Any, now: int) -> None:
+    """Once in each step, before the motor: what new frames bring."""
+    if image.filled != axis.frames_told:
+        axis.frames_told = image.filled
+        axis.servo_shown = axis.sensor_position
+    if not image.valid or axis.reference_source != axis.bus_source:
+        axis.servo_gain = 0.0
+        axis.frames_ns = 0
+        return
+    if image.frames == axis.frames_taken or not image.received[STW1] & CONTROL_BY_PLC:
+        return
+    axis.frames_taken = image.frames
+    if axis.servo_control:
+        _take_servo(axis, image)
+    elif interpolates(axis):
+        _take_position(axis, image, now)
+
+
+@compiled
+def step_interpolation(axis: Any, seconds: float) -> None:
+    """Advance ``commanded_position`` and ``profile_velocity`` along the curve at hand."""
+    time = axis.cyclic_time
+    if time <= 0.0:
+        axis.commanded_position = axis.cyclic_end
+        axis.profile_velocity = 0.0
+        return
+    axis.cyclic_elapsed = min(axis.cyclic_elapsed + seconds, 2.0 * time)
+    elapsed = axis.cyclic_elapsed
+    if elapsed > time:
+        late = elapsed - time
+        axis.commanded_position = axis.cyclic_end + axis.cyclic_end_speed * late
+        axis.profile_velocity = axis.cyclic_end_speed * RPM if late < time else 0.0
+        return
+    share = elapsed / time
+    way = axis.cyclic_end - axis.cyclic_start
+    # Hermite: place and velocity at both ends
+    cubic = time * (axis.cyclic_speed + axis.cyclic_end_speed) - 2.0 * way
+    square = 3.0 * way - time * (2.0 * axis.cyclic_speed + axis.cyclic_end_speed)
+    linear = time * axis.cyclic_speed
+    axis.commanded_position = axis.cyclic_start + share * (linear + share * (square + share * cubic))
+    axis.profile_velocity = (linear + share * (2.0 * square + share * 3.0 * cubic)) / time * RPM
+
+
+@compiled
+def servo_command(axis: Any) -> float:
+    """The velocity command of dynamic servo control, rpm: NSOLL_B, and KPC times what is left of the deviation."""
+    if axis.servo_gain <= 0.0:
+        axis.commanded_position = axis.measured_position
+        return axis.setpoint
+    axis.commanded_position = axis.servo_target
+    return axis.setpoint + axis.servo_gain * (axis.servo_target - axis.measured_position) * RPM

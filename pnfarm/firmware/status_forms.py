@@ -1,0 +1,113 @@
+"""Status words where a maker uses them in his own way: Moog MSD manual 10.2.3, 10.2.4 and 10.7."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.hindrances import enabled_by_hardware
+from pnfarm.firmware.torque_limits import gives_all
+from pnfarm.table.axis import RAMP_GENERATED
+from pnfarm.table.compiled import compiled
+
+__all__ = ["moog_second_word", "moog_word", "take_generator"]
+
+# Bits of ZSW1.
+PROFILE_BITS = 0x01FF  # 0 to 8 are as in the profile
+CONTROL = 0x0200
+REACHED = 0x0400
+POSITION_BITS = 0x1C00  # 10 to 12
+STATIONARY = 0x2000
+ENABLED = 0x4000
+# Bits of ZSW2.
+POSITIVE_LIMIT = 0x0004
+NEGATIVE_LIMIT = 0x0008
+INPUT_SHIFT = 4
+INPUTS = 0x0F
+
+#: The profile's number of ZSW2, and where the bit for enabled pulses may be (P-0924).
+SIGNAL_ZSW2 = 4
+LOWEST_PULSES = 8
+HIGHEST_PULSES = 11
+
+# The profile generator (``generator``).
+AT_REST = 0
+UP = 1
+CONSTANT = 2
+DOWN = 3
+#: Speeds, rpm, that differ by less are one.
+SAME = 1e-9
+#: A torque nearer to its limit than this share of it is limited: the current loop comes near it by and by.
+NEAR = 0.01
+
+
+@compiled
+def _as_in_the_profile(axis: Any) -> bool:
+    """P-1258: 1 is control word and set points of the profile, 3 the control word."""
+    return axis.profile_mode == 1 or axis.profile_mode == 3  # noqa: PLR1714 - a tuple in compiled code would allocate
+
+
+@compiled
+def _speed_reached(axis: Any) -> bool:
+    """ZSW1.10 in speed control: the speed is reached or exceeded."""
+    wanted = axis.jog_speed if axis.jog_sequence else axis.setpoint
+    if wanted < 0.0:
+        return axis.velocity <= wanted + axis.velocity_window
+    if wanted > 0.0:
+        return axis.velocity >= wanted - axis.velocity_window
+    return abs(axis.velocity) <= axis.velocity_window
+
+
+@compiled
+def moog_word(axis: Any, word: int) -> int:
+    """ZSW1 by tables 10.8 and 10.16, from the profile's ``word``."""
+    stationary = abs(axis.velocity) <= axis.standstill
+    moog = word & PROFILE_BITS
+    if _as_in_the_profile(axis):
+        moog |= CONTROL
+        # in position control, too: the telegrams of this mode bring a speed
+        if not stationary and abs(axis.setpoint - axis.velocity) <= axis.velocity_window:
+            moog |= REACHED
+        return moog
+    if axis.control_location == axis.bus_location and axis.state > 0:
+        moog |= CONTROL
+    if axis.opmode == 2:
+        moog |= word & POSITION_BITS
+    elif _speed_reached(axis):
+        moog |= REACHED
+    if stationary:
+        moog |= STATIONARY
+    if enabled_by_hardware(axis):
+        moog |= ENABLED
+    return moog
+
+
+@compiled
+def take_generator(axis: Any) -> None:
+    """Once in each step, behind the motor: what the profile generator did."""
+    speed = axis.profile_velocity if axis.opmode == 2 else axis.ramp
+    working = axis.state >= 4 and axis.ramp_generator == RAMP_GENERATED
+    before = abs(axis.generator_speed)
+    axis.generator_speed = speed
+    change = abs(speed) - before
+    if not working or (speed == 0.0 and change == 0.0):
+        axis.generator = AT_REST
+    elif change > SAME:
+        axis.generator = UP
+    else:
+        axis.generator = DOWN if change < -SAME else CONSTANT
+
+
+@compiled
+def moog_second_word(axis: Any) -> int:
+    """ZSW2 by tables 10.9 and 10.17, without the sign of life."""
+    word = int(axis.generator)
+    if _as_in_the_profile(axis):
+        bit = int(axis.pulses_choice[1])
+        if axis.state >= 4 and axis.pulses_choice[0] == SIGNAL_ZSW2 and LOWEST_PULSES <= bit <= HIGHEST_PULSES:
+            word |= 1 << bit
+        return word
+    if gives_all(axis, 0, NEAR):
+        word |= POSITIVE_LIMIT
+    if gives_all(axis, 1, NEAR):
+        word |= NEGATIVE_LIMIT
+    return word | (int(axis.digital_inputs) & INPUTS) << INPUT_SHIFT
