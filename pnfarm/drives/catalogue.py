@@ -248,7 +248,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "position_units": _fact_json(described, "position_units"),
         "factor_group": _fact_json(described, "factor_group"),
         "parameter_texts": _fact_json(described, "parameter_texts"),
-        "consequences": [asdict(consequence) for consequence in described.consequences],
+        "consequences": [{**asdict(entry), "subindexes": list(entry.subindexes)} for entry in described.consequences],
         "parameter_access": _fact_json(described, "parameter_access"),
         "parameter_words": _fact_json(described, "parameter_words"),
         "lamps": _fact_json(described, "lamps"),
