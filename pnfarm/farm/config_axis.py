@@ -85,7 +85,6 @@ class Motor(Section):
     max_velocity: float | None = Field(
         default=None, gt=0, description="Limit of the velocity command, rpm (linear motor: mm/s)."
     )
-    overspeed: float | None = Field(default=None, ge=0, description="Speed that is a fault, rpm (mm/s); 0: none.")
     resistance: float | None = Field(default=None, ge=0, description="Winding of one phase, ohm.")
     inductance: float | None = Field(default=None, ge=0, description="Winding of one phase, H.")
     bus_voltage: float | None = Field(default=None, ge=0, description="DC link, V; 0: voltage limits nothing.")
@@ -118,7 +117,6 @@ def apply_axis(axis: Any, load: Load, motor: Motor, pitch: float) -> None:
         ("velocity_time_constant", motor.velocity_time_constant),
         ("current_time_constant", motor.current_time_constant),
         ("max_velocity", motor.max_velocity),
-        ("overspeed", motor.overspeed),
         ("winding_resistance", motor.resistance),
         ("winding_inductance", motor.inductance),
         ("bus_nominal", motor.bus_voltage),

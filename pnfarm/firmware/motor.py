@@ -4,7 +4,7 @@ Below the position controller (`positioning`) a drive controls its speed by a PI
 that is a first-order lag until the DC link's voltage runs out; the motor drives one rotating mass with viscous and dry
 friction.  With J the inertia, w the shaft's speed and T the torque::
 
-    T_ref = Kp (w_ref - w) + I + Ka dw_ref/dt,    dI/dt = Kp / Ti (w_ref - w)
+    T_ref = Kp (w_ref - w) + I + Ka J dw_ref/dt,    dI/dt = Kp / Ti (w_ref - w)
     i_ref = T_ref / Kt within the current limits,    di/dt = (i_ref - i) / Tc
     |L di/dt + R i + Kt / 3 w| <= U / sqrt(6)        (one phase, effective values)
     J dw/dt = Kt i - B w - T_load - T_dry
@@ -86,17 +86,16 @@ def _coast(axis: Any, omega: float, seconds: float) -> float:
     axis.current = 0.0
     axis.torque = 0.0
     axis.speed_integral = 0.0
-    axis.fed_speed = axis.velocity
+    axis.fed_speed = axis.profile_velocity
     return _speed(axis, omega, 0.0, axis.brake_damping if braking else 0.0, seconds)
 
 
 @compiled
 def _fed_forward(axis: Any, seconds: float) -> float:
-    """Torque that the acceleration of the set point asks for; a position controller's part of it does not count."""
-    speed = axis.ramp if axis.motion == 0 else axis.profile_velocity
-    change = (speed - axis.fed_speed) * RPM_TO_RAD
-    axis.fed_speed = speed
-    return axis.acceleration_gain * change / seconds
+    """Torque that the acceleration of a profile asks for, without the position controller's part of the speed."""
+    change = (axis.profile_velocity - axis.fed_speed) * RPM_TO_RAD
+    axis.fed_speed = axis.profile_velocity
+    return 0.0 if axis.motion == 0 else axis.acceleration_gain * axis.inertia * change / seconds
 
 
 @compiled

@@ -26,10 +26,8 @@ from pnfarm.table.compiled import compiled
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
 
-__all__ = ["BOOT_NS", "step"]
+__all__ = ["step"]
 
-#: From power-on to S1.
-BOOT_NS = 100_000_000
 
 CONTROL_BY_PLC = 0x0400
 FAULT_ACKNOWLEDGE = 0x0080
@@ -152,7 +150,7 @@ def step(axis: Any, image: Any, now: int) -> None:
     take_hindrances(axis)
     take_torque_limits(axis, image)
     take_task(axis, image)
-    held = conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= BOOT_NS)
+    held = conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= axis.boot_time_ns)
     advance(axis, with_hindrances(axis, held, stw1, faulty))
     take_jog(axis)
     take_cyclic(axis, image, now)

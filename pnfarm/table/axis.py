@@ -249,6 +249,7 @@ AXIS = Layout(
         Field("fault_counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
         Field("fault_changes", "u2", "", "firmware", "changes of the fault buffer since power-on"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
+        Field("boot_time_ns", "i8", "ns", "station", "from then to S1"),
         Field(
             "telegram_ns", "i8", "ns", "firmware", "when cyclic data was there last, 0 = not yet, or its loss was told"
         ),
@@ -363,7 +364,13 @@ AXIS = Layout(
         Field("motor_step_ns", "i8", "ns", "station", "longest step of controllers and motor, 0 = 1 ms"),
         Field("speed_gain", "f8", "N m s/rad", "parameter", "speed controller, 0 = inertia / velocity_time_constant"),
         Field("speed_integral_time", "f8", "s", "parameter", "speed controller, 0 = four times velocity_time_constant"),
-        Field("acceleration_gain", "f8", "kg m^2", "parameter", "torque feed-forward, 0 = none"),
+        Field(
+            "acceleration_gain",
+            "f8",
+            "",
+            "parameter",
+            "torque feed-forward of profiles, 1 = all that inertia asks",
+        ),
         Field("current_time_constant", "f8", "s", "station", "closed current loop, first order, 0 = at once"),
         Field("winding_resistance", "f8", "ohm", "station", "of one phase"),
         Field("winding_inductance", "f8", "H", "station", "of one phase"),
@@ -376,7 +383,7 @@ AXIS = Layout(
         Field("continuous_current", "f8", "A", "station", "current that the motor bears for ever, 0 = any"),
         Field("thermal_time", "f8", "s", "station", "thermal time constant of the motor, 0 = it stays cool"),
         Field("overload_fault", "u4", "", "parameter", "fault of a motor that is too hot, coded alike, 0 = none"),
-        Field("overspeed", "f8", "rpm", "station", "shaft speed that is a fault, 0 = none"),
+        Field("overspeed", "f8", "rpm", "parameter", "shaft speed that is a fault, 0 = none"),
         Field("overspeed_fault", "u4", "", "parameter", "that fault, coded alike, 0 = none"),
         Field("encoder_steps", "f8", "1/rev", "station", "increments of the encoder, 0 = infinitely many"),
         Field("holding_brake", "f8", "N m", "station", "torque of the holding brake, 0 = there is none"),

@@ -171,7 +171,7 @@ def test_a_motor_that_the_model_does_not_have_is_told(kind: str | None, pitch: f
         ("model.toml", "Pt533 = { value = 60", "Pt999 = { value = 60", "Pt999: missing"),
         ("model.toml", "[motors.linear.firmware]", "[motors.linear.parameter]", "'parameter' stands"),
         ("model.toml", "[motors.direct-drive.motor]", "[motors.rotary.motor]", "'rotary' stands"),
-        ("model.toml", "[motors.linear.firmware]", "[motors.linear.defaults]", "velocity_window: missing"),
+        ("model.toml", "[motors.linear.firmware]", "[motors.linear.defaults]", "overspeed: missing"),
         ("model.toml", "home_velocity = { value = 6.0", "ramp_up = { value = 6.0", "ramp_up: the axis has no"),
         ("parameters.csv", ",power-on,linear", ",power-on,lunar", "motor: 'lunar'"),
         ("parameters.csv", "; of jogging,,linear", "; of jogging,,rotary", "needs the motor linear"),

@@ -42,7 +42,7 @@ def test_everything_that_the_file_says_of_the_motor_arrives():
     text = (
         "{torque_constant: 1.5, peak_current: 20, continuous_current: 6, thermal_time: 30,"
         " current_time_constant: 0.0002, velocity_time_constant: 0.004,"
-        " max_velocity: 2000, overspeed: 2200, resistance: 0.8, inductance: 0.003,"
+        " max_velocity: 2000, resistance: 0.8, inductance: 0.003,"
         " bus_voltage: 650, braking_resistor: false, encoder_steps: 4096, holding_brake: 8, brake_release: 0.04,"
         " brake_apply: 0.02}"
     )
@@ -55,7 +55,6 @@ def test_everything_that_the_file_says_of_the_motor_arrives():
         "current_time_constant": 0.0002,
         "velocity_time_constant": 0.004,
         "max_velocity": 2000,
-        "overspeed": 2200,
         "winding_resistance": 0.8,
         "winding_inductance": 0.003,
         "bus_nominal": 650,
@@ -93,3 +92,16 @@ def test_a_linear_motor_takes_a_mass_but_no_spindle():
     parse_farm(FILE.format(model="hiwin-e1", motor="{kind: linear}", load="{mass: 3, force: 5}"))
     with pytest.raises(FarmFileError, match="behind a linear motor"):
         parse_farm(FILE.format(model="hiwin-e1", motor="{kind: linear}", load="{lead: 5, mass: 3}"))
+
+
+def test_5_6_the_akds_vl_thresh_is_the_speed_at_which_it_trips():
+    line = VirtualLine(program="{kind: constant, speed_rpm: 600}")
+    line.enable()
+    line.run(1.0)
+    station = line.farm.stations[0]
+    station.store.set("VL.THRESH_32", 700_000)
+    line.run(0.5)
+    assert not any(station.handle.axis.fault_code)
+    station.store.set("VL.THRESH_32", 500_000)
+    line.run(0.5)
+    assert station.fault_counts == {302: 1}

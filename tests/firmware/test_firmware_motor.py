@@ -114,17 +114,6 @@ def test_a_speed_ramp_is_followed_as_integrated_and_without_a_lasting_error():
     assert abs(lags[-1]) < 0.01
 
 
-def test_fed_forward_acceleration_takes_most_of_that_lag_away():
-    def worst(gain):
-        drive = Motor(acceleration=10_000.0, acceleration_gain=gain)
-        drive.enable(3000.0)
-        return max(abs(ramp - v) for ramp, v in drive.watch(250, "ramp", "velocity"))
-
-    # what is left is the current loop's: acceleration times its time constant
-    assert worst(INERTIA) < 10_000.0 * CURRENT_LOOP * 1.2
-    assert worst(0.0) > 3 * worst(INERTIA)
-
-
 def test_the_current_limit_gives_the_greatest_acceleration():
     drive = Motor(friction=0.05)
     drive.enable(6000.0)

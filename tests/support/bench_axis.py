@@ -19,6 +19,7 @@ def configure(axis: Any) -> None:
     axis.firmware = FIRMWARE_PROFIDRIVE
     axis.powered = 1
     axis.step_ns = MS
+    axis.boot_time_ns = 100 * MS
     axis.inertia = 2e-4
     axis.friction = 0.05
     axis.damping = 0.0
