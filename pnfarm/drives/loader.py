@@ -14,7 +14,8 @@ from pnfarm.drives.consequences import read_consequences
 from pnfarm.drives.data_files import integer, read_toml, required, rows
 from pnfarm.drives.factor_group import FactorGroup, check_factor_group
 from pnfarm.drives.lamps import Lamps
-from pnfarm.drives.model import (
+from pnfarm.drives.model import Model
+from pnfarm.drives.model_parts import (
     DIAGNOSIS_CODINGS,
     REACTIONS,
     SEND_CLOCKS,
@@ -26,7 +27,6 @@ from pnfarm.drives.model import (
     FollowingError,
     Identity,
     Limits,
-    Model,
     MotionTaskParameters,
     ParameterAccess,
     PositionUnits,

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pnfarm.drives.axis_fields import AxisFields
-    from pnfarm.drives.model import MotionTaskParameters
+    from pnfarm.drives.model_parts import MotionTaskParameters
     from pnfarm.drives.stored_values import StoredValues
 
 __all__ = ["MotionTask", "MotionTasks"]

@@ -19,7 +19,8 @@ from pnfarm.table.axis import AXIS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.drives.model import Fact, Model
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.model_parts import Fact
     from pnfarm.drives.parameter import Parameter
 
 __all__ = ["ROTARY", "MotorKind", "axis_value", "read_motor_kinds", "with_motor"]

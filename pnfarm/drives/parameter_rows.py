@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.data_files import integer, required, rows
-from pnfarm.drives.model import COMMANDS
+from pnfarm.drives.model_parts import COMMANDS
 from pnfarm.drives.parameter import Behaviour, Form, Parameter, ParameterType
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS

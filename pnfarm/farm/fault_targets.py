@@ -40,7 +40,7 @@ from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pnfarm.drives.model import Fault
+    from pnfarm.drives.model_parts import Fault
     from pnfarm.engine.impairments import CyclicEvidence
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.config_model import Impairment

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.model import fault_label
+from pnfarm.drives.model_parts import fault_label
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.protocols.profinet.ar import CmdevState

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.drives.model import Fault
+    from pnfarm.drives.model_parts import Fault
     from pnfarm.faults.gate import DelayRule, GateRule
     from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry

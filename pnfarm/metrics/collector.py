@@ -14,7 +14,7 @@ from prometheus_client import CollectorRegistry, ProcessCollector, generate_late
 from prometheus_client.registry import Collector
 
 from pnfarm import __version__
-from pnfarm.drives.model import fault_label
+from pnfarm.drives.model_parts import fault_label
 from pnfarm.farm.snapshot import ar_state
 from pnfarm.faults.catalogue import KINDS
 from pnfarm.firmware.faults import NUMBER_MASK

@@ -12,7 +12,7 @@ from drives_kit import Drive, new_drive
 
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
-from pnfarm.drives.model import fault_label, fault_number
+from pnfarm.drives.model_parts import fault_label, fault_number
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError

@@ -13,7 +13,7 @@ from drives_kit import Drive, new_drive
 
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.memory import VolatileMemory
-from pnfarm.drives.model import CommunicationLoss
+from pnfarm.drives.model_parts import CommunicationLoss
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.store import (
     DisplayBlinkRequested,

@@ -6,7 +6,7 @@ import pytest
 from drives_kit import Drive, new_drive
 
 from pnfarm.drives.catalogue import as_json, model, models
-from pnfarm.drives.model import Fault
+from pnfarm.drives.model_parts import Fault
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.firmware.step import step

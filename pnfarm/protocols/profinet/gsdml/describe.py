@@ -40,7 +40,8 @@ from pnfarm.protocols.profinet.wire.diagnosis_words import PROFIDRIVE_API, PROFI
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.drives.model import DescriptionFile, Fault, Model
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.model_parts import DescriptionFile, Fault
     from pnfarm.drives.telegram import Signal, Telegram
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, SubmoduleDescription
 

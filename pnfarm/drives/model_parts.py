@@ -1,0 +1,275 @@
+"""What a drive model is made of: identity, limits, faults and the like, as plain data.
+
+Each value that can be doubted carries a :class:`Fact`: the manual's section, or ``assumed`` with the reason.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
+
+__all__ = [
+    "COMMANDS",
+    "DIAGNOSIS_CODINGS",
+    "LOCATION_SHIFT",
+    "MESSAGE_CAUSES",
+    "REACTIONS",
+    "SEND_CLOCKS",
+    "CommunicationLoss",
+    "DescriptionFile",
+    "DiagnosisCoding",
+    "Fact",
+    "Fault",
+    "FollowingError",
+    "Identity",
+    "Limits",
+    "MotionTaskParameters",
+    "ParameterAccess",
+    "PositionUnits",
+    "SignOfLife",
+    "fault_label",
+    "fault_number",
+]
+
+#: Send clocks that a description file can name for RT, in 31.25 us: 250 us to 4 ms.
+SEND_CLOCKS = (8, 16, 32, 64, 128)
+#: ``command:<name>`` of a model's ``parameters.csv``: what writing such a parameter does (:mod:`pnfarm.drives.store`).
+COMMANDS = frozenset({
+    "acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse", "home", "enable",
+    "disable", "service", "stop", "task-clear", "task-continue", "task-load", "task-move", "task-set",
+})  # fmt: skip
+#: Causes of the warnings that MELDW.6 and 7 tell of (HIWIN E1 manual 3.16).
+MESSAGE_CAUSES = ("motor-overload-warning", "i2t-warning")
+#: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
+DIAGNOSIS_CODINGS = frozenset({"none", "channel", "extended", "manufacturer"})
+#: A fault's number in two parts, error and location, is the error with the location above it.
+LOCATION_SHIFT = 16
+REACTIONS = {"coast": REACTION_COAST, "quick-stop": REACTION_QUICK_STOP}
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """Where a value comes from."""
+
+    value: Any
+    source: str
+    note: str = ""
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a drive says that it is (DCP, I&M0, PNU 964 and 975)."""
+
+    vendor_id: int
+    device_id: int
+    station_type: str
+    order_id: str
+    hardware_revision: int
+    software_prefix: str
+    software_version: tuple[int, int, int]
+    profile_id: int
+    profile_specific_type: int
+    drive_unit_type: int
+    firmware_date: tuple[int, int]
+    object_class: tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the manual denies: cycle in ns, counts, octets.
+
+    A model may leave out the last ones: ``max_cycle_ns`` 0 is no slowest cycle, ``alarms`` False is a drive that sends
+    none, ``send_clocks`` (in 31.25 us) are all that a description file can name for RT, ``motion_tasks`` is how many
+    a drive keeps, numbered from 0.
+    """
+
+    min_cycle_ns: int
+    io_controllers: int
+    ports: int
+    max_parameters: int
+    max_elements: int
+    max_response: int
+    max_cycle_ns: int = 0
+    alarms: bool = False
+    send_clocks: tuple[int, ...] = SEND_CLOCKS
+    motion_tasks: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterAccess:
+    """How base mode parameter access differs from drive to drive.
+
+    * ``change_response_values``: a positive answer to a change has format 0 and no values behind its header.
+    * ``multi_parameter``: a request may hold more than one parameter; else it is refused as a whole (0x23).
+    * ``zero_elements``: one value may be asked for with 0 elements; the subindex then does not matter.
+    * ``typed_formats``: values are sent in the format of their data type, not as byte, word and double word.
+    * ``formats``: those that a change may use, empty for all that are known.
+    * ``error_subindex``: an error is followed by the subindex where the profile tells it.
+    * ``descriptions``: parameters describe themselves (attribute 0x20).
+    * ``unknown_service_id``: response id for a request id that is not known, 0 for that id with bit 7 set.
+    * ``saves_at_once``: what is written is permanent at once.
+    * ``station_name``: the PNU of the station's name, 0 without such a parameter.
+    * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
+    """
+
+    record_indexes: tuple[int, ...]
+    axis: tuple[int, ...]
+    change_response_values: bool
+    multi_parameter: bool = True
+    zero_elements: bool = False
+    typed_formats: bool = False
+    formats: tuple[int, ...] = ()
+    error_subindex: bool = True
+    descriptions: bool = True
+    unknown_service_id: int = 0
+    saves_at_once: bool = False
+    mapping_elements: tuple[int, ...] = ()
+    station_name: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DescriptionFile:
+    """What only the file for engineering tools says of a drive.
+
+    ``date`` (yyyymmdd) is part of its name: a tool takes a file of the same name for the one that it has.
+    """
+
+    date: int
+    family: str
+    info_text: str
+
+
+@dataclass(frozen=True, slots=True)
+class CommunicationLoss:
+    """The fault on lost cyclic data, and the parameters that govern it; 0 is a drive without such a parameter.
+
+    A value of 0 of ``action_parameter`` is no fault.  Without ``stop_parameter``, ``on_stop`` says whether the fault is
+    also raised when the controller goes to STOP.
+    """
+
+    fault: int
+    action_parameter: int = 0
+    stop_parameter: int = 0
+    stop_bit: int = 0
+    on_stop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class SignOfLife:
+    """Sign of life in STW2 and ZSW2: the fault that too many failures raise."""
+
+    fault: int
+
+
+@dataclass(frozen=True, slots=True)
+class MotionTaskParameters:
+    """The PNUs that a motion task is edited in: its number, and what it consists of."""
+
+    number: int
+    position: int
+    velocity: int
+    acceleration: int
+    deceleration: int
+    control: int
+    next: int
+    dwell: int
+
+    @property
+    def contents(self) -> tuple[int, ...]:
+        """All but the number."""
+        return (
+            self.position, self.velocity, self.acceleration, self.deceleration, self.control, self.next, self.dwell,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class PositionUnits:
+    """The PNUs that parameters with the scale ``position`` follow: so many units to a revolution.
+
+    The value of ``unit`` picks one of ``revolution``, units to a revolution, where 0 stands for ``numerator`` by
+    ``denominator``; ``scaling`` divides what was picked.
+    """
+
+    scaling: int
+    unit: int
+    numerator: int
+    denominator: int
+    revolution: tuple[float, ...]
+
+    @property
+    def numbers(self) -> frozenset[int]:
+        """All the PNUs."""
+        return frozenset({self.scaling, self.unit, self.numerator, self.denominator})
+
+
+@dataclass(frozen=True, slots=True)
+class FollowingError:
+    """Position mode: the fault that a following error beyond its limit raises."""
+
+    fault: int
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisCoding:
+    """How a drive's own faults are told to its controller.
+
+    The value of ``mode_parameter`` picks one of ``modes`` (:data:`DIAGNOSIS_CODINGS`; none beyond them) and the subslot
+    of the same place in ``subslots``; ``user_structure`` is the USI of the maker's own form, ``user_fields`` say what
+    its octets are, one after the other, with the length of the same place in ``user_octets``.
+    """
+
+    mode_parameter: int
+    modes: tuple[str, ...]
+    subslots: tuple[int, ...]
+    user_structure: int
+    user_fields: tuple[str, ...] = ()
+    user_octets: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault or warning by its number (:func:`fault_number`).
+
+    ``cause`` is what a fault kind asks for, empty if none raises it.
+    """
+
+    number: int
+    name: str
+    warning: bool
+    reaction: int
+    cause: str
+    source: str
+    note: str
+    #: The word that PNU 945 and the signal FAULT_CODE show, 0 where the manual has none.
+    word: int = 0
+
+    @property
+    def label(self) -> str:
+        """The manual's way to write the number."""
+        return fault_label(self.number)
+
+    @property
+    def code(self) -> int:
+        """Number with its reaction, as the axis record and ``CMD_RAISE_FAULT`` take it."""
+        return self.number | self.reaction << 24
+
+
+def fault_number(text: str) -> int:
+    """``702`` or, in two parts, ``32-1`` (error 32, location 1) as one number; raises :class:`ValueError`."""
+    error, dash, location = text.partition("-")
+    if not dash:
+        return int(text, 0)
+    if not (error.isascii() and error.isdigit() and location.isascii() and location.isdigit()):
+        raise ValueError(f"{text!r} is no fault number")
+    if int(error) >= 1 << LOCATION_SHIFT or int(location) >= 1 << 8:
+        raise ValueError(f"{text!r} is too large for a fault number")
+    return int(error) | int(location) << LOCATION_SHIFT
+
+
+def fault_label(number: int) -> str:
+    """A fault's number as its manual writes it: in two parts if it has a location."""
+    location = number >> LOCATION_SHIFT
+    return f"{number & ((1 << LOCATION_SHIFT) - 1)}-{location}" if location else str(number)
