@@ -7,7 +7,6 @@ unit the acceleration factor in rev/s2.  The three factors are floats, kept as t
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Behaviour
@@ -16,28 +15,14 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.drives.model_parts import FactorGroup
     from pnfarm.drives.parameter import Parameter
     from pnfarm.drives.stored_values import StoredValues
 
-__all__ = ["FactorGroup", "apply_factor_group", "check_factor_group", "float_bits", "float_of"]
+__all__ = ["apply_factor_group", "check_factor_group", "float_bits", "float_of"]
 
 #: rpm/s of one rev/s2.
 RPM_PER_SECOND = 60.0
-
-
-@dataclass(frozen=True, slots=True)
-class FactorGroup:
-    """The PNUs of the factors."""
-
-    numerator: int
-    denominator: int
-    speed: int
-    acceleration: int
-
-    @property
-    def parameters(self) -> frozenset[int]:
-        """All of them."""
-        return frozenset({self.numerator, self.denominator, self.speed, self.acceleration})
 
 
 def float_of(bits: int) -> float:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.drives.consequences import read_consequences
 from pnfarm.drives.data_files import integer, read_toml, required, rows
-from pnfarm.drives.factor_group import FactorGroup, check_factor_group
+from pnfarm.drives.factor_group import check_factor_group
 from pnfarm.drives.lamps import Lamps
 from pnfarm.drives.model import Model
 from pnfarm.drives.model_parts import (
@@ -23,6 +23,7 @@ from pnfarm.drives.model_parts import (
     DescriptionFile,
     DiagnosisCoding,
     Fact,
+    FactorGroup,
     Fault,
     FollowingError,
     Identity,

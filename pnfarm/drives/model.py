@@ -20,23 +20,23 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pnfarm.drives.consequences import Consequence
-    from pnfarm.drives.factor_group import FactorGroup
     from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.model_parts import (
         CommunicationLoss,
         DescriptionFile,
         DiagnosisCoding,
         Fact,
+        FactorGroup,
         Fault,
         FollowingError,
         Identity,
         Limits,
         MotionTaskParameters,
+        MotorKind,
         ParameterAccess,
         PositionUnits,
         SignOfLife,
     )
-    from pnfarm.drives.motor_kinds import MotorKind
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
     from pnfarm.drives.telegram import Module, Signal, Submodule, Telegram
 

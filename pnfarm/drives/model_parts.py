@@ -5,7 +5,8 @@ Each value that can be doubted carries a :class:`Fact`: the manual's section, or
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
@@ -21,11 +22,13 @@ __all__ = [
     "DescriptionFile",
     "DiagnosisCoding",
     "Fact",
+    "FactorGroup",
     "Fault",
     "FollowingError",
     "Identity",
     "Limits",
     "MotionTaskParameters",
+    "MotorKind",
     "ParameterAccess",
     "PositionUnits",
     "SignOfLife",
@@ -203,6 +206,34 @@ class PositionUnits:
     def numbers(self) -> frozenset[int]:
         """All the PNUs."""
         return frozenset({self.scaling, self.unit, self.numerator, self.denominator})
+
+
+@dataclass(frozen=True, slots=True)
+class FactorGroup:
+    """The PNUs of the factors."""
+
+    numerator: int
+    denominator: int
+    speed: int
+    acceleration: int
+
+    @property
+    def parameters(self) -> frozenset[int]:
+        """All of them."""
+        return frozenset({self.numerator, self.denominator, self.speed, self.acceleration})
+
+
+@dataclass(frozen=True, slots=True)
+class MotorKind:
+    """What differs with this motor: fields of the axis record in its own units, and defaults of parameters by PNU.
+
+    ``pitch`` is the way of one revolution in mm, 0 for a motor that turns.
+    """
+
+    pitch: float = 0.0
+    motor: Mapping[str, float] = field(default_factory=dict)
+    firmware: Mapping[str, float] = field(default_factory=dict)
+    defaults: Mapping[int, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,11 +7,12 @@ model has it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.data_files import integer, required
+from pnfarm.drives.model_parts import MotorKind
 from pnfarm.drives.parameter_rows import PER_PITCH, axis_parameters
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.model_parts import Fact
     from pnfarm.drives.parameter import Parameter
 
-__all__ = ["ROTARY", "MotorKind", "axis_value", "read_motor_kinds", "with_motor"]
+__all__ = ["ROTARY", "axis_value", "read_motor_kinds", "with_motor"]
 
 #: The kind of a model's own sections ``motor`` and ``firmware``.
 ROTARY = "rotary"
@@ -45,19 +46,6 @@ _LINEAR: dict[str, tuple[str, Callable[[float], float]]] = {
     "kg m^2": ("kg", lambda pitch: _lever(pitch) ** 2),
     "N m s/rad": ("N s/m", lambda pitch: _lever(pitch) ** 2),
 }
-
-
-@dataclass(frozen=True, slots=True)
-class MotorKind:
-    """What differs with this motor: fields of the axis record in its own units, and defaults of parameters by PNU.
-
-    ``pitch`` is the way of one revolution in mm, 0 for a motor that turns.
-    """
-
-    pitch: float = 0.0
-    motor: Mapping[str, float] = field(default_factory=dict)
-    firmware: Mapping[str, float] = field(default_factory=dict)
-    defaults: Mapping[int, int] = field(default_factory=dict)
 
 
 def axis_value(name: str, value: float, pitch: float) -> float:
