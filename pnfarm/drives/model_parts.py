@@ -5,11 +5,13 @@ Each value that can be doubted carries a :class:`Fact`: the manual's section, or
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 __all__ = [
     "COMMANDS",
