@@ -478,4 +478,4 @@ def positioning_command(axis: Any, seconds: float) -> float:
         step_interpolation(axis, seconds)
     else:
         step_profile(axis, seconds)
-    return axis.profile_velocity + axis.position_gain * error * RPM
+    return axis.speed_feed_forward * axis.profile_velocity + axis.position_gain * error * RPM

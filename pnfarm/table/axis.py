@@ -365,6 +365,9 @@ AXIS = Layout(
         Field("speed_gain", "f8", "N m s/rad", "parameter", "speed controller, 0 = inertia / velocity_time_constant"),
         Field("speed_integral_time", "f8", "s", "parameter", "speed controller, 0 = four times velocity_time_constant"),
         Field(
+            "speed_feed_forward", "f8", "", "parameter", "part of a profile's speed that is fed forward", default=1.0
+        ),
+        Field(
             "acceleration_gain",
             "f8",
             "",

@@ -111,3 +111,16 @@ def test_bits_4_to_6_of_the_ramp_generator() -> None:
     assert bench.speed == pytest.approx(600, abs=1)
     bench.send(2000, STW1=RUN & ~0x0010)
     assert (round(bench.speed), bench.state) == (0, 4)
+
+
+def test_p_0375_and_p_0376_scale_what_is_fed_forward() -> None:
+    """Table 10.14: percent of the profile's speed, and of the torque that its acceleration asks for (assumed)."""
+    bench = MsdBench(9, P_1278=100, P_1279=100)
+    assert (bench.axis.speed_feed_forward, bench.axis.acceleration_gain) == (1.0, 0.0)
+    bench.store.set("P-0375", float_bits(50.0))
+    bench.store.set("P-0376", float_bits(80.0))
+    bench.enable(TASKS, VELOCITY_A=1000)
+    bench.send(500, STW1=TASKS | 0x0040, TARPOS_A=100 * 65536)
+    left = 0.5 * 1000 / 60 / float(bench.axis.position_gain)
+    assert bench.axis.following_error == pytest.approx(left, rel=0.01)
+    assert bench.axis.acceleration_gain == pytest.approx(0.8)

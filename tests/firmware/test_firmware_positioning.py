@@ -651,3 +651,14 @@ def test_fed_forward_acceleration_takes_most_of_the_following_error_of_a_profile
         return max(abs(float(drive.axis.following_error)) for _ in range(600) if drive.stw(READY) | 1)
 
     assert worst(1.0) < 0.3 * worst(0.0)
+
+
+@pytest.mark.parametrize("part", [0.0, 0.5, 1.0])
+def test_the_following_error_of_a_steady_move_is_what_is_not_fed_forward_over_the_gain(part):
+    drive = Positioner()
+    drive.axis.speed_feed_forward = part
+    drive.move(20.0)
+    drive.stw(READY, 1000)
+    speed = float(drive.axis.profile_velocity) / 60
+    assert speed == pytest.approx(10.0)
+    assert drive.axis.following_error == pytest.approx((1.0 - part) * speed / float(drive.axis.position_gain), abs=1e-3)
