@@ -13,6 +13,7 @@ from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw, emit_pkw, parse_pkw
 from pnfarm.drives.profiles.profidrive.pkw_channel import OTHER_ERROR, PkwChannel
 from pnfarm.drives.store import NonVolatileSaved, ParameterWritten
+from pnfarm.errors import DecodeError
 
 ERROR = 7
 #: Response identifiers of table 8.18.
@@ -66,7 +67,7 @@ def test_any_eight_octets_are_a_task_and_come_back(octets: bytes) -> None:
 
 @pytest.mark.parametrize("octets", [b"", bytes(7), bytes(9)])
 def test_another_number_of_octets_is_none(octets: bytes) -> None:
-    with pytest.raises(ValueError, match="octets"):
+    with pytest.raises(DecodeError, match="octets"):
         parse_pkw(octets)
 
 

@@ -18,10 +18,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pnfarm.errors import DecodeError
+
 __all__ = ["NO_TASK", "PARAMETER_TASKS", "PKW_OCTETS", "ParameterWords", "Pkw", "emit_pkw", "parse_pkw"]
 
 PKW_OCTETS = 8
-#: Parameters that the channel reaches.
+#: Highest number of a parameter that the channel reaches.
 HIGHEST_PNU = 0xFFF
 
 
@@ -65,9 +67,9 @@ NO_TASK = Pkw(0)
 
 
 def parse_pkw(octets: bytes) -> Pkw:
-    """What eight octets say; raises :class:`ValueError` for another number of them."""
+    """What eight octets say; raises :class:`DecodeError` for another number of them."""
     if len(octets) != PKW_OCTETS:
-        raise ValueError(f"{len(octets)} octets; a parameter channel has {PKW_OCTETS}")
+        raise DecodeError("bad-length", f"{len(octets)} octets; a parameter channel has {PKW_OCTETS}")
     head = int.from_bytes(octets[:2], "big")
     return Pkw(head >> 12, head & HIGHEST_PNU, octets[2], octets[3], int.from_bytes(octets[4:], "big"))
 
