@@ -30,8 +30,13 @@ def _has_task(axis: Any) -> bool:
 
 @compiled
 def standing(axis: Any) -> bool:
-    """Whether the axis is at rest, so that a task may begin: no profile moves it, and the shaft does not turn."""
-    return axis.motion != BRAKING and axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
+    """Whether the axis is at rest, so that a task may begin: no profile moves it, and the shaft does not turn.
+
+    Homing moves it to its end, also where it turns at the mark (AKD PROFINET manual 5.10.3).
+    """
+    if axis.motion == BRAKING or axis.motion == HOMING:  # noqa: PLR1714 - a tuple in compiled code would allocate
+        return False
+    return axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
 
 
 @compiled
