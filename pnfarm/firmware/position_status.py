@@ -36,7 +36,9 @@ def standing(axis: Any) -> bool:
     """
     if axis.motion == BRAKING or axis.motion == HOMING:  # noqa: PLR1714 - a tuple in compiled code would allocate
         return False
-    return axis.profile_velocity == 0.0 and abs(axis.velocity) <= axis.standstill
+    if axis.motion != OUT and axis.profile_velocity != 0.0:
+        return False
+    return abs(axis.velocity) <= axis.standstill
 
 
 @compiled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_firmware_positioning import HOME, HOMED, ON_TARGET, STOPPED, Positioner
+from test_firmware_positioning import HOME, HOMED, ON_TARGET, READY, STOPPED, Positioner
 
 FORWARDS, BACKWARDS = 0x0010, 0x0020
 
@@ -24,3 +24,17 @@ def test_5_10_3_bits_10_11_and_13_stay_0_until_homing_is_over_also_where_it_turn
         assert drive.now < 10e9
     drive.until(ON_TARGET | HOMED | STOPPED)
     assert drive.axis.position == pytest.approx(1.0 + distance, abs=0.01)
+
+
+def test_5_5_bit_13_stands_when_a_coasting_axis_turns_slower_than_standstill():
+    """AKD PROFINET manual 5.5: axis is not moving; without dry friction it never comes to rest altogether."""
+    drive = Positioner()
+    drive.axis.friction, drive.axis.damping = 0.0, 1e-3
+    drive.move(50.0)
+    drive.run(300)
+    drive.stw(READY & ~0x0002, 500)
+    assert drive.axis.velocity > drive.axis.standstill
+    assert not drive.zsw1 & STOPPED
+    drive.run(5000)
+    assert 0.0 < drive.axis.velocity < drive.axis.standstill
+    assert drive.zsw1 & STOPPED
