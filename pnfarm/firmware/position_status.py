@@ -42,10 +42,16 @@ def standing(axis: Any) -> bool:
 
 
 @compiled
+def _basic(axis: Any) -> bool:
+    """Whether nothing is active that moves the axis: the basic state of AKD PROFINET manual, edition B, 5.10.1."""
+    return axis.motion == OUT or axis.motion == STANDBY  # noqa: PLR1714 - a tuple in compiled code would allocate
+
+
+@compiled
 def _reached(axis: Any) -> bool:
     """ZSW1.10: the last task ended in its target, or (AKD, edition B, 5.5) simply no motion is active."""
     if axis.reached_without_task:
-        return axis.motion == OUT or axis.motion == STANDBY  # noqa: PLR1714 - a tuple in compiled code would allocate
+        return _basic(axis)
     return axis.target_reached and abs(axis.following_error) <= axis.target_window
 
 
@@ -61,7 +67,7 @@ def position_bits(axis: Any) -> int:
         word |= 0x0800
     if axis.acknowledged:
         word |= 0x1000
-    if standing(axis) and not (axis.rest_without_task and _has_task(axis)):
+    if standing(axis) and (not axis.rest_without_task or _basic(axis)):
         word |= 0x2000
     if _has_task(axis):
         word |= axis.task_active

@@ -38,3 +38,17 @@ def test_5_5_bit_13_stands_when_a_coasting_axis_turns_slower_than_standstill():
     drive.run(5000)
     assert 0.0 < drive.axis.velocity < drive.axis.standstill
     assert drive.zsw1 & STOPPED
+
+
+def test_edition_b_5_10_1_bit_13_is_0_while_jogging_also_where_a_limit_lets_the_axis_go_no_further():
+    """Its figure: bits 10 and 13 are false in the state of jogging."""
+    later, earlier = Positioner(), Positioner()
+    earlier.axis.rest_without_task = 1
+    for drive in (later, earlier):
+        drive.axis.limit_switch = 2
+        drive.stw(0x050F, 100)
+        assert drive.axis.velocity == pytest.approx(0.0, abs=0.1)
+    assert later.zsw1 & STOPPED
+    assert not earlier.zsw1 & STOPPED
+    earlier.stw(0x040F, 20)
+    assert earlier.zsw1 & STOPPED
