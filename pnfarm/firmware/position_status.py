@@ -119,7 +119,10 @@ def second_position_word(axis: Any) -> int:
     if _has_task(axis):
         word |= 0x8004
     if not standing(axis):
-        word |= 0x0010 if axis.velocity > 0.0 else 0x0020
+        # a shaft that does not turn yet, or no more, goes where its profile leads
+        speed = axis.velocity if abs(axis.velocity) > axis.standstill else axis.profile_velocity
+        if speed != 0.0:
+            word |= 0x0010 if speed > 0.0 else 0x0020
     return word
 
 

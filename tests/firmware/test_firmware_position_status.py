@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from test_firmware_positioning import HOME, HOMED, ON_TARGET, READY, STOPPED, Positioner
+from test_firmware_positioning import HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner
+
+from pnfarm.table.signals import POS_ZSW2
 
 FORWARDS, BACKWARDS = 0x0010, 0x0020
 
@@ -52,3 +54,20 @@ def test_edition_b_5_10_1_bit_13_is_0_while_jogging_also_where_a_limit_lets_the_
     assert not earlier.zsw1 & STOPPED
     earlier.stw(0x040F, 20)
     assert earlier.zsw1 & STOPPED
+
+
+@pytest.mark.parametrize(("target", "told"), [(2.0, FORWARDS), (-2.0, BACKWARDS)])
+def test_hiwin_table_3_15_1_an_axis_that_begins_to_move_is_never_told_to_move_the_other_way(target, told):
+    """Bits 4 and 5 of POS_ZSW2; dry friction holds the shaft for the first moments of a gentle task."""
+    drive = Positioner()
+    drive.axis.friction = 0.5
+    drive.data(target, up=800.0, down=800.0)
+    drive.stw(START)
+    assert drive.axis.velocity == 0.0
+    seen = set()
+    while not drive.zsw1 & ON_TARGET:
+        seen.add(int(drive.image.sent[POS_ZSW2]) & (FORWARDS | BACKWARDS))
+        drive.run(1)
+        assert drive.now < 20e9
+    assert seen <= {told, 0}
+    assert told in seen
