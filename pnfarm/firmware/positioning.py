@@ -268,7 +268,8 @@ def _aim(axis: Any) -> None:
             axis.task_velocity = -axis.task_velocity
     elif _passes(axis) and axis.target != axis.commanded_position:
         axis.profile = PROFILE_VELOCITY
-        if axis.target < axis.commanded_position:
+        axis.task_backwards = 1 if axis.target < axis.commanded_position else 0
+        if axis.task_backwards:
             axis.task_velocity = -axis.task_velocity
 
 
@@ -424,7 +425,8 @@ def _follow_on(axis: Any, now: int) -> bool:
         return False
     number = int(axis.task)
     if axis.profile == PROFILE_VELOCITY:
-        if (axis.target - axis.commanded_position) * axis.task_velocity > 0.0:
+        left = axis.target - axis.commanded_position
+        if left < 0.0 if axis.task_backwards else left > 0.0:
             return False
         # not further than the target, should nothing follow
         axis.profile = PROFILE_TARGET
@@ -461,7 +463,7 @@ def take_motion(axis: Any, now: int) -> None:
         _jog(axis)
     elif axis.motion == TASK:
         top = _fastest_there(axis, axis.task_top * axis.override)
-        axis.task_velocity = -top if axis.profile == PROFILE_VELOCITY and axis.task_velocity < 0.0 else top
+        axis.task_velocity = -top if axis.profile == PROFILE_VELOCITY and axis.task_backwards else top
     if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
         raise_fault(axis, axis.following_fault, now)
     if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:

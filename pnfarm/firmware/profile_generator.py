@@ -187,7 +187,8 @@ def profile_over(axis: Any) -> bool:
         return False
     if axis.profile == PROFILE_TARGET and axis.raw_position != axis.target:
         return False
-    if axis.profile == PROFILE_VELOCITY and axis.task_velocity != 0.0:
+    if axis.profile == PROFILE_VELOCITY:
+        # without an end, however slow: an override of 0 is no end
         return False
     if axis.jerk_time > 0.0:
         for i in range(JERK_TAPS):

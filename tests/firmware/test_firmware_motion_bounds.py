@@ -1,0 +1,37 @@
+"""What bounds a motion: a feed rate of 0, software limits, velocity limits."""
+
+from __future__ import annotations
+
+import pytest
+from test_firmware_positioning import ACTIVE, ON_TARGET, READY, START, STOPPED, Positioner, task
+
+from pnfarm.table.axis import TASK_PASSING
+from pnfarm.table.signals import MT_FEEDRATE, SATZANW
+
+
+@pytest.mark.parametrize("target", [3.0, -3.0])
+def test_5_8_a_feedrate_of_0_holds_a_passing_task_and_the_next_one_waits_for_its_target(target):
+    """AKD PROFINET manual 5.8, signal 101 (MT.FEEDRATE), with a task that hands its target over at speed (5.10.1)."""
+    drive = Positioner()
+    drive.axis.feedrate_signal = 1
+    drive.image.received[MT_FEEDRATE] = 100
+    task(drive, 1, target, following=2)
+    task(drive, 2, 2 * target)
+    drive.axis.mt_flags[1] |= TASK_PASSING
+    drive.image.received[SATZANW] = 1
+    drive.stw(START)
+    drive.stw(READY, 150)
+    drive.image.received[MT_FEEDRATE] = 0
+    drive.run(300)
+    held = drive.place
+    assert 0.1 < held / target < 0.9
+    assert drive.axis.task == 1
+    assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED | ACTIVE
+    drive.image.received[MT_FEEDRATE] = 50
+    drive.run(20)
+    assert abs(drive.place) > abs(held), "on in its own direction"
+    while drive.axis.task == 1:
+        drive.run(1)
+    assert drive.place == pytest.approx(target, abs=0.3)
+    drive.settle()
+    assert drive.place == pytest.approx(2 * target, abs=2e-3)
