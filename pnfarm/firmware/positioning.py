@@ -329,12 +329,22 @@ def _jog(axis: Any) -> None:
     if up <= 0.0 or down <= 0.0 or _limited(axis, velocity):
         axis.profile = PROFILE_STOP
         return
-    _take_ramps(axis, velocity, up, down)
+    forwards = velocity > 0.0
+    top = abs(velocity)
+    _take_ramps(axis, top if forwards else -top, up, down)
     axis.profile = PROFILE_VELOCITY
-    if axis.homed and velocity != 0.0 and axis.software_limits & (0x2 if velocity > 0.0 else 0x1):
-        axis.profile = PROFILE_TARGET
-        axis.target = axis.origin + (axis.limit_high if velocity > 0.0 else axis.limit_low)
-        axis.task_velocity = abs(velocity)
+    if axis.homed and velocity != 0.0 and axis.software_limits & (0x2 if forwards else 0x1):
+        _jog_to_limit(axis, top, forwards)
+
+
+@compiled
+def _jog_to_limit(axis: Any, top: float, forwards: bool) -> None:
+    """The way of a jog ends at the software limit; an axis beyond it goes no further, and not back either."""
+    limit = axis.origin + (axis.limit_high if forwards else axis.limit_low)
+    beyond = axis.commanded_position > limit if forwards else axis.commanded_position < limit
+    axis.profile = PROFILE_STOP if beyond else PROFILE_TARGET
+    axis.target = limit
+    axis.task_velocity = top
 
 
 @compiled

@@ -35,3 +35,18 @@ def test_5_8_a_feedrate_of_0_holds_a_passing_task_and_the_next_one_waits_for_its
     assert drive.place == pytest.approx(target, abs=0.3)
     drive.settle()
     assert drive.place == pytest.approx(2 * target, abs=2e-3)
+
+
+@pytest.mark.parametrize(("bit", "stands"), [(0x0100, 2.0), (0x0200, -1.0)])
+def test_5_4_a_jog_never_leads_against_its_direction_where_the_axis_stands_beyond_the_software_limit(bit, stands):
+    """AKD PROFINET manual 5.4: a jog runs up to its set point; limits by software may be narrowed around the axis."""
+    drive = Positioner()
+    axis = drive.axis
+    drive.move(stands)
+    drive.settle()
+    axis.software_limits, axis.limit_low, axis.limit_high = 3, -0.5, 1.0
+    drive.stw(0x040F | bit, 300)
+    assert drive.place == pytest.approx(stands, abs=2e-3)
+    drive.stw(0x040F, 50)
+    drive.stw(0x040F | (bit ^ 0x0300), 400)
+    assert abs(drive.place) < abs(stands) - 0.1, "and back it goes"
