@@ -330,7 +330,7 @@ def _jog(axis: Any) -> None:
         axis.profile = PROFILE_STOP
         return
     forwards = velocity > 0.0
-    top = abs(velocity)
+    top = fastest(axis, abs(velocity), forwards)
     _take_ramps(axis, top if forwards else -top, up, down)
     axis.profile = PROFILE_VELOCITY
     if axis.homed and velocity != 0.0 and axis.software_limits & (0x2 if forwards else 0x1):

@@ -50,3 +50,18 @@ def test_5_4_a_jog_never_leads_against_its_direction_where_the_axis_stands_beyon
     drive.stw(0x040F, 50)
     drive.stw(0x040F | (bit ^ 0x0300), 400)
     assert abs(drive.place) < abs(stands) - 0.1, "and back it goes"
+
+
+@pytest.mark.parametrize(("word", "direction"), [(0x050F, 1.0), (0x060F, -1.0), (0x143F, 1.0), (0x343F, -1.0)])
+def test_5_4_a_jog_in_position_mode_keeps_to_the_velocity_limits_and_the_axis_follows(word, direction):
+    """AKD PROFINET manual 5.4 and 5.6 (VL.LIMITP, VL.LIMITN): by set points and in real time."""
+    drive = Positioner()
+    axis = drive.axis
+    axis.velocity_limit_positive = axis.velocity_limit_negative = 50.0
+    axis.jog_velocity[0], axis.jog_velocity[1] = 600.0, -600.0
+    axis.jog_acceleration = 30_000.0
+    drive.data(0.0, velocity=600.0)
+    drive.stw(word, 1000)
+    assert axis.velocity == pytest.approx(direction * 50.0, abs=0.5)
+    assert axis.following_error == pytest.approx(0.0, abs=0.05)
+    assert drive.zsw1 & 0x0100

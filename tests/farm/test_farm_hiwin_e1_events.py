@@ -1,0 +1,70 @@
+"""The HIWIN E1 in position mode when something comes between: an enable that falls, a fault, a limit (3.3.2, 6)."""
+
+from __future__ import annotations
+
+import pytest
+from e1_plc import ACKNOWLEDGE, FOLLOWS, JOG_BACKWARDS, JOG_FORWARDS, REACHED, RUN, STOPPED, TAKEN, E1Plc
+
+BOTH = pytest.mark.parametrize("telegram", [9, 111])
+PULSES = 0x0800
+
+
+@BOTH
+def test_table_3_3_2_1_bit_3_falls_in_a_task_the_pulses_go_off_and_the_task_is_gone(telegram):
+    plc = E1Plc(telegram)
+    plc.task(20.0)
+    assert plc.go()
+    plc.wait(300)
+    assert plc["ZSW2"] & PULSES
+    zsw1 = plc.put(STW1=RUN & ~0x0008)
+    assert zsw1 & (0x0047 | STOPPED) == 0x0003
+    assert not plc["ZSW2"] & PULSES
+    assert plc.rpm > 300.0, "it coasts"
+    plc.put(STW1=RUN)
+    assert plc.bit(0x0007)
+    plc.wait_for(lambda: plc.bit(STOPPED))
+    place = plc.rev
+    plc.wait(200)
+    assert plc.rev == pytest.approx(place, abs=0.01)
+    assert not plc.bit(REACHED)
+    assert plc.go()
+    plc.arrive()
+    assert plc.rev == pytest.approx(20.0, abs=0.01)
+
+
+@BOTH
+def test_table_3_3_2_1_bit_7_acknowledges_by_its_edge_and_a_later_fault_needs_another(telegram):
+    plc = E1Plc(telegram)
+    plc.inject("drive-fault", fault="AL.100")
+    assert plc.put(STW1=RUN) & 0x004F == 0x0048
+    assert plc.put(STW1=RUN | ACKNOWLEDGE) & 0x004F == 0x0040, "S1: bit 0 stands"
+    plc.inject("drive-fault", fault="AL.400")
+    plc.put(STW1=RUN | ACKNOWLEDGE, wait=20)
+    assert plc["ZSW1"] & 0x0008, "a bit that stands is no edge"
+    plc.put(STW1=RUN)
+    assert not plc.put(STW1=RUN | ACKNOWLEDGE) & 0x0008
+    plc.switch_on(operation=RUN)
+
+
+@BOTH
+@pytest.mark.parametrize(("bit", "sign"), [(JOG_FORWARDS, 1), (JOG_BACKWARDS, -1)])
+def test_6_8_and_6_2_a_jog_keeps_to_the_velocity_limit_and_the_axis_follows_it(telegram, bit, sign):
+    """Pt533 may be 10000 rpm, Pt316 less."""
+    plc = E1Plc(telegram, params="{Pt316: 900, Pt533: 10000}")
+    plc.put(STW1=RUN | bit, wait=1000)
+    assert plc.rpm == pytest.approx(sign * 900.0, abs=5.0)
+    assert plc.bit(FOLLOWS)
+    assert not plc["ZSW1"] & 0x0008, "no position deviation overflow"
+    plc.put(STW1=RUN)
+    plc.wait_for(lambda: plc.bit(STOPPED))
+
+
+@BOTH
+def test_table_3_3_2_1_bits_0_to_6_at_once_enable_the_drive_and_start_nothing(telegram):
+    plc = E1Plc(telegram)
+    plc.task(3.0)
+    plc.put(STW1=0x0406, wait=20)
+    plc.put(STW1=RUN | 0x0040, wait=100)
+    assert plc.bit(0x0007 | STOPPED)
+    assert not plc["ZSW1"] & TAKEN
+    assert plc.rev == pytest.approx(0.0, abs=0.01)
