@@ -5,7 +5,7 @@ controller's:
 
 * watching begins after 15 frames in sequence, so that a controller without a sign of life is left in peace;
 * a frame whose count does not follow the last one takes the error counter up by ten, every other takes it down by one;
-* ten times the tolerance (PNU 925) is a fault.  A tolerance of 65535 is none.
+* ten times the tolerance (PNU 925) is a fault, and the most that the counter comes to.  A tolerance of 65535 is none.
 
 :func:`count_life` runs in every tick, because a frame may come more often than the drive is stepped; :func:`check_life`
 belongs to the step, which raises the fault.
@@ -90,8 +90,9 @@ def count_life(axis: Any, image: Any) -> None:
     axis.life_errors += 1
     if axis.life_tolerance == ALL_TOLERATED:
         return
-    axis.life_count = min(int(axis.life_count) + FAILED, FAILED * ALL_TOLERATED)
-    if axis.life_count >= FAILED * int(axis.life_tolerance):
+    most = FAILED * int(axis.life_tolerance)
+    axis.life_count = min(int(axis.life_count) + FAILED, most)
+    if axis.life_count >= most:
         axis.life_failed = LIFE_FAILED
 
 

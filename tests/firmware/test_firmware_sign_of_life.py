@@ -213,6 +213,20 @@ def test_a_fault_comes_back_while_the_count_stands_and_stays_away_when_it_runs(d
     assert drive.faults == []
 
 
+def test_moog_8_3_2_ten_times_the_tolerance_is_the_counters_maximum_so_that_a_long_failure_is_soon_forgotten(drive):
+    """Moog MSD manual, figure 8.5: the counter reaches its maximum value when the error reaction starts."""
+    drive.good(20)
+    drive.stand(5000)
+    assert drive.axis.life_count == 10 * drive.axis.life_tolerance
+    drive.good(10 * int(drive.axis.life_tolerance))
+    assert drive.axis.life_count == 0
+    drive.write(0x0476 | 0x0080)
+    drive.write(0x0476)
+    drive.good(20)
+    drive.stand(int(drive.axis.life_tolerance) - 1)
+    assert drive.faults == []
+
+
 def test_after_an_acknowledgement_further_failures_raise_the_fault_again(drive):
     drive.good(20)
     drive.stand(6)
