@@ -37,6 +37,7 @@ from pnfarm.table.axis import (
     JOG_NONE,
     JOG_REAL_TIME,
     JOG_SEQUENCE,
+    JOG_STILL,
     MOTION_HALTED,
     PROFILE_STOP,
     PROFILE_TARGET,
@@ -320,7 +321,7 @@ def _jog(axis: Any) -> None:
         up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.ramp_up
         down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.ramp_down
     else:
-        velocity = axis.jog_velocity[0]
+        velocity = 0.0 if axis.jog == JOG_STILL else axis.jog_velocity[0]
         if axis.jog == JOG_MINUS:
             velocity = -velocity if axis.jog_mirrored else axis.jog_velocity[1]
         up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration

@@ -14,6 +14,7 @@ from pnfarm.table.axis import (
     JOG_REAL_TIME,
     JOG_SEQUENCE,
     JOG_SEQUENCES,
+    JOG_STILL,
     MOTION_TASKS,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,
@@ -94,7 +95,7 @@ def _jog_asked(axis: Any, stw1: int) -> int:
         return JOG_PLUS
     if stw1 & (JOG_1 | JOG_2) == JOG_2:
         return JOG_MINUS
-    return JOG_NONE
+    return JOG_STILL if stw1 & (JOG_1 | JOG_2) else JOG_NONE
 
 
 @compiled

@@ -130,6 +130,7 @@ JOG_PLUS = 1  # at the first jogging velocity
 JOG_MINUS = 2  # at the second
 JOG_REAL_TIME = 3  # at the task's own velocity
 JOG_SEQUENCE = 4  # at ``jog_speed``
+JOG_STILL = 5  # at none: both directions at once
 
 # How the axis finds its home (``home_method``).
 HOME_AT_ONCE = 0  # where it stands

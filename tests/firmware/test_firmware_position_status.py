@@ -56,6 +56,22 @@ def test_edition_b_5_10_1_bit_13_is_0_while_jogging_also_where_a_limit_lets_the_
     assert earlier.zsw1 & STOPPED
 
 
+@pytest.mark.parametrize("before", [0x040F, 0x050F, 0x060F])
+def test_edition_b_5_10_1_both_jog_bits_are_the_state_of_jogging_at_rest(before):
+    """Its figure: STW1 bit 8 or 9 or 8 and 9 leads to jogging, where bits 10 and 13 are false; it ends without both."""
+    drive = Positioner()
+    axis = drive.axis
+    axis.rest_without_task = axis.reached_without_task = 1
+    drive.stw(before, 300)
+    drive.stw(0x070F, 300)
+    assert axis.velocity == pytest.approx(0.0, abs=0.1)
+    assert not drive.zsw1 & (ON_TARGET | STOPPED)
+    drive.stw(0x060F, 300)
+    assert axis.velocity == pytest.approx(-50.0, abs=0.5)
+    drive.stw(0x070F, 300)
+    assert drive.stw(0x040F, 20) & (ON_TARGET | STOPPED) == ON_TARGET | STOPPED
+
+
 @pytest.mark.parametrize(("target", "told"), [(2.0, FORWARDS), (-2.0, BACKWARDS)])
 def test_hiwin_table_3_15_1_an_axis_that_begins_to_move_is_never_told_to_move_the_other_way(target, told):
     """Bits 4 and 5 of POS_ZSW2; dry friction holds the shaft for the first moments of a gentle task."""
