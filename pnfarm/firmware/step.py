@@ -108,8 +108,8 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
 def _word_in_force(axis: Any, reaction: int) -> int:
     """What the state machine sees of STW1: a fault reaction runs to its end, and a parameter may disable the axis."""
     stw1 = int(axis.stw1)
-    if axis.state == 5 and axis.stop == 3:
-        # losing the controller meanwhile does not turn it into coasting
+    if axis.state == 5 and axis.stop == 3 and stw1 == 0:
+        # losing the controller meanwhile does not turn it into coasting; its own coast stop does
         stw1 |= 0x0006
     elif axis.state == 4 and reaction:
         stw1 |= 0x000F

@@ -233,6 +233,21 @@ def test_an_orderly_release_coasts_without_a_fault():
     assert drive.axis.state == 1
 
 
+@pytest.mark.parametrize(("word", "coasts"), [(0x047D, True), (0x047B, False), (0x047E, False), (0x0477, False)])
+def test_5_4_a_coast_stop_ends_the_controlled_stop_of_a_fault_and_nothing_softer_does(word, coasts):
+    """AKD PROFINET manual 5.4, bit 1 = 0: the drive coasts; 5.3: from switching off, whatever brakes it."""
+    drive = BenchAxis()
+    drive.enable(1000.0)
+    drive.run(300)
+    drive.axis.quick_stop_deceleration = 2_000.0
+    drive.command(CMD_RAISE_FAULT, 301 | REACTION_QUICK_STOP << 24)
+    drive.run(20)
+    assert drive.axis.state == 5
+    drive.write(word, 1000.0, run=2)
+    assert (drive.axis.state == 1) == coasts
+    assert (drive.axis.current == 0.0) == coasts
+
+
 def test_provider_stop_raises_702_only_where_fbus_param02_asks_for_it():
     drive = BenchAxis()
     drive.enable()
