@@ -49,10 +49,13 @@ def _basic(axis: Any) -> bool:
 
 @compiled
 def _reached(axis: Any) -> bool:
-    """ZSW1.10: the last task ended in its target, or (AKD, edition B, 5.5) simply no motion is active."""
+    """ZSW1.10: the last task ended in its target, or (AKD, edition B, 5.5) simply no motion is active.
+
+    A shaft that is turned away, by hand or by its load, is not at its target (HIWIN E1 manual, table 3.5.2.1).
+    """
     if axis.reached_without_task:
         return _basic(axis)
-    return axis.target_reached and abs(axis.following_error) <= axis.target_window
+    return axis.target_reached and abs(axis.target - axis.measured_position) <= axis.target_window
 
 
 @compiled

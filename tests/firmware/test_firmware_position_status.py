@@ -56,6 +56,23 @@ def test_edition_b_5_10_1_bit_13_is_0_while_jogging_also_where_a_limit_lets_the_
     assert earlier.zsw1 & STOPPED
 
 
+def test_hiwin_table_3_5_2_1_bit_10_falls_when_the_axis_is_turned_away_from_its_target_without_power():
+    """0 is: not at target position; also once it is enabled again, until a task brings it there."""
+    drive = Positioner()
+    drive.move(2.0)
+    drive.settle()
+    drive.stw(READY & ~0x0001, 20)
+    assert drive.zsw1 & ON_TARGET
+    drive.axis.position += 0.5
+    drive.run(5)
+    assert not drive.zsw1 & ON_TARGET
+    for word in (0x0437, READY, READY):
+        assert not drive.stw(word, 10) & ON_TARGET
+    drive.move(2.0)
+    drive.settle()
+    assert drive.place == pytest.approx(2.0, abs=2e-3)
+
+
 @pytest.mark.parametrize("before", [0x040F, 0x050F, 0x060F])
 def test_edition_b_5_10_1_both_jog_bits_are_the_state_of_jogging_at_rest(before):
     """Its figure: STW1 bit 8 or 9 or 8 and 9 leads to jogging, where bits 10 and 13 are false; it ends without both."""
