@@ -48,14 +48,18 @@ def _basic(axis: Any) -> bool:
 
 
 @compiled
-def _reached(axis: Any) -> bool:
-    """ZSW1.10: the last task ended in its target, or (AKD, edition B, 5.5) simply no motion is active.
+def _at_target(axis: Any) -> bool:
+    """Whether the last task ended in its target, and the shaft is there.
 
-    A shaft that is turned away, by hand or by its load, is not at its target (HIWIN E1 manual, table 3.5.2.1).
+    Turned away, by hand or by its load, it is not (HIWIN E1 manual, table 3.5.2.1).
     """
-    if axis.reached_without_task:
-        return _basic(axis)
     return axis.target_reached and abs(axis.target - axis.measured_position) <= axis.target_window
+
+
+@compiled
+def _reached(axis: Any) -> bool:
+    """ZSW1.10: the axis is at its target, or (AKD, edition B, 5.5) simply no motion is active."""
+    return _basic(axis) if axis.reached_without_task else _at_target(axis)
 
 
 @compiled
@@ -95,7 +99,7 @@ def motion_status(axis: Any) -> int:
         word |= 0x0200
     if axis.task_error:
         word |= 0x0400
-    if axis.target_reached:
+    if _at_target(axis):
         word |= 0x0800
     if axis.motion == TASK and abs(abs(axis.velocity) - abs(axis.task_velocity)) <= axis.target_velocity_window:
         word |= 0x1000

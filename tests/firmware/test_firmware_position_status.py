@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from test_firmware_positioning import HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner
 
-from pnfarm.table.signals import POS_ZSW2
+from pnfarm.table.signals import DRIVE_MOTION_STATUS, POS_ZSW2
 
 FORWARDS, BACKWARDS = 0x0010, 0x0020
 
@@ -71,6 +71,21 @@ def test_hiwin_table_3_5_2_1_bit_10_falls_when_the_axis_is_turned_away_from_its_
     drive.move(2.0)
     drive.settle()
     assert drive.place == pytest.approx(2.0, abs=2e-3)
+
+
+def test_5_5_bit_10_is_bit_11_of_drv_motionstat_at_every_moment_of_a_task():
+    """AKD PROFINET manual 5.5: target position reached."""
+    drive = Positioner()
+    drive.axis.position_gain = 10.0
+    drive.data(3.0)
+    drive.stw(START)
+    seen = set()
+    for _ in range(3000):
+        reached = int(drive.image.sent[DRIVE_MOTION_STATUS]) & 0x0800 != 0
+        assert (drive.zsw1 & ON_TARGET != 0) == reached
+        seen.add(reached)
+        drive.run(1)
+    assert seen == {False, True}
 
 
 @pytest.mark.parametrize("before", [0x040F, 0x050F, 0x060F])
