@@ -289,8 +289,8 @@ def _start_homing(axis: Any) -> None:
         axis.target = ceil(axis.commanded_position + ON_THE_MARK)
     else:
         axis.target = floor(axis.commanded_position - ON_THE_MARK)
-    axis.task_top = _fastest_there(axis, axis.home_velocity)
-    _take_ramps(axis, axis.task_top, axis.home_acceleration, axis.home_deceleration)
+    axis.task_top = axis.home_velocity
+    _take_ramps(axis, _fastest_there(axis, axis.task_top), axis.home_acceleration, axis.home_deceleration)
     axis.profile = PROFILE_TARGET
     axis.home_leg = 0
 
@@ -475,6 +475,9 @@ def take_motion(axis: Any, now: int) -> None:
     elif axis.motion == TASK:
         top = _fastest_there(axis, axis.task_top * axis.override)
         axis.task_velocity = -top if axis.profile == PROFILE_VELOCITY and axis.task_backwards else top
+    elif axis.motion == HOMING and axis.profile == PROFILE_TARGET:
+        # the way behind the mark may lead back, where another limit counts
+        axis.task_velocity = _fastest_there(axis, axis.task_top)
     if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
         raise_fault(axis, axis.following_fault, now)
     if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_firmware_positioning import ACTIVE, ON_TARGET, READY, START, STOPPED, Positioner, task
+from test_firmware_positioning import ACTIVE, HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner, task
 
 from pnfarm.table.axis import TASK_PASSING
 from pnfarm.table.signals import MT_FEEDRATE, SATZANW
@@ -65,3 +65,23 @@ def test_5_4_a_jog_in_position_mode_keeps_to_the_velocity_limits_and_the_axis_fo
     assert axis.velocity == pytest.approx(direction * 50.0, abs=0.5)
     assert axis.following_error == pytest.approx(0.0, abs=0.05)
     assert drive.zsw1 & 0x0100
+
+
+def test_5_10_3_homing_that_turns_at_the_mark_keeps_to_the_velocity_limit_of_each_direction():
+    """AKD PROFINET manual 5.10.3 and 5.6 (HOME.DIST, VL.LIMITP, VL.LIMITN)."""
+    drive = Positioner(homed=False)
+    axis = drive.axis
+    axis.home_distance = -2.0
+    axis.velocity_limit_positive, axis.velocity_limit_negative = 200.0, 60.0
+    drive.stand_at(0.2)
+    drive.stw(HOME)
+    fastest = slowest = largest = 0.0
+    while not drive.zsw1 & HOMED:
+        drive.run(1)
+        # MT.VCMD: the shaft itself overshoots a little
+        fastest, slowest = max(fastest, float(axis.profile_velocity)), min(slowest, float(axis.profile_velocity))
+        largest = max(largest, abs(float(axis.following_error)))
+        assert drive.now < 20e9
+    assert (fastest, slowest) == (pytest.approx(200.0), pytest.approx(-60.0))
+    assert largest < 0.2
+    assert axis.position == pytest.approx(-1.0, abs=2e-3)
