@@ -3,7 +3,8 @@
 *Positions* (Moog MSD manual 10.6): each frame brings XSOLL_A.  The drive goes there within one cycle along a cubic
 curve that begins with the velocity that it has and ends with that of the last two set points, so that it is one cycle
 behind; P-0370 calls that a cubic spline.  A frame that does not come leaves the axis going on for one cycle more, and
-the one after it finds it where it would have been.
+the one after it finds it where it would have been.  XSOLL_A counts round at its 32 bits as XIST_A does: it is the place
+of that number that is the nearest.
 
 *Dynamic servo control* (10.8; PROFIdrive 4.2, 6.3.4): the controller sends its position deviation XERR, in steps of
 G1_XIST1, and the position controller's gain KPC, in 1/1000 per second.  The drive closes that loop itself, with what
@@ -13,6 +14,7 @@ word tells: the one in the last frame that left before the set points came (assu
 
 from __future__ import annotations
 
+from math import floor
 from typing import Any
 
 from pnfarm.table.axis import RAMP_PASSED_BY
@@ -25,6 +27,8 @@ ENABLING = 0x0070  # STW1.4 to 6
 CONTROL_BY_PLC = 0x0400  # STW1.10
 #: A pause between two frames that is no cycle, ns.
 LONGEST_CYCLE_NS = 1_000_000_000
+#: Numbers of a signal of 32 bits.
+NUMBERS = 4294967296.0
 RPM = 60.0
 GAIN_STEP = 0.001
 POSITION_MODE = 2
@@ -56,12 +60,20 @@ def begin_interpolation(axis: Any) -> None:
 
 
 @compiled
+def _nearest_place(axis: Any, number: int) -> float:
+    """Where a position of 32 bits lies on the shaft: of all places that have this number, the nearest one."""
+    here = (axis.commanded_position - axis.origin) / axis.position_step
+    rounds = floor((here - number) / NUMBERS + 0.5)
+    return axis.origin + (number + rounds * NUMBERS) * axis.position_step
+
+
+@compiled
 def _take_position(axis: Any, image: Any, now: int) -> None:
     """A new curve for a frame that came since the last step.
 
     It takes a cycle: the shorter one of the last two pauses, in one of which a frame may have got lost.
     """
-    place = axis.origin + image.received[XSOLL_A] * axis.position_step
+    place = _nearest_place(axis, int(image.received[XSOLL_A]))
     pause = now - axis.frames_ns
     first = axis.frames_ns == 0 or pause <= 0 or pause > LONGEST_CYCLE_NS
     seconds = (axis.step_ns if first else pause) * 1e-9

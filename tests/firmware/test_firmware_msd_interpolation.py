@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import cos, pi
 
+import pytest
 from msd_bench import TASKS, MsdBench
 
 START = 0x0040
@@ -63,3 +64,20 @@ def test_10_6_a_controller_that_becomes_slower_is_followed_smoothly_again() -> N
         speeds += cycle(bench, round(count * 0.04 * REV))
     assert min(speeds[100:]) > 595
     assert max(speeds[100:]) < 605
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_table_8_1_xsoll_a_counts_round_at_its_32_bits_as_xist_a_does(sign: int) -> None:
+    """P-0272 makes a revolution of 2^30 units, so that two of them are beyond the range."""
+    bench = follower(P_0272=1 << 30)
+    for count in range(1000):
+        number = sign * count * (1 << 30) // 200
+        cycle(bench, (number + (1 << 31)) % (1 << 32) - (1 << 31))
+    cycle(bench, (number + (1 << 31)) % (1 << 32) - (1 << 31))
+    bench.run(50, frames=False)
+    assert bench.place == pytest.approx(sign * 999 / 200, abs=0.01)
+    # the controller takes over where XIST_A says that the axis is: nothing moves
+    bench.send(20, STW1=TASKS)
+    bench.send(1, XSOLL_A=bench.see("XIST_A"))
+    bench.send(50, STW1=TASKS | START)
+    assert bench.place == pytest.approx(sign * 999 / 200, abs=0.01)
