@@ -1,0 +1,25 @@
+"""How motions of the Moog MSD end when something comes between (8.3.1, 10.2, 10.3), on the bench."""
+
+from __future__ import annotations
+
+import pytest
+from msd_bench import TASKS, MsdBench
+
+START, ENDLESS = 0x0040, 0x4000
+QUICK_STOP = 0x0004
+
+
+@pytest.mark.parametrize("code", [5, 6, 7])
+def test_table_10_3_a_quick_stop_that_is_taken_back_leaves_the_axis_where_it_came_to_rest(code: int) -> None:
+    """Codes 5 to 7 in position control; with a tenth of the torque the axis cannot follow any ramp."""
+    bench = MsdBench(9, P_1278=1000, P_1279=1000, P_2218=code, P_1286=100)
+    bench.enable(TASKS)
+    bench.send(2000, STW1=TASKS | ENDLESS | START, VELOCITY_A=2000)
+    assert bench.speed == pytest.approx(2000, abs=20)
+    stopped = (TASKS | ENDLESS | START) & ~QUICK_STOP
+    bench.send(1, STW1=stopped)
+    bench.until(lambda: abs(bench.speed) < 0.1)
+    place = bench.place
+    bench.send(500, STW1=stopped | QUICK_STOP)
+    assert bench.state == 4
+    assert bench.place == pytest.approx(place, abs=0.01)
