@@ -324,6 +324,7 @@ def _jog(axis: Any) -> None:
             velocity = -velocity if axis.jog_mirrored else axis.jog_velocity[1]
         up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
         down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
+    velocity = fastest(axis, velocity, True) if velocity > 0.0 else -fastest(axis, -velocity, False)
     axis.target_reached = 0
     if up <= 0.0 or down <= 0.0 or _limited(axis, velocity):
         axis.profile = PROFILE_STOP

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from msd_bench import TASKS, MsdBench
 
+JOG_1 = 0x0100
 START, ENDLESS = 0x0040, 0x4000
 QUICK_STOP = 0x0004
 
@@ -23,3 +24,15 @@ def test_table_10_3_a_quick_stop_that_is_taken_back_leaves_the_axis_where_it_cam
     bench.send(500, STW1=stopped | QUICK_STOP)
     assert bench.state == 4
     assert bench.place == pytest.approx(place, abs=0.01)
+
+
+@pytest.mark.parametrize("telegram", [8, 9])
+def test_10_3_a_jog_in_position_control_is_held_at_the_maximum_speed(telegram: int) -> None:
+    """P-1268 may be any number; the axis comes to rest when the bit goes, and not where it could not be."""
+    bench = MsdBench(telegram, P_1268=10_000, P_1278=1000, P_1279=1000)
+    bench.enable(TASKS)
+    bench.send(1000, STW1=TASKS | JOG_1)
+    assert bench.speed == pytest.approx(float(bench.axis.max_velocity), rel=0.01)
+    assert abs(float(bench.axis.following_error)) < 0.2
+    bench.send(200, STW1=TASKS)
+    assert round(bench.speed) == 0
