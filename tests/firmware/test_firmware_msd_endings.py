@@ -36,3 +36,16 @@ def test_10_3_a_jog_in_position_control_is_held_at_the_maximum_speed(telegram: i
     assert abs(float(bench.axis.following_error)) < 0.2
     bench.send(200, STW1=TASKS)
     assert round(bench.speed) == 0
+
+
+@pytest.mark.parametrize(("config", "first", "last"), [(0, 0x041F, 0x041F), (0x100, 0x040F, 0x041F)])
+def test_10_3_a_frozen_ramp_generator_does_not_keep_the_speed_of_a_jog_that_is_over(
+    config: int, first: int, last: int
+) -> None:
+    """STW1.4 = 1 and STW1.5 = 0; tables 10.10 and 10.11."""
+    bench = MsdBench(1, P_1267=config, P_1268=200, P_1269=100, P_1278=1000, P_1279=1000)
+    bench.enable(first)
+    bench.send(200, STW1=first | JOG_1)
+    assert bench.speed == pytest.approx(200, abs=1)
+    bench.send(200, STW1=last)
+    assert round(bench.speed) == 0
