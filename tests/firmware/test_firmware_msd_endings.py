@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from msd_bench import TASKS, MsdBench
+from msd_bench import RUN, TASKS, MsdBench
 
 JOG_1 = 0x0100
 START, ENDLESS = 0x0040, 0x4000
@@ -49,3 +49,15 @@ def test_10_3_a_frozen_ramp_generator_does_not_keep_the_speed_of_a_jog_that_is_o
     assert bench.speed == pytest.approx(200, abs=1)
     bench.send(200, STW1=last)
     assert round(bench.speed) == 0
+
+
+def test_8_3_1_p_1283_counts_from_the_last_telegram() -> None:
+    """Data that are still held, because the connection waits longer, are no telegrams."""
+    bench = MsdBench(1, P_1283=20)
+    bench.enable(RUN)
+    bench.run(200)
+    assert bench.faults() == []
+    bench.run(18, frames=False)
+    assert bench.faults() == []
+    bench.run(3, frames=False)
+    assert bench.faults() == ["32-1"]
