@@ -36,10 +36,10 @@ def standing(axis: Any) -> bool:
 
 @compiled
 def _reached(axis: Any) -> bool:
-    """ZSW1.10: the last task ended in its target, or (AKD, edition B, 5.5) simply no motion is active."""
+    """ZSW1.10: the shaft is in the target of the last task, or (AKD, edition B, 5.5) simply no motion is active."""
     if axis.reached_without_task:
         return axis.motion == OUT or axis.motion == STANDBY  # noqa: PLR1714 - a tuple in compiled code would allocate
-    return axis.target_reached and abs(axis.following_error) <= axis.target_window
+    return axis.target_reached and abs(axis.target - axis.measured_position) <= axis.target_window
 
 
 @compiled

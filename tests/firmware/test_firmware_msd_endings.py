@@ -61,3 +61,15 @@ def test_8_3_1_p_1283_counts_from_the_last_telegram() -> None:
     assert bench.faults() == []
     bench.run(3, frames=False)
     assert bench.faults() == ["32-1"]
+
+
+def test_table_10_8_bit_10_goes_when_the_shaft_is_turned_out_of_the_target() -> None:
+    """A load drags the axis away while the drive coasts."""
+    bench = MsdBench(9, P_1278=1000, P_1279=1000)
+    bench.enable(TASKS)
+    bench.send(1, STW1=TASKS | START, TARPOS_A=65536, VELOCITY_A=600)
+    bench.until(lambda: bench.zsw1 & 0x2400 == 0x2400)
+    bench.axis.added_torque = 1.0
+    bench.send(200, STW1=0x043D | START)
+    assert abs(bench.place - 1.0) > 1.0
+    assert not bench.zsw1 & 0x0400
