@@ -2,7 +2,9 @@
 
 *Positions* (Moog MSD manual 10.6): each frame brings XSOLL_A.  The drive goes there within one cycle along a cubic
 curve that begins with the velocity that it has and ends with that of the last two set points, so that it is one cycle
-behind; P-0370 calls that a cubic spline.  A frame that does not come leaves the axis going on for one cycle more.
+behind; P-0370 calls that a cubic spline.  A frame that does not come leaves the axis going on for one cycle more, and
+the one after it finds it where it would have been.  XSOLL_A counts round at its 32 bits as XIST_A does: it is the place
+of that number that is the nearest.
 
 *Dynamic servo control* (10.8; PROFIdrive 4.2, 6.3.4): the controller sends its position deviation XERR, in steps of
 G1_XIST1, and the position controller's gain KPC, in 1/1000 per second.  The drive closes that loop itself, with what
@@ -12,6 +14,7 @@ word tells: the one in the last frame that left before the set points came (assu
 
 from __future__ import annotations
 
+from math import floor
 from typing import Any
 
 from pnfarm.table.axis import RAMP_PASSED_BY
@@ -24,6 +27,8 @@ ENABLING = 0x0070  # STW1.4 to 6
 CONTROL_BY_PLC = 0x0400  # STW1.10
 #: A pause between two frames that is no cycle, ns.
 LONGEST_CYCLE_NS = 1_000_000_000
+#: Numbers of a signal of 32 bits.
+NUMBERS = 4294967296.0
 RPM = 60.0
 GAIN_STEP = 0.001
 POSITION_MODE = 2
@@ -49,22 +54,35 @@ def begin_interpolation(axis: Any) -> None:
     axis.cyclic_speed = axis.profile_velocity / RPM
     axis.cyclic_end_speed = 0.0
     axis.cyclic_time = 0.0
+    axis.cyclic_pause = 0.0
     axis.cyclic_elapsed = 0.0
     axis.frames_ns = 0
 
 
 @compiled
+def _nearest_place(axis: Any, number: int) -> float:
+    """Where a position of 32 bits lies on the shaft: of all places that have this number, the nearest one."""
+    here = (axis.commanded_position - axis.origin) / axis.position_step
+    rounds = floor((here - number) / NUMBERS + 0.5)
+    return axis.origin + (number + rounds * NUMBERS) * axis.position_step
+
+
+@compiled
 def _take_position(axis: Any, image: Any, now: int) -> None:
-    """A new curve for a frame that came since the last step."""
-    place = axis.origin + image.received[XSOLL_A] * axis.position_step
-    cycle = now - axis.frames_ns
-    first = axis.frames_ns == 0 or cycle <= 0 or cycle > LONGEST_CYCLE_NS
-    seconds = (axis.step_ns if first else cycle) * 1e-9
+    """A new curve for a frame that came since the last step.
+
+    It takes a cycle: the shorter one of the last two pauses, in one of which a frame may have got lost.
+    """
+    place = _nearest_place(axis, int(image.received[XSOLL_A]))
+    pause = now - axis.frames_ns
+    first = axis.frames_ns == 0 or pause <= 0 or pause > LONGEST_CYCLE_NS
+    seconds = (axis.step_ns if first else pause) * 1e-9
     axis.cyclic_start = axis.commanded_position
     axis.cyclic_speed = axis.profile_velocity / RPM
     axis.cyclic_end_speed = 0.0 if first else (place - axis.cyclic_end) / seconds
     axis.cyclic_end = place
-    axis.cyclic_time = seconds
+    axis.cyclic_time = seconds if first or axis.cyclic_pause <= 0.0 else min(seconds, float(axis.cyclic_pause))
+    axis.cyclic_pause = 0.0 if first else seconds
     axis.cyclic_elapsed = 0.0
     axis.frames_ns = now
 
@@ -103,12 +121,16 @@ def step_interpolation(axis: Any, seconds: float) -> None:
         axis.commanded_position = axis.cyclic_end
         axis.profile_velocity = 0.0
         return
+    if axis.cyclic_elapsed >= 2.0 * time:
+        # the frame behind the one that did not come is late, too
+        axis.profile_velocity = 0.0
+        return
     axis.cyclic_elapsed = min(axis.cyclic_elapsed + seconds, 2.0 * time)
     elapsed = axis.cyclic_elapsed
     if elapsed > time:
         late = elapsed - time
         axis.commanded_position = axis.cyclic_end + axis.cyclic_end_speed * late
-        axis.profile_velocity = axis.cyclic_end_speed * RPM if late < time else 0.0
+        axis.profile_velocity = axis.cyclic_end_speed * RPM
         return
     share = elapsed / time
     way = axis.cyclic_end - axis.cyclic_start

@@ -403,6 +403,9 @@ def _advance(axis: Any, held: int) -> int:
         if event == BLOCKED and axis.motion == HOMING:
             axis.home_error = 1
         if event == ENTER:
+            # where a stop without a position controller ended: nothing of the way that it took is made up for
+            axis.commanded_position = axis.position
+            axis.profile_velocity = axis.velocity
             begin_profile(axis)
             axis.profile = PROFILE_STOP
             # a shaft that turns when operation begins comes to rest as after jogging

@@ -57,11 +57,16 @@ def limited(axis: Any, target: float) -> float:
 def _jogs(axis: Any) -> bool:
     """Whether the axis jogs: it begins at standstill with STW1.4 to 6 at zero, and ends there without STW1.8 and 9.
 
-    A drive of sequences says so itself (:mod:`pnfarm.firmware.jog`).
+    A drive of sequences says itself when it begins and ends (:mod:`pnfarm.firmware.jog`).  A frozen ramp generator
+    does not keep the speed of a jog that is over: the axis comes to rest.
     """
-    if axis.jog_form == JOG_SEQUENCES:
-        return axis.jog_sequence != 0
     stw1 = axis.stw1
+    if axis.jog_form == JOG_SEQUENCES:
+        if axis.jog_sequence:
+            axis.jogging = 1
+        elif axis.ramp == 0.0 or (stw1 & (RAMP_ENABLED | RAMP_UNFROZEN)) != RAMP_ENABLED:
+            axis.jogging = 0
+        return axis.jogging != 0
     if axis.ramp_generator == RAMP_ABSENT or stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED):
         axis.jogging = 0
     elif not axis.jogging:
@@ -77,7 +82,7 @@ def _jog_command(axis: Any, seconds: float) -> None:
     bits = axis.stw1 & (JOG_1 | JOG_2)
     target = 0.0
     if axis.jog_form == JOG_SEQUENCES:
-        target = axis.jog_speed
+        target = axis.jog_speed if axis.jog_sequence else 0.0
     elif bits == JOG_1:
         target = axis.jog_velocity[0]
     elif bits == JOG_2:

@@ -76,13 +76,14 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
             raise_fault(axis, axis.loss_fault, now)
         elif image.lost == LOST_STOP:
             raise_fault(axis, axis.stop_fault, now)
-    axis.image_valid = valid
-    if valid or image.lost == LOST_STOP:
+    if image.frames != axis.telegram_frames or (valid and not axis.image_valid) or image.lost == LOST_STOP:
         # telegrams come, be their data good or not
+        axis.telegram_frames = image.frames
         axis.telegram_ns = now
     elif axis.loss_delay_ns > 0 and axis.telegram_ns != 0 and now - axis.telegram_ns >= axis.loss_delay_ns:
         axis.telegram_ns = 0
         raise_fault(axis, axis.loss_fault, now)
+    axis.image_valid = valid
     # a drive that another one controls does not hear its controller
     heard = valid and axis.control_location == axis.bus_location
     word = image.received[STW1] & 0xFFFF if heard else 0

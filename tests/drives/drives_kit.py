@@ -40,7 +40,10 @@ def new_drive(name: str) -> Drive:
 
 
 class Running:
-    """A drive whose firmware is stepped by hand: ``send`` as a controller does, look at ``drive.axis``."""
+    """A drive whose firmware is stepped by hand: ``send`` as a controller does, look at ``drive.axis``.
+
+    Set points that are valid come anew each millisecond.
+    """
 
     def __init__(self, name: str) -> None:
         self.drive = new_drive(name)
@@ -52,6 +55,7 @@ class Running:
     def run(self, milliseconds: int) -> None:
         for _ in range(milliseconds):
             self.now += MS
+            self.image.frames += self.image.valid
             step(self.axis, self.image, self.now)
 
     def send(self, stw1: int, nsoll_a: int = 0, milliseconds: int = 1) -> int:

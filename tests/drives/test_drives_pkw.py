@@ -188,7 +188,7 @@ def test_the_telegram_is_not_changed_in_operation(channel: Channel) -> None:
 
 # description: tables 8.15 to 8.17
 
-CHANGED, READ_ONLY, ARRAY, NO_FACTOR, RESET = 1 << 12, 1 << 9, 1 << 14, 1 << 8, 1 << 13
+CHANGED, READ_ONLY, ARRAY, NO_FACTOR, RESET, TEXTS = 1 << 12, 1 << 9, 1 << 14, 1 << 8, 1 << 13, 1 << 10
 
 
 @pytest.mark.parametrize(
@@ -196,7 +196,7 @@ CHANGED, READ_ONLY, ARRAY, NO_FACTOR, RESET = 1 << 12, 1 << 9, 1 << 14, 1 << 8, 
     [
         (918, NO_FACTOR | 6),
         (944, READ_ONLY | NO_FACTOR | 6),
-        (951, READ_ONLY | ARRAY | NO_FACTOR | 6),
+        (951, READ_ONLY | ARRAY | TEXTS | NO_FACTOR | 6),
         (952, RESET | NO_FACTOR | 6),
         (1283, 7),
         (1268, NO_FACTOR | 4),

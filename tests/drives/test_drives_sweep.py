@@ -43,6 +43,7 @@ class Running:
     def run(self, milliseconds: int) -> None:
         for _ in range(milliseconds):
             self.now += MS
+            self.image.frames += self.image.valid
             step(self.axis, self.image, self.now)
 
     def put(self, word: int, milliseconds: int = 5) -> None:

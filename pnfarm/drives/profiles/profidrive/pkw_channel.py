@@ -139,7 +139,8 @@ class PkwChannel:
         parameter = self._row(task.pnu)
         if not task.subindex:
             raise refusal(ParameterErrorNumber.FAULTY_SUBINDEX, parameter)
-        octets = describe(parameter, task.subindex, changed=self._store.changed(parameter))
+        texts = parameter.pnu in self._store.model.parameter_texts
+        octets = describe(parameter, task.subindex, changed=self._store.changed(parameter), texts=texts)
         return replace(task, identifier=self._words.description, value=int.from_bytes(octets[:4], "big"))
 
     # strings
