@@ -33,6 +33,7 @@ class ArChannels:
     mac: bytes
     cycle_ns: int
     watchdog_ns: int
+    set_point_cycle_ns: int
     providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
     consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
     expected: frozenset[ExpectedKey] = frozenset()
@@ -92,6 +93,7 @@ class StationChannels:
             mac=event.initiator_mac,
             cycle_ns=min(cr.cycle_ns for cr in event.iocrs),
             watchdog_ns=min((cr.data_hold_ns for cr in event.iocrs if not cr.is_input), default=0),
+            set_point_cycle_ns=min((cr.cycle_ns for cr in event.iocrs if not cr.is_input), default=0),
             unusable=event.unusable,
             connected_ns=now,
         )

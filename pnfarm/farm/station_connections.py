@@ -200,6 +200,7 @@ class StationConnections:
         ar = self._station.ars.get(key)
         if ar is not None and ar.feeds:
             self._station.store.watchdog_ns = ar.watchdog_ns
+            self._station.handle.axis.cycle_ns = ar.set_point_cycle_ns
         # the diagnosis of what was pulled went with it
         self._tell_problem(key)
         if event.starting and not unusable:

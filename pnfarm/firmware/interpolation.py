@@ -3,8 +3,8 @@
 *Positions* (Moog MSD manual 10.6): each frame brings XSOLL_A.  The drive goes there within one cycle along a cubic
 curve that begins with the velocity that it has and ends with that of the last two set points, so that it is one cycle
 behind; P-0370 calls that a cubic spline.  A frame that does not come leaves the axis going on for one cycle more, and
-the one after it finds it where it would have been.  XSOLL_A counts round at its 32 bits as XIST_A does: it is the place
-of that number that is the nearest.
+the one after it finds it where it would have been; the cycle is the connection's, so that frames may come early and
+late.  XSOLL_A counts round at its 32 bits as XIST_A does: it is the place of that number that is the nearest.
 
 *Dynamic servo control* (10.8; PROFIdrive 4.2, 6.3.4): the controller sends its position deviation XERR, in steps of
 G1_XIST1, and the position controller's gain KPC, in 1/1000 per second.  The drive closes that loop itself, with what
@@ -27,6 +27,12 @@ ENABLING = 0x0070  # STW1.4 to 6
 CONTROL_BY_PLC = 0x0400  # STW1.10
 #: A pause between two frames that is no cycle, ns.
 LONGEST_CYCLE_NS = 1_000_000_000
+#: A frame that comes nearer to its time than this part of a cycle is in step ...
+IN_STEP = 0.6
+#: ... and of what it is beside its time, so much is made up for at once.
+MADE_UP = 0.05
+#: For so many cycles that are known the axis goes on: a frame may get lost and the next one be late.
+GONE_ON = 1.5
 #: Numbers of a signal of 32 bits.
 NUMBERS = 4294967296.0
 RPM = 60.0
@@ -68,21 +74,43 @@ def _nearest_place(axis: Any, number: int) -> float:
 
 
 @compiled
+def _in_step(axis: Any, pause: float, cycle: float) -> int:
+    """How many cycles a frame is behind the one before; 0 where the curve at hand does not end when it was to come.
+
+    The curve at hand ends when the frame behind it is due, so that what comes early or late is seen against that.
+    """
+    late = pause - axis.cyclic_time
+    cycles = max(1, 1 + floor(late / cycle + 0.5))
+    return cycles if abs(axis.cyclic_time - pause + (cycles - 1) * cycle) <= IN_STEP * cycle else 0
+
+
+@compiled
 def _take_position(axis: Any, image: Any, now: int) -> None:
     """A new curve for a frame that came since the last step.
 
-    It takes a cycle: the shorter one of the last two pauses, in one of which a frame may have got lost.
+    It ends when the next frame is due.  Where the connection does not say its cycle, that is the shorter one of the
+    last two pauses, in one of which a frame may have got lost.
     """
     place = _nearest_place(axis, int(image.received[XSOLL_A]))
-    pause = now - axis.frames_ns
-    first = axis.frames_ns == 0 or pause <= 0 or pause > LONGEST_CYCLE_NS
-    seconds = (axis.step_ns if first else pause) * 1e-9
+    since = now - axis.frames_ns
+    first = axis.frames_ns == 0 or since <= 0 or since > LONGEST_CYCLE_NS
+    pause = (axis.step_ns if first else since) * 1e-9
+    cycle = axis.cycle_ns * 1e-9
+    time = pause if first or axis.cyclic_pause <= 0.0 else min(pause, float(axis.cyclic_pause))
+    way_time = pause
+    if cycle > 0.0 and not first:
+        cycles = _in_step(axis, pause, cycle)
+        time = cycle
+        if cycles > 0:
+            due = axis.cyclic_time - pause + cycles * cycle
+            time = due + MADE_UP * (cycle - due)
+            way_time = cycles * cycle
     axis.cyclic_start = axis.commanded_position
     axis.cyclic_speed = axis.profile_velocity / RPM
-    axis.cyclic_end_speed = 0.0 if first else (place - axis.cyclic_end) / seconds
+    axis.cyclic_end_speed = 0.0 if first else (place - axis.cyclic_end) / way_time
     axis.cyclic_end = place
-    axis.cyclic_time = seconds if first or axis.cyclic_pause <= 0.0 else min(seconds, float(axis.cyclic_pause))
-    axis.cyclic_pause = 0.0 if first else seconds
+    axis.cyclic_time = cycle if first and cycle > 0.0 else time
+    axis.cyclic_pause = 0.0 if first else pause
     axis.cyclic_elapsed = 0.0
     axis.frames_ns = now
 
@@ -121,11 +149,14 @@ def step_interpolation(axis: Any, seconds: float) -> None:
         axis.commanded_position = axis.cyclic_end
         axis.profile_velocity = 0.0
         return
-    if axis.cyclic_elapsed >= 2.0 * time:
+    longest = 2.0 * time
+    if axis.cycle_ns > 0:
+        longest = time + GONE_ON * axis.cycle_ns * 1e-9
+    if axis.cyclic_elapsed >= longest:
         # the frame behind the one that did not come is late, too
         axis.profile_velocity = 0.0
         return
-    axis.cyclic_elapsed = min(axis.cyclic_elapsed + seconds, 2.0 * time)
+    axis.cyclic_elapsed = min(axis.cyclic_elapsed + seconds, longest)
     elapsed = axis.cyclic_elapsed
     if elapsed > time:
         late = elapsed - time

@@ -536,6 +536,7 @@ AXIS = Layout(
         Field("disable_command", "u1", "", "firmware", "1 = the power stage shall go off"),
         Field("stop_command", "u1", "", "firmware", "what runs shall end: STOP_* above, 0 = not"),
         Field("continue_command", "u1", "", "firmware", "1 = a halted task shall go on"),
+        Field("cycle_ns", "i8", "ns", "station", "cycle of the connection that brings set points, 0 = not known"),
         Field("cyclic_pause", "f8", "s", "firmware", "time between the last two positions of each cycle, 0 = none yet"),
         Field("telegram_frames", "u4", "", "firmware", "set point frames taken when cyclic data was there last"),
     ],

@@ -157,6 +157,12 @@ def test_telegram_8_leads_the_axis_with_a_position_in_each_frame() -> None:
     assert line.see("XIST_A") == pytest.approx(499 * 0.005 * REV, abs=200)
 
 
+def test_8_2_1_the_drive_knows_the_cycle_of_the_connection_that_leads_it() -> None:
+    """Its positions are that far apart (10.6)."""
+    for cycle, nanoseconds in (("1ms", 1_000_000), ("8ms", 8_000_000)):
+        assert MsdHand(telegram=8, cycle=cycle).axis.cycle_ns == nanoseconds
+
+
 # 11.4
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from math import cos, pi
 
 import pytest
-from msd_bench import TASKS, MsdBench
+from msd_bench import MS, TASKS, MsdBench
+
+from pnfarm.table.signals import XSOLL_A
 
 START = 0x0040
 REV = 65536
@@ -64,6 +66,27 @@ def test_10_6_a_controller_that_becomes_slower_is_followed_smoothly_again() -> N
         speeds += cycle(bench, round(count * 0.04 * REV))
     assert min(speeds[100:]) > 595
     assert max(speeds[100:]) < 605
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_10_6_frames_that_come_early_and_late_do_not_shake_the_axis(lost: bool) -> None:
+    """The connection says its cycle: positions are that far apart, whenever they come."""
+    bench = follower()
+    bench.axis.cycle_ns = CYCLE * MS
+    speeds: list[float] = []
+    early_and_late = (0, 1, -1, 1, 0, -1, -1, 0, 1)
+    due = [CYCLE * (count + 1) + early_and_late[count % 9] for count in range(300)]
+    count = 0
+    for millisecond in range(CYCLE * 300):
+        while count < len(due) and due[count] <= millisecond:
+            if not lost or count % 20 != 19:
+                bench.image.received[XSOLL_A] = round(count * 0.04 * REV)
+                bench.image.frames += 1
+            count += 1
+        bench.run(1, frames=False)
+        speeds.append(bench.speed)
+    assert min(speeds[200:]) > 560
+    assert max(speeds[200:]) < 640
 
 
 @pytest.mark.parametrize("sign", [1, -1])
