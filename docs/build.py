@@ -11,6 +11,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import manual_coverage
+
 from pnfarm.controller import session
 from pnfarm.farm.schema import farm_schema
 from pnfarm.firmware import positioning, sensor_interface, state_machine
@@ -25,9 +27,6 @@ from pnfarm.table.layout import WRITERS
 from pnfarm.table.program import PROGRAM
 
 DOCS = Path(__file__).resolve().parent
-
-sys.path.insert(0, str(DOCS))
-import manual_coverage  # noqa: E402 - beside this file, which may be run from anywhere
 
 
 def table() -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from drives_kit import Drive, Running, new_drive
+from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterErrorNumber
@@ -30,7 +31,7 @@ from pnfarm.table.signals import (
 )
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    pass
 
 NAME = "akd-profinet"
 E = ParameterErrorNumber
@@ -39,13 +40,6 @@ E = ParameterErrorNumber
 @pytest.fixture
 def running() -> Running:
     return Running(NAME)
-
-
-def manual_text(shared: Path) -> str:
-    path = shared / "manuals" / "000_a1275af70198d3f2.txt"
-    if not path.exists():
-        pytest.skip("the manual is not here")
-    return path.read_text(encoding="utf-8")
 
 
 def enable(drive: Running, word: int = 0x047F, nsoll_a: int = 0) -> None:
@@ -106,8 +100,8 @@ def test_5_4_a_fault_is_acknowledged_by_bit_7_and_the_drive_goes_to_s1(running: 
 # 5.6, 5.8: parameters and signals
 
 
-def test_5_6_the_profile_parameters_have_the_types_of_the_table(shared: Path) -> None:
-    text = manual_text(shared).split("List of all supported PROFIdrive PNU's")[1].split("**Supported Formats:**")[0]
+def test_5_6_the_profile_parameters_have_the_types_of_the_table() -> None:
+    text = manual_text("000").split("List of all supported PROFIdrive PNU's")[1].split("**Supported Formats:**")[0]
     rows = re.findall(r"^(\d+)\t([^\t]*)\t((?:Array of )?[US]16|[US]32)?\t", text, re.MULTILINE)
     described = model(NAME)
     assert len(rows) == 25
@@ -120,8 +114,8 @@ def test_5_6_the_profile_parameters_have_the_types_of_the_table(shared: Path) ->
         assert parameter.signed == kind.endswith("S16") or parameter.pnu == 52
 
 
-def test_5_8_every_signal_of_the_table_has_its_format_and_its_pnu(shared: Path) -> None:
-    text = manual_text(shared).split("## 5.8 Telegram Configuration")[-1].split("### 5.8.1")[0]
+def test_5_8_every_signal_of_the_table_has_its_format_and_its_pnu() -> None:
+    text = manual_text("000").split("## 5.8 Telegram Configuration")[-1].split("### 5.8.1")[0]
     rows = re.findall(r"^(\d+)\t[^\t]*\t(D?WORD)\t(\w+)\t([^\t\n]+)$", text, re.MULTILINE)
     described = model(NAME)
     assert len(rows) == 21

@@ -6,7 +6,8 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from drives_kit import SHARED, Drive, Running, new_drive
+from drives_kit import Drive, Running, new_drive
+from manuals import manual_text
 
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterErrorNumber
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 NAME = "akd-profinet-2012"
 MS = 1_000_000
-MANUAL = SHARED / "manuals" / "001_92c81c1e9941d8ed.txt"
 E = ParameterErrorNumber
 #: Sections of the manual, and what besides them a source may be.
 SECTIONS = re.compile(r"(?:\d\.\d+(?:\.\d+)?|PI manufacturer table|profile|hardware revision table|assumed|AKD )")
@@ -49,9 +49,7 @@ def akd_2012() -> Drive:
 
 @pytest.fixture(scope="module")
 def manual() -> str:
-    if not MANUAL.exists():
-        pytest.skip("the manual is not here")
-    return MANUAL.read_text(encoding="utf-8")
+    return manual_text("001")
 
 
 @pytest.fixture

@@ -7,7 +7,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from drives_kit import SHARED, Drive, new_drive
+from drives_kit import Drive, new_drive
+from manuals import manual_text
 
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
@@ -32,10 +33,7 @@ def e1() -> Drive:
 
 @pytest.fixture(scope="module")
 def manual() -> str:
-    path = SHARED / "manuals" / "002_23ffe4068ab08f1f.txt"
-    if not path.exists():
-        pytest.skip("the manual is not here")
-    return path.read_text(encoding="utf-8")
+    return manual_text("002")
 
 
 def ask(drive: Drive, text: str) -> bytes:

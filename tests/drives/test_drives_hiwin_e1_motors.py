@@ -8,7 +8,8 @@ from math import inf, pi
 from pathlib import Path
 
 import pytest
-from drives_kit import SHARED, Drive
+from drives_kit import Drive
+from manuals import manual_text
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
@@ -46,12 +47,7 @@ def test_the_usual_motor_turns_and_is_the_model_itself() -> None:
 
 
 def test_6_applicable_motor_of_each_parameter() -> None:
-    path = SHARED / "manuals" / "002_23ffe4068ab08f1f.txt"
-    if not path.exists():
-        pytest.skip("the manual is not here")
-    found = re.findall(
-        r"^Pt No\.\tPt(\w+)(?:.*\n){1,3}?.*Applicable Motor\t(.+)$", path.read_text("utf-8"), re.MULTILINE
-    )
+    found = re.findall(r"^Pt No\.\tPt(\w+)(?:.*\n){1,3}?.*Applicable Motor\t(.+)$", manual_text("002"), re.MULTILINE)
     assert len(found) == 16
     for number, motors in found:
         parameter = model("hiwin-e1").resolve(f"Pt{number}")[0]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from drives_kit import Drive, new_drive
+from manuals import manual_text
 
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
@@ -30,24 +31,17 @@ def msd() -> Drive:
     return new_drive("moog-msd")
 
 
-def manual(shared: Path) -> str:
-    path = shared / "manuals" / "003_2339831dcfda44ed.txt"
-    if not path.exists():
-        pytest.skip("the manual is not here")
-    return path.read_text(encoding="utf-8")
-
-
 # parameters
 
 
-def test_every_parameter_that_the_manual_names_is_there_and_no_other(shared: Path) -> None:
-    named = {int(number) for number in re.findall(r"P-(\d{4})", manual(shared))}
+def test_every_parameter_that_the_manual_names_is_there_and_no_other() -> None:
+    named = {int(number) for number in re.findall(r"P-(\d{4})", manual_text("003"))}
     assert len(named) == 141
     assert set(MSD.parameters) == named | {39}  # P-39, ERR_ErrorID (10.9)
 
 
-def test_the_parameters_of_chapter_15_have_its_names_types_and_access(shared: Path) -> None:
-    text = manual(shared)
+def test_the_parameters_of_chapter_15_have_its_names_types_and_access() -> None:
+    text = manual_text("003")
     start = text.index("15 PROFIBUS/PROFINET parameters and their description\n\nParameter name")
     text = text[start : text.index("* Only PROFIBUS parameters", start)]
     rows = re.findall(
@@ -116,8 +110,8 @@ def test_units_reach_the_axis(msd: Drive) -> None:
 # telegrams and modules
 
 
-def test_telegrams_have_the_lengths_and_modules_of_table_8_10(shared: Path) -> None:
-    text = manual(shared)
+def test_telegrams_have_the_lengths_and_modules_of_table_8_10() -> None:
+    text = manual_text("003")
     start = text.index("Telegram selection P-0922\tProfibus identifier")
     table = text[start : text.index("8.2.4 Parameter channel PKW", start)]
     rows = re.findall(r"^(\d+)\t[^\t]*\t(-|\w+)\t(-|\w+)\t(-|\w+)\t([^\t]*)\t", table, re.MULTILINE)

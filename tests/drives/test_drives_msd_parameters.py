@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 from drives_kit import Drive, new_drive
+from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.parameter import Behaviour
 from pnfarm.table.axis import RAMP_GENERATED
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    pass
 
 MSD = model("moog-msd")
 #: PNU -> the first element where the table's default is not a plain number, or another than the text's.
@@ -38,12 +39,9 @@ def msd() -> Drive:
     return new_drive("moog-msd")
 
 
-def table_15_1(shared: Path) -> list[tuple[int, str, str]]:
+def table_15_1() -> list[tuple[int, str, str]]:
     """Number, range and default of each row."""
-    path = shared / "manuals" / "003_2339831dcfda44ed.txt"
-    if not path.exists():
-        pytest.skip("the manual is not here")
-    text = path.read_text(encoding="utf-8")
+    text = manual_text("003")
     start = text.index("15 PROFIBUS/PROFINET parameters and their description\n\nParameter name")
     text = text[start : text.index("* Only PROFIBUS parameters", start)]
     rows = re.findall(
@@ -52,8 +50,8 @@ def table_15_1(shared: Path) -> list[tuple[int, str, str]]:
     return [(int(number), limits, default) for number, limits, default in rows]
 
 
-def test_table_15_1_has_eighty_parameters_with_their_ranges(shared: Path) -> None:
-    rows = table_15_1(shared)
+def test_table_15_1_has_eighty_parameters_with_their_ranges() -> None:
+    rows = table_15_1()
     assert len({number for number, *_ in rows}) == 80
     for number, limits, _ in rows:
         parameter = MSD.parameters[number]
@@ -66,9 +64,9 @@ def test_table_15_1_has_eighty_parameters_with_their_ranges(shared: Path) -> Non
         assert (parameter.minimum, parameter.maximum) == wanted, parameter
 
 
-def test_table_15_1_gives_each_stored_parameter_its_default(shared: Path) -> None:
+def test_table_15_1_gives_each_stored_parameter_its_default() -> None:
     looked_at = 0
-    for number, _, default in table_15_1(shared):
+    for number, _, default in table_15_1():
         parameter = MSD.parameters[number]
         if parameter.behaviour in {Behaviour.STORED, Behaviour.FIELD} and not parameter.text:
             wanted = DEFAULTS[number] if number in DEFAULTS else int(default, 0)
