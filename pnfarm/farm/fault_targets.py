@@ -97,8 +97,6 @@ class StationTarget(CmTarget, MachineTarget):
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
         self._commands: deque[tuple[int, int]] = deque()
-        #: Torque, inertia and friction that faults put on the shaft.
-        self._load = [0.0, 0.0, 0.0]
 
     # who it is
 
@@ -390,11 +388,6 @@ class StationTarget(CmTarget, MachineTarget):
             except CommandRingFullError:
                 return
             self._commands.popleft()
-
-    def load(self, torque: float, inertia: float, friction: float) -> None:
-        self._load = [had + more for had, more in zip(self._load, (torque, inertia, friction), strict=True)]
-        axis = self._station.handle.axis
-        axis.added_torque, axis.added_inertia, axis.added_friction = self._load
 
     def sent_data(self, since: int) -> bool:
         columns = self._core.columns

@@ -1,4 +1,4 @@
-"""The part of a fault's target that is the machine around the drive: limit switches, inputs, hardware enable, supply.
+"""The part of a fault's target that is the machine around the drive: limit switches, inputs, enable, supply, load.
 
 None of it changes with the drive's control supply.
 """
@@ -28,6 +28,8 @@ class MachineTarget:
         self._limits: Counter[str] = Counter()
         self._lacks: Counter[str] = Counter()
         self._inputs: Counter[int] = Counter()
+        #: Torque, inertia and friction that faults put on the shaft.
+        self._load = [0.0, 0.0, 0.0]
 
     def reach_limit(self, side: str) -> None:
         self._limits[side] += 1
@@ -64,3 +66,8 @@ class MachineTarget:
 
     def _put_inputs(self) -> None:
         self._handle.axis.digital_inputs = sum(1 << number for number, count in self._inputs.items() if count)
+
+    def load(self, torque: float, inertia: float, friction: float) -> None:
+        self._load = [had + more for had, more in zip(self._load, (torque, inertia, friction), strict=True)]
+        axis = self._handle.axis
+        axis.added_torque, axis.added_inertia, axis.added_friction = self._load

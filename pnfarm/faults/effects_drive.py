@@ -5,60 +5,26 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects import Effect, Tally, Window
+from pnfarm.faults.effects_shown import ShownEffect, StandingEffect
 from pnfarm.faults.words import FaultError
 
 if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec
     from pnfarm.faults.target import Evidence, FaultTarget
 
-__all__ = ["DriveFaultEffect", "LimitSwitchEffect", "PowerCycleEffect", "ShownEffect", "WarningEffect"]
+__all__ = ["DriveFaultEffect", "PowerCycleEffect", "WarningEffect"]
 
 #: ZSW1 (PROFIdrive profile, status word 1).
 FAULT_PRESENT = 3
 WARNING_PRESENT = 7
-#: How often the frames are looked at until the status bit was seen, when no connection tells its cycle.
+#: How often a drive without supply is looked at.
 LOOK_NS = 50_000_000
-
-
-class ShownEffect(Effect):
-    """What is confirmed by a status bit, ``bit`` of ZSW1, in a cyclic frame."""
-
-    bit = FAULT_PRESENT
-
-    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
-        super().__init__(spec, target)
-        self._tally = Tally()
-        self._look_since: int | None = None
-        self._due: int | None = None
-
-    def _occurred(self, now: int) -> None:
-        self._tally.note(now)
-        self._look_since = now
-        self._look(now)
-
-    def _look(self, now: int) -> None:
-        """Was it seen on the wire?  Ask again a cycle later if not."""
-        self._due = None
-        if self._look_since is None:
-            return
-        # a frame of the very instant was filled before the drive took the fault
-        if self.target.sent_status(self.bit, self._look_since + 1):
-            self._tally.confirm()
-            self._look_since = None
-            return
-        connection = self.target.connection()
-        if connection is not None:
-            self._due = now + max(connection.cycle_ns, 1_000_000)
-
-    def evidence(self) -> Evidence:
-        return self._tally.seen
-
-    def next_deadline(self) -> int | None:
-        return self._due
 
 
 class DriveFaultEffect(ShownEffect):
     """drive-fault, f702 and the faults named by their cause."""
+
+    bit = FAULT_PRESENT
 
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
         super().__init__(spec, target)
@@ -121,7 +87,7 @@ class DriveFaultEffect(ShownEffect):
             self.target.release_fault(self._fault)
 
 
-class WarningEffect(ShownEffect):
+class WarningEffect(StandingEffect):
     """drive-warning."""
 
     bit = WARNING_PRESENT
@@ -129,7 +95,6 @@ class WarningEffect(ShownEffect):
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
         super().__init__(spec, target)
         self._warning = target.find_fault(self.values["warning"])
-        self._showing = False
         if not self._warning.warning:
             raise FaultError(
                 [
@@ -141,55 +106,11 @@ class WarningEffect(ShownEffect):
                 ]
             )
 
-    def begin(self, window: Window, now: int) -> None:
-        del window
+    def put(self) -> None:
         self.target.warn(self._warning)
-        self._showing = True
-        self._occurred(now)
 
-    def check(self, now: int) -> None:
-        self._look(now)
-
-    def end(self, now: int) -> None:
-        self._look(now)
-        self._due = None
-        if self._showing:
-            self._showing = False
-            self.target.unwarn(self._warning)
-
-
-class LimitSwitchEffect(ShownEffect):
-    """limit-switch: the axis stands on it, and the drive warns if its manual names a warning."""
-
-    bit = WARNING_PRESENT
-
-    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
-        super().__init__(spec, target)
-        self._side = str(self.values["side"])
-        self._warning = target.limit_warning(self._side)
-        self._reached = False
-
-    def begin(self, window: Window, now: int) -> None:
-        del window
-        self._reached = True
-        self.target.reach_limit(self._side)
-        if self._warning is None:
-            self._tally.note(now, confirmed=True)
-        else:
-            self.target.warn(self._warning)
-            self._occurred(now)
-
-    def check(self, now: int) -> None:
-        self._look(now)
-
-    def end(self, now: int) -> None:
-        self._look(now)
-        self._due = None
-        if self._reached:
-            self._reached = False
-            self.target.leave_limit(self._side)
-            if self._warning is not None:
-                self.target.unwarn(self._warning)
+    def take(self) -> None:
+        self.target.unwarn(self._warning)
 
 
 class PowerCycleEffect(Effect):

@@ -1,60 +1,72 @@
-"""Faults of the machine that hangs on the drive: its load."""
+"""Faults of the machine around the drive: its limit switches, enable, supply of power, digital inputs and load."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects import Effect, Tally, Window
+from pnfarm.faults.effects_drive import WARNING_PRESENT
+from pnfarm.faults.effects_shown import StandingEffect
 
 if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec
-    from pnfarm.faults.target import Evidence, FaultTarget
+    from pnfarm.faults.target import FaultTarget
 
-__all__ = ["LoadEffect"]
+__all__ = ["InputEffect", "LimitSwitchEffect", "LoadEffect", "NotReadyEffect"]
 
-#: How often the frames are looked at until one left, when no connection tells its cycle.
-LOOK_NS = 50_000_000
+#: ZSW1 (PROFIdrive profile, status word 1).
+SWITCHING_ON_INHIBITED = 6
 
 
-class LoadEffect(Effect):
-    """load, stuck-axis: more on the shaft, until it ends; confirmed once a frame with actual values left."""
+class LimitSwitchEffect(StandingEffect):
+    """limit-switch: the axis stands on it, and the drive warns if its manual names a warning."""
 
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
         super().__init__(spec, target)
-        self._tally = Tally()
-        self._since: int | None = None
-        self._due: int | None = None
+        self._side = str(self.values["side"])
+        self._warning = target.limit_warning(self._side)
+        self.bit = None if self._warning is None else WARNING_PRESENT
 
-    def begin(self, window: Window, now: int) -> None:
-        del window
-        self._put(1.0)
-        self._since = now
-        self._tally.note(now)
-        self.check(now)
+    def put(self) -> None:
+        self.target.reach_limit(self._side)
+        if self._warning is not None:
+            self.target.warn(self._warning)
 
-    def _put(self, sign: float) -> None:
+    def take(self) -> None:
+        self.target.leave_limit(self._side)
+        if self._warning is not None:
+            self.target.unwarn(self._warning)
+
+
+class NotReadyEffect(StandingEffect):
+    """not-ready: no fault, but the drive cannot be switched on."""
+
+    bit = SWITCHING_ON_INHIBITED
+
+    def put(self) -> None:
+        self.target.lack(str(self.values["missing"]))
+
+    def take(self) -> None:
+        self.target.regain(str(self.values["missing"]))
+
+
+class InputEffect(StandingEffect):
+    """digital-input: a voltage at an input of the drive."""
+
+    def put(self) -> None:
+        self.target.switch_input(int(self.values["input"]))
+
+    def take(self) -> None:
+        self.target.release_input(int(self.values["input"]))
+
+
+class LoadEffect(StandingEffect):
+    """load, stuck-axis: more on the shaft."""
+
+    def put(self) -> None:
+        self._add(1.0)
+
+    def take(self) -> None:
+        self._add(-1.0)
+
+    def _add(self, sign: float) -> None:
         self.target.load(*(sign * float(self.values[name]) for name in ("torque", "inertia", "friction")))
-
-    def check(self, now: int) -> None:
-        self._due = None
-        if self._since is None or self._tally.seen.confirmed:
-            return
-        # a frame of the very instant was filled before the load came
-        if self.target.sent_data(self._since + 1):
-            self._tally.confirm()
-            return
-        connection = self.target.connection()
-        self._due = now + (LOOK_NS if connection is None else max(connection.cycle_ns, 1_000_000))
-
-    def end(self, now: int) -> None:
-        self.check(now)
-        self._due = None
-        if self._since is not None:
-            self._since = None
-            self._put(-1.0)
-
-    def evidence(self) -> Evidence:
-        return self._tally.seen
-
-    def next_deadline(self) -> int | None:
-        return self._due

@@ -35,9 +35,8 @@ from pnfarm.faults.effects_connection import (
     RefuseEffect,
     RpcDelayEffect,
 )
-from pnfarm.faults.effects_drive import DriveFaultEffect, LimitSwitchEffect, PowerCycleEffect, WarningEffect
-from pnfarm.faults.effects_inputs import InputEffect, NotReadyEffect
-from pnfarm.faults.effects_machine import LoadEffect
+from pnfarm.faults.effects_drive import DriveFaultEffect, PowerCycleEffect, WarningEffect
+from pnfarm.faults.effects_machine import InputEffect, LimitSwitchEffect, LoadEffect, NotReadyEffect
 from pnfarm.faults.plan import FaultSpec, matching
 from pnfarm.faults.target import NOTHING, Evidence
 from pnfarm.faults.words import FaultError, did_you_mean

@@ -114,6 +114,25 @@ def test_a_drive_without_a_warning_of_its_own_stands_on_the_switch_alone():
     assert int(line.farm.columns.axis[0].limit_switch) == 0
 
 
+@pytest.mark.parametrize(
+    ("kind", "params"),
+    [
+        ("limit-switch", {"side": "positive"}),
+        ("not-ready", {"missing": "enable"}),
+        ("digital-input", {"input": 1}),
+        ("load", {"torque": 0.1}),
+    ],
+)
+def test_a_fault_of_the_machine_is_confirmed_only_when_the_controller_was_told(kind, params):
+    line = FaultLine(model="hiwin-e1", telegram=3, cycle="1ms")
+    fault = line.add(kind, params=params)
+    line.run(0.0005)
+    assert (fault.evidence().activations, fault.evidence().confirmed) == (1, False)
+    line.connect()
+    line.run(0.1)
+    assert fault.evidence().confirmed
+
+
 def test_the_earlier_warning_shows_again_when_the_later_one_ends(line):
     line.add("drive-warning", params={"warning": 107}, as_="one")
     line.add("drive-warning", params={"warning": 108}, as_="two")
