@@ -86,7 +86,7 @@ def _speed(program: Any, now: int) -> float:
     """The set point of a running axis, rpm."""
     if program.kind == CONSTANT:
         return program.speed
-    if program.kind == RAMP or program.kind == SINE:  # noqa: PLR1714 - a tuple in compiled code would allocate
+    if program.kind in (RAMP, SINE):
         if program.period_ns <= 0:
             return 0.0
         share = ((now - program.run_ns) % program.period_ns) / program.period_ns

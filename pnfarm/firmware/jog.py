@@ -59,5 +59,5 @@ def take_jog(axis: Any) -> None:
     if axis.state != 4 or (profiles and stw1 & EXCLUDES) or (before == NONE and abs(axis.velocity) > axis.standstill):
         following = NONE
     axis.jog_sequence = following
-    speed = axis.jog_velocity[1] if following == FORWARD_2 or following == BACKWARD_2 else axis.jog_velocity[0]  # noqa: PLR1714, SIM109 - a tuple in compiled code would allocate
+    speed = axis.jog_velocity[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog_velocity[0]
     axis.jog_speed = -speed if following >= BACKWARD_1 else speed

@@ -31,6 +31,6 @@ def _own(axis: Any) -> int:
 def watch_warnings(axis: Any) -> None:
     """Show the drive's own warning while it stands, unless a command raised another one."""
     own = _own(axis)
-    if axis.warning_code == 0 or axis.warning_code == axis.own_warning:  # noqa: PLR1714 - a tuple in compiled code would allocate
+    if not axis.warning_code or axis.warning_code == axis.own_warning:
         axis.warning_code = own
     axis.own_warning = own

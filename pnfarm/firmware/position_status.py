@@ -25,7 +25,7 @@ __all__ = [
 @compiled
 def _has_task(axis: Any) -> bool:
     """Whether a task runs, or waits in an intermediate stop."""
-    return axis.motion == TASK or axis.motion == INTERMEDIATE_STOP  # noqa: PLR1714 - a tuple in compiled code would allocate
+    return axis.motion in (TASK, INTERMEDIATE_STOP)
 
 
 @compiled
@@ -34,7 +34,7 @@ def standing(axis: Any) -> bool:
 
     Homing moves it to its end, also where it turns at the mark (AKD PROFINET manual 5.10.3).
     """
-    if axis.motion == BRAKING or axis.motion == HOMING:  # noqa: PLR1714 - a tuple in compiled code would allocate
+    if axis.motion in (BRAKING, HOMING):
         return False
     if axis.motion != OUT and axis.profile_velocity != 0.0:
         return False
@@ -44,7 +44,7 @@ def standing(axis: Any) -> bool:
 @compiled
 def _basic(axis: Any) -> bool:
     """Whether nothing is active that moves the axis: the basic state of AKD PROFINET manual, edition B, 5.10.1."""
-    return axis.motion == OUT or axis.motion == STANDBY  # noqa: PLR1714 - a tuple in compiled code would allocate
+    return axis.motion in (OUT, STANDBY)
 
 
 @compiled

@@ -413,7 +413,7 @@ def _advance(axis: Any, held: int) -> int:
         elif event == START:
             _start_task(axis)
             axis.acknowledged = 1 if axis.control_config & CONFIG_RISING_EDGE else 1 - axis.acknowledged
-        elif event == RESUME or event == CONTINUE:  # noqa: PLR1714, SIM109 - a tuple in compiled code would allocate
+        elif event in (RESUME, CONTINUE):
             _aim(axis)
         elif event == HOME:
             if axis.motion == FOLLOWING:

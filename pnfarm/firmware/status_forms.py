@@ -43,7 +43,7 @@ NEAR = 0.01
 @compiled
 def _as_in_the_profile(axis: Any) -> bool:
     """P-1258: 1 is control word and set points of the profile, 3 the control word."""
-    return axis.profile_mode == 1 or axis.profile_mode == 3  # noqa: PLR1714 - a tuple in compiled code would allocate
+    return axis.profile_mode in (1, 3)
 
 
 @compiled

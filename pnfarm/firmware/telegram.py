@@ -86,7 +86,7 @@ def signed32(value: int) -> int:
 @compiled
 def nearest(value: float) -> int:
     """The nearest whole number."""
-    return int(round(value))  # noqa: RUF046 - round() of a compiled float stays a float
+    return round(value)
 
 
 @compiled
