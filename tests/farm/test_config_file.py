@@ -2,85 +2,14 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
 from ipaddress import IPv4Interface
-from pathlib import Path
 
 import pytest
+from farm_file import CONFIGS, GOOD, KNOWN, issues, parse, the_issue
 
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import FarmFileError, Known, clock_of, controller_mac, expand, load_farm, parse_farm
-from pnfarm.farm.config_axis import Load
+from pnfarm.farm.config import FarmFileError, clock_of, expand, load_farm, parse_farm
 from pnfarm.farm.config_known import catalogue
-
-CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-
-
-@dataclass(frozen=True)
-class Model:
-    """A model of no catalogue: one telegram, one parameter, 16 ms."""
-
-    name: str = "akd-profinet"
-    min_cycle_ns: int = 16_000_000
-    send_clocks: tuple[int, ...] = (8, 16, 32, 64, 128)
-    max_cycle_ns: int = 0
-    telegrams: tuple[int, ...] = (1, 7)
-    default_telegram: int = 1
-    motion_tasks: int = 0
-
-    def parameter_complaints(self, params):
-        return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]
-
-    def moves_straight(self, kind):
-        return kind == "linear"
-
-    def motor_complaints(self, kind, pitch):
-        return []
-
-    def identity_complaints(self, identity):
-        return [(key, "is no identity", "vendor") for key in identity if key != "vendor"]
-
-
-KNOWN = Known(
-    ("akd-profinet",),
-    {"akd-profinet": Model(), "akd": Model()}.get,
-    frozenset(("loss", "silence", "f702", "drive-fault")),
-)
-
-GOOD = """\
-farm: line-1
-link: {kind: macvlan, parent: eth1}
-state: ./state
-api: 127.0.0.1:8702
-drives:
-  - name: axis-{n:02}
-    count: 8
-    model: akd-profinet
-    ip: 10.77.0.11/24
-    mac: auto
-    load: {inertia: 2.0e-4, friction: 0.05}
-    limits: strict
-    identity: {}
-    params: {DRV.OPMODE: 1}
-    impair: []
-"""
-
-
-def parse(text, path="line.pnfarm.yml"):
-    return parse_farm(text, path, KNOWN)
-
-
-def issues(text):
-    with pytest.raises(FarmFileError) as caught:
-        parse(text)
-    return caught.value.issues
-
-
-def the_issue(text):
-    (issue,) = issues(text)
-    return issue
-
 
 # --- what is read -----------------------------------------------------------------------------------------------
 
@@ -163,60 +92,6 @@ def test_impairments_keep_their_durations_and_targets():
     (impairment,) = expand(parse(text))[0].impair
     assert (impairment.kind, impairment.on, impairment.params) == ("loss", ["axis-0*"], {"ratio": 0.1})
     assert (impairment.after_ns, impairment.for_ns, impairment.seed) == (2_000_000_000, 500_000_000, 7)
-
-
-CONTROLLER = GOOD + "controller:\n"
-
-
-def test_a_controller_has_the_promised_defaults():
-    controller = parse(CONTROLLER + "  ip: 10.77.0.1/24\n").controller
-    assert (controller.name, controller.watchdog_factor, controller.startup) == ("plc", 3, "legacy")
-    assert (controller.assign_ip, controller.telegram, controller.program.kind) == (True, 1, "idle")
-    assert controller.reconnect.after_ns == 1_000_000_000
-    clock = clock_of(controller)
-    assert (clock.send_clock_factor, clock.reduction_ratio, clock.cycle_ns) == (32, 16, 16_000_000)
-
-
-@pytest.mark.parametrize(
-    ("keys", "clock"),
-    [
-        ("cycle: 128ms", (32, 128)),
-        ("cycle: 16ms\n  send_clock_factor: 128", (128, 4)),
-        ("send_clock_factor: 64", (64, 8)),
-        ("reduction_ratio: 32", (32, 32)),
-        ("cycle: 16ms\n  reduction_ratio: 8", (64, 8)),
-        ("send_clock_factor: 8\n  reduction_ratio: 512", (8, 512)),
-    ],
-)
-def test_what_is_left_out_of_the_clock_follows_from_the_rest(keys, clock):
-    made = clock_of(parse(CONTROLLER + f"  {keys}\n").controller)
-    assert (made.send_clock_factor, made.reduction_ratio) == clock
-
-
-def test_a_drive_may_have_a_cycle_of_its_own():
-    farm = parse(GOOD.replace("limits: strict", "cycle: 64ms") + "controller:\n  send_clock_factor: 64\n")
-    assert clock_of(farm.controller, expand(farm)[0].cycle_ns).reduction_ratio == 32
-
-
-def test_a_file_for_foreign_devices_needs_no_farm():
-    farm = parse(
-        "controller: {interface: eth1, cycle: 16ms, reconnect: off,\n"
-        "             records: [{slot: 1, subslot: 2, index: 0x10, data: '00 ff'}]}\n"
-        "drives: [{name: press, model: akd-profinet, ip: 192.168.0.5/24}]\n"
-    )
-    assert (farm.farm, farm.link, farm.controller.interface, farm.controller.reconnect) == (None, None, "eth1", None)
-    assert farm.controller.records[0].data == b"\x00\xff"
-    assert controller_mac(farm) is None
-    assert [drive.name for drive in expand(farm)] == ["press"]
-
-
-def test_a_controller_on_the_farms_link_gets_a_mac_of_its_own():
-    farm = parse(CONTROLLER + "  ip: 10.77.0.1/24\n")
-    mac = controller_mac(farm)
-    assert mac[0] == 2
-    assert mac not in {drive.mac for drive in expand(farm)}
-    explicit = parse(CONTROLLER + "  mac: 02:00:00:00:00:09\n")
-    assert controller_mac(explicit) == bytes.fromhex("020000000009")
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.pnfarm.yml")), ids=lambda path: path.name)
@@ -333,71 +208,6 @@ def test_one_wrong_thing_gives_one_issue_with_its_line(old, new, line, field, wh
     assert allowed in issue.allowed
     # a misspelt key is also missing where it is required
     assert len(found) == (2 if new.startswith("nmae") else 1)
-
-
-WRONG_CONTROLLER = [
-    ("name: Plc", "controller.name", "'Plc' is no station name"),
-    ("name: axis-03", "drives[0].name", "'axis-03' belongs to the controller"),
-    ("ip: 10.77.0.12/24", "drives[0].ip", "'axis-02': 10.77.0.12 belongs to the controller"),
-    ("ip: 10.78.0.1/24", "controller.ip", "cannot reach drives[0]"),
-    ("ip: 10.77.0.255/24", "controller.ip", "broadcast"),
-    ("interface: eth1", "controller.interface", "does not hear the macvlans"),
-    ("{interface: eth2, link: {kind: memory}}", "controller.interface", "stands beside `link`"),
-    ("link: {kind: tun}", "controller.link", "is no kind of link"),
-    ("link: {kind: veth, parent: x}", "controller.link.parent", "is no key here"),
-    ("cycle: 2ms", "controller.cycle", "faster than akd-profinet can"),
-    ("cycle: 30ms", "controller.cycle", "the nearest is 16ms or 32ms"),
-    ("cycle: 2", "controller.cycle", "has no unit"),
-    ("send_clock_factor: 3", "controller.send_clock_factor", "is 3"),
-    ("reduction_ratio: 1024", "controller.reduction_ratio", "is 1024"),
-    ("{send_clock_factor: 128, reduction_ratio: 512}", "controller.send_clock_factor", "the slowest cycle is 512ms"),
-    ("{cycle: 16ms, send_clock_factor: 32, reduction_ratio: 8}", "controller.send_clock_factor", "make 8ms, not 16ms"),
-    ("{cycle: 16ms, reduction_ratio: 1}", "controller.reduction_ratio", "a send clock factor is one of 1, 2"),
-    ("{cycle: 16ms, send_clock_factor: 4}", "controller.send_clock_factor", "factor of 4 is none of akd-profinet"),
-    ("{cycle: 16ms, reduction_ratio: 256}", "controller.reduction_ratio", "factor of 2 is none of akd-profinet"),
-    ("{cycle: 512ms, watchdog_factor: 4}", "controller.watchdog_factor", "4 cycles of 512ms are 2.048s"),
-    ("watchdog_factor: 0", "controller.watchdog_factor", "is 0"),
-    ("startup: fast", "controller.startup", "is 'fast'"),
-    ("program: {kind: sin}", "controller.program.kind", "did you mean sine?"),
-    ("program: {speed: 5}", "controller.program.speed", "did you mean speed_rpm?"),
-    ("records: [{slot: 1, subslot: 2, index: 1, data: xyz}]", "controller.records[0].data", "is no hexadecimal"),
-    ("records: [{slot: 1, subslot: 2, data: ''}]", "controller.records[0].index", "is missing"),
-    ("reconnect: 7", "controller.reconnect", "is 7"),
-    ("reconnect: {after: 0.5ns}", "controller.reconnect.after", "is no duration"),
-]
-
-
-@pytest.mark.parametrize(("text", "field", "what"), WRONG_CONTROLLER, ids=[w[0] for w in WRONG_CONTROLLER])
-def test_one_wrong_thing_of_the_controller_gives_one_issue(text, field, what):
-    issue = the_issue(GOOD + "controller: " + (text if text.startswith("{") else "{" + text + "}") + "\n")
-    assert issue.field == field
-    assert what in issue.what
-    assert issue.allowed
-    if field.startswith("controller"):
-        assert issue.line == 16
-
-
-def test_a_controller_on_the_parent_is_refused_where_it_would_hear_nothing():
-    text = GOOD.replace("parent: eth1", "parent: eth1, transmit: parent")
-    parse(text)
-    issue = the_issue(text + "controller: {}\n")
-    assert (issue.line, issue.field) == (2, "link.transmit")
-    parse(text + "controller: {interface: eth2}\n")
-
-
-def test_a_file_with_neither_farm_nor_controller_says_so():
-    issue = the_issue("drives: [{name: a, model: akd-profinet}]\n")
-    assert "neither `farm` nor `controller`" in issue.what
-
-
-def test_a_foreign_file_needs_an_interface():
-    issue = the_issue("controller: {cycle: 16ms}\ndrives: [{name: a, model: akd-profinet}]\n")
-    assert (issue.line, issue.field) == (1, "controller")
-
-
-def test_a_link_without_a_farm_is_refused():
-    issue = the_issue(GOOD.replace("farm: line-1\n", "") + "controller: {interface: eth2}\n")
-    assert (issue.line, issue.field) == (1, "link")
 
 
 def test_lax_limits_let_a_fast_cycle_pass():
@@ -627,16 +437,3 @@ drives:
     said = {(issue.line, issue.field): issue.what for issue in caught.value.issues}
     assert "no station name" in said[5, "drives[0].name"]
     assert said[7, "drives[2].name"].endswith("of drives[1] already")
-
-
-def test_a_load_behind_gear_and_spindle_counts_as_the_shaft_feels_it():
-    load = expand(
-        parse(GOOD.replace("inertia: 2.0e-4", "gear: 4, lead: 20, mass: 50, force: 490, driven_inertia: 1.6e-3"))
-    )[0].load
-    way = 0.020 / 4 / (2 * math.pi)
-    assert load.referred_inertia(0.0) == pytest.approx(50 * way**2 + 1e-4)
-    assert load.referred_torque(0.0) == pytest.approx(490 * way)
-
-
-def test_a_mass_on_a_linear_motor_needs_no_spindle():
-    assert Load(mass=5.0).referred_inertia(32.0) == pytest.approx(5 * (0.032 / (2 * math.pi)) ** 2)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 
 import pytest
+from farm_file import GOOD, parse
 from virtual_line import VirtualLine
 
-from pnfarm.farm.config import FarmFileError, parse_farm
+from pnfarm.farm.config import FarmFileError, expand, parse_farm
+from pnfarm.farm.config_axis import Load
 
 FILE = """
 farm: bench
@@ -105,3 +107,16 @@ def test_5_6_the_akds_vl_thresh_is_the_speed_at_which_it_trips():
     station.store.set("VL.THRESH_32", 500_000)
     line.run(0.5)
     assert station.fault_counts == {302: 1}
+
+
+def test_a_load_behind_gear_and_spindle_counts_as_the_shaft_feels_it():
+    load = expand(
+        parse(GOOD.replace("inertia: 2.0e-4", "gear: 4, lead: 20, mass: 50, force: 490, driven_inertia: 1.6e-3"))
+    )[0].load
+    way = 0.020 / 4 / (2 * math.pi)
+    assert load.referred_inertia(0.0) == pytest.approx(50 * way**2 + 1e-4)
+    assert load.referred_torque(0.0) == pytest.approx(490 * way)
+
+
+def test_a_mass_on_a_linear_motor_needs_no_spindle():
+    assert Load(mass=5.0).referred_inertia(32.0) == pytest.approx(5 * (0.032 / (2 * math.pi)) ** 2)

@@ -3,34 +3,28 @@
 import math
 
 import pytest
-from bench_axis import BenchAxis
+from positioner import (
+    ACCELERATION_UNIT,
+    ACKNOWLEDGED,
+    ACTIVE,
+    COUNTS,
+    HOME,
+    HOMED,
+    ON_TARGET,
+    READY,
+    START,
+    STOPPED,
+    Positioner,
+)
 
 from pnfarm.firmware import positioning
-from pnfarm.table.axis import (
-    CMD_HOME,
-    CMD_START_TASK,
-    CONFIG_PROFILE_JOG,
-    CONFIG_RISING_EDGE,
-    HOME_AT_ONCE,
-    HOME_MARK,
-    REACTION_QUICK_STOP,
-    TASK_CHAINED,
-    TASK_DEFINED,
-    TASK_RELATIVE,
-    TASKS_MDI,
-    TASKS_POS_STW,
-    TASKS_TARPOS,
-)
+from pnfarm.table.axis import CMD_START_TASK, REACTION_QUICK_STOP, TASK_DEFINED, TASKS_POS_STW, TASKS_TARPOS
 from pnfarm.table.signals import (
-    AKTSATZ,
     DRIVE_INPUTS,
-    DRIVE_MOTION_STATUS,
     HOME_DIST,
     HOME_MODE,
     MDI_ACC,
     MDI_DEC,
-    MDI_MOD,
-    MDI_TARPOS,
     MDI_VELOCITY,
     OVERRIDE,
     POS_STW1,
@@ -41,95 +35,7 @@ from pnfarm.table.signals import (
     STW1,
     TARPOS_A,
     VELOCITY_A,
-    XIST_A,
 )
-
-#: Enabled, not rejected, no intermediate stop, control by PLC.
-READY = 0x043F
-START = READY | 0x0040
-HOME = READY | 0x0800
-
-ON_TARGET, HOMED, ACKNOWLEDGED, STOPPED, ACTIVE = 0x0400, 0x0800, 0x1000, 0x2000, 0x4000
-COUNTS = 65536
-#: rpm and rpm/s of the increments of MDI_VELOCITY and MDI_ACC (AKD PROFINET manual 5.12).
-VELOCITY_UNIT = 12000 / 2**32
-ACCELERATION_UNIT = 50_000_000 / 65536
-
-
-class Positioner(BenchAxis):
-    """A drive in position mode, enabled; positions in revolutions, velocities in rpm, accelerations in rpm/s."""
-
-    def __init__(self, *, homed=True):
-        super().__init__()
-        axis = self.axis
-        axis.opmode = 2
-        axis.task_form = TASKS_MDI
-        axis.target_step = 1 / COUNTS
-        axis.position_step = 1 / COUNTS
-        axis.task_velocity_step = VELOCITY_UNIT
-        axis.task_velocity_unsigned = 1
-        axis.task_acceleration_step = axis.task_deceleration_step = ACCELERATION_UNIT
-        axis.task_active = ACTIVE
-        axis.control_config = CONFIG_RISING_EDGE | CONFIG_PROFILE_JOG
-        axis.real_time_jog = 1
-        axis.home_required = 1
-        axis.home_velocity, axis.home_acceleration, axis.home_deceleration, axis.home_direction = 300.0, 3e4, 3e4, 1.0
-        axis.home_method = HOME_MARK
-        axis.position_gain = 60.0
-        axis.following_window = 0.5
-        axis.target_window = 0.001
-        self.data(0.0)
-        for word in (0x0430, 0x0436, 0x0437, READY):
-            self.stw(word)
-        assert axis.state == 4
-        if homed:
-            axis.home_method = HOME_AT_ONCE
-            self.stw(HOME, 5)
-            self.stw(READY)
-            axis.home_method = HOME_MARK
-            assert self.zsw1 & HOMED
-
-    def stw(self, word, run=1):
-        return self.write(word, run=run)
-
-    def data(self, position, velocity=600.0, up=30_000.0, down=30_000.0, *, relative=False):
-        received = self.image.received
-        received[SATZANW] = 0x8000
-        received[MDI_TARPOS] = round(position * COUNTS)
-        received[MDI_VELOCITY] = round(velocity / VELOCITY_UNIT)
-        received[MDI_ACC] = round(up / ACCELERATION_UNIT)
-        received[MDI_DEC] = round(down / ACCELERATION_UNIT)
-        received[MDI_MOD] = 0 if relative else 1
-
-    def move(self, position, **how):
-        """The handshake of bits 6 and 12."""
-        self.data(position, **how)
-        assert self.stw(START) & ACKNOWLEDGED
-        assert not self.stw(READY) & ACKNOWLEDGED
-
-    def stand_at(self, position):
-        """Disabled, turned there by hand, and enabled again."""
-        for word in (0x0430, 0x0436):
-            self.stw(word)
-        self.axis.position = position
-        for word in (0x0437, READY, READY):
-            self.stw(word)
-
-    def until(self, bits, most=20_000):
-        for milliseconds in range(most):
-            if self.zsw1 & bits == bits:
-                return milliseconds
-            self.run(1)
-        raise AssertionError(f"ZSW1 0x{self.zsw1:04X} never had 0x{bits:04X}")
-
-    def settle(self):
-        """In the target, and the position controller is done."""
-        self.until(ON_TARGET | STOPPED)
-        self.run(100)
-
-    @property
-    def place(self):
-        return int(self.image.sent[XIST_A]) / COUNTS
 
 
 def test_a_task_moves_to_its_absolute_target_and_tells_in_zsw1():
@@ -268,68 +174,6 @@ def test_a_rejected_task_brakes_and_is_gone():
     assert drive.place < 4.0
 
 
-def test_5_10_3_homing_clears_bits_10_11_13_and_sets_them_at_its_end():
-    drive = Positioner(homed=False)
-    drive.axis.home_position = 0.25
-    drive.stand_at(0.4)
-    assert not drive.stw(HOME, 20) & (ON_TARGET | HOMED | STOPPED)
-    drive.until(ON_TARGET | HOMED | STOPPED)
-    assert drive.axis.position == pytest.approx(1.0, abs=1e-3), "the zero mark of the encoder"
-    assert drive.place == pytest.approx(0.25, abs=1e-3)
-    assert drive.image.sent[DRIVE_MOTION_STATUS] & 0x0006 == 0x0006
-
-
-def test_homing_backwards_moves_on_by_the_homing_distance():
-    drive = Positioner(homed=False)
-    drive.axis.home_direction = -1.0
-    drive.axis.home_distance = -0.5
-    drive.stand_at(0.4)
-    drive.stw(HOME, 20)
-    drive.until(ON_TARGET | HOMED | STOPPED)
-    assert drive.axis.position == pytest.approx(-0.5, abs=1e-3)
-    assert drive.place == pytest.approx(-0.5, abs=1e-3)
-
-
-def test_homing_that_is_aborted_leaves_the_home_position_unknown():
-    drive = Positioner()
-    drive.stw(HOME, 30)
-    drive.stw(READY, 300)
-    assert drive.zsw1 & (HOMED | STOPPED) == STOPPED
-    assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0006
-
-
-def test_jogging_runs_at_the_jog_set_point_and_stops():
-    drive = Positioner()
-    drive.stw(0x050F, 500)
-    assert drive.axis.velocity == pytest.approx(100.0, abs=0.5)
-    drive.stw(0x040F, 500)
-    assert drive.zsw1 & STOPPED
-    drive.stw(0x060F, 500)
-    assert drive.axis.velocity == pytest.approx(-50.0, abs=0.5)
-    drive.stw(0x070F, 500)
-    assert drive.zsw1 & STOPPED, "both at once"
-
-
-def test_jogging_needs_bits_4_to_6_at_zero():
-    drive = Positioner()
-    drive.stw(READY | 0x0100, 200)
-    assert drive.zsw1 & STOPPED
-
-
-def test_5_4_real_time_jogging_follows_the_data_of_the_task_and_the_direction_bit():
-    drive = Positioner()
-    drive.data(0.0, velocity=240.0)
-    drive.stw(READY | 0x1000, 300)
-    assert drive.axis.velocity == pytest.approx(240.0, abs=0.5)
-    drive.data(0.0, velocity=120.0)
-    drive.run(300)
-    assert drive.axis.velocity == pytest.approx(120.0, abs=0.5)
-    drive.stw(READY | 0x3000, 300)
-    assert drive.axis.velocity == pytest.approx(-120.0, abs=0.5)
-    drive.stw(READY, 300)
-    assert drive.zsw1 & STOPPED
-
-
 def test_a_target_beyond_the_software_limits_is_refused_and_jogging_ends_at_them():
     drive = Positioner()
     drive.axis.software_limits, drive.axis.limit_low, drive.axis.limit_high = 3, -1.0, 2.0
@@ -461,86 +305,6 @@ def test_moog_10_2_1_bit_13_takes_new_targets_without_an_edge_and_bit_12_makes_t
     drive.stw(START | 0x1000, 10)
     drive.settle()
     assert drive.place == pytest.approx(4.0, abs=2e-3)
-
-
-def task(drive, number, position, *, relative=False, following=None, dwell=0.0):
-    """A motion task of the drive's own."""
-    axis = drive.axis
-    axis.mt_position[number], axis.mt_velocity[number] = position, 600.0
-    axis.mt_acceleration[number] = axis.mt_deceleration[number] = 30_000.0
-    axis.mt_flags[number] = TASK_DEFINED | relative * TASK_RELATIVE | (following is not None) * TASK_CHAINED
-    axis.mt_next[number] = following or 0
-    axis.mt_dwell_ns[number] = round(dwell * 1e9)
-
-
-def test_5_10_1_satzanw_starts_the_motion_task_of_its_number_and_aktsatz_tells_which_runs():
-    drive = Positioner()
-    task(drive, 5, 2.0)
-    task(drive, 6, -1.0, relative=True)
-    drive.image.received[SATZANW] = 5
-    assert drive.stw(START, 20) & (ACKNOWLEDGED | ACTIVE) == ACKNOWLEDGED | ACTIVE
-    assert drive.image.sent[AKTSATZ] == 5
-    drive.stw(READY)
-    drive.settle()
-    assert drive.place == pytest.approx(2.0, abs=2e-3)
-    assert drive.image.sent[AKTSATZ] == 0
-    drive.image.received[SATZANW] = 6
-    drive.stw(START)
-    drive.stw(READY)
-    drive.settle()
-    assert drive.place == pytest.approx(1.0, abs=2e-3)
-
-
-@pytest.mark.parametrize("number", [7, 128, 129, 0x7FFF])
-def test_a_motion_task_that_is_not_there_is_not_acknowledged(number):
-    drive = Positioner()
-    task(drive, 5, 2.0)
-    drive.image.received[SATZANW] = number
-    assert not drive.stw(START, 50) & (ACKNOWLEDGED | ACTIVE)
-
-
-def test_a_chained_motion_task_is_followed_after_its_dwell_and_the_last_one_reaches_the_target():
-    drive = Positioner()
-    task(drive, 1, 1.0, following=2, dwell=0.2)
-    task(drive, 2, 3.0, following=3)
-    task(drive, 3, 0.5)
-    drive.image.received[SATZANW] = 1
-    drive.stw(START)
-    seen = []
-    for _ in range(1600):
-        drive.run(1)
-        seen.append((int(drive.image.sent[AKTSATZ]), round(drive.place, 1), bool(drive.zsw1 & ON_TARGET)))
-    numbers = [number for number, _, _ in seen]
-    assert [n for i, n in enumerate(numbers) if i == 0 or numbers[i - 1] != n] == [1, 2, 3, 0]
-    assert sum(1 for number, place, _ in seen if (number, place) == (1, 1.0)) >= 200, "the dwell"
-    assert not any(reached for number, _, reached in seen if number)
-    assert seen[-1] == (0, 0.5, True)
-
-
-def test_a_chain_whose_next_task_is_gone_ends():
-    drive = Positioner()
-    task(drive, 1, 1.0, following=9)
-    drive.image.received[SATZANW] = 1
-    drive.stw(START)
-    drive.stw(READY)
-    drive.settle()
-    assert drive.place == pytest.approx(1.0, abs=2e-3)
-    assert not drive.zsw1 & ACTIVE
-
-
-def test_commands_start_a_motion_task_and_homing_as_the_control_word_does():
-    drive = Positioner(homed=False)
-    task(drive, 4, 1.5)
-    drive.image.received[SATZANW] = 0
-    drive.command(CMD_HOME)
-    drive.run(5)
-    assert not drive.zsw1 & STOPPED
-    drive.until(ON_TARGET | HOMED | STOPPED)
-    drive.command(CMD_START_TASK, 4)
-    drive.run(20)
-    assert drive.image.sent[AKTSATZ] == 4
-    drive.settle()
-    assert drive.place == pytest.approx(1.5, abs=2e-3)
 
 
 def test_5_11_8_home_mode_and_home_dist_of_the_telegram_take_the_place_of_the_parameters():
