@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from bench_axis import BenchAxis
-from test_firmware_positioning import (
+from positioner import (
     ACKNOWLEDGED,
     ACTIVE,
     HOME,

@@ -1,20 +1,10 @@
 """Position mode: stored motion tasks and their chains."""
 
 import pytest
-from positioner import ACKNOWLEDGED, ACTIVE, HOMED, ON_TARGET, READY, START, STOPPED, Positioner
+from positioner import ACKNOWLEDGED, ACTIVE, HOMED, ON_TARGET, READY, START, STOPPED, Positioner, task
 
-from pnfarm.table.axis import CMD_HOME, CMD_START_TASK, TASK_CHAINED, TASK_DEFINED, TASK_RELATIVE
+from pnfarm.table.axis import CMD_HOME, CMD_START_TASK
 from pnfarm.table.signals import AKTSATZ, SATZANW
-
-
-def task(drive, number, position, *, relative=False, following=None, dwell=0.0):
-    """A motion task of the drive's own."""
-    axis = drive.axis
-    axis.mt_position[number], axis.mt_velocity[number] = position, 600.0
-    axis.mt_acceleration[number] = axis.mt_deceleration[number] = 30_000.0
-    axis.mt_flags[number] = TASK_DEFINED | relative * TASK_RELATIVE | (following is not None) * TASK_CHAINED
-    axis.mt_next[number] = following or 0
-    axis.mt_dwell_ns[number] = round(dwell * 1e9)
 
 
 def test_5_10_1_satzanw_starts_the_motion_task_of_its_number_and_aktsatz_tells_which_runs():

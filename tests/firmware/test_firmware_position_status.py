@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from test_firmware_positioning import HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner
+from positioner import HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner
 
 from pnfarm.table.signals import DRIVE_MOTION_STATUS, POS_ZSW2
 

@@ -2,7 +2,16 @@
 
 from bench_axis import BenchAxis
 
-from pnfarm.table.axis import CONFIG_PROFILE_JOG, CONFIG_RISING_EDGE, HOME_AT_ONCE, HOME_MARK, TASKS_MDI
+from pnfarm.table.axis import (
+    CONFIG_PROFILE_JOG,
+    CONFIG_RISING_EDGE,
+    HOME_AT_ONCE,
+    HOME_MARK,
+    TASK_CHAINED,
+    TASK_DEFINED,
+    TASK_RELATIVE,
+    TASKS_MDI,
+)
 from pnfarm.table.signals import MDI_ACC, MDI_DEC, MDI_MOD, MDI_TARPOS, MDI_VELOCITY, SATZANW, XIST_A
 
 #: Enabled, not rejected, no intermediate stop, control by PLC.
@@ -91,3 +100,13 @@ class Positioner(BenchAxis):
     @property
     def place(self):
         return int(self.image.sent[XIST_A]) / COUNTS
+
+
+def task(drive, number, position, *, relative=False, following=None, dwell=0.0):
+    """A motion task of the drive's own."""
+    axis = drive.axis
+    axis.mt_position[number], axis.mt_velocity[number] = position, 600.0
+    axis.mt_acceleration[number] = axis.mt_deceleration[number] = 30_000.0
+    axis.mt_flags[number] = TASK_DEFINED | relative * TASK_RELATIVE | (following is not None) * TASK_CHAINED
+    axis.mt_next[number] = following or 0
+    axis.mt_dwell_ns[number] = round(dwell * 1e9)
