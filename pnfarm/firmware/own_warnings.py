@@ -1,7 +1,8 @@
 """Warnings that the drive shows by itself, beside those that are raised by command.
 
-The motor's heat, I2t (HIWIN E1 manual 3.16, MELDW.7), and software limits that the axis reached (AKD PROFINET manual
-5.8.1 and 5.6, SWLS.STATE).  A warning that was raised by command stays in front.
+The motor's heat, I2t (HIWIN E1 manual 3.16, MELDW.7), software limits that the axis reached (AKD PROFINET manual
+5.8.1 and 5.6, SWLS.STATE), and tasks that could not begin (AKD parameter reference, DRV.MOTIONSTAT).  A warning that
+was raised by command stays in front.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ def _own(axis: Any) -> int:
         for i in range(2):
             if reached >> i & 1:
                 return int(axis.limit_warning[i])
-    return 0
+    return int(axis.task_warning[axis.task_error - 1]) if axis.task_error else 0
 
 
 @compiled

@@ -117,6 +117,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     # its intermediate stop
     (INTERMEDIATE_STOP, LEAVE): OUT,
     (INTERMEDIATE_STOP, REJECT): BRAKING,
+    (INTERMEDIATE_STOP, START): TASK,
     (INTERMEDIATE_STOP, RESUME): TASK,
     (INTERMEDIATE_STOP, HALT): HALTED,
     # halted by a parameter
@@ -145,9 +146,9 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     (FOLLOWING, HOME): HOMING,
 }
 
-#: Which event wins when several hold.
+#: Which event wins when several hold; a task that begins in the step that ends an intermediate stop is the newer one.
 PRIORITY = (
-    LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, UNFOLLOW, HALT, PAUSE, RESUME, CONTINUE, START, HOME, JOG_ON, FOLLOW,
+    LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, UNFOLLOW, HALT, PAUSE, CONTINUE, START, RESUME, HOME, JOG_ON, FOLLOW,
     OVER, ENTER,
 )  # fmt: skip
 
@@ -208,7 +209,8 @@ def _asked_target(axis: Any) -> float:
             return axis.target + axis.asked_position
         if axis.asked_base == TASK_FROM_ACTUAL:
             return axis.position + axis.asked_position
-        return (axis.target if axis.motion == TASK else axis.commanded_position) + axis.asked_position
+        has_task = axis.motion in (TASK, INTERMEDIATE_STOP)
+        return (axis.target if has_task else axis.commanded_position) + axis.asked_position
     return axis.origin + axis.asked_position
 
 
@@ -437,6 +439,9 @@ def _follow_on(axis: Any, now: int) -> bool:
     """Begin the task behind a chained one, once its dwell is over; true while there is one to come or begun."""
     if axis.motion != TASK or axis.task < 0:
         return False
+    if axis.asked:
+        # what is asked for in this step goes before
+        return True
     number = int(axis.task)
     if axis.profile == PROFILE_VELOCITY:
         left = axis.target - axis.commanded_position
@@ -451,10 +456,9 @@ def _follow_on(axis: Any, now: int) -> bool:
         axis.over_ns = now
     if now - axis.over_ns < axis.mt_dwell_ns[number]:
         return True
-    axis.asked = 1
     select_task(axis, int(axis.mt_next[number]))
-    follows = axis.asked != 0 and _can_start(axis)
-    axis.asked = 0
+    follows = _can_start(axis)
+    axis.task_error = 0 if follows else 2
     if follows:
         _start_task(axis)
     return follows

@@ -100,9 +100,9 @@ def _jog_asked(axis: Any, stw1: int) -> int:
 
 @compiled
 def select_task(axis: Any, number: int) -> None:
-    """Ask for one of the drive's motion tasks; for one that is not there nothing is asked."""
+    """Take the data of one of the drive's motion tasks; one that is not there has no velocity and cannot begin."""
     if not 0 <= number < MOTION_TASKS or not axis.mt_flags[number] & TASK_DEFINED:
-        axis.asked = 0
+        axis.asked_velocity = 0.0
         return
     axis.asked_task = number
     axis.asked_position = axis.mt_position[number]
@@ -211,10 +211,11 @@ def _select(axis: Any, image: Any) -> None:
         axis.override = (image.received[MT_FEEDRATE] & 0xFFFF) / PERCENT
     if _take_command(axis) or axis.mdi:
         return
-    if axis.task_form == TASKS_MDI:
-        select_task(axis, int(image.received[SATZANW]) & NUMBER)
-    else:
+    if axis.task_form != TASKS_MDI:
         axis.asked = 0
+    elif axis.asked:
+        # and only then: jogging goes by the data of the telegram
+        select_task(axis, int(image.received[SATZANW]) & NUMBER)
 
 
 @compiled

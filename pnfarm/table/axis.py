@@ -531,7 +531,10 @@ AXIS = Layout(
         Field("jogging", "u1", "", "firmware", "1 = a jog of velocity mode runs, or brakes"),
         Field("home_seen", "u1", "", "firmware", "1 = STW1.11 has started homing and still stands"),
         Field("home_error", "u1", "", "firmware", "1 = the last homing was not carried out"),
-        Field("task_error", "u1", "", "firmware", "1 = the last task could not be started"),
+        Field(
+            "task_error", "u1", "", "firmware", "1 = the last task could not be started, 2 = nor the one behind a task"
+        ),
+        Field("task_warning", "u4", "", "parameter", "warning of each of these errors, 0 = none", (2,)),
         Field("asked_base", "u1", "", "firmware", "what a way counts from: TASK_FROM_* above, 0 = the last target"),
         Field("disable_command", "u1", "", "firmware", "1 = the power stage shall go off"),
         Field("stop_command", "u1", "", "firmware", "what runs shall end: STOP_* above, 0 = not"),

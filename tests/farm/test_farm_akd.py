@@ -203,6 +203,21 @@ def test_5_10_1_tasks_are_chained_over_frames():
     assert line.place == pytest.approx(-1.0, abs=0.02)
 
 
+def test_5_10_1_a_chain_into_a_task_that_cannot_begin_is_a_warning_and_bit_10_of_motionstat():
+    line = position_line()
+    store = line.farm.stations[0].store
+    task(line, 1, 1.0, control=0x30, following=2)
+    line.send(START, SATZANW=1)
+    line.send(READY, frames=60)
+    assert line.zsw1 & (REACHED | 0x0080) == REACHED | 0x0080
+    assert store.get("DRV.MOTIONSTAT") & 0x0C00 == 0x0C00
+    assert store.get("DRV.WARNING1") == 154
+    line.send(START, SATZANW=3)
+    assert store.get("DRV.WARNING1") == 160
+    store.set("DRV.CLRFAULTS", 1)
+    assert not line.send(READY) & 0x0080
+
+
 def test_a_task_ends_when_operation_does_and_motion_tasks_stay_for_the_next_time():
     line = position_line()
     task(line, 7, 10.0)

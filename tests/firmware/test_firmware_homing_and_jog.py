@@ -1,9 +1,9 @@
 """Position mode: homing and jogging."""
 
 import pytest
-from positioner import HOME, HOMED, ON_TARGET, READY, STOPPED, Positioner
+from positioner import HOME, HOMED, ON_TARGET, READY, STOPPED, Positioner, task
 
-from pnfarm.table.signals import DRIVE_MOTION_STATUS
+from pnfarm.table.signals import DRIVE_MOTION_STATUS, SATZANW
 
 
 def test_5_10_3_homing_clears_bits_10_11_13_and_sets_them_at_its_end():
@@ -66,3 +66,21 @@ def test_5_4_real_time_jogging_follows_the_data_of_the_task_and_the_direction_bi
     assert drive.axis.velocity == pytest.approx(-120.0, abs=0.5)
     drive.stw(READY, 300)
     assert drive.zsw1 & STOPPED
+
+
+def test_5_4_bit_4_that_falls_alone_leaves_a_real_time_jog_alone():
+    """It rejects traversing tasks; jogging by bits 8 and 9 asks for it to be 0."""
+    drive = Positioner()
+    drive.data(0.0, velocity=240.0)
+    drive.stw(READY | 0x1000, 300)
+    drive.stw((READY | 0x1000) & ~0x0010, 300)
+    assert drive.axis.velocity == pytest.approx(240.0, abs=0.5)
+
+
+def test_5_4_real_time_jogging_goes_by_the_telegrams_data_whatever_satzanw_names():
+    drive = Positioner()
+    task(drive, 5, 1.0)
+    drive.data(0.0, velocity=240.0)
+    drive.image.received[SATZANW] = 5
+    drive.stw(READY | 0x1000, 300)
+    assert drive.axis.velocity == pytest.approx(240.0, abs=0.5)

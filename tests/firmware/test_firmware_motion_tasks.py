@@ -3,8 +3,8 @@
 import pytest
 from positioner import ACKNOWLEDGED, ACTIVE, HOMED, ON_TARGET, READY, START, STOPPED, Positioner, task
 
-from pnfarm.table.axis import CMD_HOME, CMD_START_TASK
-from pnfarm.table.signals import AKTSATZ, SATZANW
+from pnfarm.table.axis import CMD_HOME, CMD_START_TASK, TASK_PASSING
+from pnfarm.table.signals import AKTSATZ, DRIVE_MOTION_STATUS, SATZANW
 
 
 def test_5_10_1_satzanw_starts_the_motion_task_of_its_number_and_aktsatz_tells_which_runs():
@@ -75,3 +75,86 @@ def test_commands_start_a_motion_task_and_homing_as_the_control_word_does():
     assert drive.image.sent[AKTSATZ] == 4
     drive.settle()
     assert drive.place == pytest.approx(1.5, abs=2e-3)
+
+
+@pytest.mark.parametrize("refused", ["not there", "beyond a software limit"])
+def test_a_chain_whose_next_task_cannot_begin_ends_with_the_error_of_it_until_another_begins(refused):
+    """AKD parameter reference, DRV.MOTIONSTAT: bit 10 is for a following task that was never set up, too."""
+    drive = Positioner()
+    task(drive, 1, 1.0, following=9)
+    if refused != "not there":
+        task(drive, 9, 3.0)
+        drive.axis.software_limits, drive.axis.limit_high = 2, 2.0
+    drive.axis.task_warning[0], drive.axis.task_warning[1] = 160, 154
+    drive.image.received[SATZANW] = 1
+    drive.stw(START)
+    drive.stw(READY)
+    assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
+    drive.settle()
+    assert drive.image.sent[DRIVE_MOTION_STATUS] & 0x0C00 == 0x0C00, "reached, and the next one could not be activated"
+    assert (drive.axis.warning_code, drive.zsw1 & 0x0088) == (154, 0x0080)
+    drive.stw(START)
+    assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
+    assert (drive.axis.warning_code, drive.zsw1 & 0x0088) == (0, 0)
+
+
+def test_a_passing_task_whose_next_one_cannot_begin_tells_of_it():
+    drive = Positioner()
+    task(drive, 1, 1.0, following=9)
+    drive.axis.mt_flags[1] |= TASK_PASSING
+    drive.image.received[SATZANW] = 1
+    drive.stw(START)
+    drive.stw(READY)
+    drive.settle()
+    assert drive.image.sent[DRIVE_MOTION_STATUS] & 0x0C00 == 0x0C00
+    assert drive.place == pytest.approx(1.0, abs=2e-3)
+
+
+def test_a_task_that_could_not_be_started_is_a_warning_until_one_is_or_faults_are_acknowledged():
+    drive = Positioner()
+    drive.axis.task_warning[0], drive.axis.task_warning[1] = 160, 154
+    drive.image.received[SATZANW] = 7
+    drive.stw(START)
+    assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (160, 0x0080)
+    drive.stw(READY | 0x0080)
+    assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (0, 0)
+
+
+def test_a_chain_that_goes_on_forgets_that_another_task_was_refused_meanwhile():
+    drive = Positioner()
+    task(drive, 1, 1.0, following=2)
+    task(drive, 2, 3.0)
+    drive.image.received[SATZANW] = 1
+    drive.stw(START)
+    drive.stw(READY)
+    drive.image.received[SATZANW] = 7
+    drive.stw(START)
+    assert drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
+    while drive.axis.task == 1:
+        drive.run(1)
+    assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
+
+
+@pytest.mark.parametrize(("number", "place"), [(3, -1.0), (7, 3.0)])
+def test_a_task_that_is_asked_for_in_the_step_of_a_chains_next_one_goes_before_it(number, place):
+    def begun():
+        drive = Positioner()
+        task(drive, 1, 1.0, following=2)
+        task(drive, 2, 3.0)
+        task(drive, 3, -1.0)
+        drive.image.received[SATZANW] = 1
+        drive.stw(START)
+        drive.stw(READY)
+        return drive
+
+    drive, steps = begun(), 0
+    while drive.axis.task == 1:
+        drive.run(1)
+        steps += 1
+    drive = begun()
+    drive.run(steps - 1)
+    drive.image.received[SATZANW] = number
+    drive.stw(START)
+    drive.stw(READY)
+    drive.settle()
+    assert drive.place == pytest.approx(place, abs=2e-3)

@@ -162,6 +162,31 @@ def test_an_intermediate_stop_brakes_and_goes_on_with_the_task():
     assert drive.place == pytest.approx(5.0, abs=2e-3)
 
 
+@pytest.mark.parametrize(("relative", "place"), [(False, 2.0), (True, 7.0)])
+def test_5_10_2_bits_5_and_6_that_rise_in_one_frame_begin_the_new_task_in_place_of_the_one_that_waits(relative, place):
+    """AKD PROFINET manual 5.10.1, 5.10.2: bit 5 activates the task again, and an edge of bit 6 then begins another."""
+    drive = Positioner()
+    drive.move(5.0)
+    drive.run(200)
+    drive.stw(READY & ~0x0020, 200)
+    drive.data(2.0, relative=relative)
+    assert drive.stw(START) & (ACKNOWLEDGED | ACTIVE) == ACKNOWLEDGED | ACTIVE
+    drive.stw(READY)
+    drive.settle()
+    assert drive.place == pytest.approx(place, abs=2e-3)
+
+
+def test_5_10_2_a_task_that_cannot_be_executed_leaves_the_one_that_waits_to_go_on_with_bit_5():
+    drive = Positioner()
+    drive.move(5.0)
+    drive.run(200)
+    drive.stw(READY & ~0x0020, 200)
+    drive.data(2.0, velocity=0.0)
+    assert drive.stw(START) & (ACKNOWLEDGED | ACTIVE) == ACTIVE
+    drive.settle()
+    assert drive.place == pytest.approx(5.0, abs=2e-3)
+
+
 def test_a_rejected_task_brakes_and_is_gone():
     drive = Positioner()
     drive.move(5.0)
