@@ -17,7 +17,9 @@ Drive = Annotated[str, typer.Argument(metavar="NAME", help="The drive.", show_de
 Pnu = Annotated[
     str,
     typer.Argument(
-        metavar="PNU[.SUB]", help="Number, with .SUB for an array's element, or the manual's name.", show_default=False
+        metavar="PNU[.SUB]",
+        help="Number (0x2317 too), with .SUB for an array's element, or the manual's name.",
+        show_default=False,
     ),
 ]
 

@@ -6,6 +6,7 @@ A model is immutable and shared by all drives of its kind.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from string import hexdigits
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.mapping import mapped_signals
@@ -46,6 +47,15 @@ __all__ = ["Model", "submodule_json"]
 def _is_number(text: str) -> bool:
     """Whether these are digits, and not more than a number of the drive's has."""
     return text.isascii() and text.isdigit() and len(text) <= 20
+
+
+def _number(text: str) -> int | None:
+    """A PNU, in decimal or as some manuals print it (HIWIN E1: 0x2317); None for anything else."""
+    if _is_number(text):
+        return int(text)
+    digits = text.removeprefix("0x")
+    plain = text != digits and 0 < len(digits) <= 4 and all(digit in hexdigits for digit in digits)
+    return int(digits, 16) if plain else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +110,7 @@ class Model:
     # parameters
 
     def resolve(self, text: str | int) -> tuple[Parameter, int]:
-        """The parameter and subindex that ``922``, ``"947.3"``, ``"DRV.OPMODE"`` or ``"VL.FB"`` names.
+        """The parameter and subindex that ``922``, ``"947.3"``, ``"0x2317"``, ``"DRV.OPMODE"`` or ``"VL.FB"`` names.
 
         A name that stands twice in the manual gives its first row; a name is also found without its ``_32``.
         Raises :class:`ParameterError` (impermissible parameter number).
@@ -109,8 +119,8 @@ class Model:
         pnu, subindex = self.parameter_names.get(wanted.upper()), 0
         if pnu is None:
             number, _, index = wanted.partition(".")
-            if _is_number(number) and (not index or _is_number(index)):
-                pnu, subindex = int(number), int(index or 0)
+            if (found := _number(number)) is not None and (not index or _is_number(index)):
+                pnu, subindex = found, int(index or 0)
             else:
                 name, _, index = wanted.rpartition(".")
                 if _is_number(index):

@@ -20,13 +20,13 @@ from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.motion_tasks import MotionTask, MotionTasks
 from pnfarm.drives.network import NoNetwork
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
-from pnfarm.drives.stored_values import StoredValues, Value
+from pnfarm.drives.stored_values import StoredValues
 from pnfarm.drives.telegram_selection import TelegramSelection
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import CMD_CLEAR_HISTORY
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.drives.model import Model
     from pnfarm.drives.network import Network
@@ -234,9 +234,7 @@ class ParameterStore:
 
     def power_on(self) -> None:
         """As after a power cycle: the permanent values are in force and on the axis record, no module is plugged."""
-        self._values.load()
-        if self._tasks is not None:
-            self._tasks.power_on()
+        self._load()
         self._selection.unplug()
         self.watchdog_ns = 0
         self._apply_all()
@@ -387,9 +385,9 @@ class ParameterStore:
         elif name == "save":
             self._save()
         elif name == "load":
-            self._reload(self._values.permanent, parameter)
+            self._reload(self._load, parameter)
         elif name == "factory-values":
-            self._reload({}, parameter)
+            self._reload(self._values.reset, parameter)
         elif name == "blink":
             self._events.append(DisplayBlinkRequested())
         elif name == "reboot":
@@ -411,12 +409,18 @@ class ParameterStore:
         self._values.save()
         self._events.append(NonVolatileSaved())
 
-    def _reload(self, values: Mapping[int, Value], parameter: Parameter) -> None:
+    def _load(self) -> None:
+        """What is permanent comes into RAM, motion tasks with it."""
+        self._values.load()
+        if self._tasks is not None:
+            self._tasks.power_on()
+
+    def _reload(self, replace: Callable[[], None], parameter: Parameter) -> None:
         """Replace all values in RAM; not in operation, where ramps and units would jump."""
         if self.handle.in_operation:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
         before = (self.telegram_number, self.output_words(), self.input_words())
-        self._values.current = dict(values)
+        replace()
         self._apply_all()
         if (self.telegram_number, self.output_words(), self.input_words()) != before:
             self._events.append(TelegramChanged(self.telegram_number))

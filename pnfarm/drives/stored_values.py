@@ -136,6 +136,11 @@ class StoredValues:
         self.current = dict(self.permanent)
         self.tasks = {number: dict(task) for number, task in self.permanent_tasks.items()}
 
+    def reset(self) -> None:
+        """The model's defaults are in force, and no motion tasks; what is permanent stays."""
+        self.current = {}
+        self.tasks = {}
+
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
         kept: dict[str, Any] = {

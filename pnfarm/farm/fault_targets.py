@@ -63,20 +63,19 @@ class _HeldChannel(ParameterChannel):
         self.inner = inner
         self._asked = asked
 
-    @property
-    def pending(self) -> bool:
-        return self.inner.pending
+    def pending(self, client: int = 0) -> bool:
+        return self.inner.pending(client)
 
-    def reset(self) -> None:
-        self.inner.reset()
+    def reset(self, client: int = 0) -> None:
+        self.inner.reset(client)
 
-    def write_request(self, data: bytes) -> None:
-        self.inner.write_request(data)
+    def write_request(self, data: bytes, client: int = 0) -> None:
+        self.inner.write_request(data, client)
 
-    def read_response(self, maximum: int = 0xFFFF) -> bytes | None:
-        if self.inner.pending and self._asked():
+    def read_response(self, maximum: int = 0xFFFF, client: int = 0) -> bytes | None:
+        if self.inner.pending(client) and self._asked():
             return None
-        return self.inner.read_response(maximum)
+        return self.inner.read_response(maximum, client)
 
 
 class StationTarget(CmTarget, MachineTarget):

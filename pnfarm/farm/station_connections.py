@@ -208,12 +208,12 @@ class StationConnections:
         self._station.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
 
     def close(self, key: int) -> None:
+        self._station.parameter_records.reset(key)
         ar = self._station.channels.close(key)
         if ar is not None:
             self._station.traffic.channels_closed(ar)
         if ar is not None and not self._station.channels.any_cyclic:
             self._station.handle.axis.step_ns = SLOWEST_STEP_NS
-            self._station.parameter_records.reset()
             self._station.parameter_words.reset()
 
     def _lost(self, key: int) -> None:

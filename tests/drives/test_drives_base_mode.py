@@ -371,7 +371,7 @@ def test_a_response_is_read_once_and_a_read_before_it_is_a_state_conflict(akd: D
     channel = ParameterChannel(akd.store)
     assert channel.read_response() is None
     channel.write_request(MANUAL_REQUEST)
-    assert channel.pending
+    assert channel.pending()
     assert channel.read_response() == MANUAL_RESPONSE
     assert channel.read_response() is None
     channel.write_request(MANUAL_REQUEST)
@@ -391,7 +391,7 @@ def test_a_request_without_its_header_is_no_request(akd: Drive) -> None:
     for length in range(4):
         with pytest.raises(DecodeError):
             channel.write_request(MANUAL_REQUEST[:length])
-    assert not channel.pending
+    assert not channel.pending()
 
 
 def test_a_busy_drive_holds_its_response_back(akd: Drive) -> None:

@@ -224,6 +224,7 @@ def test_4_2_the_number_of_a_pt_parameter_is_its_own_plus_2000h(manual: str) -> 
         assert pnu == int(name.removeprefix("Pt"), 16) + 0x2000
     tables = re.findall(r"^Pt No\.\tPt(\w+)\tPNU Number\t0x(\w+)", manual, re.MULTILINE)
     assert {f"Pt{name}": int(pnu, 16) for name, pnu in tables} | {"Pt001": 0x2001} == own
+    assert all(E1.resolve(f"0x{pnu}") == E1.resolve(f"Pt{name}") for name, pnu in tables), "as the tables print it"
 
 
 def test_6_ranges_defaults_units_and_effect_of_the_pt_parameters(manual: str) -> None:

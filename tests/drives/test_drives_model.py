@@ -172,6 +172,8 @@ def test_akd_parameters_file_keeps_rising_numbers() -> None:
     [
         ("922", 922, 0),
         (922, 922, 0),
+        ("0x39A", 922, 0),
+        ("0x3b3.3", 947, 3),
         ("947.3", 947, 3),
         ("DRV.OPMODE", 2135, 0),
         ("drv.opmode", 2135, 0),
@@ -191,7 +193,26 @@ def test_parameters_are_found_by_number_and_by_the_manuals_name(text: str | int,
     assert (parameter.pnu, index) == (pnu, subindex)
 
 
-@pytest.mark.parametrize("text", ["", "0", "9", "65536", "DRV", "DRV.NOTHING", ".3", "-1", "9\u00b2", "922.x"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "0",
+        "9",
+        "65536",
+        "0x",
+        "0x0",
+        "0x1039A",
+        "0x 39A",
+        "39A",
+        "DRV",
+        "DRV.NOTHING",
+        ".3",
+        "-1",
+        "9\u00b2",
+        "922.x",
+    ],
+)
 def test_an_unknown_parameter_is_refused(text: str) -> None:
     with pytest.raises(ParameterError) as caught:
         model("akd-profinet").resolve(text)

@@ -194,6 +194,26 @@ def test_mt_move_and_home_move_need_operation_in_position_mode():
     assert list(axis.command[:2]) == [CMD_START_TASK | 1 << 8, CMD_HOME]
 
 
+def test_nvload_brings_the_saved_motion_tasks_back_and_rstvar_leaves_none():
+    drive = store()
+    drive.set("PN.POSSCALE", 500)
+    edit(drive, 3, 4.0, V=600_000, ACC=5_000_000, DEC=5_000_000)
+    drive.set("DRV.NVSAVE", 1)
+    axis = drive.handle.axis
+    place = float(axis.mt_position[3])
+    drive.set("PN.POSSCALE", 1000)
+    edit(drive, 4, 1.0, V=600_000, ACC=5_000_000, DEC=5_000_000)
+    drive.set("MT.CLEAR", 3)
+    drive.set("DRV.NVLOAD", 1)
+    assert [n for n in range(8) if axis.mt_flags[n] & TASK_DEFINED] == [3]
+    assert axis.mt_position[3] == place, "in the saved unit, too"
+    drive.set("DRV.RSTVAR", 1)
+    assert axis.mt_flags.sum() == 0
+    drive.power_on()
+    assert axis.mt_position[3] == place
+    assert axis.mt_flags[3] & TASK_DEFINED
+
+
 def test_tasks_of_a_commissioning_tool_are_there_at_power_on_and_can_be_loaded_and_cleared():
     drive = ParameterStore(AKD, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
     drive.commission({"PN.POSSCALE": 500})

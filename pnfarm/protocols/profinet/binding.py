@@ -153,6 +153,11 @@ def channel_layout(layout: IocrLayout, words: Sequence[int], unusable: Container
     return ChannelLayout(tuple(placed), tuple(iops), tuple(constants))
 
 
+def _client(ar: Ar | None) -> int:
+    """Who asks on a parameter channel: 0 for a read without a connection."""
+    return 0 if ar is None else ar.key
+
+
 class DriveRecords:
     """The drive's own records (a ``RecordHandler``): base mode parameter access, and nothing else.
 
@@ -166,10 +171,10 @@ class DriveRecords:
         self._slot = slot
         self._api = api
 
-    def reset(self) -> None:
-        """A connection ended: nobody reads the pending answers any more."""
+    def reset(self, key: int) -> None:
+        """The connection of this key ended: nobody reads its pending answers any more."""
         for channel in self.channels.values():
-            channel.reset()
+            channel.reset(key)
 
     def _channel(self, api: int, slot: int, index: int) -> ParameterChannel | RecordError:
         if self.error is not None:
@@ -184,22 +189,22 @@ class DriveRecords:
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The pending response; without one the access is a state conflict."""
-        del ar, subslot, now
+        """The pending response of this connection; without one the access is a state conflict."""
+        del subslot, now
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
-        response = channel.read_response(max_length)
+        response = channel.read_response(max_length, _client(ar))
         return RecordError(AccessError.STATE_CONFLICT) if response is None else response
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         """Take a parameter request; what is wrong inside it is told by its response."""
-        del ar, subslot, now
+        del subslot, now
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
         try:
-            channel.write_request(data)
+            channel.write_request(data, _client(ar))
         except DecodeError:
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         return None

@@ -1,7 +1,7 @@
 """The drive's end of the parameter channel: a request is written as a record, its response is read from the same.
 
 Record indexes 47 (AKD PROFINET manual 3.6), 0xB02E (local) and 0xB02F (global) lead here; each has its own channel with
-one request at a time (profile 4.1, 8.6): a read while none is pending is a state conflict (0xB5).
+one request of each client at a time (profile 4.1, 8.6): a read while none is pending is a state conflict (0xB5).
 """
 
 from __future__ import annotations
@@ -60,49 +60,48 @@ _INTEGER_FORMATS = {
 class ParameterChannel:
     """Requests on one record index of one drive.
 
-    ``index`` is the record's; on the local one the axis number is mirrored and not looked at.
+    ``index`` is the record's; on the local one the axis number is mirrored and not looked at.  ``client`` is the key of
+    the connection that asks, which alone gets the answer; a read without a connection is client 0, and never asked.
 
     ``busy`` (a fault kind sets it) holds every response back, so that reads meet the state conflict of a drive that is
     still working; clearing it lets the response through.  ``refuse`` (a fault kind sets it) answers every parameter
     with that error.
     """
 
-    __slots__ = ("_local", "_response", "_store", "busy", "refuse")
+    __slots__ = ("_local", "_responses", "_store", "busy", "refuse")
 
     def __init__(self, store: ParameterStore, index: int = 47) -> None:
         self._store = store
         self._local = index == LOCAL
-        self._response: bytes | None = None
+        self._responses: dict[int, bytes] = {}
         self.busy = False
         self.refuse: ParameterErrorNumber | None = None
 
-    @property
-    def pending(self) -> bool:
+    def pending(self, client: int = 0) -> bool:
         """Whether a response waits to be read."""
-        return self._response is not None
+        return client in self._responses
 
-    def reset(self) -> None:
-        """The connection went down: forget what was asked."""
-        self._response = None
+    def reset(self, client: int = 0) -> None:
+        """The connection went down: forget what it asked."""
+        self._responses.pop(client, None)
 
-    def write_request(self, data: bytes) -> None:
+    def write_request(self, data: bytes, client: int = 0) -> None:
         """Take a request over and carry it out; it replaces one whose response nobody read.
 
         Raises :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is
         refused (0xB1, length error).  Everything else is answered by a response.
         """
         request = parse_request(data)
-        self._response = None
-        self._response = emit_response(self._answer(request))
+        self._responses[client] = emit_response(self._answer(request))
 
-    def read_response(self, maximum: int = 0xFFFF) -> bytes | None:
+    def read_response(self, maximum: int = 0xFFFF, client: int = 0) -> bytes | None:
         """The response, once; None when there is none (record error 0xB5, state conflict).
 
         A response longer than ``maximum`` octets becomes the error "response too long", if that fits.
         """
-        if self.busy or self._response is None:
+        if self.busy or client not in self._responses:
             return None
-        response, self._response = self._response, None
+        response = self._responses.pop(client)
         if len(response) <= maximum:
             return response
         too_long = error_values(ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG))
