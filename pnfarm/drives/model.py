@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.model_identity import override_identity
-from pnfarm.drives.model_parts import MESSAGE_CAUSES
+from pnfarm.drives.model_parts import MESSAGE_CAUSES, SWITCH_CAUSES
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
@@ -183,6 +183,8 @@ class Model:
         for fault in self.faults.values():
             if fault.number < FAULT_WORDS:
                 axis.fault_words[fault.number] = fault.word
+            if fault.cause in SWITCH_CAUSES:
+                axis.switch_warnings[SWITCH_CAUSES.index(fault.cause)] = fault.number
             if fault.cause in MESSAGE_CAUSES:
                 axis.message_warnings[MESSAGE_CAUSES.index(fault.cause)] = fault.number
 

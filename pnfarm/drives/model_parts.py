@@ -20,6 +20,7 @@ __all__ = [
     "MESSAGE_CAUSES",
     "REACTIONS",
     "SEND_CLOCKS",
+    "SWITCH_CAUSES",
     "CommunicationLoss",
     "DescriptionFile",
     "DiagnosisCoding",
@@ -47,6 +48,8 @@ COMMANDS = frozenset({
 })  # fmt: skip
 #: Causes of the warnings that MELDW.6 and 7 tell of (HIWIN E1 manual 3.16).
 MESSAGE_CAUSES = ("motor-overload-warning", "i2t-warning")
+#: Causes of the warnings that a drive shows on its limit switches, the low and the high one.
+SWITCH_CAUSES = ("limit-switch-negative", "limit-switch-positive")
 #: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
 DIAGNOSIS_CODINGS = frozenset({"none", "channel", "extended", "manufacturer"})
 #: A fault's number in two parts, error and location, is the error with the location above it.

@@ -55,6 +55,12 @@ class Load(Section):
         """N m that the machine puts on the motor."""
         return axis_value("load_torque", self.torque, pitch) + self.force * self._way(pitch)
 
+    def revolutions(self, pitch: float) -> float:
+        """Of the motor, to one unit of the machine's places: mm of what moves straight, else a turn behind the gear."""
+        if pitch > 0.0:
+            return 1.0 / pitch
+        return self.gear if self.lead is None else self.gear / self.lead
+
     def _way(self, pitch: float) -> float:
         """What a radian of the motor moves the mass, m."""
         return (pitch if pitch > 0.0 else (self.lead or 0.0) / self.gear) / 1000.0 / (2.0 * pi)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.motion_tasks import MotionTask
     from pnfarm.farm.config_known import Known
+    from pnfarm.farm.config_machine import Machine
 
 __all__ = ["Clock", "DriveConfig", "auto_mac", "clock_of", "controller_mac", "expand_sections"]
 
@@ -55,6 +56,7 @@ class DriveConfig:
     gateway: IPv4Address | None
     load: Load
     motor: Motor
+    machine: Machine
     strict: bool
     identity: Mapping[str, Any]
     params: Mapping[str, int | float | str | bool]
@@ -153,6 +155,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 gateway=group.gateway,
                 load=group.load,
                 motor=group.motor,
+                machine=group.machine,
                 strict=group.limits == "strict",
                 identity=group.identity,
                 params=group.params,

@@ -22,6 +22,7 @@ from pydantic import (
 from pnfarm.farm.config_axis import Load, Motor
 from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR
 from pnfarm.farm.config_issue import did_you_mean, problem, shown
+from pnfarm.farm.config_machine import Machine
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_tasks import Task
 from pnfarm.farm.config_values import (
@@ -258,6 +259,7 @@ class DriveGroup(Section):
     )
     load: Load = Field(default_factory=Load)
     motor: Motor = Field(default_factory=Motor)
+    machine: Machine = Field(default_factory=Machine)
     limits: Literal["strict", "lax"] = Field(
         default="strict", description="strict: refuse what the manual denies; lax: for load tests."
     )

@@ -15,6 +15,7 @@ from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.config_axis import apply_axis
+from pnfarm.farm.config_machine import apply_machine
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.links.base import unwrap
@@ -139,6 +140,7 @@ class FarmCore:
             model = models(config)
             model.apply_motor(axis)
             apply_axis(axis, config.load, config.motor, model.pitch)
+            apply_machine(axis, config.machine, config.load, model.pitch)
             axis.step_ns = 4_000_000
             image.port = port.index
             uuids = uuid_source(seed + port.mac)

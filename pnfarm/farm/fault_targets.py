@@ -364,9 +364,8 @@ class StationTarget(CmTarget, MachineTarget):
         else:
             self._show_warning(CMD_CLEAR_WARNING, fault)
 
-    def limit_warning(self, side: str) -> Fault | None:
-        cause = f"limit-switch-{side}"
-        return next((fault for fault in self._station.model.faults.values() if fault.cause == cause), None)
+    def warns_of_limit(self, side: str) -> bool:
+        return any(fault.cause == f"limit-switch-{side}" for fault in self._station.model.faults.values())
 
     def _show_warning(self, code: int, fault: Fault) -> None:
         """A drive shows one warning, so that only the last word counts."""

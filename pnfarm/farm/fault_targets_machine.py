@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MachineTarget"]
 
-#: Bits of the axis's ``limit_switch`` and ``hindrances``.
+#: Bits of the axis's ``fault_limits`` and ``hindrances``.
 _LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
 _LACKS = {"enable": LACKS_ENABLE, "supply": LACKS_SUPPLY}
 
@@ -42,7 +42,7 @@ class MachineTarget:
     def _put_limits(self) -> None:
         """The switches belong to the machine: the drive's supply changes nothing of them."""
         reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
-        self._handle.axis.limit_switch = reached
+        self._handle.axis.fault_limits = reached
 
     def lack(self, what: str) -> None:
         self._lacks[what] += 1
@@ -65,7 +65,7 @@ class MachineTarget:
         self._put_inputs()
 
     def _put_inputs(self) -> None:
-        self._handle.axis.digital_inputs = sum(1 << number for number, count in self._inputs.items() if count)
+        self._handle.axis.fault_inputs = sum(1 << number for number, count in self._inputs.items() if count)
 
     def load(self, torque: float, inertia: float, friction: float) -> None:
         self._load = [had + more for had, more in zip(self._load, (torque, inertia, friction), strict=True)]

@@ -23,18 +23,13 @@ class LimitSwitchEffect(StandingEffect):
     def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
         super().__init__(spec, target)
         self._side = str(self.values["side"])
-        self._warning = target.limit_warning(self._side)
-        self.bit = None if self._warning is None else WARNING_PRESENT
+        self.bit = WARNING_PRESENT if target.warns_of_limit(self._side) else None
 
     def put(self) -> None:
         self.target.reach_limit(self._side)
-        if self._warning is not None:
-            self.target.warn(self._warning)
 
     def take(self) -> None:
         self.target.leave_limit(self._side)
-        if self._warning is not None:
-            self.target.unwarn(self._warning)
 
 
 class NotReadyEffect(StandingEffect):

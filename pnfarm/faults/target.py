@@ -374,8 +374,8 @@ class FaultTarget(Protocol):
         """Undo one :meth:`warn`."""
         ...
 
-    def limit_warning(self, side: str) -> Fault | None:
-        """What the drive shows on its ``positive`` or ``negative`` limit, None if its manual names no warning."""
+    def warns_of_limit(self, side: str) -> bool:
+        """Whether the drive shows a warning on its ``positive`` or ``negative`` limit switch."""
         ...
 
     def reach_limit(self, side: str) -> None:

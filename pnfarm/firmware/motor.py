@@ -20,6 +20,7 @@ from math import floor, pi, sqrt
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.firmware.machine import hold_at_stops
 from pnfarm.firmware.torque_limits import limited_torque
 from pnfarm.table.compiled import compiled
 
@@ -200,6 +201,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     following = speed / RPM_TO_RAD
     axis.position += 0.5 * (velocity + following) * seconds / 60.0
     axis.velocity = following
+    hold_at_stops(axis)
     _read_encoder(axis, seconds)
     if axis.bus_nominal > 0.0:
         _step_bus(axis, 0.5 * (omega + speed), seconds)

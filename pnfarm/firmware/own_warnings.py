@@ -1,8 +1,8 @@
 """Warnings that the drive shows by itself, beside those that are raised by command.
 
-The motor's heat, I2t (HIWIN E1 manual 3.16, MELDW.7), software limits that the axis reached (AKD PROFINET manual
-5.8.1 and 5.6, SWLS.STATE), and tasks that could not begin (AKD parameter reference, DRV.MOTIONSTAT).  A warning that
-was raised by command stays in front.
+The motor's heat, I2t (HIWIN E1 manual 3.16, MELDW.7), limit switches, software limits that the axis reached (AKD
+PROFINET manual 5.8.1 and 5.6, SWLS.STATE), and tasks that could not begin (AKD parameter reference, DRV.MOTIONSTAT).  A
+warning that was raised by command stays in front.
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ def _own(axis: Any) -> int:
     """The warning that the drive has to tell of, 0 for none."""
     if axis.thermal_warning > 0.0 and axis.thermal_load > axis.thermal_warning:
         return int(axis.message_warnings[1])
+    for i in range(2):
+        if axis.limit_switch >> i & 1 and axis.switch_warnings[i] != 0:
+            return int(axis.switch_warnings[i])
     if axis.opmode == 2 and (axis.limit_warning[0] != 0 or axis.limit_warning[1] != 0):
         reached = limits_reached(axis)
         for i in range(2):

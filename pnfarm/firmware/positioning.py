@@ -19,20 +19,20 @@ Positions here are the shaft's; ``origin`` is where the machine's zero lies on i
 
 from __future__ import annotations
 
-from math import ceil, floor
 from typing import Any
 
 import numpy as np
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.firmware.homing import homing_fails, homing_over, start_homing, step_homing
 from pnfarm.firmware.interpolation import begin_interpolation, follows, interpolates, step_interpolation
 from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.firmware.tasks import select_task
 from pnfarm.firmware.transitions import as_array
+from pnfarm.firmware.travel import at_limit_switch, fastest, take_ramps, within_limits
 from pnfarm.table.axis import (
     CONFIG_RISING_EDGE,
-    HOME_AT_ONCE,
     JOG_MINUS,
     JOG_NONE,
     JOG_REAL_TIME,
@@ -64,7 +64,6 @@ __all__ = [
     "STANDBY",
     "TASK",
     "TRANSITIONS",
-    "fastest",
     "positioning_command",
     "take_motion",
 ]
@@ -159,28 +158,9 @@ HOME_BIT = 0x0800  # STW1.11
 
 #: rpm of one rev/s.
 RPM = 60.0
-#: Nearer to a reference mark than this, rev, the axis stands on it, and looks for the next one.
-ON_THE_MARK = 1e-6
 
 _NEXT = as_array(TRANSITIONS, STATES, EVENTS)
 _PRIORITY = np.array(PRIORITY, np.int64)
-
-
-@compiled
-def _within_limits(axis: Any, target: float) -> bool:
-    """Software limits count once the machine's zero is known."""
-    if not axis.homed:
-        return True
-    place = target - axis.origin
-    if axis.software_limits & 0x1 and place < axis.limit_low:
-        return False
-    return not (axis.software_limits & 0x2 and place > axis.limit_high)
-
-
-@compiled
-def _limited(axis: Any, direction: float) -> bool:
-    """Whether a limit switch stands in this direction."""
-    return (direction > 0.0 and axis.limit_switch & 0x2 != 0) or (direction < 0.0 and axis.limit_switch & 0x1 != 0)
 
 
 @compiled
@@ -191,9 +171,9 @@ def _can_start(axis: Any) -> bool:
     if axis.home_required and not axis.homed:
         return False
     if axis.asked_endless:
-        return not _limited(axis, -1.0 if axis.asked_backwards else 1.0)
+        return not at_limit_switch(axis, -1.0 if axis.asked_backwards else 1.0)
     target = _asked_target(axis)
-    return _within_limits(axis, target) and not _limited(axis, target - axis.commanded_position)
+    return within_limits(axis, target) and not at_limit_switch(axis, target - axis.commanded_position)
 
 
 @compiled
@@ -215,27 +195,11 @@ def _asked_target(axis: Any) -> float:
 
 
 @compiled
-def fastest(axis: Any, velocity: float, forwards: bool) -> float:
-    """A velocity, 0 or more, within the limits of motor and parameters in one direction, rpm."""
-    limit = min(axis.max_velocity, axis.velocity_limit_positive if forwards else axis.velocity_limit_negative)
-    if axis.velocity_limit > 0.0 and axis.velocity_limit < limit:
-        limit = axis.velocity_limit
-    return min(velocity, limit)
-
-
-@compiled
 def _fastest_there(axis: Any, velocity: float) -> float:
     """A velocity on the way to the target, or of a task without one, within its limits."""
     if axis.task_endless:
         return fastest(axis, velocity, not axis.task_backwards)
     return fastest(axis, velocity, axis.target >= axis.commanded_position)
-
-
-@compiled
-def _take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
-    axis.task_velocity = velocity
-    axis.task_acceleration = up
-    axis.task_deceleration = down
 
 
 @compiled
@@ -246,7 +210,7 @@ def _start_task(axis: Any) -> None:
     axis.task_endless = axis.asked_endless
     axis.task_backwards = axis.asked_backwards
     axis.task_top = _fastest_there(axis, axis.asked_velocity)
-    _take_ramps(axis, axis.task_top, axis.asked_acceleration, axis.asked_deceleration)
+    take_ramps(axis, axis.task_top, axis.asked_acceleration, axis.asked_deceleration)
     axis.target_reached = 0
     _aim(axis)
 
@@ -277,41 +241,6 @@ def _aim(axis: Any) -> None:
 
 
 @compiled
-def _start_homing(axis: Any) -> None:
-    """To the next zero mark of the encoder in the direction of homing: there is no machine with a switch."""
-    axis.homed = 0
-    axis.home_seen = 1
-    axis.task_endless = 0
-    axis.home_error = 0
-    axis.target_reached = 0
-    axis.home_command = 0
-    if axis.asked_home_method == HOME_AT_ONCE:
-        axis.target = axis.commanded_position
-    elif axis.home_direction > 0.0:
-        axis.target = ceil(axis.commanded_position + ON_THE_MARK)
-    else:
-        axis.target = floor(axis.commanded_position - ON_THE_MARK)
-    axis.task_top = axis.home_velocity
-    _take_ramps(axis, _fastest_there(axis, axis.task_top), axis.home_acceleration, axis.home_deceleration)
-    axis.profile = PROFILE_TARGET
-    axis.home_leg = 0
-
-
-@compiled
-def _homing_over(axis: Any) -> bool:
-    """The mark is found: it is the home position, and the axis moves on by the homing distance; true once it did."""
-    if axis.home_leg == 0:
-        axis.origin = axis.target - axis.home_position
-        axis.home_leg = 1
-        if axis.asked_home_distance != 0.0 and axis.asked_home_method != HOME_AT_ONCE:
-            axis.target += axis.asked_home_distance
-            return False
-    axis.homed = 1
-    axis.target_reached = 1
-    return True
-
-
-@compiled
 def _jog(axis: Any) -> None:
     """Velocity and ramps of the jog at hand; with software limits the way ends at one of them."""
     if axis.jog == JOG_REAL_TIME:
@@ -329,12 +258,12 @@ def _jog(axis: Any) -> None:
         up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
         down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
     axis.target_reached = 0
-    if up <= 0.0 or down <= 0.0 or _limited(axis, velocity):
+    if up <= 0.0 or down <= 0.0 or at_limit_switch(axis, velocity):
         axis.profile = PROFILE_STOP
         return
     forwards = velocity > 0.0
     top = fastest(axis, abs(velocity), forwards)
-    _take_ramps(axis, top if forwards else -top, up, down)
+    take_ramps(axis, top if forwards else -top, up, down)
     axis.profile = PROFILE_VELOCITY
     if axis.homed and velocity != 0.0 and axis.software_limits & (0x2 if forwards else 0x1):
         _jog_to_limit(axis, top, forwards)
@@ -381,7 +310,7 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
         held |= 1 << CONTINUE
     if profile_over(axis) and not waits:
         held |= 1 << OVER
-    if axis.profile_velocity != 0.0 and _limited(axis, axis.profile_velocity):
+    if homing_fails(axis) if axis.motion == HOMING else at_limit_switch(axis, axis.profile_velocity):
         held |= 1 << BLOCKED
     return held
 
@@ -398,7 +327,7 @@ def _advance(axis: Any, held: int) -> int:
         following = _NEXT[axis.motion, event]
         if following < 0:
             continue
-        if event == OVER and axis.motion == HOMING and not _homing_over(axis):
+        if event == OVER and axis.motion == HOMING and not homing_over(axis):
             return event
         if event == OVER and axis.motion == TASK:
             axis.target_reached = 1
@@ -420,12 +349,12 @@ def _advance(axis: Any, held: int) -> int:
         elif event == HOME:
             if axis.motion == FOLLOWING:
                 begin_profile(axis)
-            _start_homing(axis)
+            start_homing(axis)
         elif event == FOLLOW:
             begin_interpolation(axis)
         elif event == UNFOLLOW:
             begin_profile(axis)
-            _take_ramps(axis, 0.0, axis.ramp_up, axis.ramp_down)
+            take_ramps(axis, 0.0, axis.ramp_up, axis.ramp_down)
             axis.profile = PROFILE_STOP
         elif event != OVER:
             axis.profile = PROFILE_STOP
@@ -482,9 +411,10 @@ def take_motion(axis: Any, now: int) -> None:
     elif axis.motion == TASK:
         top = _fastest_there(axis, axis.task_top * axis.override)
         axis.task_velocity = -top if axis.profile == PROFILE_VELOCITY and axis.task_backwards else top
-    elif axis.motion == HOMING and axis.profile == PROFILE_TARGET:
-        # the way behind the mark may lead back, where another limit counts
-        axis.task_velocity = _fastest_there(axis, axis.task_top)
+    elif axis.motion == HOMING:
+        step_homing(axis)
+    if axis.motion != HOMING:
+        axis.home_held = 0.0
     if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
         raise_fault(axis, axis.following_fault, now)
     if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:

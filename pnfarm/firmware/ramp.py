@@ -7,8 +7,9 @@ from typing import Any
 from pnfarm.firmware.hindrances import at_once, quick_stop_ramp
 from pnfarm.firmware.interpolation import servo_command
 from pnfarm.firmware.motor import brake_holds
-from pnfarm.firmware.positioning import OUT, fastest, positioning_command
+from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.firmware.service_motion import service_setpoint
+from pnfarm.firmware.travel import fastest
 from pnfarm.table.axis import JOG_SEQUENCES, RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 

@@ -8,6 +8,7 @@ from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.hindrances import take_hindrances, with_hindrances
 from pnfarm.firmware.interpolation import take_cyclic
 from pnfarm.firmware.jog import take_jog
+from pnfarm.firmware.machine import take_switches
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
 from pnfarm.firmware.position_status import position_bits
@@ -134,6 +135,7 @@ def step(axis: Any, image: Any, now: int) -> None:
     take_commands(axis, now)
     _control_word(axis, image, now)
     check_life(axis, now)
+    take_switches(axis)
 
     faulty = axis.fault_code[0] != 0
     reaction = 0

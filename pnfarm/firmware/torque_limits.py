@@ -34,7 +34,10 @@ def _most(axis: Any, direction: int) -> float:
     """The least of a direction's limit and what the peak current gives, N m; direction 0 is forwards."""
     limit = axis.torque_limit_negative if direction else axis.torque_limit_positive
     share = min(1.0, axis.torque_scale * axis.torque_asked[direction])
-    return min(limit, axis.torque_constant * axis.peak_current * share)
+    current = axis.peak_current * share
+    if axis.home_held > 0.0:
+        current = min(current, axis.home_held)
+    return min(limit, axis.torque_constant * current)
 
 
 @compiled

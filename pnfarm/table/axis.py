@@ -132,9 +132,23 @@ JOG_REAL_TIME = 3  # at the task's own velocity
 JOG_SEQUENCE = 4  # at ``jog_speed``
 JOG_STILL = 5  # at none: both directions at once
 
-# How the axis finds its home (``home_method``).
+# How the axis finds its home (``home_method``), numbered as HOME.MODE of the Kollmorgen AKD; the rest is in homing.
 HOME_AT_ONCE = 0  # where it stands
-HOME_MARK = 1  # the next zero mark of the encoder, and so for every number above
+HOME_LIMIT = 1  # a limit switch
+HOME_SWITCH = 4  # the home switch
+HOME_STOP = 8  # an end stop
+HOME_MARK = 11  # the next zero mark of the encoder
+
+# Parts of the machine (``machine``), bit by bit.
+MACHINE_SWITCH_LOW = 0x01
+MACHINE_SWITCH_HIGH = 0x02
+MACHINE_STOP_LOW = 0x04
+MACHINE_STOP_HIGH = 0x08
+#: Cams that the machine can have, and digital inputs of a drive whose use is a parameter.
+CAMS = 4
+USED_INPUTS = 7
+#: Use of a digital input (``input_modes``): DINx.MODE of the AKD parameter reference.
+INPUT_HOME_SWITCH = 11
 
 # Whether too many signs of life failed since cyclic data began (``life_failed``).
 LIFE_GOOD = 0
@@ -301,20 +315,26 @@ AXIS = Layout(
         Field("task_velocity_unsigned", "u1", "", "parameter", "1 = a task's velocity in the telegram has no sign"),
         Field("real_time_jog", "u1", "", "parameter", "1 = STW1.12 jogs with the data of the task"),
         Field("home_required", "u1", "", "parameter", "1 = tasks need the home position"),
-        Field("home_method", "u1", "", "parameter", "how the axis finds its home: HOME_* above"),
+        Field("home_method", "u1", "", "parameter", "how the axis finds its home: HOME_* above, and homing"),
         Field("home_velocity", "f8", "rpm", "parameter", "of homing"),
         Field("home_acceleration", "f8", "rpm/s", "parameter", "of homing"),
         Field("home_deceleration", "f8", "rpm/s", "parameter", "of homing"),
         Field("home_direction", "f8", "", "parameter", "of homing: above 0 forwards"),
         Field("home_position", "f8", "rev", "parameter", "position that the mark gets"),
         Field("home_distance", "f8", "rev", "parameter", "way from the mark to where homing ends"),
+        Field("home_share", "f8", "", "parameter", "part of home_velocity for what follows the search", (), 1.0),
+        Field("home_current", "f8", "A", "parameter", "limit while homing looks for an end stop, 0 = none"),
+        Field("home_lag", "f8", "rev", "parameter", "following error that tells an end stop, 0 = none does"),
+        Field("home_farthest", "f8", "rev", "parameter", "longest search of homing, 0 = no bound"),
+        Field("input_modes", "u2", "", "parameter", "use of the first digital inputs: INPUT_* above", (USED_INPUTS,)),
         Field(
             "software_limits", "u1", "", "parameter", "limits that count, once the axis is homed: bit 0 low, bit 1 high"
         ),
         Field("home_signals", "u1", "", "parameter", "what the telegram brings: bit 0 HOME_MODE, bit 1 HOME_DIST"),
         Field("limit_low", "f8", "rev", "parameter", "lowest position"),
         Field("limit_high", "f8", "rev", "parameter", "highest position"),
-        Field("limit_switch", "u1", "", "fault", "limit switches that are reached: bit 0 low, bit 1 high"),
+        Field("fault_limits", "u1", "", "fault", "limit switches that faults press: bit 0 low, bit 1 high"),
+        Field("limit_switch", "u1", "", "firmware", "limit switches that are reached, alike"),
         Field("position_gain", "f8", "1/s", "parameter", "proportional position controller"),
         Field("following_window", "f8", "rev", "parameter", "ZSW1.8 in position mode"),
         Field("following_limit", "f8", "rev", "parameter", "following error that is a fault, 0 = none"),
@@ -330,6 +350,10 @@ AXIS = Layout(
         Field("over_ns", "i8", "ns", "firmware", "since when a chained task waits for its dwell, 0 = it runs"),
         Field("asked_home_method", "u2", "", "firmware", "how homing goes: of the telegram, or home_method"),
         Field("asked_home_distance", "f8", "rev", "firmware", "alike, or home_distance"),
+        Field("home_switch", "u1", "", "firmware", "1 = a digital input that is used as home switch is on"),
+        Field("home_way", "f8", "", "firmware", "direction of the search, 1 forwards, -1 backwards"),
+        Field("home_start", "f8", "rev", "firmware", "where homing began"),
+        Field("home_held", "f8", "A", "firmware", "current limit of homing at this moment, 0 = none"),
         Field("mdi", "u1", "", "firmware", "1 = the controller brings the task's data itself"),
         Field("asked_position", "f8", "rev", "firmware", "target, or way"),
         Field("asked_relative", "u1", "", "firmware", "1 = a way"),
@@ -343,7 +367,7 @@ AXIS = Layout(
         Field("motion_seen", "u2", "", "firmware", "STW1 of the last step, for edges"),
         Field("acknowledged", "u1", "", "firmware", "ZSW1.12"),
         Field("homed", "u1", "", "firmware", "1 = the home position is known"),
-        Field("home_leg", "u1", "", "firmware", "0 on the way to the mark, 1 behind it"),
+        Field("home_leg", "u1", "", "firmware", "part of homing that goes on, as numbered there"),
         Field("origin", "f8", "rev", "firmware", "where position 0 of the machine lies on the shaft"),
         Field("target_reached", "u1", "", "firmware", "the last task ended in its target"),
         # the profile of positioning
@@ -486,7 +510,18 @@ AXIS = Layout(
         Field("probe_inputs", "u4", "", "parameter", "bit of digital_inputs that is probe 1 or 2, 0 = none", (2,)),
         Field("probe_mode", "u2", "", "parameter", "0 = the probes measure"),
         Field("sensor_fault", "u4", "", "parameter", "the encoder's fault, number | reaction << 24, 0 = none"),
-        Field("digital_inputs", "u4", "", "fault", "levels of the drive's digital inputs, bit by bit"),
+        Field("fault_inputs", "u4", "", "fault", "digital inputs that faults put on, bit by bit"),
+        Field("digital_inputs", "u4", "", "firmware", "levels of the drive's digital inputs, bit by bit"),
+        # the machine
+        Field("machine", "u1", "", "station", "which parts it has: MACHINE_* above"),
+        Field("switch_low", "f8", "rev", "station", "the low limit switch is pressed from here downwards"),
+        Field("switch_high", "f8", "rev", "station", "the high limit switch is pressed from here upwards"),
+        Field("stop_low", "f8", "rev", "station", "end stop: the shaft turns no further"),
+        Field("stop_high", "f8", "rev", "station", "end stop: the shaft turns no further"),
+        Field("cam_inputs", "u4", "", "station", "bit of digital_inputs that a cam puts on, 0 = no such cam", (CAMS,)),
+        Field("cam_low", "f8", "rev", "station", "where a cam begins", (CAMS,)),
+        Field("cam_high", "f8", "rev", "station", "where a cam ends", (CAMS,)),
+        Field("switch_warnings", "u4", "", "station", "warning at the low and the high limit switch, 0 = none", (2,)),
         Field("sensor_state", "u1", "", "firmware", "SD1 to SD12 as 1..12, 0 = not yet; firmware/sensor_interface.py"),
         Field("sensor_stw", "u2", "", "firmware", "G1_STW in force, without bits that mean nothing"),
         Field("sensor_error", "u2", "", "firmware", "code of the sensor error, 0 = none"),

@@ -341,11 +341,11 @@ def test_5_8_1_every_bit_of_drive_inputs_is_what_its_parameter_shows(running: Ru
     assert inputs() == 0x40
     assert (store.get("SWLS.STATE"), store.get("HWLS.NEGSTATE"), store.get("HWLS.POSSTATE")) == (0, 0, 0)
     assert (store.get("DRV.DISSOURCES") & 0x24, store.get("STO.STATE")) == (0, 1)
-    axis.limit_switch = 1
+    axis.fault_limits = 1
     assert (inputs(), store.get("HWLS.NEGSTATE")) == (0x44, 1)
-    axis.limit_switch = 2
+    axis.fault_limits = 2
     assert (inputs(), store.get("HWLS.POSSTATE")) == (0x48, 1)
-    axis.limit_switch = 0
+    axis.fault_limits = 0
     store.set("SWLS.LIMIT0", -100)
     store.set("SWLS.LIMIT1", 10_000_000)
     store.set("SWLS.EN", 3)

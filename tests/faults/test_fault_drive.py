@@ -109,8 +109,10 @@ def test_a_drive_without_a_warning_of_its_own_stands_on_the_switch_alone():
     assert not line.seen_zsw1() & WARNING
     assert two[0].evidence().confirmed
     line.clear(two[0].id)
+    line.run(0.01)
     assert int(line.farm.columns.axis[0].limit_switch) == 1, "the other one still stands"
     line.clear(two[1].id)
+    line.run(0.01)
     assert int(line.farm.columns.axis[0].limit_switch) == 0
 
 

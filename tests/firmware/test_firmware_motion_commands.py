@@ -344,11 +344,11 @@ def test_homing_that_runs_into_a_limit_switch_is_an_error_until_the_next_homing(
     drive = Positioner(homed=False)
     drive.stand_at(0.4)
     drive.stw(HOME, 50)
-    drive.axis.limit_switch = 2
+    drive.axis.fault_limits = 2
     drive.run(300)
     assert status(drive) & (HOMING_FAILED | HOMING_ACTIVE) == HOMING_FAILED
     assert not drive.zsw1 & HOMED
-    drive.axis.limit_switch = 0
+    drive.axis.fault_limits = 0
     drive.stw(READY)
     drive.stw(HOME, 2)
     assert not status(drive) & HOMING_FAILED

@@ -429,12 +429,12 @@ def test_bits_2_and_3_are_the_torque_limits() -> None:
 
 def test_bits_4_to_7_are_the_inputs_isd00_to_isd03_and_all_are_in_p_0121() -> None:
     bench = ready()
-    bench.axis.digital_inputs = 0x0065
+    bench.axis.fault_inputs = 0x0065
     bench.run(1)
     assert bench.zsw2 == 0x0050
     assert bench.see("E_DIGITAL") == bench.store.get("P-0121") == 0x0065
     other = MsdBench(3)
-    other.axis.digital_inputs = 0x000F
+    other.axis.fault_inputs = 0x000F
     other.run(1)
     assert other.zsw2 == 0, "table 10.17"
 

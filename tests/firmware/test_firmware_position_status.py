@@ -47,7 +47,7 @@ def test_edition_b_5_10_1_bit_13_is_0_while_jogging_also_where_a_limit_lets_the_
     later, earlier = Positioner(), Positioner()
     earlier.axis.rest_without_task = 1
     for drive in (later, earlier):
-        drive.axis.limit_switch = 2
+        drive.axis.fault_limits = 2
         drive.stw(0x050F, 100)
         assert drive.axis.velocity == pytest.approx(0.0, abs=0.1)
     assert later.zsw1 & STOPPED

@@ -18,7 +18,7 @@ from positioner import (
 )
 
 from pnfarm.firmware import positioning
-from pnfarm.table.axis import CMD_START_TASK, REACTION_QUICK_STOP, TASK_DEFINED, TASKS_POS_STW, TASKS_TARPOS
+from pnfarm.table.axis import CMD_START_TASK, HOME_MARK, REACTION_QUICK_STOP, TASK_DEFINED, TASKS_POS_STW, TASKS_TARPOS
 from pnfarm.table.signals import (
     DRIVE_INPUTS,
     HOME_DIST,
@@ -228,7 +228,7 @@ def test_a_limit_switch_stops_what_runs_into_it_and_lets_it_back():
     drive = Positioner()
     drive.move(50.0)
     drive.run(300)
-    drive.axis.limit_switch = 2
+    drive.axis.fault_limits = 2
     drive.run(300)
     assert drive.image.sent[DRIVE_INPUTS] == 8, "5.8.1"
     assert drive.zsw1 & (STOPPED | ACTIVE) == STOPPED
@@ -341,7 +341,7 @@ def test_5_11_8_home_mode_and_home_dist_of_the_telegram_take_the_place_of_the_pa
     assert drive.zsw1 & HOMED
     assert drive.axis.position == pytest.approx(0.4, abs=1e-3), "it took the place where it stood"
     drive.stw(READY)
-    drive.image.received[HOME_MODE], drive.image.received[HOME_DIST] = 1, COUNTS // 4
+    drive.image.received[HOME_MODE], drive.image.received[HOME_DIST] = HOME_MARK, COUNTS // 4
     drive.stw(HOME, 20)
     drive.until(ON_TARGET | HOMED | STOPPED)
     assert drive.axis.position == pytest.approx(1.25, abs=1e-3)

@@ -71,8 +71,8 @@ class SensorBench(BenchAxis):
             self.run(1)
 
     def edge(self, mask: int, *, rising: bool = True) -> None:
-        inputs = int(self.axis.digital_inputs)
-        self.axis.digital_inputs = inputs | mask if rising else inputs & ~mask
+        inputs = int(self.axis.fault_inputs)
+        self.axis.fault_inputs = inputs | mask if rising else inputs & ~mask
         self.run(1)
 
     def error(self) -> int:

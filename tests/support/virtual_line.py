@@ -20,6 +20,7 @@ drives:
     motion_tasks: {tasks}
     motor: {motor}
     load: {load}
+    machine: {machine}
     ip: 10.77.0.11/23
     limits: {limits}
 controller:
@@ -40,7 +41,7 @@ class VirtualLine:
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
                  memory: VolatileMemory | None = None, params: str = "{}", tasks: str = "[]",
-                 motor: str = "{}", load: str = "{}", top: str = "",
+                 motor: str = "{}", load: str = "{}", machine: str = "{}", top: str = "",
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
         text = top + FILE.format(
             drives=drives,
@@ -54,6 +55,7 @@ class VirtualLine:
             tasks=tasks,
             motor=motor,
             load=load,
+            machine=machine,
             program=program,
         )
         if not controller:

@@ -1,0 +1,82 @@
+"""The machine of the farm file: its limit switches, end stops and cams, and what they make of an axis record."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import AfterValidator, Field
+
+from pnfarm.farm.config_issue import problem
+from pnfarm.farm.config_section import Section
+from pnfarm.table.axis import (
+    CAMS,
+    MACHINE_STOP_HIGH,
+    MACHINE_STOP_LOW,
+    MACHINE_SWITCH_HIGH,
+    MACHINE_SWITCH_LOW,
+)
+
+if TYPE_CHECKING:
+    from pnfarm.farm.config_axis import Load
+
+__all__ = ["Machine", "apply_machine"]
+
+
+def _around_the_start(ends: list[float | None]) -> list[float | None]:
+    low, high = ends
+    if (low is not None and low >= 0.0) or (high is not None and high <= 0.0):
+        raise problem("leaves the axis no place to start at, which is 0", "a place below 0 and one above it, or null")
+    return ends
+
+
+def _forwards(ends: list[float]) -> list[float]:
+    if ends[0] >= ends[1]:
+        raise problem("ends before it begins", "the lower place first")
+    return ends
+
+
+Ends = Annotated[list[float | None], Field(min_length=2, max_length=2), AfterValidator(_around_the_start)]
+
+
+class Cam(Section):
+    """A cam of the machine, and the digital input that its switch is wired to."""
+
+    input: int = Field(ge=0, le=31, description="Digital input of the drive that it puts on, from 0.")
+    between: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_forwards)] = Field(
+        description="Where it begins and where it ends."
+    )
+
+
+class Machine(Section):
+    """What the axis runs into.
+
+    Places are millimetres where `load.lead` or a linear motor makes the way straight, else revolutions behind the gear;
+    the axis starts at 0.
+    """
+
+    limit_switches: Ends | None = Field(
+        default=None,
+        description="Two places: pressed at the first and below, and at the second and above; null for none.",
+    )
+    end_stops: Ends | None = Field(
+        default=None, description="Two places that the axis does not go beyond; null for none."
+    )
+    cams: list[Cam] = Field(
+        default_factory=list, max_length=CAMS, description="Up to 4, such as the one of a home switch."
+    )
+
+
+def apply_machine(axis: Any, machine: Machine, load: Load, pitch: float) -> None:
+    """Write the machine into an axis record; ``pitch``: of a linear motor, mm, else 0."""
+    unit = load.revolutions(pitch)
+    for ends, fields, bits in (
+        (machine.limit_switches, ("switch_low", "switch_high"), (MACHINE_SWITCH_LOW, MACHINE_SWITCH_HIGH)),
+        (machine.end_stops, ("stop_low", "stop_high"), (MACHINE_STOP_LOW, MACHINE_STOP_HIGH)),
+    ):
+        for place, field, bit in zip(ends or (), fields, bits, strict=False):
+            if place is not None:
+                axis[field] = place * unit
+                axis.machine |= bit
+    for i, cam in enumerate(machine.cams):
+        axis.cam_inputs[i] = 1 << cam.input
+        axis.cam_low[i], axis.cam_high[i] = (place * unit for place in cam.between)

@@ -1,0 +1,53 @@
+"""The machine around the axis: limit switches, cams on digital inputs, end stops.
+
+Its places are the shaft's, counted from where the axis stood when the farm began; the drive's supply changes nothing of
+them.  Switches are looked at once in each step; an end stop holds the shaft in the very step of motor and load.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.axis import (
+    CAMS,
+    INPUT_HOME_SWITCH,
+    MACHINE_STOP_HIGH,
+    MACHINE_STOP_LOW,
+    MACHINE_SWITCH_HIGH,
+    MACHINE_SWITCH_LOW,
+    USED_INPUTS,
+)
+from pnfarm.table.compiled import compiled
+
+__all__ = ["hold_at_stops", "take_switches"]
+
+
+@compiled
+def take_switches(axis: Any) -> None:
+    """What the place of the axis and faults press, and which of the inputs is the home switch."""
+    limits = int(axis.fault_limits)
+    if axis.machine & MACHINE_SWITCH_LOW and axis.position <= axis.switch_low:
+        limits |= 0x1
+    if axis.machine & MACHINE_SWITCH_HIGH and axis.position >= axis.switch_high:
+        limits |= 0x2
+    axis.limit_switch = limits
+    inputs = int(axis.fault_inputs)
+    for i in range(CAMS):
+        if axis.cam_low[i] <= axis.position <= axis.cam_high[i]:
+            inputs |= int(axis.cam_inputs[i])
+    axis.digital_inputs = inputs
+    axis.home_switch = 0
+    for i in range(USED_INPUTS):
+        if inputs >> i & 1 and axis.input_modes[i] == INPUT_HOME_SWITCH:
+            axis.home_switch = 1
+
+
+@compiled
+def hold_at_stops(axis: Any) -> None:
+    """No further than an end stop: what hits it stands."""
+    if axis.machine & MACHINE_STOP_LOW and axis.position < axis.stop_low:
+        axis.position = axis.stop_low
+        axis.velocity = max(axis.velocity, 0.0)
+    if axis.machine & MACHINE_STOP_HIGH and axis.position > axis.stop_high:
+        axis.position = axis.stop_high
+        axis.velocity = min(axis.velocity, 0.0)

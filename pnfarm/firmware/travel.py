@@ -1,0 +1,43 @@
+"""How fast and how far an axis in position mode may go: limits of velocity, of software and of switches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import compiled
+
+__all__ = ["at_limit_switch", "fastest", "take_ramps", "within_limits"]
+
+
+@compiled
+def within_limits(axis: Any, target: float) -> bool:
+    """Whether software limits let the shaft go to ``target``; they count once the machine's zero is known."""
+    if not axis.homed:
+        return True
+    place = target - axis.origin
+    if axis.software_limits & 0x1 and place < axis.limit_low:
+        return False
+    return not (axis.software_limits & 0x2 and place > axis.limit_high)
+
+
+@compiled
+def at_limit_switch(axis: Any, direction: float) -> bool:
+    """Whether a limit switch stands in this direction, any number above or below 0."""
+    return (direction > 0.0 and axis.limit_switch & 0x2 != 0) or (direction < 0.0 and axis.limit_switch & 0x1 != 0)
+
+
+@compiled
+def fastest(axis: Any, velocity: float, forwards: bool) -> float:
+    """A velocity, 0 or more, within the limits of motor and parameters in one direction, rpm."""
+    limit = min(axis.max_velocity, axis.velocity_limit_positive if forwards else axis.velocity_limit_negative)
+    if axis.velocity_limit > 0.0 and axis.velocity_limit < limit:
+        limit = axis.velocity_limit
+    return min(velocity, limit)
+
+
+@compiled
+def take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
+    """Velocity, rpm, and ramps, rpm/s, of what the profile generator does next."""
+    axis.task_velocity = velocity
+    axis.task_acceleration = up
+    axis.task_deceleration = down

@@ -1,0 +1,186 @@
+"""What each homing method looks for, in a machine with switches, a cam and end stops."""
+
+import math
+
+import pytest
+from positioner import ACTIVE, HOME, HOMED, ON_TARGET, READY, STOPPED, Positioner
+
+from pnfarm.table.axis import (
+    INPUT_HOME_SWITCH,
+    MACHINE_STOP_HIGH,
+    MACHINE_STOP_LOW,
+    MACHINE_SWITCH_HIGH,
+    MACHINE_SWITCH_LOW,
+)
+from pnfarm.table.signals import HOME_MODE
+
+SWITCHES = MACHINE_SWITCH_LOW | MACHINE_SWITCH_HIGH
+STOPS = MACHINE_STOP_LOW | MACHINE_STOP_HIGH
+#: Places of the machine, rev.
+SWITCH, STOP, CAM = 5.25, 6.25, (1.3, 1.6)
+#: What the fastest search covers in a step of 1 ms, and back.
+STEP = 2 * 300 / 60 / 1000
+
+
+def machine(method, direction, start=0.0, parts=SWITCHES | STOPS, share=0.2):
+    drive = Positioner(homed=False)
+    axis = drive.axis
+    axis.machine = parts
+    axis.switch_low, axis.switch_high, axis.stop_low, axis.stop_high = -SWITCH, SWITCH, -STOP, STOP
+    axis.cam_inputs[0], axis.cam_low[0], axis.cam_high[0] = 1 << 2, *CAM
+    axis.input_modes[2] = INPUT_HOME_SWITCH
+    axis.home_method, axis.home_direction = method, direction
+    axis.home_share, axis.home_lag, axis.home_current = share, 0.02, 2.0
+    if start:
+        drive.stand_at(start)
+    return drive
+
+
+def home(drive, within=20_000):
+    """Home it; where it found the home, on the shaft."""
+    drive.stw(HOME)
+    for _ in range(within):
+        if drive.zsw1 & HOMED:
+            drive.run(100)
+            return float(drive.axis.origin)
+        assert not drive.axis.home_error, "homing failed"
+        drive.run(1)
+    raise AssertionError("homing does not end")
+
+
+@pytest.mark.parametrize(
+    ("method", "direction", "start", "place"),
+    [
+        (0, 1, 0.4, 0.4),
+        (1, 1, 0, SWITCH),
+        (1, -1, 0, -SWITCH),
+        (1, 1, 5.5, SWITCH),  # it begins on the switch
+        (2, 1, 0, 5),
+        (3, -1, 0, -5),
+        (4, 1, 0, CAM[0]),
+        (4, -1, 3, CAM[1]),
+        (4, 1, 1.45, CAM[0]),  # it begins on the cam
+        (4, 1, 3, CAM[0]),  # it comes to the limit switch first
+        (4, -1, -3, CAM[1]),
+        (5, 1, 0, 2),
+        (6, -1, 3, 1),
+        (7, 1, 0.4, 1),
+        (11, -1, 0.4, 0),
+        (13, 1, 0.4, 0),
+        (14, 1, 0, CAM[0]),
+        (15, 1, -1.5, -1),
+    ],
+)
+def test_5_10_3_a_homing_mode_finds_what_it_looks_for(method, direction, start, place):
+    drive = machine(method, direction, start)
+    assert home(drive) == pytest.approx(place, abs=STEP)
+    if method != 13:
+        assert drive.place == pytest.approx(0.0, abs=0.001), "it ends at the home"
+    assert drive.zsw1 & (ON_TARGET | STOPPED) == ON_TARGET | STOPPED
+
+
+@pytest.mark.parametrize(
+    ("method", "direction", "place"), [(8, 1, STOP), (8, -1, -STOP), (9, 1, 6), (10, -1, -6), (12, 1, CAM[0])]
+)
+def test_5_10_3_homing_at_an_end_stop_pushes_with_its_own_current(method, direction, place):
+    drive = machine(method, direction, 3 if method == 12 else 0, parts=STOPS)
+    drive.stw(HOME)
+    most = 0.0
+    while not drive.zsw1 & HOMED:
+        if abs(drive.axis.position) >= STOP:
+            most = max(most, abs(float(drive.axis.current)))
+        drive.run(1)
+        assert drive.now < 30e9
+    drive.run(100)
+    assert float(drive.axis.origin) == pytest.approx(place, abs=STEP)
+    assert drive.place == pytest.approx(0.0, abs=0.001)
+    assert most == pytest.approx(2.0, rel=0.01), "the limit, and no more"
+    drive.stw(READY)
+    drive.move(-3.0 * direction)
+    drive.settle()
+    assert drive.place == pytest.approx(-3.0 * direction, abs=0.001)
+
+
+def test_the_way_after_the_home_leads_off_by_the_homing_distance():
+    drive = machine(4, 1)
+    drive.axis.home_distance = -0.5
+    drive.axis.home_position = 10.0
+    assert home(drive) == pytest.approx(CAM[0] - 10.0, abs=STEP)
+    drive.settle()
+    assert drive.place == pytest.approx(9.5, abs=0.001)
+
+
+def test_a_slower_second_approach_finds_the_home_switch_more_precisely():
+    fast, slow = (abs(home(machine(4, 1, 1.45, share=share)) - CAM[0]) for share in (1.0, 0.02))
+    assert slow <= 0.02 * STEP
+    assert fast > slow
+
+
+@pytest.mark.parametrize(
+    ("method", "start", "parts"),
+    [
+        (14, 1.45, SWITCHES),  # it does not turn round
+        (8, 0, SWITCHES | STOPS),  # a switch before the end stop
+        (7, 5.1, SWITCHES),  # the mark is behind the switch
+        (16, 0, SWITCHES),  # no such mode
+        (0xFFFF, 0, 0),
+    ],
+)
+def test_homing_that_cannot_succeed_ends_at_rest_without_a_home_position(method, start, parts):
+    drive = machine(0, 1, start, parts)
+    # the telegram brings the mode, unchecked
+    drive.axis.home_signals = 1
+    drive.image.received[HOME_MODE] = method
+    drive.stw(HOME)
+    drive.run(10_000)
+    assert drive.zsw1 & (HOMED | STOPPED | ACTIVE) == STOPPED
+    assert drive.axis.home_error
+    assert not drive.axis.homed
+
+
+def test_a_search_without_end_ends_at_the_farthest_way():
+    drive = machine(4, 1, parts=0)
+    drive.axis.cam_inputs[0] = 0
+    drive.axis.home_farthest = 7.0
+    drive.stw(HOME)
+    drive.run(10_000)
+    assert drive.axis.home_error
+    assert float(drive.axis.position) == pytest.approx(7.0, abs=0.1)
+
+
+def test_homing_that_is_taken_back_in_any_leg_ends_at_rest():
+    for milliseconds in range(1, 3000, 97):
+        drive = machine(4, 1, 3)
+        drive.stw(HOME, milliseconds)
+        drive.stw(READY, 500)
+        assert drive.zsw1 & (STOPPED | ACTIVE) == STOPPED
+        assert not drive.axis.home_held
+
+
+def test_what_hits_an_end_stop_stands_and_takes_its_energy_out_of_the_axis():
+    drive = machine(0, 1, parts=STOPS)
+    drive.axis.following_limit = 0.0
+    home(drive)
+    drive.stw(READY)
+    drive.data(20.0)
+    drive.stw(READY | 0x0040)
+    drive.run(3000)
+    assert float(drive.axis.position) == STOP
+    assert float(drive.axis.velocity) == 0.0
+    assert drive.axis.current == pytest.approx(drive.axis.peak_current), "it pushes with all that it has"
+    assert math.isfinite(drive.axis.bus_voltage)
+
+
+def test_the_axis_runs_onto_a_limit_switch_by_itself_and_back():
+    drive = machine(0, 1)
+    home(drive)
+    drive.stw(READY)
+    drive.data(20.0)
+    drive.stw(READY | 0x0040)
+    drive.run(3000)
+    assert SWITCH <= drive.axis.position <= SWITCH + 0.3, "braked behind the switch"
+    assert drive.axis.limit_switch == 2
+    drive.stw(READY)
+    drive.move(4.0)
+    drive.settle()
+    assert drive.axis.limit_switch == 0
