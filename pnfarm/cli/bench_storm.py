@@ -13,8 +13,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from pnfarm.cli.bench import FARM_CPU, PARENT, PEER, PEER_CPU, Child, Result, percentile, wire
 from pnfarm.cli.bench_child import difference
+from pnfarm.cli.bench_line import FARM_CPU, PARENT, PEER, PEER_CPU, Child, Result, percentile, wire
 from pnfarm.errors import InternalError
 
 __all__ = ["storm"]

@@ -1,0 +1,211 @@
+"""What the benchmarks measure with: farms, controllers and minimal loops as processes of their own, on a wire.
+
+Macvlans on one end of a veth pair in a private network namespace, the other side's one interface in another.  The farm
+is pinned to one CPU, its peer to another.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from pnfarm.errors import InternalError
+
+__all__ = [
+    "FARM_CPU",
+    "PARENT",
+    "PEER",
+    "PEER_CPU",
+    "Child",
+    "Result",
+    "farm_and_plc",
+    "farm_file",
+    "measure",
+    "per_frame",
+    "percentile",
+    "settled_floor",
+    "wire",
+]
+
+FARM_CPU, PEER_CPU = 0, 1
+PARENT, PEER = "pnbench0", "pnbench1"
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """One figure.  ``ratio_to_floor`` is None where there is no floor; ``goal`` says what ``ok`` was held against."""
+
+    name: str
+    value: float
+    unit: str
+    ratio_to_floor: float | None
+    goal: str
+    ok: bool
+
+
+FILE = """
+farm: bench
+link: {{kind: macvlan, parent: {parent}}}
+api: off
+realtime: {{cpu: {cpu}}}
+drives:
+  - name: axis-{{n:04}}
+    count: {drives}
+    model: akd-profinet
+    ip: 10.64.0.11/16
+    limits: lax
+controller:
+  name: plc
+  ip: 10.64.255.250/16
+  interface: {peer}
+  cycle: {cycle}
+  watchdog_factor: {watchdog}
+  program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 100ms}}
+"""
+
+
+def farm_file(drives: int, cycle: str, watchdog: int, cpu: int) -> str:
+    return FILE.format(parent=PARENT, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu)
+
+
+class Child:
+    """A process of :mod:`pnfarm.cli.bench_child`."""
+
+    def __init__(self, role: str, cpu: int, **settings: Any) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "pnfarm.cli.bench_child", role],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self._write(json.dumps({"cpu": cpu, **settings}))
+        interface = settings.get("interface_from_outside")
+        if interface:
+            pid = self.answer()["pid"]
+            subprocess.run(["ip", "link", "set", str(interface), "netns", str(pid)], check=True)
+            self._write("go")
+
+    def _write(self, line: str) -> None:
+        if self._process.stdin is None:
+            raise InternalError("the benchmark's process has no standard input")
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
+
+    def ask(self, command: str) -> None:
+        """Give a command; the answer is read later."""
+        self._write(command)
+
+    def answer(self) -> dict[str, Any]:
+        line = self._process.stdout.readline() if self._process.stdout else ""
+        if not line:
+            raise InternalError(f"a benchmark's process ended with code {self._process.wait()}")
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def close(self) -> None:
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        try:
+            self._process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+
+@contextmanager
+def wire() -> Iterator[None]:
+    """A veth pair in this namespace."""
+    subprocess.run(["ip", "link", "add", "name", PARENT, "type", "veth", "peer", "name", PEER], check=True)
+    try:
+        for name in (PARENT, PEER):
+            subprocess.run(["ip", "link", "set", name, "up"], check=True)
+        yield
+    finally:
+        # the pair is gone already when its other end went with a peer's namespace
+        subprocess.run(["ip", "link", "del", PARENT], check=False, stderr=subprocess.DEVNULL)
+
+
+@contextmanager
+def farm_and_plc(drives: int, cycle: str, watchdog: int) -> Iterator[tuple[Child, Child]]:
+    """A farm and the built-in controller, connected."""
+    with wire(), ExitStack() as stack:
+        farm = Child("farm", FARM_CPU, file=farm_file(drives, cycle, watchdog, FARM_CPU))
+        stack.callback(farm.close)
+        farm.answer()
+        plc = Child("plc", PEER_CPU, file=farm_file(drives, cycle, watchdog, PEER_CPU), interface_from_outside=PEER)
+        stack.callback(plc.close)
+        plc.answer()
+        plc.ask("connected 120")
+        if not plc.answer()["connected"]:
+            raise InternalError(f"{drives} drives did not connect within 120 s")
+        # the start-up's own work (DCP, ARP, records) shall be over before anything is measured
+        time.sleep(1.0)
+        yield farm, plc
+
+
+def measure(farm: Child, peer: Child, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:
+    farm.ask(f"measure {seconds}")
+    peer.ask(f"measure {seconds}")
+    return farm.answer(), peer.answer()
+
+
+@contextmanager
+def _floor(drives: int, groups: int, period_ns: int) -> Iterator[tuple[Child, Child]]:
+    """Two minimal loops over the same kind of interfaces: macvlans on one side, one interface on the other."""
+    with wire(), ExitStack() as stack:
+        lines, macs = [], []
+        for i in range(drives):
+            mac = bytes((0x02, 0xF1, 0, 0, i >> 8, i & 0xFF))
+            macs.append(mac)
+            name = f"pnfl{i}"
+            lines.append(f"link add link {PARENT} name {name} address {mac.hex(':')} type macvlan mode bridge")
+            lines.append(f"link set {name} up")
+        subprocess.run(["ip", "-batch", "-"], input="\n".join(lines), text=True, check=True)
+        listed = subprocess.run(["ip", "-json", "link"], check=True, capture_output=True, text=True).stdout
+        links = {entry["ifname"]: entry for entry in json.loads(listed)}
+        index = {name: entry["ifindex"] for name, entry in links.items()}
+        peer_mac = bytes.fromhex(links[PEER]["address"].replace(":", ""))
+        common = {"groups": groups, "period": period_ns}
+        ours = [(index[f"pnfl{i}"], mac.hex(), peer_mac.hex()) for i, mac in enumerate(macs)]
+        # an interface keeps its index when it moves into an empty namespace
+        theirs = [(index[PEER], peer_mac.hex(), mac.hex()) for mac in macs]
+        farm = Child("floor", FARM_CPU, addresses=ours, interface="", **common)
+        stack.callback(farm.close)
+        farm.answer()
+        peer = Child("floor", PEER_CPU, addresses=theirs, interface=PEER, interface_from_outside=PEER, **common)
+        stack.callback(peer.close)
+        peer.answer()
+        yield farm, peer
+
+
+def percentile(histogram: list[int], share: float) -> float:
+    """Microseconds, interpolated inside the bucket."""
+    from pnfarm.table.engine_row import LATENESS_EDGES_NS
+
+    wanted = sum(histogram) * share
+    seen = 0.0
+    lower = 0
+    for count, upper in zip(histogram, (*LATENESS_EDGES_NS, 2 * LATENESS_EDGES_NS[-1]), strict=True):
+        if count and seen + count >= wanted:
+            return float(lower + (upper - lower) * (wanted - seen) / count) / 1000
+        seen += count
+        lower = upper
+    return lower / 1000
+
+
+def per_frame(answer: dict[str, Any]) -> float:
+    """Microseconds of CPU."""
+    return float(answer["cpu"]) / max(1, int(answer["frames"])) * 1e6
+
+
+def settled_floor(drives: int, groups: int, period_ns: int, seconds: float) -> dict[str, Any]:
+    with _floor(drives, groups, period_ns) as (farm, peer):
+        return measure(farm, peer, seconds)[0]
