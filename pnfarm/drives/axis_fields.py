@@ -42,7 +42,9 @@ PLACES = frozenset({"position", "commanded_position"})
 _FAULT_OF_CAUSE = {
     "encoder-error": "sensor_fault",
     "overvoltage": "overvoltage_fault",
+    "undervoltage": "undervoltage_fault",
     "overload": "overload_fault",
+    "drive-overload": "drive_overload_fault",
     "overspeed": "overspeed_fault",
 }
 #: A ramp whose time is zero, rpm/s.

@@ -249,6 +249,21 @@ def _speed_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[
     return [float_bits(float(axis.ramp - axis.velocity) / float(axis.velocity_step))]
 
 
+def _foldback_level(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """IL.FOLDFTHRESH (AKD parameter reference): what was asked for, and the peak current at most."""
+    axis = store.handle.axis
+    return [store.scaled(parameter, min(float(axis.peak_current), float(axis.foldback_fault_level)))]
+
+
+def _foldback_recovery(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """IL.MFOLDR: how long no current must flow for the peak to be there for IL.MFOLDD again (`firmware.foldback`)."""
+    axis = store.handle.axis
+    if not axis.continuous_current:
+        return [0]
+    times = float(axis.foldback_delay[0]) + float(axis.foldback_time[0])
+    return [store.scaled(parameter, times * (float(axis.peak_current) / float(axis.continuous_current) - 1.0))]
+
+
 def _torque(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     """The torque in units of P-0295 (table 15.1, P-1273)."""
     factor = float_of(store.raw(TORQUE_FACTOR))
@@ -320,6 +335,8 @@ COMPUTED: dict[str, _Function] = {
     "timeout": _timeout,
     "position-difference": _position_difference,
     "speed-difference": _speed_difference,
+    "foldback-level": _foldback_level,
+    "foldback-recovery": _foldback_recovery,
     "torque": _torque,
     "signals": _signals,
     "setpoint-signals": _setpoint_signals,

@@ -83,7 +83,9 @@ class Motor(Section):
     )
     peak_current: float | None = Field(default=None, gt=0, description="A; 100 % of the current signals (DRV.IPEAK).")
     continuous_current: float | None = Field(default=None, gt=0, description="A that the motor bears for ever.")
-    thermal_time: float | None = Field(default=None, ge=0, description="Thermal time constant, s; 0: it stays cool.")
+    thermal_time: float | None = Field(
+        default=None, ge=0, description="Thermal time constant, s; 0: it stays cool, and no current is folded back."
+    )
     velocity_time_constant: float | None = Field(
         default=None, gt=0, description="What the speed controller is tuned for: its closed loop, s."
     )

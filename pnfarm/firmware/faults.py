@@ -144,6 +144,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.brake_open = 0
     axis.brake_left = 0.0
     axis.bus_voltage = axis.bus_nominal
+    axis.foldback_used[:] = 0.0
     axis.following_error = 0.0
     axis.profile_velocity = 0.0
     axis.motion = 0

@@ -20,6 +20,7 @@ from math import floor, pi, sqrt
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
+from pnfarm.firmware.foldback import folds, step_foldback, watch_foldback
 from pnfarm.firmware.machine import hold_at_stops
 from pnfarm.firmware.torque_limits import limited_torque
 from pnfarm.table.compiled import compiled
@@ -194,6 +195,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
         # a drive that comes to rest by itself lets the brake take over before it switches off
         resting = axis.state == 5 and axis.ramp == 0.0 and abs(velocity) <= axis.standstill
         _step_brake(axis, powered_stage and not resting, seconds)
+    step_foldback(axis, seconds)
     if powered_stage:
         speed = _controlled(axis, omega, axis.ramp * RPM_TO_RAD - _encoder_noise(axis), seconds)
     else:
@@ -219,10 +221,16 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
 
 @compiled
 def watch_motor(axis: Any, now: int) -> None:
-    """Raise the drive's faults of a motor that runs too fast or is too hot, and of a DC link that is too high."""
+    """Raise the drive's faults of a motor that runs too fast or is too hot, and of a DC link out of its bounds."""
     if axis.overspeed > 0.0 and abs(axis.velocity) > axis.overspeed:
         raise_fault(axis, axis.overspeed_fault, now)
-    if axis.thermal_load > 1.0:
+    if folds(axis):
+        watch_foldback(axis, now)
+    elif axis.thermal_load > 1.0:
         raise_fault(axis, axis.overload_fault, now)
     if axis.bus_limit > 0.0 and axis.bus_voltage > axis.bus_limit:
         raise_fault(axis, axis.overvoltage_fault, now)
+    # without DC link data its voltage is 0, and below nothing
+    low = 0.0 < axis.bus_voltage < axis.undervoltage_limit
+    if low and (axis.state >= 4 or not axis.undervoltage_mode):
+        raise_fault(axis, axis.undervoltage_fault, now)

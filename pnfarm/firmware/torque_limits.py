@@ -1,4 +1,4 @@
-"""How much torque the motor may give: the drive's peak current, and the limits that parameters set for each direction.
+"""How much torque the motor may give: peak current, foldback, and the limits that parameters set for each direction.
 
 HIWIN E1 manual 6.3 and 3.16 (MELDW.1).  Moog MSD manual 15 and 14.3: parts of the most torque in 1/1000 by P-1286 to
 P-1288, the last two of which a telegram may bring.
@@ -31,10 +31,10 @@ def take_torque_limits(axis: Any, image: Any) -> None:
 
 @compiled
 def _most(axis: Any, direction: int) -> float:
-    """The least of a direction's limit and what the peak current gives, N m; direction 0 is forwards."""
+    """The least of a direction's limit and what peak current and foldback give, N m; direction 0 is forwards."""
     limit = axis.torque_limit_negative if direction else axis.torque_limit_positive
     share = min(1.0, axis.torque_scale * axis.torque_asked[direction])
-    current = axis.peak_current * share
+    current = min(axis.peak_current * share, axis.foldback_current)
     if axis.home_held > 0.0:
         current = min(current, axis.home_held)
     return min(limit, axis.torque_constant * current)

@@ -10,6 +10,7 @@ import shutil
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from manuals import manual_text
 
@@ -476,5 +477,6 @@ def test_motor_data_name_fields_of_the_axis(name: str) -> None:
     axis = AXIS.allocate(1)[0]
     described.apply_motor(axis)
     for field, value in described.motor.items():
-        assert getattr(axis, field) == value == described.source_of(f"motor.{field}").value
+        assert np.array_equal(getattr(axis, field), value)
+        assert value == described.source_of(f"motor.{field}").value
     assert min(axis.peak_current, axis.max_velocity, axis.inertia, axis.torque_constant) > 0

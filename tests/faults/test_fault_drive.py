@@ -409,7 +409,7 @@ def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_dri
     assert axis.current == pytest.approx(axis.peak_current)
     assert line.seen_zsw1() & 0x0100 == 0, "the speed is not what it should be"
     line.run(20.0)
-    assert line.farm.stations[0].fault_counts[304] > 0, "the motor is too hot"
+    assert line.farm.stations[0].fault_counts[524] > 0, "the drive has folded its current back"
     line.clear(fault.id)
     line.enable()
 

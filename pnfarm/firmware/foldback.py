@@ -1,0 +1,50 @@
+"""Foldback: current limits that fall while more than the continuous current flows (AKD parameter reference, IL.IFOLD).
+
+Two of them run at once, that of the motor (0) and that of the drive (1); the lower one counts.  Each is an artificial
+current m, which may be above the peak current::
+
+    dm/dt = (I_continuous - |i|) / T,    m <= I_peak + D (I_peak - I_continuous) / T
+
+With the current at its limit the peak is there for D and then falls to the continuous current with the time constant T;
+no current for (D + T) (I_peak / I_continuous - 1) gives all of that back.  The reference says so much of both; the
+equation is assumed, as the simplest one that does it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.faults import raise_fault
+from pnfarm.table.compiled import compiled
+
+__all__ = ["folds", "step_foldback", "watch_foldback"]
+
+
+@compiled
+def folds(axis: Any) -> bool:
+    """Whether the drive folds back; one whose motor stays cool does not."""
+    return axis.foldback_time[0] > 0.0 and axis.continuous_current > 0.0 and axis.thermal_time > 0.0
+
+
+@compiled
+def step_foldback(axis: Any, seconds: float) -> None:
+    """Advance both limits by ``seconds`` of the current that flows."""
+    if not folds(axis):
+        return
+    above = axis.peak_current - axis.continuous_current
+    change = (abs(axis.current) - axis.continuous_current) * seconds
+    for i in range(2):
+        time = axis.foldback_time[i]
+        axis.foldback_used[i] = max(0.0, axis.foldback_used[i] + change / time)
+        axis.foldback_limit[i] = axis.peak_current + axis.foldback_delay[i] * above / time - axis.foldback_used[i]
+    axis.foldback_current = min(axis.foldback_limit[0], axis.foldback_limit[1])
+
+
+@compiled
+def watch_foldback(axis: Any, now: int) -> None:
+    """Raise the fault of motor or drive while its limit is below the level, which is the peak current at most."""
+    level = min(axis.peak_current, axis.foldback_fault_level)
+    if axis.foldback_limit[0] < level:
+        raise_fault(axis, axis.overload_fault, now)
+    if axis.foldback_limit[1] < level:
+        raise_fault(axis, axis.drive_overload_fault, now)

@@ -1,0 +1,181 @@
+"""Foldback of motor and drive, and the levels of the DC link (AKD parameter reference, IL.IFOLD and VBUS.*)."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from bench_axis import BenchAxis
+
+from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_POWER_ON, REACTION_QUICK_STOP
+
+PEAK, CONTINUOUS = 9.0, 3.0
+DELAY, TIME = 1.0, 2.0
+MOTOR_FAULT, DRIVE_FAULT = (number | REACTION_QUICK_STOP << 24 for number in (304, 524))
+
+
+def folding(**fields) -> BenchAxis:
+    """A drive whose shaft is held, so that it soon gives all the current that it may; its own part is slow."""
+    bench = BenchAxis()
+    axis = bench.axis
+    axis.friction, axis.acceleration = 100.0, 1e9
+    axis.continuous_current, axis.thermal_time = CONTINUOUS, 60.0
+    axis.foldback_delay[:] = DELAY, 100.0
+    axis.foldback_time[:] = TIME, 100.0
+    axis.foldback_warning[:] = 304, 524
+    axis.overload_fault, axis.drive_overload_fault = MOTOR_FAULT, DRIVE_FAULT
+    for name, value in fields.items():
+        axis[name] = value
+    return bench
+
+
+def at_peak(drive: BenchAxis) -> BenchAxis:
+    drive.enable(1000.0)
+    while drive.axis.current < PEAK * 0.999:
+        drive.run(1)
+    return drive
+
+
+def test_the_peak_current_is_there_for_its_time_and_then_falls_to_the_continuous_one():
+    drive, passed, hottest = at_peak(folding(thermal_time=1.0)), 0.0, 0.0
+    for seconds in (0.5, 0.9, 1.5, 3.0, 6.0, 20.0):
+        drive.run(round((seconds - passed) * 1000))
+        passed = seconds
+        expected = CONTINUOUS + (PEAK - CONTINUOUS) * math.exp(-max(0.0, seconds - DELAY) / TIME)
+        assert drive.axis.current == pytest.approx(expected, abs=0.05), seconds
+        assert drive.axis.torque == pytest.approx(0.5 * drive.axis.current)
+        hottest = max(hottest, float(drive.axis.thermal_load))
+    assert hottest > 1.0
+    assert drive.axis.fault_code[0] == 0, "the level is 0, and the heat that foldback bounds is no fault"
+
+
+def test_no_current_for_the_recovery_time_gives_the_whole_time_at_the_peak_back():
+    drive = at_peak(folding())
+    drive.run(30_000)
+    top = PEAK + DELAY * (PEAK - CONTINUOUS) / TIME
+    seconds = (DELAY + TIME) * (PEAK / CONTINUOUS - 1)
+    drive.write(0x0470, run=round(seconds * 500))
+    assert drive.axis.foldback_limit[0] == pytest.approx((CONTINUOUS + top) / 2, abs=0.05)
+    drive.run(round(seconds * 500))
+    assert drive.axis.foldback_limit[0] == pytest.approx(top, abs=0.05)
+    drive.run(2000)
+    assert drive.axis.foldback_limit[0] == top, "and no more"
+
+
+@pytest.mark.parametrize(("slow", "fault"), [(1, MOTOR_FAULT), (0, DRIVE_FAULT)])
+def test_a_limit_below_the_fault_level_is_the_fault_of_motor_or_drive_until_it_has_recovered(slow, fault):
+    drive = folding(foldback_fault_level=7.0)
+    drive.axis.foldback_delay[:] = drive.axis.foldback_time[:] = 100.0
+    drive.axis.foldback_delay[1 - slow], drive.axis.foldback_time[1 - slow] = DELAY, TIME
+    at_peak(drive)
+    drive.run(round((DELAY + TIME * math.log((PEAK - CONTINUOUS) / (7.0 - CONTINUOUS))) * 1000) - 20)
+    assert drive.axis.fault_code[0] == 0
+    drive.run(40)
+    assert list(drive.axis.fault_code[:2]) == [fault, 0]
+    drive.run(100)
+    drive.axis.foldback_used[1 - slow] += 1.0
+    drive.command(CMD_ACKNOWLEDGE)
+    drive.run(1)
+    assert drive.axis.fault_code[0] == fault, "the cause is still there"
+    drive.run(2000)
+    drive.command(CMD_ACKNOWLEDGE)
+    drive.run(2)
+    assert drive.axis.fault_code[0] == 0
+
+
+def test_the_fault_level_is_the_peak_current_at_most():
+    drive = at_peak(folding(foldback_fault_level=500.0))
+    drive.run(round(DELAY * 1000) - 20)
+    assert drive.axis.fault_code[0] == 0
+    drive.run(40)
+    assert drive.axis.fault_code[0] == MOTOR_FAULT
+
+
+def test_a_limit_below_the_warning_level_is_a_warning_while_it_is():
+    drive = at_peak(folding(foldback_warning_level=8.0))
+    drive.run(round((DELAY + TIME * math.log(6.0 / 5.0)) * 1000) - 20)
+    assert drive.zsw1 & 0x0080 == 0
+    drive.run(40)
+    assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (304, 0x0080)
+    drive.axis.foldback_warning_level = 0.0
+    drive.run(1)
+    assert drive.axis.warning_code == 0
+    drive.axis.foldback_warning_level = 8.0
+    drive.write(0x0470, run=1000)
+    assert drive.axis.warning_code == 0
+
+
+@pytest.mark.parametrize("field", ["thermal_time", "continuous_current"])
+def test_a_motor_that_stays_cool_or_bears_any_current_is_not_limited(field):
+    drive = at_peak(folding(**{field: 0.0}))
+    drive.run(5000)
+    assert drive.axis.current == pytest.approx(PEAK)
+
+
+def test_power_on_begins_with_all_of_the_peak_current():
+    drive = at_peak(folding())
+    drive.run(10_000)
+    assert drive.axis.foldback_current < 4.0
+    drive.command(CMD_POWER_ON)
+    drive.run(2)
+    assert drive.axis.foldback_limit[0] == pytest.approx(PEAK + DELAY * (PEAK - CONTINUOUS) / TIME)
+
+
+def linked(**fields) -> BenchAxis:
+    """A DC link of 560 V that a braking motor charges to 760 V."""
+    bench = BenchAxis()
+    axis = bench.axis
+    axis.bus_nominal, axis.bus_capacitance, axis.bus_brake, axis.bus_load = 560.0, 4e-4, 760.0, 15.0
+    axis.inertia, axis.deceleration = 4e-3, 30_000.0
+    axis.bus_warning[:] = 502, 501
+    axis.undervoltage_fault = 502
+    for name, value in fields.items():
+        axis[name] = value
+    bench.run(1)
+    return bench
+
+
+def test_a_dc_link_above_its_warning_level_is_a_warning_while_it_is():
+    drive = linked()
+    drive.axis.bus_levels[1] = 700.0
+    drive.enable(3000.0)
+    drive.run(500)
+    assert drive.axis.warning_code == 0
+    drive.write(0x047F, 0.0, run=100)
+    assert drive.axis.bus_voltage > 700.0
+    assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (501, 0x0080)
+    drive.run(5000)
+    assert drive.axis.bus_voltage < 700.0
+    assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (0, 0)
+
+
+@pytest.mark.parametrize(("level", "number"), [(0.0, 0), (559.0, 0), (561.0, 502)])
+def test_a_dc_link_below_its_warning_level_is_a_warning(level, number):
+    drive = linked()
+    drive.axis.bus_levels[0] = level
+    drive.run(1)
+    assert drive.axis.warning_code == number
+
+
+@pytest.mark.parametrize(("mode", "off"), [(0, 502), (1, 0)])
+def test_a_dc_link_below_its_limit_is_a_fault_at_any_time_or_once_the_power_stage_goes_on(mode, off):
+    drive = linked(undervoltage_limit=600.0, undervoltage_mode=mode)
+    assert drive.axis.fault_code[0] == off
+    for word in (0x0470, 0x0476, 0x0477, 0x047F, 0x047F):
+        drive.write(word)
+    assert drive.axis.fault_code[0] == 502
+    assert drive.axis.state < 4
+    drive.axis.bus_nominal = drive.axis.bus_voltage = 610.0
+    drive.write(0x0470)
+    drive.write(0x04F0, run=2)
+    drive.write(0x0470)
+    assert drive.axis.fault_code[0] == 0
+    drive.enable()
+
+
+def test_a_drive_without_a_dc_link_in_its_data_watches_none():
+    drive = BenchAxis()
+    drive.axis.undervoltage_limit, drive.axis.undervoltage_fault = 600.0, 502
+    drive.axis.bus_levels[0], drive.axis.bus_warning[0] = 600.0, 502
+    drive.enable()
+    assert (drive.axis.fault_code[0], drive.axis.warning_code) == (0, 0)
