@@ -10,6 +10,7 @@ from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.table.axis import (
     CAMS,
+    MACHINE_CAMS,
     MACHINE_STOP_HIGH,
     MACHINE_STOP_LOW,
     MACHINE_SWITCH_HIGH,
@@ -78,5 +79,6 @@ def apply_machine(axis: Any, machine: Machine, load: Load, pitch: float) -> None
                 axis[field] = place * unit
                 axis.machine |= bit
     for i, cam in enumerate(machine.cams):
+        axis.machine |= MACHINE_CAMS
         axis.cam_inputs[i] = 1 << cam.input
         axis.cam_low[i], axis.cam_high[i] = (place * unit for place in cam.between)

@@ -11,6 +11,7 @@ from typing import Any
 from pnfarm.table.axis import (
     CAMS,
     INPUT_HOME_SWITCH,
+    MACHINE_CAMS,
     MACHINE_STOP_HIGH,
     MACHINE_STOP_LOW,
     MACHINE_SWITCH_HIGH,
@@ -32,14 +33,16 @@ def take_switches(axis: Any) -> None:
         limits |= 0x2
     axis.limit_switch = limits
     inputs = int(axis.fault_inputs)
-    for i in range(CAMS):
-        if axis.cam_low[i] <= axis.position <= axis.cam_high[i]:
-            inputs |= int(axis.cam_inputs[i])
+    if axis.machine & MACHINE_CAMS:
+        for i in range(CAMS):
+            if axis.cam_low[i] <= axis.position <= axis.cam_high[i]:
+                inputs |= int(axis.cam_inputs[i])
     axis.digital_inputs = inputs
     axis.home_switch = 0
-    for i in range(USED_INPUTS):
-        if inputs >> i & 1 and axis.input_modes[i] == INPUT_HOME_SWITCH:
-            axis.home_switch = 1
+    if inputs:
+        for i in range(USED_INPUTS):
+            if inputs >> i & 1 and axis.input_modes[i] == INPUT_HOME_SWITCH:
+                axis.home_switch = 1
 
 
 @compiled

@@ -144,6 +144,7 @@ MACHINE_SWITCH_LOW = 0x01
 MACHINE_SWITCH_HIGH = 0x02
 MACHINE_STOP_LOW = 0x04
 MACHINE_STOP_HIGH = 0x08
+MACHINE_CAMS = 0x10
 #: Cams that the machine can have, and digital inputs of a drive whose use is a parameter.
 CAMS = 4
 USED_INPUTS = 7

@@ -7,6 +7,7 @@ from positioner import ACTIVE, HOME, HOMED, ON_TARGET, READY, STOPPED, Positione
 
 from pnfarm.table.axis import (
     INPUT_HOME_SWITCH,
+    MACHINE_CAMS,
     MACHINE_STOP_HIGH,
     MACHINE_STOP_LOW,
     MACHINE_SWITCH_HIGH,
@@ -25,7 +26,7 @@ STEP = 2 * 300 / 60 / 1000
 def machine(method, direction, start=0.0, parts=SWITCHES | STOPS, share=0.2):
     drive = Positioner(homed=False)
     axis = drive.axis
-    axis.machine = parts
+    axis.machine = parts | MACHINE_CAMS
     axis.switch_low, axis.switch_high, axis.stop_low, axis.stop_high = -SWITCH, SWITCH, -STOP, STOP
     axis.cam_inputs[0], axis.cam_low[0], axis.cam_high[0] = 1 << 2, *CAM
     axis.input_modes[2] = INPUT_HOME_SWITCH
