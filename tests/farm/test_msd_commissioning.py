@@ -191,6 +191,16 @@ def test_11_4_a_homing_run_with_touch_probe_0_on_isd05() -> None:
     assert (line.see("G1_ZSW") & 0x8000, line.see("G1_XIST2")) == (0x8000, 4)
 
 
+def test_11_4_a_homing_run_finds_the_edge_of_a_cam_of_the_machine() -> None:
+    line = MsdHand(telegram=3, machine="{cams: [{input: 5, between: [1.25, 1.5]}]}")
+    line.store.write(1255, 0, [1, 2])
+    line.enable(NSOLL_B=0x40000000 // 50)
+    line.send(0.01, G1_STW=0x0011)
+    line.until(lambda: line.see("G1_ZSW") & 0x0010 == 0x0010)
+    line.send(0.01, G1_STW=0x0021)
+    assert line.see("G1_XIST2") / 2**20 == pytest.approx(1.25, abs=0.003)
+
+
 def test_11_4_p_1402_is_not_set_back_when_the_reference_mark_goes() -> None:
     line = MsdHand(telegram=3)
     line.store.set("P-1255.1", 2)
