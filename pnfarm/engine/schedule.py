@@ -53,6 +53,7 @@ class ConsumerPlan:
     """What a consumer takes.  Offsets count from the first octet of IO data.
 
     ``feeds``: the station's set points come from here; with two controllers on one drive only one of them brings them.
+    ``zeroes``: bad data are zero in the process image (Moog MSD manual 16), which otherwise keeps the last good ones.
     """
 
     image: int
@@ -66,6 +67,7 @@ class ConsumerPlan:
     words: Sequence[tuple[int, int]]
     iops: Sequence[int]
     feeds: bool = True
+    zeroes: bool = False
 
     @property
     def cycle_ns(self) -> int:
@@ -171,6 +173,7 @@ class ChannelTable:
         for i, offset in enumerate(plan.iops):
             row.iops_offset[i] = offset
         row.feeds = int(plan.feeds)
+        row.zeroes = int(plan.zeroes)
         row.generation = (int(row.generation) + 1) & 0xFFFFFFFF
         row.cycle_ns = plan.cycle_ns
         row.hold_ns = plan.cycle_ns * plan.data_hold_factor

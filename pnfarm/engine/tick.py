@@ -163,6 +163,11 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     elif image.valid:
         image.valid = 0
         image.lost = LOST_STOP
+        if consumer.zeroes:
+            for i in range(consumer.words):
+                code = int(consumer.word_code[i])
+                if code != WORD_NONE:
+                    image.received[code >> 2] = 0
 
 
 @compiled

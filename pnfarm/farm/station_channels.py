@@ -147,6 +147,7 @@ class StationChannels:
                 words=layout.words,
                 iops=layout.iops,
                 feeds=ar.feeds,
+                zeroes=True,
             )
         )
         ar.consumers.append((row, cr))

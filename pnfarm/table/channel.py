@@ -97,6 +97,7 @@ CPM = Layout(
             "station",
             "1 = it owns the drive's set points: valid, lost and the drive's own fault follow this channel",
         ),
+        Field("zeroes", "u1", "", "station", "1 = data of a provider in STOP or with bad IOPS count as zero"),
         Field("port", "i4", "", "station", "where it comes in"),
         Field("frame_id", "u2", "", "station", ""),
         Field("source", "i8", "", "station", "the only sender accepted: MAC as a 48-bit number"),

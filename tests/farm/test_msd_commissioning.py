@@ -7,6 +7,8 @@ import struct
 import pytest
 from msd_hand import MsdHand
 
+from pnfarm.table.channel import STATUS_RUN
+
 TASKS = 0x043F
 START = 0x0040
 REV = 65536
@@ -211,18 +213,36 @@ def test_11_4_p_1402_is_not_set_back_when_the_reference_mark_goes() -> None:
 # 16
 
 
-@pytest.mark.parametrize("how", ["bad", "loss"])
+@pytest.mark.parametrize("how", ["bad", "stop", "loss"])
 def test_16_bad_outputs_and_a_lost_connection_set_every_output_to_zero(how: str) -> None:
     line = MsdHand(telegram=9)
     line.enable(TASKS, TARPOS_A=50 * REV, VELOCITY_A=600, STW2=0)
     line.send(0.3, STW1=TASKS | START)
     if how == "bad":
         line.plc.columns.image[0].good = 0
+    elif how == "stop":
+        line.plc.columns.ppm["data_status"] ^= STATUS_RUN
     else:
         line.fault("silence", direction="in", **{"for": "5s"})
     line.run(0.1)
     assert (int(line.axis.stw1), int(line.axis.state)) == (0, 1)
+    # P-0967, P-1275 and P-1277 are these outputs
+    assert [line.store.get(f"P-{pnu:04}") for pnu in (967, 1275, 1277)] == [0, 0, 0]
     line.until(lambda: abs(line.axis.velocity) < 1.0, 60.0)
+
+
+def test_16_set_points_that_are_sent_back_are_zero_with_bad_outputs_and_come_back_with_good_ones() -> None:
+    line = MsdHand(telegram=104)
+    line.map([967, 1275, 1275], [968, 967, 1275, 1275])
+    sent = (0x0406, -5 * REV)
+    line.send(STW1=sent[0], TARPOS_A=sent[1])
+    assert (line.see("STW1_BACK"), line.see("TARPOS_A_BACK")) == sent
+    line.plc.columns.image[0].good = 0
+    line.run(0.01)
+    assert (line.see("STW1_BACK"), line.see("TARPOS_A_BACK")) == (0, 0)
+    line.plc.columns.image[0].good = 1
+    line.run(0.01)
+    assert (line.see("STW1_BACK"), line.see("TARPOS_A_BACK")) == sent
 
 
 def test_16_after_power_on_every_output_is_zero() -> None:
