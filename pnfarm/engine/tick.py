@@ -16,6 +16,7 @@ from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.parameter_words import exchange
 from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
+from pnfarm.table.axis import FAULT_SLOTS
 from pnfarm.table.channel import (
     DISCARD_COUNTER,
     DISCARD_IMPAIRED,
@@ -254,6 +255,15 @@ def _watch(columns: Columns, now: int) -> None:
 
 
 @compiled
+def _faults(axis: Any) -> int:
+    """How many faults the active situation has."""
+    count = 0
+    while count < FAULT_SLOTS and axis.fault_code[count] != 0:
+        count += 1
+    return count
+
+
+@compiled
 def run_firmware(columns: Columns, now: int) -> None:
     """Step every drive and every program that is due, and tell what changed."""
     engine = columns.engine[0]
@@ -269,18 +279,19 @@ def run_firmware(columns: Columns, now: int) -> None:
         if now - axis.last_ns < axis.step_ns:
             continue
         state = axis.state
-        fault = axis.fault_code[0]
+        faults = _faults(axis)
         fault_ns = axis.fault_ns
+        fault_ends = axis.fault_ends
         reacted = axis.reacted
         warning = axis.warning_code
         step(axis, columns.image[number], now)
         if axis.state != state:
             emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.state))
-        if axis.fault_code[0] != fault:
-            if axis.fault_code[0] != 0:
-                emit(engine, events, FAULT_RAISED, number, now, int(axis.fault_code[0]) & NUMBER_MASK)
-            else:
-                emit(engine, events, FAULTS_CLEARED, number, now, now - fault_ns)
+        if axis.fault_ends != fault_ends and faults:
+            emit(engine, events, FAULTS_CLEARED, number, now, now - fault_ns)
+            faults = 0
+        for i in range(faults, _faults(axis)):
+            emit(engine, events, FAULT_RAISED, number, now, int(axis.fault_code[i]) & NUMBER_MASK)
         if axis.reacted and not reacted and axis.fault_ns != 0:
             emit(engine, events, FAULT_REACTED, number, now, now - axis.fault_ns)
         if axis.warning_code != warning:

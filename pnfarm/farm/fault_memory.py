@@ -29,6 +29,6 @@ def history_of(axis: Any) -> list[int]:
 def restore_history(axis: Any, kept: Sequence[int]) -> None:
     """Put a kept buffer into the record of a drive that was off; a situation that was active then is history now."""
     places = int(axis.fault_places) or FAULT_SLOTS
-    shift = places if any(kept[:places]) else 0
+    shift = places if any(kept[:places]) and not axis.fault_stays else 0
     for place, number in enumerate(kept[: PLACES - shift]):
         axis.fault_buffer[place + shift] = number

@@ -2,7 +2,8 @@
 
 Which faults, as what, and in which form is data of the model: ``diagnosis`` names the ChannelErrorType of a fault,
 ``diagnosis_coding`` the parameter that picks the form (Moog MSD manual 9.5.2, table 9.22).  A model without forms of
-its own has the plain one: ChannelDiagnosis of the parameter access point.
+its own has the plain one: ChannelDiagnosis of the parameter access point.  Of a situation as many faults are told as
+the error memory keeps (Moog MSD manual 10.9: one).
 """
 
 from __future__ import annotations
@@ -10,9 +11,9 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.profiles.profidrive.fault_buffer import NUMBER_MASK
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.wire.diagnosis import Direction, Usi
+from pnfarm.table.axis import FAULT_SLOTS
 
 if TYPE_CHECKING:
     from pnfarm.drives.store import ParameterStore
@@ -53,19 +54,20 @@ def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
 class FaultDiagnosis:
     """What one drive's faults have put into its diagnosis."""
 
-    __slots__ = ("_diagnosis", "_entries", "_store")
+    __slots__ = ("_count", "_diagnosis", "_entries", "_store")
 
     def __init__(self, store: ParameterStore, diagnosis: DiagnosisStore) -> None:
         self._store = store
         self._diagnosis = diagnosis
         self._entries: dict[int, DiagnosisEntry] = {}
-        # the power was off: a cause that stayed is a fault again, before and after which the firmware sees the same
-        for code in store.handle.axis.fault_held:
-            if code:
-                self.raised(int(code) & NUMBER_MASK)
+        #: Faults of the active situation.
+        self._count = 0
 
     def raised(self, number: int) -> None:
         """The firmware raised a fault."""
+        self._count += 1
+        if self._count > (int(self._store.handle.axis.fault_places) or FAULT_SLOTS):
+            return
         entry = fault_entry(self._store, number)
         if entry is not None and number not in self._entries and self._diagnosis.add(entry):
             self._entries[number] = entry
@@ -75,3 +77,4 @@ class FaultDiagnosis:
         for entry in self._entries.values():
             self._diagnosis.remove(entry)
         self._entries.clear()
+        self._count = 0

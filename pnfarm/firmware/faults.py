@@ -2,7 +2,8 @@
 
 AKD PROFINET manual 5.14: a fault situation has up to eight faults; acknowledging moves it down by eight
 places in the fault buffer (PNU 947) and every new situation counts PNU 944 up.  A drive with other numbers of places
-(Moog MSD manual 10.9: one fault, twenty situations) says so in ``fault_places``.
+(Moog MSD manual 10.9: one fault, twenty situations) says so in ``fault_places``, and in ``fault_stays`` that its latest
+situation has the first places until another one begins.
 """
 
 from __future__ import annotations
@@ -51,6 +52,16 @@ def _changed(axis: Any) -> None:
 
 
 @compiled
+def _move_down(axis: Any) -> None:
+    """Every situation moves down by its places, the first ones are free."""
+    places = _places(axis)
+    for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, places - 1, -1):
+        axis.fault_buffer[i] = axis.fault_buffer[i - places]
+    for i in range(places):
+        axis.fault_buffer[i] = 0
+
+
+@compiled
 def raise_fault(axis: Any, code: int, now: int) -> None:
     """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once."""
     number = code & NUMBER_MASK
@@ -65,6 +76,8 @@ def raise_fault(axis: Any, code: int, now: int) -> None:
                 axis.fault_counter = (axis.fault_counter + 1) & 0xFFFF
                 axis.fault_ns = now
                 axis.reacted = 0
+                if axis.fault_stays and axis.fault_buffer[0] != 0:
+                    _move_down(axis)
             axis.fault_code[i] = code
             if i < _places(axis):
                 axis.fault_buffer[i] = number
@@ -93,12 +106,10 @@ def _release(axis: Any, number: int) -> None:
 
 @compiled
 def _into_history(axis: Any) -> None:
-    """The active situation becomes the newest acknowledged one: everything moves down by its places."""
-    places = _places(axis)
-    for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, places - 1, -1):
-        axis.fault_buffer[i] = axis.fault_buffer[i - places]
-    for i in range(places):
-        axis.fault_buffer[i] = 0
+    """The active situation becomes the newest acknowledged one."""
+    if not axis.fault_stays:
+        _move_down(axis)
+    axis.fault_ends = (int(axis.fault_ends) + 1) & 0xFFFF
     for i in range(FAULT_SLOTS):
         axis.fault_code[i] = 0
     axis.fault_ns = 0
@@ -108,9 +119,10 @@ def _into_history(axis: Any) -> None:
 @compiled
 def _clear_history(axis: Any) -> None:
     """Forget what was acknowledged; a situation that is still active stays, as the only one."""
-    for i in range(_places(axis), FAULT_SLOTS * FAULT_SITUATIONS):
+    active = axis.fault_code[0] != 0
+    for i in range(_places(axis) if active else 0, FAULT_SLOTS * FAULT_SITUATIONS):
         axis.fault_buffer[i] = 0
-    axis.fault_counter = 1 if axis.fault_code[0] != 0 else 0
+    axis.fault_counter = 1 if active else 0
     _changed(axis)
 
 

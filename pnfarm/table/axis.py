@@ -232,6 +232,13 @@ AXIS = Layout(
             "how long cyclic data may stay away before loss_fault; 0 = no time",
         ),
         Field("fault_places", "u1", "", "parameter", "faults that the buffer keeps of a situation, 0 = FAULT_SLOTS"),
+        Field(
+            "fault_stays",
+            "u1",
+            "",
+            "parameter",
+            "1 = the buffer begins with the newest situation, 0 = with the active one",
+        ),
         Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
         Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006; 0 = as acceleration"),
         Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
@@ -264,6 +271,7 @@ AXIS = Layout(
         ),
         Field("fault_counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
         Field("fault_changes", "u2", "", "firmware", "changes of the fault buffer since power-on"),
+        Field("fault_ends", "u2", "", "firmware", "situations that ended"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
         Field("boot_time_ns", "i8", "ns", "station", "from then to S1"),
         Field(

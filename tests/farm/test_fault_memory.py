@@ -55,7 +55,7 @@ def test_10_9_the_moogs_error_memory_is_kept_alike(memory):
     trip(line, "3-1")
     trip(line, "21-1")
     kept = history(line)
-    assert len([situation for situation in kept if situation]) == 2
+    assert kept[:3] == [[21 | 1 << 16], [3 | 1 << 16], []]
     assert history(start(memory, model="moog-msd", cycle="1ms")) == kept
 
 
@@ -67,3 +67,30 @@ def test_what_was_cleared_stays_cleared(memory):
     line.farm.stations[0].pump(line.world.now)
     line.run(0.1)
     assert not any(history(start(memory, model="hiwin-e1", cycle="1ms", telegram=3)))
+
+
+def test_10_9_the_moogs_latest_error_stays_the_latest_whether_it_was_acknowledged_or_not(memory):
+    line = start(memory, model="moog-msd", cycle="1ms", program="{kind: constant, speed_rpm: 60}")
+    line.farm.stations[0].raise_fault("21-1", hold=True)
+    line.run(0.5)
+    assert history(line)[:2] == [[21 | 1 << 16], []]
+    line = start(memory, model="moog-msd", cycle="1ms")
+    assert history(line)[:2] == [[21 | 1 << 16], []]
+    trip(line, "3-1")
+    assert history(line)[:3] == [[3 | 1 << 16], [21 | 1 << 16], []]
+    store = line.farm.stations[0].store
+    store.set("P-0952", 0)
+    line.run(0.01)
+    assert store.read(949, 0, 20) == [0] * 20
+
+
+def test_5_14_every_fault_of_a_situation_is_logged_counted_and_kept(memory):
+    line = start(memory, program="{kind: constant, speed_rpm: 60}")
+    (station,) = line.farm.stations
+    for fault in ("502", "702"):
+        station.raise_fault(fault, hold=True)
+        line.run(0.1)
+    assert [e.data["number"] for e in line.log.entries("axis-01") if e.event == "fault"] == [502, 702]
+    assert station.fault_counts == {502: 1, 702: 1}
+    # the farm ends without a word
+    assert history(start(memory))[1] == [502, 702]

@@ -11,6 +11,7 @@ from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+from pnfarm.table.axis import CMD_ACKNOWLEDGE
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
 from pnfarm.table.signals import G1_XIST1, G1_XIST2, NIST_A, NIST_B, NSOLL_A, NSOLL_B, STW2, ZSW1, ZSW2
 
@@ -173,7 +174,10 @@ def test_the_error_memory_keeps_twenty_faults_and_a_0_clears_it() -> None:
         line.run(0.02)
         line.enable()
     assert store.get("P-0944") == store.get("P-0952") == 22
-    assert store.read(949, 0, 20) == [0, *([11 | 1 << 16, 4 | 1 << 16] * 10)][:20]
+    # sub index 0 is the latest one, acknowledged or not
+    assert store.read(949, 0, 20) == [11 | 1 << 16, 4 | 1 << 16] * 10
+    assert store.read(947, 0, 20) == store.read(945, 0, 20) == [16, 4] * 10
+    assert (faults(line), store.get("P-0039")) == ([], 0)
     with pytest.raises(ParameterError, match="may only be reset"):
         store.set("P-0952", 5)
     store.set("P-0952", 0)
@@ -258,6 +262,35 @@ def test_a_fault_is_told_in_the_layout_of_p_1256_and_gone_when_it_is_acknowledge
     assert line.measures.alarms_received == 2
     assert [e.event for e in line.log.entries("axis-01")].count("alarm acknowledged") == 2
     assert line.farm.columns.ppm[ar.providers[0][0]].data_status == STATUS_GOOD
+
+
+def test_an_error_in_the_moment_of_the_acknowledgement_takes_the_place_of_the_one_before() -> None:
+    line = running(params="{P-1256: 1}")
+    (station,) = line.farm.stations
+    line.plc.columns.program[0].active = 0
+    station.raise_fault("11-1", hold=False)
+    line.run(0.05)
+    assert [entry.error_type for entry in station.records.diagnosis] == [0x900F]
+    station.handle.push_command(CMD_ACKNOWLEDGE)
+    station.raise_fault("21-1", hold=False)
+    line.run(0.05)
+    assert faults(line) == ["21-1"]
+    assert [entry.error_type for entry in station.records.diagnosis] == [0x900A]
+    told = [entry.event for entry in line.log.entries("axis-01") if entry.event.startswith("fault")]
+    assert told == ["fault", "fault acknowledged", "fault"]
+    station.handle.push_command(CMD_ACKNOWLEDGE)
+    line.run(0.05)
+    assert len(station.records.diagnosis) == 0
+
+
+def test_10_9_only_the_first_error_of_a_situation_is_told_as_diagnosis() -> None:
+    line = running(params="{P-1256: 2}")
+    (station,) = line.farm.stations
+    for fault in ("11-1", "21-1"):
+        station.raise_fault(fault, hold=False)
+        line.run(0.01)
+    assert [entry.ext_add_value for entry in station.records.diagnosis] == [11 | 1 << 16]
+    assert station.fault_counts == {11 | 1 << 16: 1, 21 | 1 << 16: 1}
 
 
 @pytest.mark.parametrize("mode", [0, 4, 65535])

@@ -1,8 +1,9 @@
 """The fault buffer as PROFIdrive shows it (AKD PROFINET manual 5.14; profile 4.1, 6.3.8).
 
 PNU 947 holds ``FAULT_SITUATIONS`` situations of ``FAULT_SLOTS`` faults: index = situation * 8 + fault.  Situation 0 is
-the one not acknowledged yet; acknowledging moves it down by eight.  PNU 944 counts situations; equal values before and
-after reading 947 say that nothing moved in between.
+the one not acknowledged yet; acknowledging moves it down by eight, or in a drive with ``fault_stays`` the next one does
+(Moog MSD manual 10.9).  PNU 944 counts situations; equal values before and after reading 947 say that nothing moved in
+between.
 """
 
 from __future__ import annotations
