@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.control_limits import apply_control_limits
 from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
 from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.table.axis import AXIS, TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
@@ -80,6 +81,8 @@ class AxisFields:
             setattr(axis, field, value)
         if model.factor_group is not None:
             apply_factor_group(model.factor_group, self._values, axis)
+        if model.control_limits is not None:
+            apply_control_limits(model.control_limits, self._values, axis)
         for parameter in model.axis_parameters:
             self._apply(parameter)
         self._apply_communication_loss()
@@ -103,6 +106,8 @@ class AxisFields:
             apply_factor_group(model.factor_group, self._values, self._handle.axis)
             self._apply_scaled("velocity")
             self._apply_scaled("acceleration")
+        if model.control_limits is not None and parameter.pnu in model.control_limits.parameters:
+            apply_control_limits(model.control_limits, self._values, self._handle.axis)
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
         if int(self._handle.axis.shows):

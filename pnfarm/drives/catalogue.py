@@ -247,6 +247,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "motion_tasks": _fact_json(described, "motion_tasks"),
         "position_units": _fact_json(described, "position_units"),
         "factor_group": _fact_json(described, "factor_group"),
+        "control_limits": _fact_json(described, "control_limits"),
         "parameter_texts": _fact_json(described, "parameter_texts"),
         "consequences": [{**asdict(entry), "subindexes": list(entry.subindexes)} for entry in described.consequences],
         "parameter_access": _fact_json(described, "parameter_access"),

@@ -7,10 +7,9 @@ are those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing num
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import isfinite
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.factor_group import float_bits, float_of
+from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.drives.telegram import signal_numbers
@@ -34,8 +33,8 @@ LIFE_WARNING = 0x0010
 ENCODER_HEADER = 0x5111
 ENCODER_TYPE = 0x80000000
 ENCODER_LINEAR = 0x00000001
-#: MPRO_FG_TorqueScaleFac.
-TORQUE_FACTOR = 295
+#: ``opmode``.
+VELOCITY_MODE = 1
 
 
 def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
@@ -88,10 +87,10 @@ def _fault_scaling(_store: ParameterStore, _parameter: Parameter) -> Sequence[in
 
 
 def _operation_mode(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without."""
+    """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without; it has none for torque: 0."""
     axis = store.handle.axis
-    if int(axis.opmode) == 2:
-        return [2]
+    if int(axis.opmode) != VELOCITY_MODE:
+        return [int(axis.opmode)]
     return [1 if int(axis.ramp_generator) == RAMP_GENERATED else 3]
 
 
@@ -246,7 +245,7 @@ def _position_difference(store: ParameterStore, _parameter: Parameter) -> Sequen
 def _speed_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     """What the speed controller sees, in speed units, as a float32 (table 10.13, P-0417)."""
     axis = store.handle.axis
-    return [float_bits(float(axis.ramp - axis.velocity) / float(axis.velocity_step))]
+    return [float_bits(float(axis.speed_reference - axis.velocity) / float(axis.velocity_step))]
 
 
 def _foldback_level(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
@@ -262,13 +261,6 @@ def _foldback_recovery(store: ParameterStore, parameter: Parameter) -> Sequence[
         return [0]
     times = float(axis.foldback_delay[0]) + float(axis.foldback_time[0])
     return [store.scaled(parameter, times * (float(axis.peak_current) / float(axis.continuous_current) - 1.0))]
-
-
-def _torque(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """The torque in units of P-0295 (table 15.1, P-1273)."""
-    factor = float_of(store.raw(TORQUE_FACTOR))
-    value = float(store.handle.axis.torque) / factor if factor else 0.0
-    return [round(value) if isfinite(value) else 0]
 
 
 def _timeout(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
@@ -337,7 +329,6 @@ COMPUTED: dict[str, _Function] = {
     "speed-difference": _speed_difference,
     "foldback-level": _foldback_level,
     "foldback-recovery": _foldback_recovery,
-    "torque": _torque,
     "signals": _signals,
     "setpoint-signals": _setpoint_signals,
     "actual-signals": _actual_signals,

@@ -1,7 +1,8 @@
 """User units of positions, speeds, accelerations and torques by factors that parameters hold (Moog MSD manual 13).
 
 One position unit is numerator / denominator revolutions, one speed unit the speed factor in rev/min, one acceleration
-unit the acceleration factor in rev/s2.  The three factors are floats, kept as the bits of a float32.
+unit the acceleration factor in rev/s2, one torque unit the torque factor in N m (assumed).  These factors are floats,
+kept as the bits of a float32.
 """
 
 from __future__ import annotations
@@ -53,3 +54,4 @@ def apply_factor_group(group: FactorGroup, values: StoredValues, axis: Any) -> N
     axis.position_step = values.raw(group.numerator) / values.raw(group.denominator)
     axis.velocity_step = axis.task_velocity_step = float_of(values.raw(group.speed))
     axis.acceleration_step = float_of(values.raw(group.acceleration)) * RPM_PER_SECOND
+    axis.torque_step = float_of(values.raw(group.torque))

@@ -11,6 +11,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.drives.consequences import read_consequences
+from pnfarm.drives.control_limits import check_control_limits
 from pnfarm.drives.data_files import integer, read_toml, required, rows
 from pnfarm.drives.factor_group import check_factor_group
 from pnfarm.drives.lamps import Lamps
@@ -20,6 +21,7 @@ from pnfarm.drives.model_parts import (
     REACTIONS,
     SEND_CLOCKS,
     CommunicationLoss,
+    ControlLimits,
     DescriptionFile,
     DiagnosisCoding,
     Fact,
@@ -260,6 +262,12 @@ def _factor_group(
     return None if facts is None else check_factor_group(_build(FactorGroup, facts, where), parameters, where)
 
 
+def _control_limits(
+    facts: Mapping[str, Fact] | None, parameters: Mapping[int, Parameter], where: str
+) -> ControlLimits | None:
+    return None if facts is None else check_control_limits(_build(ControlLimits, facts, where), parameters, where)
+
+
 def _parameter_texts(
     facts: Mapping[str, Fact], parameters: Mapping[int, Parameter], where: str
 ) -> dict[int, tuple[str, ...]]:
@@ -333,6 +341,7 @@ def load_model(folder: Path) -> Model:
     sections |= {
         key: _facts(data, key, path)
         for key in (
+            "control_limits",
             "description_file",
             "diagnosis",
             "diagnosis_coding",
@@ -389,6 +398,7 @@ def load_model(folder: Path) -> Model:
         following_error=error,
         motion_tasks=_motion_tasks(sections.get("motion_tasks"), parameters, f"{path}, motion_tasks"),
         position_units=_position_units(sections.get("position_units"), parameters, f"{path}, position_units"),
+        control_limits=_control_limits(sections.get("control_limits"), parameters, f"{path}, control_limits"),
         factor_group=_factor_group(sections.get("factor_group"), parameters, f"{path}, factor_group"),
         parameter_texts=_parameter_texts(sections.get("parameter_texts", {}), parameters, f"{path}, parameter_texts"),
         consequences=read_consequences(data.get("consequence", ()), parameters, str(path)),

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.model_parts import (
         CommunicationLoss,
+        ControlLimits,
         DescriptionFile,
         DiagnosisCoding,
         Fact,
@@ -83,6 +84,7 @@ class Model:
     motion_tasks: MotionTaskParameters | None
     position_units: PositionUnits | None
     factor_group: FactorGroup | None
+    control_limits: ControlLimits | None
     consequences: tuple[Consequence, ...]
     #: Texts of an array's elements.
     parameter_texts: Mapping[int, tuple[str, ...]]

@@ -5,7 +5,7 @@ Each value that can be doubted carries a :class:`Fact`: the manual's section, or
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
@@ -22,6 +22,7 @@ __all__ = [
     "SEND_CLOCKS",
     "SWITCH_CAUSES",
     "CommunicationLoss",
+    "ControlLimits",
     "DescriptionFile",
     "DiagnosisCoding",
     "Fact",
@@ -221,11 +222,32 @@ class FactorGroup:
     denominator: int
     speed: int
     acceleration: int
+    torque: int
 
     @property
     def parameters(self) -> frozenset[int]:
         """All of them."""
-        return frozenset({self.numerator, self.denominator, self.speed, self.acceleration})
+        return frozenset({self.numerator, self.denominator, self.speed, self.acceleration, self.torque})
+
+
+@dataclass(frozen=True, slots=True)
+class ControlLimits:
+    """The PNUs of limits in percent, and of the nominal values that they are percentages of."""
+
+    nominal_speed: int
+    speed: int
+    speed_positive: int
+    speed_negative: int
+    nominal_torque: int
+    torque: int
+    torque_positive: int
+    torque_negative: int
+    torque_scale: int
+
+    @property
+    def parameters(self) -> frozenset[int]:
+        """All of them."""
+        return frozenset(astuple(self))
 
 
 @dataclass(frozen=True, slots=True)

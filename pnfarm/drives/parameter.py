@@ -11,7 +11,16 @@ from enum import Enum, IntEnum
 
 from pnfarm.errors import PnfarmError
 
-__all__ = ["Behaviour", "Form", "Parameter", "ParameterError", "ParameterErrorNumber", "ParameterType", "refusal"]
+__all__ = [
+    "FLOAT_HIGHEST",
+    "Behaviour",
+    "Form",
+    "Parameter",
+    "ParameterError",
+    "ParameterErrorNumber",
+    "ParameterType",
+    "refusal",
+]
 
 
 class ParameterErrorNumber(IntEnum):
@@ -50,6 +59,9 @@ class ParameterErrorNumber(IntEnum):
         return self in _WITH_SUBINDEX
 
 
+#: Of a float32; all its bits are set in what is infinite or no number.
+FLOAT_EXPONENT = 0x7F800000
+FLOAT_HIGHEST = 0xFF7FFFFF
 _WORDS = {
     ParameterErrorNumber.IMPERMISSIBLE_PNU: "impermissible parameter number",
     ParameterErrorNumber.NOT_CHANGEABLE: "parameter value cannot be changed",
@@ -196,8 +208,16 @@ class Parameter:
 
     @property
     def highest(self) -> int:
-        """Largest number that the type holds."""
+        """Largest number that the type holds; of a float the greatest bits that are a number."""
+        if self.form is Form.FLOAT:
+            return FLOAT_HIGHEST
         return (1 << (8 * self.octets - (1 if self.signed else 0))) - 1
+
+    def allows(self, value: int) -> bool:
+        """Whether it takes ``value``: within its limits, and of a float a number that is not infinite."""
+        if self.form is Form.FLOAT and value & FLOAT_EXPONENT == FLOAT_EXPONENT:
+            return False
+        return self.minimum <= value <= self.maximum
 
     def wrap(self, value: int) -> int:
         """``value`` cut to the type's bits."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.data_files import integer, required, rows
 from pnfarm.drives.model_parts import COMMANDS
-from pnfarm.drives.parameter import Behaviour, Form, Parameter, ParameterType
+from pnfarm.drives.parameter import FLOAT_HIGHEST, Behaviour, Form, Parameter, ParameterType
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
@@ -144,6 +144,8 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         raise ConfigError(f"{where}, type: {row['type']} has no sign, and a String as many elements as characters")
     bits = 8 * kind.octets
     lowest, highest = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
+    if row["type"] == "Float":
+        highest = FLOAT_HIGHEST
     minimum = integer(row["min"], where, "min", lowest)
     maximum = integer(row["max"], where, "max", highest)
     elements = integer(row["elements"], where, "elements", 0)

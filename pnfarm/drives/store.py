@@ -136,7 +136,7 @@ class ParameterStore:
         else:
             self._check_elements(parameter, subindex, len(values))
         for offset, value in enumerate(values):
-            if not parameter.minimum <= value <= parameter.maximum:
+            if not parameter.allows(value):
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, subindex + offset)
         target = self.model.canonical(parameter)
         if target.behaviour is Behaviour.COMMAND:

@@ -209,7 +209,7 @@ class StoredValues:
         if len(values) > max(parameter.elements, 1):
             raise refusal(ParameterErrorNumber.NUMBER_OF_VALUES, parameter)
         for index, number in enumerate(values):
-            if not parameter.minimum <= number <= parameter.maximum:
+            if not parameter.allows(number):
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, index)
         if target.elements and target.behaviour in {Behaviour.STORED, Behaviour.FIELD}:
             self.permanent[target.pnu] = tuple(values) + target.defaults[len(values) :]

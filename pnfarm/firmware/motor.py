@@ -9,6 +9,9 @@ friction.  With J the inertia, w the shaft's speed and T the torque::
     |L di/dt + R i + Kt / 3 w| <= U / sqrt(6)        (one phase, effective values)
     J dw/dt = Kt i - B w - T_load - T_dry
 
+In torque control T_ref is the torque set point, from which a proportional controller takes what would drive the shaft
+beyond a speed limit.
+
 All of it is solved at once in implicit form (backward Euler), so that every step length is stable: a short one gives
 the response of the real loops, a long one the same end.  Dry friction is part of the solution: it takes away up to its
 own amount of what would move the shaft, and holds it exactly when that is enough.
@@ -16,16 +19,17 @@ own amount of what would move the shaft, and holds it exactly when that is enoug
 
 from __future__ import annotations
 
-from math import floor, pi, sqrt
+from math import floor, inf, pi, sqrt
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.foldback import folds, step_foldback, watch_foldback
 from pnfarm.firmware.machine import hold_at_stops
 from pnfarm.firmware.torque_limits import limited_torque
+from pnfarm.firmware.travel import fastest
 from pnfarm.table.compiled import compiled
 
-__all__ = ["brake_holds", "motor_step_ns", "step_motor", "watch_motor"]
+__all__ = ["brake_holds", "motor_step_ns", "step_motor", "torque_controlled", "watch_motor"]
 
 RPM_TO_RAD = 2.0 * pi / 60.0
 #: Longest step of controllers and motor where the axis asks for none, ns.
@@ -40,6 +44,8 @@ RESTING = 0.1
 PHASE_VOLTAGE = 1.0 / sqrt(6.0)
 #: Phases of a motor.
 PHASES = 3.0
+#: ``opmode``.
+TORQUE_MODE = 0
 
 
 @compiled
@@ -52,6 +58,12 @@ def motor_step_ns(axis: Any) -> int:
 def brake_holds(axis: Any) -> bool:
     """Whether there is a holding brake and it is not open."""
     return axis.holding_brake > 0.0 and not axis.brake_open
+
+
+@compiled
+def torque_controlled(axis: Any) -> bool:
+    """Whether the torque set point leads the axis: in operation alone, for what stops it are ramps of the speed."""
+    return axis.state == 4 and axis.opmode == TORQUE_MODE and not brake_holds(axis)
 
 
 @compiled
@@ -101,10 +113,26 @@ def _fed_forward(axis: Any, seconds: float) -> float:
 
 
 @compiled
-def _controlled(axis: Any, omega: float, reference: float, seconds: float) -> float:
+def _speed_limit(axis: Any, side: int) -> float:
+    """The limit of the speed forwards (``side`` 1) or backwards (-1), rad/s with its sign."""
+    return side * fastest(axis, inf, side > 0) * RPM_TO_RAD
+
+
+@compiled
+def _beyond(axis: Any, speed: float, torque: float, gain: float) -> int:
+    """Beyond which limit ``torque`` would drive a shaft that comes to ``speed``, rad/s: 1, -1, or 0 for none."""
+    if not axis.torque_speed_limited:
+        return 0
+    if gain * (_speed_limit(axis, 1) - speed) < torque:
+        return 1
+    return -1 if gain * (_speed_limit(axis, -1) - speed) > torque else 0
+
+
+@compiled
+def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
     """The shaft's speed after a step under control, rad/s; writes current, torque and the integral part.
 
-    ``reference``: the speed set point as the controller sees it, rad/s.
+    ``noise``: what the encoder adds to the speed as the controller sees it, rad/s.
     """
     constant = axis.torque_constant
     gain = axis.speed_gain if axis.speed_gain > 0.0 else axis.inertia / axis.velocity_time_constant
@@ -115,7 +143,18 @@ def _controlled(axis: Any, omega: float, reference: float, seconds: float) -> fl
     # how much of a change of the current set point comes through in this step
     share = seconds / (axis.current_time_constant + seconds)
     kept = (1.0 - share) * constant * axis.current
-    given = axis.speed_integral + _fed_forward(axis, seconds)
+    reference = axis.speed_reference * RPM_TO_RAD - noise
+    given = axis.speed_integral + _fed_forward(axis, seconds) + axis.additive_torque
+    led = torque_controlled(axis)
+    if led:
+        given = limited_torque(axis, axis.torque_setpoint + axis.additive_torque)
+        action = 0.0
+        free = _speed(axis, omega, kept + share * given, 0.0, seconds)
+        side = _beyond(axis, free + noise, given, gain)
+        if side != 0:
+            reference = _speed_limit(axis, side) - noise
+            action = gain
+            given = 0.0
     drive = kept + share * (action * reference + given)
     slope = share * action
     following = _speed(axis, omega, drive, slope, seconds)
@@ -141,9 +180,12 @@ def _controlled(axis: Any, omega: float, reference: float, seconds: float) -> fl
             following = _speed(axis, omega, drive, slope, seconds)
             torque = drive - slope * following
     error = reference - following
-    resting = omega == 0.0 and following == 0.0 and abs(axis.ramp) <= RESTING * axis.standstill
+    resting = omega == 0.0 and following == 0.0 and abs(axis.speed_reference) <= RESTING * axis.standstill
+    if led:
+        # speed control goes on from the torque at hand
+        axis.speed_integral = torque - axis.additive_torque
     # at a limit the integral part stays as it is, unless it would lead away from there
-    if not resting and (not limited or error * wanted < 0.0):
+    elif not resting and (not limited or error * wanted < 0.0):
         axis.speed_integral += gain * seconds / integral_time * error
     axis.torque = torque
     axis.current = torque / constant
@@ -187,7 +229,8 @@ def _step_bus(axis: Any, omega: float, seconds: float) -> None:
 def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     """Advance current, torque, speed, position, DC link, heat and brake by ``seconds``.
 
-    ``powered_stage``: the power stage is on; ``axis.ramp`` is the speed set point, rpm.
+    ``powered_stage``: the power stage is on; ``axis.speed_reference`` is the speed set point, rpm, in torque control
+    ``axis.torque_setpoint`` that of the torque.
     """
     velocity = axis.velocity
     omega = velocity * RPM_TO_RAD
@@ -197,7 +240,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
         _step_brake(axis, powered_stage and not resting, seconds)
     step_foldback(axis, seconds)
     if powered_stage:
-        speed = _controlled(axis, omega, axis.ramp * RPM_TO_RAD - _encoder_noise(axis), seconds)
+        speed = _controlled(axis, omega, _encoder_noise(axis), seconds)
     else:
         speed = _coast(axis, omega, seconds)
     following = speed / RPM_TO_RAD
@@ -210,11 +253,13 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     if axis.thermal_time > 0.0 and axis.continuous_current > 0.0:
         part = axis.current / axis.continuous_current
         axis.thermal_load += (part * part - axis.thermal_load) * seconds / (axis.thermal_time + seconds)
-    if not powered_stage:
+    if not powered_stage or torque_controlled(axis):
         axis.commanded_position = axis.position
         axis.profile_velocity = following
+        # what controls the speed next begins here
+        axis.ramp = axis.velocity
     elif axis.motion == 0:
-        axis.commanded_position += axis.ramp * seconds / 60.0
+        axis.commanded_position += axis.speed_reference * seconds / 60.0
         axis.profile_velocity = axis.ramp
     axis.following_error = axis.commanded_position - axis.measured_position
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.hindrances import at_once, quick_stop_ramp
 from pnfarm.firmware.interpolation import servo_command
-from pnfarm.firmware.motor import brake_holds
+from pnfarm.firmware.motor import brake_holds, torque_controlled
 from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.firmware.service_motion import service_setpoint
 from pnfarm.firmware.travel import fastest
@@ -104,8 +104,8 @@ def _servo(axis: Any, seconds: float) -> None:
 
 
 @compiled
-def velocity_command(axis: Any, seconds: float) -> None:
-    """Advance ``axis.ramp`` by one step of ``seconds``; ``axis.setpoint`` is what the controller asks for."""
+def _advance_ramp(axis: Any, seconds: float) -> None:
+    """One step of ``axis.ramp``; ``axis.setpoint`` is what the controller asks for."""
     stw1 = axis.stw1
     if axis.state == 5:
         axis.jogging = 0
@@ -122,8 +122,8 @@ def velocity_command(axis: Any, seconds: float) -> None:
             down = quick_stop_ramp(axis, down)
         axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
         return
-    if axis.state != 4:
-        # the axis coasts or stands: a later start takes up from the speed that it has
+    if axis.state != 4 or torque_controlled(axis):
+        # the axis coasts, stands or is led by its torque: a later start takes up from the speed that it has
         axis.ramp = axis.velocity
         axis.jogging = 0
         return
@@ -162,3 +162,13 @@ def velocity_command(axis: Any, seconds: float) -> None:
         axis.ramp = target
         return
     axis.ramp = approach(axis.ramp, target, axis.ramp_up, axis.ramp_down, seconds)
+
+
+@compiled
+def velocity_command(axis: Any, seconds: float) -> None:
+    """Advance ``axis.ramp`` by one step of ``seconds``, and say what speed control shall make of it."""
+    _advance_ramp(axis, seconds)
+    axis.speed_reference = axis.ramp
+    # a stop leads to standstill, and a brake that holds is not driven against
+    if axis.additive_speed != 0.0 and axis.state == 4 and not brake_holds(axis):
+        axis.speed_reference = limited(axis, axis.ramp + axis.additive_speed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.hindrances import enabled_by_hardware
+from pnfarm.firmware.motor import torque_controlled
 from pnfarm.firmware.torque_limits import gives_all
 from pnfarm.table.axis import RAMP_GENERATED
 from pnfarm.table.compiled import compiled
@@ -72,7 +73,7 @@ def moog_word(axis: Any, word: int) -> int:
         moog |= CONTROL
     if axis.opmode == 2:
         moog |= word & POSITION_BITS
-    elif _speed_reached(axis):
+    elif axis.opmode == 1 and _speed_reached(axis):
         moog |= REACHED
     if stationary:
         moog |= STATIONARY
@@ -85,7 +86,7 @@ def moog_word(axis: Any, word: int) -> int:
 def take_generator(axis: Any) -> None:
     """Once in each step, behind the motor: what the profile generator did."""
     speed = axis.profile_velocity if axis.opmode == 2 else axis.ramp
-    working = axis.state >= 4 and axis.ramp_generator == RAMP_GENERATED
+    working = axis.state >= 4 and axis.ramp_generator == RAMP_GENERATED and not torque_controlled(axis)
     before = abs(axis.generator_speed)
     axis.generator_speed = speed
     change = abs(speed) - before

@@ -20,7 +20,7 @@ from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
 from pnfarm.firmware.status_forms import moog_word, take_generator
 from pnfarm.firmware.tasks import take_task
-from pnfarm.firmware.telegram import from_setpoints, to_actuals
+from pnfarm.firmware.telegram import from_setpoints, no_setpoints, to_actuals
 from pnfarm.firmware.torque_limits import take_torque_limits
 from pnfarm.table.axis import DISABLE_AT_ONCE, FAULT_SLOTS, REACTION_QUICK_STOP, STATUS_MOOG
 from pnfarm.table.compiled import compiled
@@ -61,7 +61,7 @@ def _status_word(axis: Any) -> int:
     if axis.opmode == 2:
         word |= position_bits(axis)
     elif axis.opmode == 1:
-        if abs(axis.ramp - axis.velocity) <= axis.velocity_window:
+        if abs(axis.speed_reference - axis.velocity) <= axis.velocity_window:
             word |= 0x0100  # velocity error within range
         if abs(axis.setpoint - axis.velocity) <= axis.velocity_window:
             word |= 0x0400  # target velocity reached
@@ -99,9 +99,7 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
     if valid and axis.reference_source == axis.bus_source:
         from_setpoints(axis, image)
     else:
-        axis.setpoint = 0.0
-        axis.ramp_up = axis.acceleration
-        axis.ramp_down = axis.deceleration
+        no_setpoints(axis)
     if valid and axis.fault_code[0] != 0 and not axis.reacted and (word & 0x0009) != 0x0009:
         axis.reacted = 1
 

@@ -21,6 +21,7 @@ from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_CURRENT,
     ACT_SPEED,
+    ACT_TORQUE,
     AKTSATZ,
     DRIVE_INPUTS,
     DRIVE_MOTION_STATUS,
@@ -41,6 +42,7 @@ from pnfarm.table.signals import (
     REF_SPEED,
     SENT_BACK,
     SHOWN,
+    TORQUE_SETPOINT,
     WARN_CODE,
     XIST_A,
     XIST_ERROR,
@@ -56,6 +58,7 @@ __all__ = [
     "long_step",
     "message_word",
     "nearest",
+    "no_setpoints",
     "signed16",
     "signed32",
     "to_actuals",
@@ -65,6 +68,8 @@ __all__ = [
 N2_FULL = 16384.0
 #: Increments of NSOLL_B and NIST_B to one of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
 B_STEPS = 65536.0
+#: ``setpoint_ignored``: the set point of the torque is a parameter's.
+TORQUE_COMMAND_COUNTS = 1
 #: An array, because indexing a tuple in compiled code copies it.
 _SENT_BACK = np.array(SENT_BACK, np.int64)
 
@@ -144,8 +149,23 @@ def long_step(row: Any) -> float:
 
 
 @compiled
+def _torque_step(axis: Any) -> float:
+    """N m of one increment of torque signals: its own, or that of currents (AKD PROFINET manual 5.12.4)."""
+    return axis.torque_step if axis.torque_step > 0.0 else axis.torque_constant * axis.peak_current / N2_FULL
+
+
+@compiled
+def no_setpoints(axis: Any) -> None:
+    """Nobody asks for anything: speed and torque are zero, the ramps the drive's own."""
+    axis.setpoint = 0.0
+    axis.torque_setpoint = 0.0
+    axis.ramp_up = axis.acceleration
+    axis.ramp_down = axis.deceleration
+
+
+@compiled
 def from_setpoints(axis: Any, image: Any) -> None:
-    """The velocity set point out of the signal that brings it; ramps out of DRV_ACC and DRV_DEC.
+    """Velocity and torque out of the signals that bring them; ramps out of DRV_ACC and DRV_DEC.
 
     NSOLL_A: AKD PROFINET manual 6.5; NSOLL_B: HIWIN E1 manual 6.1, Moog MSD manual 10.7; in two words and the drive's
     own units: Moog MSD manual 14.2; ramps: AKD PROFINET manual 6.1.  A telegram without those two, or one
@@ -158,8 +178,10 @@ def from_setpoints(axis: Any, image: Any) -> None:
     else:
         axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
     axis.setpoint *= axis.speed_override
+    axis.torque_setpoint = signed16(image.received[TORQUE_SETPOINT]) * _torque_step(axis)
     if axis.setpoint_ignored:
         axis.setpoint = 0.0
+        axis.torque_setpoint = axis.torque_command if axis.setpoint_ignored == TORQUE_COMMAND_COUNTS else 0.0
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
     axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration
@@ -192,6 +214,8 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
     image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
     image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
+    if axis.torque_step > 0.0:
+        image.sent[ACT_TORQUE] = clamp16(axis.torque / axis.torque_step)
     image.sent[XIST_A] = signed32(nearest((axis.measured_position - axis.origin) / axis.position_step))
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status

@@ -576,7 +576,13 @@ AXIS = Layout(
         Field("velocity_limit_positive", "f8", "rpm", "parameter", "most speed forwards, inf = no limit", default=inf),
         Field("velocity_limit_negative", "f8", "rpm", "parameter", "most speed backwards, alike", default=inf),
         Field("disable_method", "u1", "", "parameter", "how the power stage goes off by software: DISABLE_* above"),
-        Field("setpoint_ignored", "u1", "", "parameter", "1 = velocity set points of the telegram are not followed"),
+        Field(
+            "setpoint_ignored",
+            "u1",
+            "",
+            "parameter",
+            "1 = set points of the telegram are not followed, but torque_command is; 2 = neither",
+        ),
         Field("feedrate_signal", "u1", "", "parameter", "1 = MT_FEEDRATE is brought, in percent"),
         Field("target_velocity_window", "f8", "rpm", "parameter", "how near a task's velocity counts as reached"),
         Field("sto_fault", "u4", "", "parameter", "fault whose cause is that the torque is safely off, 0 = none"),
@@ -601,5 +607,13 @@ AXIS = Layout(
         Field("cycle_ns", "i8", "ns", "station", "cycle of the connection that brings set points, 0 = not known"),
         Field("cyclic_pause", "f8", "s", "firmware", "time between the last two positions of each cycle, 0 = none yet"),
         Field("telegram_frames", "u4", "", "firmware", "set point frames taken when cyclic data was there last"),
+        # torque control, and what is added to the set points of speed and torque
+        Field("torque_step", "f8", "N m", "parameter", "one increment of torque signals, 0 = a 16384th of the peak"),
+        Field("torque_command", "f8", "N m", "parameter", "torque set point of a parameter (IL.CMDU)"),
+        Field("torque_speed_limited", "u1", "", "parameter", "1 = the speed limits hold in torque control"),
+        Field("additive_torque", "f8", "N m", "parameter", "added to the torque that the controllers ask for"),
+        Field("additive_speed", "f8", "rpm", "parameter", "added to the speed set point in operation"),
+        Field("torque_setpoint", "f8", "N m", "firmware", "torque that the controller asks for"),
+        Field("speed_reference", "f8", "rpm", "firmware", "ramp, and what is added to it: the set point of the speed"),
     ],
 )

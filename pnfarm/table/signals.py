@@ -48,7 +48,8 @@ MDI_DEC = 7
 MDI_MOD = 8
 HOME_DIST = 9
 MT_FEEDRATE = 10
-IL_CMD_FIELDBUS = 11
+#: A set point of the current or the torque; which of them, and its unit, the drive says.
+TORQUE_SETPOINT = 11
 HOME_MODE = 12
 DRV_ACC = 13
 DRV_DEC = 14
@@ -98,6 +99,8 @@ E_DIGITAL = 19
 A_DIGITAL = 20
 #: The torque-building current, A, as the bits of a float32.
 ACT_CURRENT = 21
+#: The torque in the unit of the drive's torque signals.
+ACT_TORQUE = 22
 #: Set points that are sent back as they came, from here on: one slot for each of :data:`SENT_BACK`.
 FIRST_SENT_BACK = 40
 #: Stored parameters that a mapping shows, from here on.
@@ -117,7 +120,8 @@ SETPOINT_SLOTS: dict[str, int] = {
     "MDI_MOD": MDI_MOD,
     "HOME_DIST": HOME_DIST,
     "MT_FEEDRATE": MT_FEEDRATE,
-    "IL_CMD_FIELDBUS": IL_CMD_FIELDBUS,
+    "IL_CMD_FIELDBUS": TORQUE_SETPOINT,
+    "REF_TORQUE": TORQUE_SETPOINT,
     "HOME_MODE": HOME_MODE,
     "DRV_ACC": DRV_ACC,
     "DRV_DEC": DRV_DEC,
@@ -140,7 +144,7 @@ SETPOINT_SLOTS: dict[str, int] = {
 #: Set points that a drive can send back, in the order of their slots.
 SENT_BACK = (
     STW1, STW2, REF_SPEED, XSOLL_A, SATZANW, TARPOS_A, VELOCITY_A, DRV_ACC, DRV_DEC, TORQUE_LIMIT_POSITIVE,
-    TORQUE_LIMIT_NEGATIVE, XERR, KPC, NSOLL_B, G1_STW,
+    TORQUE_LIMIT_NEGATIVE, XERR, KPC, NSOLL_B, G1_STW, TORQUE_SETPOINT,
 )  # fmt: skip
 ACTUAL_SLOTS: dict[str, int] = {
     "ZSW1": ZSW1,
@@ -165,6 +169,7 @@ ACTUAL_SLOTS: dict[str, int] = {
     "E_DIGITAL": E_DIGITAL,
     "A_DIGITAL": A_DIGITAL,
     "ACT_CURRENT": ACT_CURRENT,
+    "ACT_TORQUE": ACT_TORQUE,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,
     **{

@@ -75,7 +75,7 @@ def test_every_set_point_of_table_14_5_can_be_sent_back(msd: Drive) -> None:
     telegram = msd.model.telegrams[121]
     msd.store.plug_telegram(telegram.number)
     signals = [signal for signal in msd.model.signals.values() if signal.readable]
-    assert len(signals) == 15
+    assert len(signals) == 16, "P-1272 of table 15.1 beside them"
     for signal in signals:
         msd.store.write(916, 0, [signal.number] * (signal.bits // 16))
         msd.image.received[signal.slot] = 0x12345678

@@ -85,7 +85,9 @@ def test_what_chapter_15_says_of_the_drive_itself_is_read_from_the_drive() -> No
     assert [n for n in numbers if MSD.parameters[n].behaviour not in live] == []
 
 
-@pytest.mark.parametrize(("mode", "ramp", "shown"), [(3, 0, 2), (3, 1, 2), (2, 0, 1), (2, 1, 3), (0, 0, 1)], ids=str)
+@pytest.mark.parametrize(
+    ("mode", "ramp", "shown"), [(3, 0, 2), (3, 1, 2), (2, 0, 1), (2, 1, 3), (0, 0, 1), (1, 0, 0)], ids=str
+)
 def test_p_0930_follows_the_control_mode(msd: Drive, mode: int, ramp: int, shown: int) -> None:
     """15, P-0930, in the profile's numbers; 10.1, table 10.1."""
     msd.store.set("P-0300", mode)

@@ -7,6 +7,7 @@ import struct
 import pytest
 from msd_hand import MsdHand
 
+from pnfarm.drives.factor_group import float_bits
 from pnfarm.table.channel import STATUS_RUN
 
 TASKS = 0x043F
@@ -254,3 +255,17 @@ def test_16_after_power_on_every_output_is_zero() -> None:
     line.run(0.25)
     axis = line.axis
     assert (int(axis.stw1), float(axis.setpoint), float(axis.velocity)) == (0, 0.0, 0.0)
+
+
+def test_table_15_1_torque_is_mapped_both_ways_and_leads_the_drive() -> None:
+    """P-0300 = 1 (table 10.1), P-1272 and P-1273 in thousandths of a newton metre."""
+    line = MsdHand(telegram=111)
+    line.map([967, 1272], [968, 1273, 1271, 1271])
+    line.store.set("P-0300", 1)
+    line.store.set("P-0295", float_bits(0.001))
+    line.enable()
+    line.send(0.03, REF_TORQUE=300)
+    assert line.see("ACT_TORQUE") == pytest.approx(300, abs=1)
+    assert line.see("ACT_SPEED") > 200
+    line.send(0.03, REF_TORQUE=-300 & 0xFFFF)
+    assert line.see("ACT_TORQUE") - 0x10000 == pytest.approx(-300, abs=1)

@@ -6,6 +6,7 @@ import pytest
 from msd_bench import RUN, TASKS, MsdBench
 
 from pnfarm.drives.factor_group import float_bits, float_of
+from pnfarm.drives.parameter import ParameterError
 
 PEAK = 4.5  # N m: 9 A at 0.5 N m/A
 
@@ -92,8 +93,8 @@ def test_p_1273_is_the_torque_in_units_of_p_0295() -> None:
     bench = running(P_0295=float_bits(0.001))
     bench.send(5, NSOLL_A=2900)
     assert bench.store.get("P-1273") == pytest.approx(PEAK * 1000, rel=0.01)
-    bench.store.set("P-0295", float_bits(0.0))
-    assert bench.store.get("P-1273") == 0
+    with pytest.raises(ParameterError, match="0x02"):
+        bench.store.set("P-0295", float_bits(0.0))
 
 
 def test_bits_4_to_6_of_the_ramp_generator() -> None:

@@ -1,0 +1,52 @@
+"""Limits of speed and torque in percent of the motor's nominal values (Moog MSD manual, tables 10.12 and 10.13).
+
+How they act together is assumed: in each direction the lower of the common and the direction's own limit counts, the
+torque's times a scale.  A nominal value of zero is what motor and drive give at most.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.factor_group import float_of
+from pnfarm.drives.parameter import Behaviour, Form
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.drives.model_parts import ControlLimits
+    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.stored_values import StoredValues
+
+__all__ = ["apply_control_limits", "check_control_limits"]
+
+PERCENT = 0.01
+#: Bits of the greatest float32 that is a number.
+FINITE = 0x7F7FFFFF
+
+
+def check_control_limits(limits: ControlLimits, parameters: Mapping[int, Parameter], where: str) -> ControlLimits:
+    """Stored numbers, zero or more; raises :class:`ConfigError`."""
+    for pnu in sorted(limits.parameters):
+        parameter = parameters.get(pnu)
+        stored = parameter is not None and parameter.behaviour is Behaviour.STORED and parameter.form is Form.FLOAT
+        if parameter is None or not stored or parameter.maximum > FINITE:
+            raise ConfigError(f"{where}: {pnu} is no Float that is stored, finite and not below zero")
+    return limits
+
+
+def apply_control_limits(limits: ControlLimits, values: StoredValues, axis: Any) -> None:
+    """Write the limits of each direction into the axis record, rpm and N m."""
+
+    def number(pnu: int) -> float:
+        return float_of(values.raw(pnu))
+
+    speed = number(limits.nominal_speed) or float(axis.max_velocity)
+    torque = number(limits.nominal_torque) or float(axis.rated_torque)
+    torque = torque or float(axis.torque_constant * axis.peak_current)
+    torque *= PERCENT * number(limits.torque_scale)
+    axis.velocity_limit_positive = speed * PERCENT * min(number(limits.speed), number(limits.speed_positive))
+    axis.velocity_limit_negative = speed * PERCENT * min(number(limits.speed), number(limits.speed_negative))
+    axis.torque_limit_positive = torque * PERCENT * min(number(limits.torque), number(limits.torque_positive))
+    axis.torque_limit_negative = torque * PERCENT * min(number(limits.torque), number(limits.torque_negative))
