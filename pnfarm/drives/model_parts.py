@@ -120,6 +120,7 @@ class ParameterAccess:
     * ``descriptions``: parameters describe themselves (attribute 0x20).
     * ``unknown_service_id``: response id for a request id that is not known, 0 for that id with bit 7 set.
     * ``saves_at_once``: what is written is permanent at once.
+    * ``disabled_only``: PNUs that are written only while the power stage is off.
     * ``station_name``: the PNU of the station's name, 0 without such a parameter.
     * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
     """
@@ -136,6 +137,7 @@ class ParameterAccess:
     unknown_service_id: int = 0
     saves_at_once: bool = False
     mapping_elements: tuple[int, ...] = ()
+    disabled_only: tuple[int, ...] = ()
     station_name: int = 0
 
 

@@ -139,6 +139,8 @@ class ParameterStore:
             if not parameter.allows(value):
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, subindex + offset)
         target = self.model.canonical(parameter)
+        if target.pnu in self.model.access.disabled_only and self.handle.in_operation:
+            raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter, subindex)
         if target.behaviour is Behaviour.COMMAND:
             self._execute(target, values[0])
             return

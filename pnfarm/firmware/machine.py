@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.direction import shaft_sign
 from pnfarm.table.axis import (
     CAMS,
     INPUT_HOME_SWITCH,
@@ -26,16 +27,17 @@ __all__ = ["hold_at_stops", "take_switches"]
 @compiled
 def take_switches(axis: Any) -> None:
     """What the place of the axis and faults press, and which of the inputs is the home switch."""
+    place = shaft_sign(axis) * axis.position
     limits = int(axis.fault_limits)
-    if axis.machine & MACHINE_SWITCH_LOW and axis.position <= axis.switch_low:
+    if axis.machine & MACHINE_SWITCH_LOW and place <= axis.switch_low:
         limits |= 0x1
-    if axis.machine & MACHINE_SWITCH_HIGH and axis.position >= axis.switch_high:
+    if axis.machine & MACHINE_SWITCH_HIGH and place >= axis.switch_high:
         limits |= 0x2
     axis.limit_switch = limits
     inputs = int(axis.fault_inputs)
     if axis.machine & MACHINE_CAMS:
         for i in range(CAMS):
-            if axis.cam_low[i] <= axis.position <= axis.cam_high[i]:
+            if axis.cam_low[i] <= place <= axis.cam_high[i]:
                 inputs |= int(axis.cam_inputs[i])
     axis.digital_inputs = inputs
     axis.home_switch = 0
@@ -48,9 +50,13 @@ def take_switches(axis: Any) -> None:
 @compiled
 def hold_at_stops(axis: Any) -> None:
     """No further than an end stop: what hits it stands."""
-    if axis.machine & MACHINE_STOP_LOW and axis.position < axis.stop_low:
-        axis.position = axis.stop_low
-        axis.velocity = max(axis.velocity, 0.0)
-    if axis.machine & MACHINE_STOP_HIGH and axis.position > axis.stop_high:
-        axis.position = axis.stop_high
-        axis.velocity = min(axis.velocity, 0.0)
+    if not axis.machine & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):
+        return
+    sign = shaft_sign(axis)
+    place, speed = sign * axis.position, sign * axis.velocity
+    if axis.machine & MACHINE_STOP_LOW and place < axis.stop_low:
+        axis.position = sign * axis.stop_low
+        axis.velocity = sign * max(speed, 0.0)
+    if axis.machine & MACHINE_STOP_HIGH and place > axis.stop_high:
+        axis.position = sign * axis.stop_high
+        axis.velocity = sign * min(speed, 0.0)

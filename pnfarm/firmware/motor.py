@@ -22,6 +22,7 @@ from __future__ import annotations
 from math import floor, inf, pi, sqrt
 from typing import Any
 
+from pnfarm.firmware.direction import shaft_sign
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.foldback import folds, step_foldback, watch_foldback
 from pnfarm.firmware.machine import hold_at_stops
@@ -87,7 +88,7 @@ def _speed(axis: Any, omega: float, drive: float, slope: float, seconds: float) 
     dry = axis.friction + axis.added_friction
     if brake_holds(axis):
         dry += axis.holding_brake
-    moving = inertia * omega + drive - axis.load_torque - axis.added_torque
+    moving = inertia * omega + drive - shaft_sign(axis) * (axis.load_torque + axis.added_torque)
     if abs(moving) <= dry:
         return 0.0
     return (moving - dry if moving > 0.0 else moving + dry) / (inertia + slope + axis.damping)

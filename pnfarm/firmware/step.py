@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.direction import take_direction
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.hindrances import take_hindrances, with_hindrances
 from pnfarm.firmware.interpolation import take_cyclic
@@ -133,6 +134,7 @@ def step(axis: Any, image: Any, now: int) -> None:
     take_commands(axis, now)
     _control_word(axis, image, now)
     check_life(axis, now)
+    take_direction(axis)
     take_switches(axis)
 
     faulty = axis.fault_code[0] != 0

@@ -567,6 +567,9 @@ AXIS = Layout(
         Field("undervoltage_limit", "f8", "V", "parameter", "DC link voltage below which it is a fault, 0 = none"),
         Field("undervoltage_mode", "u1", "", "parameter", "1 = only while the power stage is on (VBUS.UVMODE)"),
         Field("undervoltage_fault", "u4", "", "parameter", "that fault, number | reaction << 24, 0 = none"),
+        # sense of direction
+        Field("direction", "u1", "", "parameter", "1 = the drive counts the other way than the shaft (DRV.DIR)"),
+        Field("turned", "u1", "", "firmware", "1 = it does"),
         # warnings of its own
         Field("thermal_warning", "f8", "", "station", "thermal_load above which the I2t warning shows, 0 = none"),
         Field("own_warning", "u4", "", "firmware", "warning that the drive itself has to tell of, 0 = none"),

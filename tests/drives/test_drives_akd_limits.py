@@ -1,10 +1,11 @@
-"""The AKD of manual edition M: foldback and DC link by parameters, live values, status word and telegram (5.6, 5.8)."""
+"""The AKD of manual edition M: foldback, DC link and direction by parameters, status word and telegram (5.6, 5.8)."""
 
 from __future__ import annotations
 
 import pytest
 from drives_kit import Running
 
+from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.table.signals import ITIST_GLATT
 
 NAME = "akd-profinet"
@@ -117,3 +118,26 @@ def test_5_6_vbus_uvmode_says_when_an_undervoltage_is_a_fault(running: Running) 
     assert not running.send(0x0470, milliseconds=50) & FAULT
     store.set("VBUS.UVFTHRESH", 600)
     assert running.send(0x0470) & FAULT, "mode 0: at any time"
+
+
+def test_5_6_drv_dir_turns_the_axis_round_while_it_is_disabled(running: Running) -> None:
+    store = running.drive.store
+    running.axis.load_torque = 0.5
+    enable(running, 0x00A3)
+    running.send(0x047F, 0x00A3, 1000)
+    place, current = store.get("PL.FB"), store.get("IL.FB")
+    assert min(place, current) > 0
+    with pytest.raises(ParameterError) as caught:
+        store.set("DRV.DIR", 1)
+    assert caught.value.number == ParameterErrorNumber.OPERATING_STATE
+    running.axis.load_torque = 0.0
+    running.send(0x0476, 0, 500)
+    place = store.get("PL.FB")
+    store.set("DRV.DIR", 1)
+    running.send(0x0476)
+    assert store.get("PL.FB") == pytest.approx(-place, abs=1)
+    running.axis.load_torque = 0.5
+    enable(running, 0x00A3)
+    running.send(0x047F, 0x00A3, 1000)
+    assert running.axis.velocity == pytest.approx(59.7, abs=0.5), "the set point keeps its sign"
+    assert store.get("IL.FB") == pytest.approx(current - 2 * 1000, abs=20), "the load helps now"

@@ -434,6 +434,7 @@ def folder(tmp_path: Path) -> Path:
             '[communication_loss]\non_stop = { value = true, source = "x" }',
             r"communication_loss\.on_stop",
         ),
+        ("model.toml", "disabled_only = { value = [2117", "disabled_only = { value = [17", r"disabled_only: .* 17"),
         ("model.toml", "vendor_id = {", "vendor = {", r"identity"),
         (
             "model.toml",

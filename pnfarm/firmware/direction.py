@@ -1,0 +1,33 @@
+"""Which way a drive counts, against its shaft (AKD parameter reference, DRV.DIR).
+
+Positions, speeds and torques of the axis record are the drive's; the places of the machine and what its load puts on
+the shaft are the shaft's.  Turning the direction round changes the sign of the position, and the home position is lost.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import compiled
+
+__all__ = ["shaft_sign", "take_direction"]
+
+
+@compiled
+def shaft_sign(axis: Any) -> float:
+    """1, or -1 for a drive that counts the other way than its shaft."""
+    return -1.0 if axis.turned else 1.0
+
+
+@compiled
+def take_direction(axis: Any) -> None:
+    """Take the direction over that a parameter asks for, with the power stage off only."""
+    if axis.turned == axis.direction or axis.state >= 4:
+        return
+    axis.turned = axis.direction
+    axis.position = -axis.position
+    axis.measured_position = -axis.measured_position
+    axis.encoder_low = -axis.encoder_low
+    axis.velocity = -axis.velocity
+    axis.homed = 0
+    axis.target_reached = 0
