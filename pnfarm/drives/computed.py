@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
-from pnfarm.drives.telegram import signal_numbers
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS, LIFE_GOOD, RAMP_GENERATED
 from pnfarm.table.signals import DRIVE_INPUTS
 
@@ -43,11 +42,11 @@ def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
 
 
 def _setpoint_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(signal_numbers(store.mapping(setpoint=True)[store.parameter_words :]), parameter)
+    return _fill(store.mapped_numbers(setpoint=True), parameter)
 
 
 def _actual_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(signal_numbers(store.mapping(setpoint=False)[store.parameter_words :]), parameter)
+    return _fill(store.mapped_numbers(setpoint=False), parameter)
 
 
 def _telegram(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
@@ -138,16 +137,18 @@ def _parameter_list(store: ParameterStore, parameter: Parameter) -> Sequence[int
 
 def _signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     """The numbers of all signals that a free mapping may name (Moog MSD manual, table 14.5, P-0923)."""
-    return _fill(sorted(store.model.signals), parameter)
+    return _fill(sorted(n for n, signal in store.model.signals.items() if not signal.shown_as), parameter)
 
 
 def _setpoint_signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(sorted(n for n, signal in store.model.signals.items() if signal.setpoint), parameter)
+    signals = store.model.signals.items()
+    return _fill(sorted(n for n, signal in signals if signal.setpoint and not signal.shown_as), parameter)
 
 
 def _actual_signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    shown = (n for n, signal in store.model.signals.items() if not signal.setpoint or signal.readable)
-    return _fill(sorted(shown), parameter)
+    signals = store.model.signals.items()
+    sent = (n for n, signal in signals if (not signal.setpoint or signal.readable) and not signal.shown_as)
+    return _fill(sorted(sent), parameter)
 
 
 def _changed_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:

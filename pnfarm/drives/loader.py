@@ -245,6 +245,10 @@ def _access(
             raise ConfigError(
                 f"{path.parent / 'telegrams.toml'}, signal {signal.number}: no stored parameter of its length"
             )
+        if signal.shown_as and signal.shown_as not in parameters:
+            raise ConfigError(
+                f"{path.parent / 'telegrams.toml'}, signal {signal.number}, shown_as: no parameter {signal.shown_as}"
+            )
     return access
 
 

@@ -30,7 +30,7 @@ def mapped_signals(
     shown = 0
     for index, number in enumerate(numbers):
         signal = model.signals.get(number)
-        if signal is None and number:
+        if number and (signal is None or signal.shown_as):
             raise _impermissible(index, f"{model.name} has no signal {number}")
         if signal is not None and signal.readable and not setpoint:
             signal = signal.back

@@ -123,6 +123,8 @@ class ParameterAccess:
     * ``disabled_only``: PNUs that are written only while the power stage is off.
     * ``station_name``: the PNU of the station's name, 0 without such a parameter.
     * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
+    * ``mapping_by_entry``: PNU 915 and 916 take a list that is not complete, whose half double words and repetitions
+      count for nothing.
     """
 
     record_indexes: tuple[int, ...]
@@ -137,6 +139,7 @@ class ParameterAccess:
     unknown_service_id: int = 0
     saves_at_once: bool = False
     mapping_elements: tuple[int, ...] = ()
+    mapping_by_entry: bool = False
     disabled_only: tuple[int, ...] = ()
     station_name: int = 0
 

@@ -224,6 +224,10 @@ class ParameterStore:
         """The signals of the frames, word by word."""
         return self._selection.mapping(setpoint=setpoint)
 
+    def mapped_numbers(self, *, setpoint: bool) -> tuple[int, ...]:
+        """The signal numbers behind a parameter channel, word by word: what PNU 915 and 916 show."""
+        return self._selection.numbers(setpoint=setpoint)
+
     def output_words(self) -> tuple[int, ...]:
         """Word codes from the controller to the drive, as long as the telegram in force."""
         return self._selection.codes(setpoint=True)

@@ -27,6 +27,7 @@ __all__ = [
     "parameter_signals",
     "signal_codes",
     "signal_numbers",
+    "whole_signals",
 ]
 
 #: Words of a parameter channel, in front of all others.
@@ -46,7 +47,8 @@ class Signal:
     """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` tells set points from actual values.
 
     A set point that is ``readable`` can be sent back as it came.  ``stored``: it is no actual value but a stored
-    parameter of this number, of an array its ``element``.
+    parameter of this number, of an array its ``element``.  ``shown_as``: no list names it by its own number, which it
+    has from the profile alone, but by that of its parameter; 0 for its own.
     """
 
     number: int
@@ -59,6 +61,7 @@ class Signal:
     readable: bool = False
     stored: bool = False
     element: int = 0
+    shown_as: int = 0
 
     @property
     def back(self) -> Signal:
@@ -182,4 +185,20 @@ def parameter_signals(*, setpoint: bool) -> tuple[Signal, ...]:
 
 def signal_numbers(signals: Iterable[Signal | None]) -> tuple[int, ...]:
     """The signal numbers word by word, 0 for none: what PNU 915 and 916 show."""
-    return tuple(signal.number if signal else 0 for signal in signals)
+    return tuple(signal.shown_as or signal.number if signal else 0 for signal in signals)
+
+
+def whole_signals(signals: Sequence[Signal | None]) -> tuple[Signal | None, ...]:
+    """``signals`` without half double words and without what stands there for the second time."""
+    found: list[Signal | None] = []
+    seen: set[str] = set()
+    while len(found) < len(signals):
+        signal = signals[len(found)]
+        width = signal.bits // 16 if signal else 1
+        whole = len(found) + width <= len(signals) and signals[len(found) + width - 1] == signal
+        if signal is None or not whole or signal.name in seen:
+            found.append(None)
+            continue
+        seen.add(signal.name)
+        found += [signal] * width
+    return tuple(found)

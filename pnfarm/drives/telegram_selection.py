@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.drives.parameter import ParameterErrorNumber, refusal
 from pnfarm.drives.stored_values import check_telegram, mapping_numbers
-from pnfarm.drives.telegram import signal_codes, signal_numbers
+from pnfarm.drives.telegram import signal_codes, signal_numbers, whole_signals
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -98,10 +98,20 @@ class TelegramSelection:
             for number, element in zip(stored, self._elements(setpoint=setpoint), strict=False)
         ]
         every = model.signals_of(stored, setpoint=setpoint, elements=elements)
-        signals = list(every[: len(words)])
-        if len(every) > len(words) and signals and signals[-1] is not None and signals[-1] == every[len(words)]:
-            signals[-1] = None
-        return tuple(signals) + (None,) * (len(words) - len(signals))
+        signals = whole_signals(every[: len(words)])
+        return signals + (None,) * (len(words) - len(signals))
+
+    def numbers(self, *, setpoint: bool) -> tuple[int, ...]:
+        """The signal numbers behind a parameter channel: those of :meth:`mapping`.
+
+        Where a mapping is written entry by entry, they are what was written, torn double words among them.
+        """
+        signals = self.mapping(setpoint=setpoint)[self.frame.parameter_words :]
+        stored = self._values.current.get(SETPOINT_MAPPING if setpoint else ACTUAL_MAPPING)
+        model = self._values.model
+        if not model.access.mapping_by_entry or not self.telegram.free_mapping or not isinstance(stored, tuple):
+            return signal_numbers(signals)
+        return (stored + (0,) * len(signals))[: len(signals)]
 
     def _elements(self, *, setpoint: bool) -> tuple[int, ...]:
         """The elements of stored arrays, word by word (Moog MSD manual 8.2.3, P-1253 and P-1254)."""
@@ -136,7 +146,7 @@ class TelegramSelection:
 
     def _checked_mapping(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> tuple[int, ...]:
         setpoint = parameter.argument == "setpoint-mapping"
-        numbers = list(signal_numbers(self.mapping(setpoint=setpoint)))[self.frame.parameter_words :]
+        numbers = list(self.numbers(setpoint=setpoint))
         length = len(numbers)
         numbers += [0] * (parameter.elements - length)
         numbers[subindex : subindex + len(values)] = values
@@ -151,6 +161,6 @@ class TelegramSelection:
         setpoint = parameter.pnu == self._values.model.access.mapping_elements[0]
         elements = list(self._elements(setpoint=setpoint))
         elements[subindex : subindex + len(values)] = values
-        numbers = signal_numbers(self.mapping(setpoint=setpoint))[self.frame.parameter_words :]
+        numbers = self.numbers(setpoint=setpoint)
         self._values.model.signals_of(numbers, setpoint=setpoint, elements=elements)
         return tuple(elements)

@@ -53,6 +53,7 @@ def _signal(table: Mapping[str, Any], where: str) -> Signal:
         note=table.get("note", ""),
         readable=table.get("readable", False),
         stored=table.get("stored", False),
+        shown_as=table.get("shown_as", 0),
     )
 
 

@@ -96,7 +96,8 @@ def test_a_mapping_without_set_points_and_arrays_costs_the_step_nothing(msd: Dri
 def test_thirty_two_words_are_mapped_each_way(msd: Drive) -> None:
     """8.2.3: a maximum of 32 items; telegram 121 has as many words (17.2: 64 bytes)."""
     msd.store.plug_telegram(121)
-    every = [n for n, signal in msd.model.signals.items() if signal.setpoint for _ in range(signal.bits // 16)][:32]
+    mapped = [n for n, signal in msd.model.signals.items() if signal.setpoint and not signal.shown_as]
+    every = [n for n in mapped for _ in range(msd.model.signals[n].bits // 16)][:32]
     assert signal_is_whole(msd, every)
     msd.store.write(915, 0, every)
     assert msd.store.read(915, 0, len(every)) == every
@@ -113,10 +114,8 @@ def signal_is_whole(drive: Drive, numbers: list[int]) -> bool:
         (915, 0, [4711], E.VALUE_IMPERMISSIBLE, 0),  # no signal
         (915, 1, [968], E.VALUE_IMPERMISSIBLE, 1),  # an actual value
         (915, 1, [202, 202], E.VALUE_IMPERMISSIBLE, 1),  # not in P-1284
-        (915, 1, [1275], E.VALUE_IMPERMISSIBLE, 1),  # half of a double word
-        (915, 1, [967], E.VALUE_IMPERMISSIBLE, 1),  # twice
+        (915, 1, [5], E.VALUE_IMPERMISSIBLE, 1),  # the profile's number of NSOLL_A, no parameter of this drive
         (915, 10, [1278], E.VALUE_IMPERMISSIBLE, 10),  # the telegram has 10 words
-        (916, 1, [1276], E.VALUE_IMPERMISSIBLE, 1),
         (916, 9, [1276, 1276], E.VALUE_IMPERMISSIBLE, 10),  # a double word over the end
         (916, 0, [202] * 10, E.VALUE_IMPERMISSIBLE, 8),  # five stored parameters
         (1254, 31, [1, 1], E.FAULTY_SUBINDEX, 32),
@@ -128,6 +127,51 @@ def test_a_wrong_entry_is_refused_and_changes_nothing(
     """8.2.3 and 14.1.1, notes to tables 14.1 and 14.2."""
     error = refused(msd, pnu, place, values)
     assert (error.number, error.value) == (number, value)
+
+
+def test_the_list_is_written_entry_by_entry(msd: Drive) -> None:
+    """As the parameter channel does (8.2.4); a double word counts once both of its entries are there (14.1.1)."""
+    whole = [967, 1275, 1275, 1278]
+    for place, number in enumerate(whole):
+        msd.store.write(915, place, [number])
+    assert msd.store.read(915, 0, 5) == [*whole, 0]
+    assert [signal.name for signal in msd.store.mapping(setpoint=True)[4:8] if signal] == [
+        "STW1", "TARPOS_A", "TARPOS_A", "DRV_ACC",
+    ]  # fmt: skip
+    # the way to another list leads over torn ones
+    msd.store.write(915, 1, [1278])
+    assert msd.store.read(915, 0, 4) == [967, 1278, 1275, 1278]
+    assert [signal and signal.name for signal in msd.store.mapping(setpoint=True)[4:8]] == [
+        "STW1", "DRV_ACC", None, None,
+    ]  # fmt: skip
+
+
+def test_a_list_that_is_not_complete_is_kept_over_a_power_cycle(msd: Drive) -> None:
+    msd.store.write(916, 0, [968, 1276])
+    msd.store.set("P-0971", 1)
+    msd.store.power_on()
+    msd.store.plug_telegram(105)
+    assert msd.store.read(916, 0, 3) == [968, 1276, 0]
+    msd.store.write(916, 2, [1276])
+    assert [signal.name for signal in msd.store.mapping(setpoint=False)[4:7] if signal] == ["ZSW1", "XIST_A", "XIST_A"]
+
+
+@pytest.mark.parametrize(
+    ("telegram", "output", "actual"),
+    [
+        (1, [967, 1270], [968, 1271]),
+        (7, [967, 207], [968, 207]),
+        (8, [967, 1274, 1274, 1280, 1270], [968, 1276, 1276, 1281, 1271]),
+        (9, [967, 1275, 1275, 1280, 1277, 1277], [968, 1276, 1276, 1281, 1271]),
+    ],
+)
+def test_a_standard_telegram_writes_the_numbers_of_its_parameters_into_the_lists(
+    msd: Drive, telegram: int, output: list[int], actual: list[int]
+) -> None:
+    """8.2.3 and 14.3, table 14.5."""
+    msd.store.plug_telegram(telegram)
+    assert msd.store.read(915, 0, 7) == (output + [0] * 7)[:7]
+    assert msd.store.read(916, 0, 7) == (actual + [0] * 7)[:7]
 
 
 def test_an_element_that_the_mapped_array_has_not_is_refused(msd: Drive) -> None:
@@ -157,7 +201,7 @@ def test_an_element_beyond_a_mapping_that_grew_is_element_0(msd: Drive) -> None:
     ("numbers", "left"),
     [
         ([202, 202, 202, 202], [202, 202]),  # the first element whole, the second one gone
-        ([968, 202, 202], [968, 0]),  # a double word is not torn
+        ([968, 202, 202], [968, 202]),  # of a double word that is torn nothing is sent
         ([968, 1281, 121], [968, 1281]),
     ],
 )

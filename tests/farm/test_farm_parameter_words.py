@@ -12,7 +12,7 @@ from virtual_line import VirtualLine
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.table.signals import PKW_HEAD, STW1, ZSW1
+from pnfarm.table.signals import PKW_HEAD, STW1, XIST_A, ZSW1
 
 CYCLE = 0.002
 
@@ -51,17 +51,22 @@ def test_the_channel_maps_the_words_behind_it_while_they_are_exchanged():
     (station,) = line.farm.stations
     line.run(0.1)
     assert ask(line, Pkw(7, 916, 2, value=967)) == Pkw(4, 916, 2, value=967)
-    assert ask(line, Pkw(7, 916, 3, value=1276)).value == 18  # half of a double word
-    assert station.store.read(916, 0, 3) == [968, 967, 0]
+    assert ask(line, Pkw(7, 916, 3, value=1276)) == Pkw(4, 916, 3, value=1276)
+    assert station.store.read(916, 0, 4) == [968, 967, 1276, 0]
     line.run(0.01)
     data = station.channels.io_data(1, 2, False).data
     image = station.handle.image
     assert [int.from_bytes(data[n : n + 2], "big") for n in (8, 10, 12)] == [
         int(image.sent[ZSW1]) & 0xFFFF,
         int(image.received[STW1]) & 0xFFFF,
-        0,
+        0,  # half of a double word
     ]
     assert int(image.received[STW1]) & 0x0400
+    station.handle.axis.origin = -5.0
+    assert ask(line, Pkw(7, 916, 4, value=1276)) == Pkw(4, 916, 4, value=1276)
+    line.run(0.01)
+    data = station.channels.io_data(1, 2, False).data
+    assert int.from_bytes(data[12:16], "big") == int(image.sent[XIST_A]) == 5 * 65536
 
 
 def test_a_telegram_without_the_channel_takes_no_task():
