@@ -413,8 +413,8 @@ def test_5_14_faults_fill_situations_of_eight_and_acknowledging_moves_them_down_
     assert store.read(947, 0, 9) == [0, 0, 0, 0, 0, 0, 0, 0, 702]
 
 
-def test_the_later_editions_numbered_fault_actions_are_not_there() -> None:
+def test_the_later_editions_numbered_fault_actions_and_the_drives_foldback_are_not_there() -> None:
     older, newer = model(NAME).faults, model("akd-profinet").faults
-    assert newer.keys() - older.keys() == {130, 131, 132, 134, 139, 451, 570}
+    assert newer.keys() - older.keys() == {130, 131, 132, 134, 139, 451, 524, 570}
     assert not older.keys() - newer.keys()
     assert model(NAME).source_of("communication_loss.fault").source == "assumed"
