@@ -276,6 +276,7 @@ def _advance(axis: Any, held: int, word: int, before: int, trouble: int) -> None
         if 1 << event & ACTIVATES:
             # a command that stands on is one command
             if not again or (word ^ before) & COMMAND:
+                _value_taken(axis)
                 _activate(axis, word)
         elif 1 << event & READS:
             if not again or (word ^ before) & COMMAND:

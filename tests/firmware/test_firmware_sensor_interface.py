@@ -229,6 +229,19 @@ def test_a_value_is_read_while_another_edge_is_awaited(sensor: SensorBench) -> N
     assert sensor.ask(0) & 0xFF == 0
 
 
+def test_one_edge_after_the_other_is_measured_and_read_without_command_0_between(sensor: SensorBench) -> None:
+    """TD33: from the value that is read straight to the next edge."""
+    for turn in (0.25, 0.5, 0.75):
+        assert sensor.ask(ON_THE_FLY | ACTIVATE | 1) & 0xFF == 0x01
+        sensor.turn(turn)
+        sensor.edge(INPUT_5)
+        assert sensor.zsw & 0xFF == 0x10
+        sensor.edge(INPUT_5, rising=False)
+        sensor.ask(ON_THE_FLY | READ | 1)
+        sensor.run(3)
+        assert (sensor.error(), sensor.xist2) == (0, round(turn / STEP))
+
+
 def test_further_functions_join_with_a_command_of_their_own(sensor: SensorBench) -> None:
     """TD31."""
     sensor.ask(ON_THE_FLY | ACTIVATE | 1)
