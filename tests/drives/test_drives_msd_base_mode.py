@@ -184,3 +184,28 @@ def test_only_p_0951_has_texts(msd: Drive) -> None:
     """9.3, attribute: text; table 9.7, 0x0F and 0x20; 10.9 speaks of those of P-0951 alone."""
     for pnu in sorted(set(msd.model.parameters) - {951}):
         assert error(msd, f"07 01 00 01 30 01 {pnu:04X} 00 00") == 0x0F
+
+
+@pytest.mark.parametrize(
+    ("pnu", "element", "code", "value"),
+    [
+        (167, 0, "08", "42 48 00 00"),  # a FloatingPoint in its own format
+        (284, 0, "09", "41 00"),  # a character of a VisibleString
+    ],
+)
+def test_table_8_17_a_value_is_written_in_the_format_of_its_data_type(
+    msd: Drive, pnu: int, element: int, code: str, value: str
+) -> None:
+    """Table 9.6: formats 0x01 to 0x36 are the data types, of which the parameter's description tells one."""
+    assert ask(msd, f"01 02 00 01 10 01 {pnu:04x} {element:04x} {code} 01 {value}") == "01 02 00 01"
+    assert msd.store.read(pnu, element, 1) == [int(value.replace(" ", "")[: 2 if code == "09" else 8], 16)]
+
+
+@pytest.mark.parametrize(
+    ("pnu", "code", "value"),
+    [(271, "08", "3f 80 00 00"), (918, "09", "41 00"), (167, "09", "41 00")],
+)
+def test_table_8_17_a_value_is_not_written_in_the_format_of_another_data_type(
+    msd: Drive, pnu: int, code: str, value: str
+) -> None:
+    assert ask(msd, f"01 02 00 01 10 01 {pnu:04x} 0000 {code} 01 {value}") == "01 82 00 01 44 01 00 05"

@@ -25,7 +25,7 @@ from __future__ import annotations
 from pnfarm.drives.parameter import Form, Parameter, ParameterError, ParameterErrorNumber, ParameterType
 from pnfarm.wire.octets import Writer
 
-__all__ = ["describe"]
+__all__ = ["data_type", "describe"]
 
 ID_ARRAY = 1 << 14
 ID_ONLY_RESET = 1 << 13
@@ -42,7 +42,7 @@ LOWEST_FLOAT, HIGHEST_FLOAT = 0xFF7FFFFF, 0x7F7FFFFF
 _WIDTHS = (2, 2, 4, 2, 4, 16, 4, 4, 2, 2, 2, 2)
 
 
-def _data_type(parameter: Parameter) -> int:
+def data_type(parameter: Parameter) -> int:
     """Bits 0 to 7 of the identifier (Moog MSD manual, table 8.17)."""
     forms = {Form.FLOAT: FLOATING_POINT, Form.TEXT: VISIBLE_STRING}
     return forms.get(parameter.form) or _DATA_TYPES[parameter.signed, parameter.octets]
@@ -58,7 +58,7 @@ def describe(parameter: Parameter, element: int, *, changed: bool, texts: bool =
     # a number with a fraction is its value itself
     factor = 1.0 if parameter.form is Form.FLOAT else parameter.factor
     plain = factor == 1.0 or parameter.type is ParameterType.COMMAND
-    identifier = _data_type(parameter)
+    identifier = data_type(parameter)
     identifier |= ID_ARRAY if parameter.elements and not parameter.text else 0
     identifier |= ID_ONLY_RESET if parameter.only_reset else 0
     identifier |= ID_CHANGED if changed else 0

@@ -33,7 +33,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     format_octets,
     parse_request,
 )
-from pnfarm.drives.profiles.profidrive.description import describe
+from pnfarm.drives.profiles.profidrive.description import data_type, describe
 from pnfarm.drives.profiles.profidrive.requester import format_of
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ HEADER_OCTETS = 4
 #: Length of an element's text.
 TEXT_OCTETS = 16
 
-#: Formats that carry integers: what a parameter takes if the width fits.
+#: Formats that carry integers: what a parameter takes beside its own data type if the width fits.
 _INTEGER_FORMATS = {
     0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x07, 0x0A, 0x71, 0x72, 0x7B, 0x7C, FORMAT_BYTE, FORMAT_WORD, FORMAT_DWORD,
 }  # fmt: skip
@@ -203,7 +203,7 @@ class ParameterChannel:
         formats = self._store.model.access.formats
         if formats and given.format not in formats:
             raise ParameterError(ParameterErrorNumber.ILLEGAL_FORMAT)
-        if given.format not in _INTEGER_FORMATS:
+        if given.format not in _INTEGER_FORMATS and given.format != data_type(parameter):
             raise ParameterError(ParameterErrorNumber.INCORRECT_DATA_TYPE)
         # a command takes a value of any width (AKD EtherNet/IP manual 6.6 writes one of one octet and one of four)
         command = parameter.behaviour is Behaviour.COMMAND
