@@ -175,7 +175,8 @@ def _fault(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
 
 
 def _warning(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return [int(store.handle.axis.warning_code) if parameter.index == 0 else 0]
+    """One of the warnings at hand, the first of which a word of warning shows; 0 for none."""
+    return [int(store.handle.axis.warnings[parameter.index])]
 
 
 def _bus_warnings(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:

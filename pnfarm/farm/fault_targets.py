@@ -33,6 +33,7 @@ from pnfarm.table.axis import (
     CMD_RAISE_WARNING,
     CMD_RELEASE_FAULT,
     FAULT_SLOTS,
+    WARNING_SLOTS,
 )
 from pnfarm.table.channel import IDLE
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
@@ -313,8 +314,8 @@ class StationTarget(CmTarget, MachineTarget):
         self._off -= 1
         if self._off == 0 and not self._station.powered:
             self._station.power_on(now)
-            if self._warnings:
-                self._show_warning(CMD_RAISE_WARNING, self._warnings[-1])
+            for fault in self._warnings:
+                self._command(CMD_RAISE_WARNING, fault.number)
             self.refresh(now)
             self._core.settle(self._station, now)
 
@@ -354,24 +355,20 @@ class StationTarget(CmTarget, MachineTarget):
         return self._station.fault_counts.get(fault.number, 0)
 
     def warn(self, fault: Fault) -> None:
+        if fault not in self._warnings and len({other.number for other in self._warnings}) == WARNING_SLOTS:
+            raise ConfigError(
+                f"{self.name} shows {WARNING_SLOTS} warnings already, as many as there is room for; clear one"
+            )
         self._warnings.append(fault)
-        self._show_warning(CMD_RAISE_WARNING, fault)
+        self._command(CMD_RAISE_WARNING, fault.number)
 
     def unwarn(self, fault: Fault) -> None:
         self._warnings.remove(fault)
-        if self._warnings:
-            self._show_warning(CMD_RAISE_WARNING, self._warnings[-1])
-        else:
-            self._show_warning(CMD_CLEAR_WARNING, fault)
+        if fault not in self._warnings:
+            self._command(CMD_CLEAR_WARNING, fault.number)
 
     def warns_of_limit(self, side: str) -> bool:
         return any(fault.cause == f"limit-switch-{side}" for fault in self._station.model.faults.values())
-
-    def _show_warning(self, code: int, fault: Fault) -> None:
-        """A drive shows one warning, so that only the last word counts."""
-        waiting = [c for c in self._commands if c[0] not in {CMD_RAISE_WARNING, CMD_CLEAR_WARNING}]
-        self._commands = deque(waiting)
-        self._command(code, fault.number)
 
     def _command(self, code: int, argument: int) -> None:
         """To the firmware in this order; what it cannot take now waits for :meth:`refresh`."""

@@ -367,7 +367,7 @@ class FaultTarget(Protocol):
         ...
 
     def warn(self, fault: Fault) -> None:
-        """Show a warning; the latest one shows."""
+        """Show a warning in front of the others; raises :class:`ConfigError` when there is no room for it."""
         ...
 
     def unwarn(self, fault: Fault) -> None:

@@ -30,6 +30,7 @@ from pnfarm.table.axis import (
     FAULT_SITUATIONS,
     FAULT_SLOTS,
     STOP_DROP,
+    WARNING_SLOTS,
 )
 from pnfarm.table.compiled import compiled
 
@@ -140,6 +141,26 @@ def acknowledge(axis: Any) -> bool:
 
 
 @compiled
+def _clear_warning(axis: Any, number: int) -> None:
+    kept = 0
+    for i in range(WARNING_SLOTS):
+        raised = axis.warning_raised[i]
+        axis.warning_raised[i] = 0
+        if raised != number:
+            axis.warning_raised[kept] = raised
+            kept += 1
+
+
+@compiled
+def _raise_warning(axis: Any, number: int) -> None:
+    """The newest of those raised; where no place is left, the oldest goes."""
+    _clear_warning(axis, number)
+    for i in range(WARNING_SLOTS - 1, 0, -1):
+        axis.warning_raised[i] = axis.warning_raised[i - 1]
+    axis.warning_raised[0] = number
+
+
+@compiled
 def _power_on(axis: Any, now: int) -> None:
     axis.state = 0
     axis.stop = 0
@@ -176,8 +197,9 @@ def _power_on(axis: Any, now: int) -> None:
     axis.continue_command = 0
     axis.service = 0
     axis.service_command = 0
-    axis.own_warning = 0
     axis.warning_code = 0
+    axis.warning_raised[:] = 0
+    axis.warnings[:] = 0
     axis.image_valid = 0
     axis.telegram_ns = 0
     # an active situation becomes history, as if it had been acknowledged; held causes come back at once
@@ -232,11 +254,11 @@ def take_commands(axis: Any, now: int) -> None:
         elif code == CMD_POWER_ON:
             _power_on(axis, now)
         elif code == CMD_RAISE_WARNING:
-            axis.warning_code = argument & NUMBER_MASK
+            _raise_warning(axis, argument & NUMBER_MASK)
         elif code == CMD_CLEAR_HISTORY:
             _clear_history(axis)
-        elif code == CMD_CLEAR_WARNING and axis.warning_code == (argument & NUMBER_MASK):
-            axis.warning_code = 0
+        elif code == CMD_CLEAR_WARNING:
+            _clear_warning(axis, argument & NUMBER_MASK)
         else:
             _take_motion_command(axis, code, argument)
         axis.command_tail = (axis.command_tail + 1) & 0xFFFFFFFF

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.own_warnings import warned
 from pnfarm.firmware.position_status import (
     drive_inputs,
     first_position_word,
@@ -124,9 +125,9 @@ def clamp_unsigned(value: float) -> int:
 def message_word(axis: Any) -> int:
     """MELDW (HIWIN E1 manual 3.16); bit 8 is always set there."""
     word = 0x0100
-    if axis.warning_code == 0 or axis.warning_code != axis.message_warnings[0]:
+    if not warned(axis, int(axis.message_warnings[0])):
         word |= 0x0040  # no motor overload warning
-    if axis.warning_code == 0 or axis.warning_code != axis.message_warnings[1]:
+    if not warned(axis, int(axis.message_warnings[1])):
         word |= 0x0080  # no i2t warning
     if not torque_limited(axis):
         word |= 0x0002

@@ -13,10 +13,11 @@ from math import inf
 from pnfarm.table.layout import Field, Layout
 from pnfarm.table.signals import SHOWN
 
-__all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS", "FAULT_WORDS"]
+__all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS", "FAULT_WORDS", "WARNING_SLOTS"]
 
 #: Faults of one situation, and situations kept (AKD PROFINET manual 5.14: eight of eight).
 FAULT_SLOTS = 8
+WARNING_SLOTS = 8
 FAULT_SITUATIONS = 8
 #: Fault numbers whose word in the signal FAULT_CODE is the manual's own: 0 to 127.
 FAULT_WORDS = 128
@@ -280,7 +281,11 @@ AXIS = Layout(
         Field("image_valid", "u1", "", "firmware", "validity of the set points as the last step saw it"),
         Field("fault_ns", "i8", "ns", "firmware", "when the active situation began, 0 = none"),
         Field("reacted", "u1", "", "firmware", "1 once the controller withdrew the enable after a fault"),
-        Field("warning_code", "u4", "", "firmware", "active warning, 0 = none"),
+        Field("warning_code", "u4", "", "firmware", "the first of warnings, 0 = none"),
+        Field(
+            "warnings", "u4", "", "firmware", "active warnings: raised ones, then its own; 0 = none", (WARNING_SLOTS,)
+        ),
+        Field("warning_raised", "u4", "", "firmware", "warnings by command, newest first, 0 = none", (WARNING_SLOTS,)),
         # sign of life
         Field("life_frames", "u4", "", "firmware", "set point frames seen so far"),
         Field("life_seen", "u1", "", "firmware", "the controller's last count, 0 = none"),
@@ -572,7 +577,6 @@ AXIS = Layout(
         Field("turned", "u1", "", "firmware", "1 = it does"),
         # warnings of its own
         Field("thermal_warning", "f8", "", "station", "thermal_load above which the I2t warning shows, 0 = none"),
-        Field("own_warning", "u4", "", "firmware", "warning that the drive itself has to tell of, 0 = none"),
         # what single models add
         Field("rest_without_task", "u1", "", "parameter", "1 = ZSW1.13 stands only while no task is active, too"),
         Field("reached_without_task", "u1", "", "parameter", "1 = ZSW1.10 stands whenever no motion is active"),

@@ -11,7 +11,15 @@ from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterErrorNumber
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_DISABLE, CMD_RAISE_FAULT, DISABLE_AT_ONCE, DISABLE_STOPPED
+from pnfarm.table.axis import (
+    CMD_ACKNOWLEDGE,
+    CMD_CLEAR_WARNING,
+    CMD_DISABLE,
+    CMD_RAISE_FAULT,
+    CMD_RAISE_WARNING,
+    DISABLE_AT_ONCE,
+    DISABLE_STOPPED,
+)
 from pnfarm.table.image import LOST_EXPIRED
 from pnfarm.table.signals import (
     DRIVE_INPUTS,
@@ -206,8 +214,13 @@ def test_5_6_faults_and_warnings_stand_in_their_parameters_in_the_order_they_cam
         store.handle.push_command(CMD_RAISE_FAULT, number)
     running.run(2)
     assert [store.get(f"DRV.FAULT{n}") for n in range(1, 11)] == [502, 301, 702] + [0] * 7
-    running.axis.warning_code = 107
-    assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [107, 0, 0]
+    for number in (107, 108):
+        store.handle.push_command(CMD_RAISE_WARNING, number)
+    running.run(2)
+    assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [108, 107, 0]
+    store.handle.push_command(CMD_CLEAR_WARNING, 107)
+    running.run(2)
+    assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [108, 0, 0]
 
 
 def test_5_6_vl_kp_and_vl_ki_tune_the_speed_controller(akd: Drive) -> None:

@@ -357,7 +357,7 @@ def test_fault_parameters_show_numbers_without_reactions(akd: Drive) -> None:
     akd.axis.fault_buffer[1] = 502
     akd.axis.fault_buffer[8] = 602
     akd.axis.fault_counter = 0x10003
-    akd.axis.warning_code = 107
+    akd.axis.warnings[0] = 107
     assert [akd.store.get(f"DRV.FAULT{n}") for n in range(1, 11)] == [702, 502, 0, 0, 0, 0, 0, 0, 0, 0]
     assert akd.store.read(947, 0, 64)[:9] == [702, 502, 0, 0, 0, 0, 0, 0, 602]
     assert akd.store.read(944) == [3]

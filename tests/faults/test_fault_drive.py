@@ -145,6 +145,22 @@ def test_the_earlier_warning_shows_again_when_the_later_one_ends(line):
     assert int(line.farm.columns.axis[0].warning_code) == 107
 
 
+def test_warnings_stand_beside_each_other_and_all_are_back_after_a_power_cycle(line):
+    store = line.farm.stations[0].store
+    line.add("drive-warning", params={"warning": 107}, as_="one")
+    line.add("limit-switch", params={"side": "negative"}, as_="two")
+    line.add("drive-warning", params={"warning": 107}, as_="three")
+    line.run(0.1)
+    assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [107, 108, 0]
+    line.clear("one")
+    line.add("power-cycle", params={"off": "100ms"})
+    line.run(1.0)
+    assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [107, 108, 0], "the newest first, as before"
+    line.clear("three")
+    line.run(0.1)
+    assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [108, 0, 0]
+
+
 def test_a_fault_that_the_model_does_not_have_is_told_and_nothing_happens(line):
     with pytest.raises(ConfigError, match=r"axis-01: kollmorgen-akd-profinet has no fault '9999'|has no fault"):
         line.add("drive-fault", params={"fault": 9999})

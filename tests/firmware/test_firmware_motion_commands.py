@@ -25,6 +25,7 @@ from pnfarm.table.axis import (
     CMD_HOLD_FAULT,
     CMD_HOME,
     CMD_RAISE_FAULT,
+    CMD_RAISE_WARNING,
     CMD_RELEASE_FAULT,
     CMD_SET_POSITION,
     CMD_START_TASK,
@@ -416,9 +417,10 @@ def test_a_software_limit_does_not_take_the_place_of_another_warning():
     axis = drive.axis
     axis.software_limits, axis.limit_high = 2, 2.0
     axis.limit_warning[1] = 107
-    axis.warning_code = 77
+    drive.command(CMD_RAISE_WARNING, 77)
     drive.move(2.0)
     drive.settle()
+    assert list(axis.warnings[:3]) == [77, 107, 0], "but stands behind it"
     drive.move(0.0)
     drive.settle()
     assert axis.warning_code == 77

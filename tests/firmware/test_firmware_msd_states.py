@@ -5,7 +5,14 @@ from __future__ import annotations
 import pytest
 from msd_bench import ON, READY, RUN, MsdBench
 
-from pnfarm.table.axis import CMD_HOLD_FAULT, CMD_RAISE_FAULT, CMD_RELEASE_FAULT, LACKS_ENABLE, LACKS_SUPPLY
+from pnfarm.table.axis import (
+    CMD_HOLD_FAULT,
+    CMD_RAISE_FAULT,
+    CMD_RAISE_WARNING,
+    CMD_RELEASE_FAULT,
+    LACKS_ENABLE,
+    LACKS_SUPPLY,
+)
 from pnfarm.table.image import LOST_EXPIRED
 
 SPEED = 1000
@@ -342,8 +349,7 @@ def test_bit_10_is_the_speed_reached_or_exceeded() -> None:
 def test_bit_7_and_bit_3_tell_warnings_and_faults() -> None:
     bench = ready()
     assert bench.zsw1 & 0x0088 == 0
-    bench.axis.warning_code = bench.model.fault("20-1").number
-    bench.run(1)
+    push(bench, CMD_RAISE_WARNING, "20-1")
     assert bench.zsw1 & 0x0088 == 0x0080
     push(bench, CMD_RAISE_FAULT, "4-1")
     assert bench.zsw1 & 0x0088 == 0x0088

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from bench_axis import BenchAxis
 
-from pnfarm.table.axis import CMD_CLEAR_WARNING, CMD_RAISE_WARNING
-from pnfarm.table.signals import WARN_CODE
+from pnfarm.table.axis import CMD_CLEAR_WARNING, CMD_RAISE_WARNING, WARNING_SLOTS
+from pnfarm.table.signals import MELDW, WARN_CODE
 
 OVERLOAD, I2T = 0x910, 0x911
 
@@ -35,6 +35,28 @@ def test_a_warning_by_command_stays_in_front_and_is_not_cleared_by_cooling(drive
     assert [shown(drive, heat) for heat in (0.9, 0.5, 0.9)] == [OVERLOAD] * 3
     drive.command(CMD_CLEAR_WARNING, OVERLOAD)
     assert [shown(drive, heat) for heat in (0.9, 0.5)] == [I2T, 0]
+
+
+def test_3_16_both_bits_of_meldw_tell_of_their_warnings_while_both_stand(drive):
+    drive.command(CMD_RAISE_WARNING, OVERLOAD)
+    assert shown(drive, 0.9) == OVERLOAD
+    assert not drive.image.sent[MELDW] & 0x00C0
+    drive.command(CMD_CLEAR_WARNING, OVERLOAD)
+    assert shown(drive, 0.9) == I2T
+    assert drive.image.sent[MELDW] & 0x00C0 == 0x0040
+    assert shown(drive, 0.5) == 0
+    assert drive.image.sent[MELDW] & 0x00C0 == 0x00C0
+
+
+def test_of_more_warnings_than_there_is_room_for_the_oldest_goes(drive):
+    for number in range(1, WARNING_SLOTS + 3):
+        drive.command(CMD_RAISE_WARNING, number)
+    assert shown(drive, 0.9) == WARNING_SLOTS + 2
+    assert list(drive.axis.warnings) == list(range(WARNING_SLOTS + 2, 2, -1))
+    drive.command(CMD_RAISE_WARNING, 5)
+    drive.command(CMD_CLEAR_WARNING, WARNING_SLOTS + 2)
+    assert shown(drive, 0.9) == 5
+    assert list(drive.axis.warnings) == [5, *(n for n in range(WARNING_SLOTS + 1, 2, -1) if n != 5), I2T]
 
 
 @pytest.mark.parametrize(("threshold", "number"), [(0.0, I2T), (0.8, 0)])
