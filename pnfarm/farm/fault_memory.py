@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.profiles.profidrive.fault_buffer import fault_numbers
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_numbers
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["history_of", "restore_history"]
+__all__ = ["active_of", "history_of", "restore_history"]
 
 PLACES = FAULT_SITUATIONS * FAULT_SLOTS
 
@@ -24,6 +24,11 @@ def history_of(axis: Any) -> list[int]:
     while numbers and not numbers[-1]:
         numbers.pop()
     return numbers
+
+
+def active_of(axis: Any) -> list[int]:
+    """The situation that is not acknowledged: what is kept of a buffer whose history is deleted."""
+    return active_faults(axis)[: int(axis.fault_places) or FAULT_SLOTS]
 
 
 def restore_history(axis: Any, kept: Sequence[int]) -> None:

@@ -23,7 +23,7 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.farm.factory_reset import clear_memory
-from pnfarm.farm.fault_memory import history_of, restore_history
+from pnfarm.farm.fault_memory import active_of, history_of, restore_history
 from pnfarm.farm.record_memory import record_word, records_of
 from pnfarm.farm.station_address import StationAddress
 from pnfarm.farm.station_channels import ArChannels, StationChannels
@@ -543,7 +543,7 @@ class DriveStation:
                 case DisplayBlinkRequested():
                     self.signalled_ns = now
                 case FaultHistoryCleared():
-                    self.keep(now, "faults", None)
+                    self.keep(now, "faults", active_of(self.handle.axis) or None)
                 case _:
                     pass
         return bool(events)

@@ -94,3 +94,15 @@ def test_5_14_every_fault_of_a_situation_is_logged_counted_and_kept(memory):
     assert station.fault_counts == {502: 1, 702: 1}
     # the farm ends without a word
     assert history(start(memory))[1] == [502, 702]
+
+
+def test_deleting_the_history_keeps_the_active_situation_over_a_restart(memory):
+    line = start(memory, model="hiwin-e1", telegram=3, cycle="1ms")
+    trip(line, "18")
+    line.farm.stations[0].raise_fault("25", hold=True)
+    line.run(0.1)
+    line.farm.stations[0].store.set("952", 0)
+    line.farm.settle(line.farm.stations[0], line.world.now)
+    line.run(0.1)
+    assert history(line)[:3] == [[25], [], []]
+    assert history(start(memory, model="hiwin-e1", telegram=3, cycle="1ms"))[:3] == [[], [25], []]
