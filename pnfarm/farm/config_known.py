@@ -11,8 +11,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.drives import catalogue as drives
+from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.motor_kinds import ROTARY
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameter import Form, Parameter, ParameterError
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_issue import did_you_mean, shown
 
@@ -21,10 +22,22 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model import Model
 
-__all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue"]
+__all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue", "raw_number"]
 
 #: What is wrong with one key below a section, and what is allowed: ``("vendor", "is 70000", "...")``.
 Complaint = tuple[str, str, str]
+
+
+def raw_number(parameter: Parameter, value: float | str | bool) -> int | None:
+    """What a number of the farm file is to the drive, None for one that it cannot hold.
+
+    Whole numbers are raw; a number with a point is that of a float parameter itself.
+    """
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float) and parameter.form is Form.FLOAT:
+        return float_bits(value)
+    return None
 
 
 class ModelFacts(Protocol):
@@ -128,12 +141,13 @@ class InstalledModel:
                 continue
             if not parameter.writable:
                 complaints.append((key, f"{parameter.name} can only be read", "a parameter that can be written"))
-            elif not parameter.scale:
-                low, high = parameter.minimum, parameter.maximum
-                if not isinstance(value, int) or not low <= value <= high:
-                    complaints.append((key, f"is {shown(value)}", f"a whole number from {low} to {high}"))
-            elif isinstance(value, str):
-                complaints.append((key, f"is {shown(value)}", "a number"))
+                continue
+            raw = raw_number(parameter, value)
+            if raw is None or not parameter.allows(raw):
+                allowed = f"a whole number from {parameter.minimum} to {parameter.maximum}"
+                if parameter.form is Form.FLOAT:
+                    allowed = f"a number such as 50.0, or its bits: {allowed}"
+                complaints.append((key, f"is {shown(value)}", allowed))
         return complaints
 
     def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:

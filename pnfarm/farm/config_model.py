@@ -266,7 +266,8 @@ class DriveGroup(Section):
     identity: Identity = Field(default_factory=dict)
     params: dict[str, Scalar] = Field(
         default_factory=dict,
-        description="Parameters at power-on, by the manual's name or by number.",
+        description="Parameters at power-on, by the manual's name or by number: whole numbers as on the wire; a number "
+        "with a point is that of a float parameter itself.",
         examples=[{"DRV.OPMODE": 1}],
     )
     motion_tasks: list[Task] = Field(

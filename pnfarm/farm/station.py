@@ -21,7 +21,8 @@ from pnfarm.drives.store import (
     RebootRequested,
     TelegramChanged,
 )
-from pnfarm.errors import DecodeError, InternalError
+from pnfarm.errors import ConfigError, DecodeError, InternalError
+from pnfarm.farm.config_known import raw_number
 from pnfarm.farm.factory_reset import clear_memory
 from pnfarm.farm.fault_memory import active_of, history_of, restore_history
 from pnfarm.farm.record_memory import record_word, records_of
@@ -142,7 +143,7 @@ class DriveStation:
         identity = self.model.identity
         self.store = ParameterStore(self.model, self.handle)
         self.store.restore(kept.get("drive"))
-        self.store.commission({key: _raw(value) for key, value in self.config.params.items()})
+        self.store.commission({key: self._raw(key, value) for key, value in self.config.params.items()})
         self.store.commission_tasks(self.config.motion_tasks)
         self.store.power_on()
         self._take_written_name(kept)
@@ -562,6 +563,13 @@ class DriveStation:
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
+    def _raw(self, key: str, value: float | str | bool) -> int:
+        """A parameter of the farm file as the raw number that the drive takes."""
+        raw = raw_number(self.model.resolve(key)[0], value)
+        if raw is None:
+            raise ConfigError(f"{self.configured_name}: {key} cannot be {value!r}")
+        return raw
+
     def note(self, now: int, event: str, *, level: str = "info", **data: Any) -> None:
         """Into the log, under this drive's name."""
         self._services.log.record(now, self.configured_name, event, level=level, **data)
@@ -578,10 +586,3 @@ class DriveStation:
         else:
             self._kept[key] = value
         self._services.memory.save(self.configured_name, self._kept)
-
-
-def _raw(value: float | str | bool) -> int:
-    """A parameter of the farm file as the raw number that the drive takes."""
-    if isinstance(value, str):
-        return int(value, 0)
-    return int(value)

@@ -6,8 +6,10 @@ import struct
 
 import pytest
 from msd_hand import MsdHand
+from virtual_line import VirtualLine
 
 from pnfarm.drives.factor_group import float_bits
+from pnfarm.errors import ConfigError
 from pnfarm.table.channel import STATUS_RUN
 
 TASKS = 0x043F
@@ -269,3 +271,30 @@ def test_table_15_1_torque_is_mapped_both_ways_and_leads_the_drive() -> None:
     assert line.see("ACT_SPEED") > 200
     line.send(0.03, REF_TORQUE=-300 & 0xFFFF)
     assert line.see("ACT_TORQUE") - 0x10000 == pytest.approx(-300, abs=1)
+
+
+# parameters of the farm file
+
+
+@pytest.mark.parametrize(("written", "override"), [("50.0", 0.5), ("12.5", 0.125), ("0x42480000", 0.5)])
+def test_a_float_of_the_farm_file_is_the_number_itself_with_a_point_and_its_bits_without(
+    written: str, override: float
+) -> None:
+    line = VirtualLine(model="moog-msd", cycle="1ms", params=f"{{P-0167: {written}}}")
+    assert float(line.farm.stations[0].handle.axis.speed_override) == pytest.approx(override)
+
+
+@pytest.mark.parametrize(
+    ("params", "complaint"),
+    [
+        ("{P-0167: -50.0}", r"params\.P-0167: is -50\.0; allowed: a number such as 50\.0"),
+        ("{P-0167: 1e300}", r"params\.P-0167: is 1e\+300; allowed: a number such as 50\.0"),
+        ("{P-1278: 1.5}", r"params\.P-1278: is 1\.5; allowed: a whole number from 0 to 65535"),
+        ("{P-1278: 65536}", r"params\.P-1278: is 65536; allowed: a whole number from 0 to 65535"),
+    ],
+)
+def test_a_parameter_of_the_farm_file_that_the_drive_cannot_hold_is_told_with_its_line(
+    params: str, complaint: str
+) -> None:
+    with pytest.raises(ConfigError, match=complaint):
+        VirtualLine(model="moog-msd", cycle="1ms", params=params)
