@@ -1,21 +1,24 @@
 """Homing: how an axis looks for the place from which its positions count.
 
-Methods have the numbers of HOME.MODE (AKD PROFINET manual 5.10.3; what each of them looks for: Kollmorgen's AKD help,
-"Homing").  HIWIN E1 manual 6.7 and Moog MSD manual 12.2 leave theirs to other books: their models take the zero mark.
+Methods have the numbers of HOME.MODE (AKD PROFINET manual 5.10.3).  What 0 to 10 do stands in Kollmorgen's AKD
+parameter reference, of those above only what they look for (its help, "Homing"): their ways are assumed.  HIWIN E1
+manual 6.7 and Moog MSD manual 12.2 leave theirs to other books: their models take the zero mark.
 
-======  ==========================================================================================
-0       where the axis stands
-1 2 3   the limit switch in the direction of homing, where it is left; 2, 3: the zero mark behind it
-4 5 6   the home switch, where it closes; 5, 6: the zero mark behind it
-7 11    the next zero mark; 15 alike
-8 9 10  an end stop; 9, 10: the zero mark before it
-12      the home switch, turning round at an end stop
-13      what the encoder says: its zero is the home
-14      the home switch, always in one direction
-======  ==========================================================================================
+=======  =========================================================================================
+0        where the axis stands
+1, 2, 3  the limit switch in the direction of homing, where the axis leaves it again
+4, 5, 6  the home switch, where it closes
+7        the encoder's zero mark; 11 and 15 alike
+8, 9     an end stop, 10 alike
+12       the home switch, turning round at an end stop
+13       what the encoder says: its zero is the home
+14       the home switch, always in one direction
+=======  =========================================================================================
 
-The search goes in legs.  A home switch counts at the edge that faces the direction of homing: a search that begins on
-it, or that comes to a limit switch first, goes back behind it.  What was left at HOME.V is found at a part of it.
+The axis brakes behind the home of 1 and 4; with 2, 5 and 9 it goes on to the zero mark, which is the home then; 3, 6
+and 10 look for that at a part of the velocity, and brake behind it.  The search goes in legs.  A home switch counts
+where it closes in the direction of homing: a search that comes to a limit switch first goes back across it, and turns
+again.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ import numpy as np
 
 from pnfarm.firmware.profile_generator import begin_profile
 from pnfarm.firmware.travel import at_limit_switch, fastest, take_ramps
-from pnfarm.table.axis import PROFILE_TARGET, PROFILE_VELOCITY
+from pnfarm.table.axis import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["homing_fails", "homing_over", "start_homing", "step_homing"]
@@ -45,7 +48,12 @@ _SOUGHT = np.array([
     HERE, LIMIT, LIMIT, LIMIT, SWITCH, SWITCH, SWITCH, MARK, END_STOP, END_STOP, END_STOP, MARK, SWITCH, ENCODER,
     SWITCH, MARK,
 ])  # fmt: skip
-_THEN_MARK = np.array([number in {2, 3, 5, 6, 9, 10} for number in range(len(_SOUGHT))])
+# What the edge of a switch or the end stop is: the home itself, or where the way to the zero mark or its search begins.
+ITSELF, ZERO_MARK, INDEX_SEARCH = 0, 1, 2
+_BEHIND = np.array([
+    ITSELF, ITSELF, ZERO_MARK, INDEX_SEARCH, ITSELF, ZERO_MARK, INDEX_SEARCH, ITSELF, ITSELF, ZERO_MARK, INDEX_SEARCH,
+    ITSELF, ITSELF, ITSELF, ITSELF, ITSELF,
+])  # fmt: skip
 TURNS_AT_STOP = 12
 ONE_WAY = 14
 
@@ -57,7 +65,9 @@ RETREAT = 3  # back, until the switch is left
 RETURN = 4  # back, until the home switch closes
 FIND = 5  # again in the direction of homing, until the home switch closes
 LEAVE = 6  # in the direction of homing, until the home switch opens
-FAILED = 7
+INDEX = 7  # on to the zero mark, slowly
+BRAKE = 8  # the home is found, and the axis comes to rest behind it
+FAILED = 9
 
 #: Nearer to a zero mark than this, rev, the axis stands on it, and looks for the next one.
 ON_THE_MARK = 1e-6
@@ -114,35 +124,43 @@ def start_homing(axis: Any) -> None:
         axis.home_leg = TO_THE_MARK
         _go(axis, _next_mark(axis.commanded_position, way), axis.home_velocity)
     else:
-        axis.home_leg = SEEK
-        if sought == SWITCH and axis.home_switch:
-            axis.home_leg = LEAVE if axis.asked_home_method == ONE_WAY else RETREAT
-        _run(axis, -way if axis.home_leg == RETREAT else way, axis.home_velocity)
+        axis.home_leg = LEAVE if sought == SWITCH and axis.home_switch else SEEK
+        _run(axis, way, axis.home_velocity)
+
+
+@compiled
+def _brake(axis: Any, home: float) -> None:
+    """The home is found: come to rest."""
+    axis.origin = home - axis.home_position
+    axis.home_leg = BRAKE
+    axis.profile = PROFILE_STOP
 
 
 @compiled
 def _found(axis: Any, place: float, way: float) -> None:
-    """The home is at ``place``, or at the first zero mark from there on in the direction ``way``."""
-    velocity = axis.home_velocity * axis.home_share
-    if _THEN_MARK[int(axis.asked_home_method)]:
+    """The switch or the end stop is at ``place``; what is behind it lies in the direction ``way``."""
+    behind = int(_BEHIND[int(axis.asked_home_method)])
+    if behind == ITSELF:
+        _brake(axis, place)
+    elif behind == ZERO_MARK:
         axis.home_leg = TO_THE_MARK
-        _go(axis, _next_mark(place, way), velocity)
-        return
-    axis.origin = place - axis.home_position
-    axis.home_leg = WAY_OFF
-    _go(axis, place + axis.asked_home_distance, velocity)
+        _go(axis, _next_mark(place, way), axis.home_velocity)
+    else:
+        axis.home_leg = INDEX
+        axis.target = _next_mark(place, way)
+        _run(axis, way, axis.home_velocity * axis.home_share)
 
 
 @compiled
-def _turn(axis: Any, leg: int, part: float) -> None:
+def _turn(axis: Any, leg: int) -> None:
     axis.home_leg = leg
-    _run(axis, -axis.home_way, axis.home_velocity * part)
+    _run(axis, -axis.home_way, axis.home_velocity)
 
 
 @compiled
 def _against_a_stop(axis: Any) -> bool:
-    """Whether the axis no longer follows in the direction of its search."""
-    return axis.home_lag > 0.0 and axis.following_error * axis.home_way > axis.home_lag
+    """Whether the axis no longer follows: PL.ERR is larger than HOME.PERRTHRESH."""
+    return axis.home_lag > 0.0 and abs(axis.following_error) > axis.home_lag
 
 
 @compiled
@@ -157,7 +175,7 @@ def _give_up_the_way(axis: Any) -> None:
 def _seek_limit(axis: Any) -> None:
     way = 1.0 if axis.home_direction > 0.0 else -1.0
     if axis.home_leg == SEEK and at_limit_switch(axis, way):
-        _turn(axis, RETREAT, axis.home_share)
+        _turn(axis, RETREAT)
     elif axis.home_leg == RETREAT and not at_limit_switch(axis, way):
         _found(axis, axis.measured_position, -way)
 
@@ -172,15 +190,17 @@ def _seek_switch(axis: Any) -> None:
         if axis.home_switch:
             _found(axis, axis.measured_position, axis.home_way)
         elif ended and axis.home_leg == SEEK and axis.asked_home_method != ONE_WAY:
-            _turn(axis, RETURN, 1.0)
+            _turn(axis, RETURN)
         elif ended:
             axis.home_leg = FAILED
+    elif axis.home_leg == LEAVE:
+        # a switch that is closed from the beginning has not closed on the way
+        if not axis.home_switch or ended:
+            axis.home_leg = SEEK
     elif axis.home_leg == RETURN and axis.home_switch:
         axis.home_leg = RETREAT
     elif axis.home_leg == RETREAT and not axis.home_switch:
-        _turn(axis, FIND, axis.home_share)
-    elif axis.home_leg == LEAVE and not axis.home_switch:
-        axis.home_leg = FIND
+        _turn(axis, FIND)
     elif ended:
         axis.home_leg = FAILED
 
@@ -189,19 +209,24 @@ def _seek_switch(axis: Any) -> None:
 def step_homing(axis: Any) -> None:
     """Once in each step of an axis in homing: does its search come to an end of a leg?"""
     axis.home_held = 0.0
+    if axis.home_leg == BRAKE:
+        return
     if axis.home_leg in (TO_THE_MARK, WAY_OFF):
         # the way behind the mark may lead back, where another limit counts
         axis.task_velocity = fastest(axis, axis.task_top, axis.target >= axis.commanded_position)
         return
     sought = _sought(axis)
-    if sought == LIMIT:
+    if axis.home_leg == INDEX:
+        if (axis.measured_position - axis.target) * axis.home_way >= 0.0:
+            _brake(axis, axis.target)
+    elif sought == LIMIT:
         _seek_limit(axis)
     elif sought == SWITCH:
         _seek_switch(axis)
     elif sought == END_STOP and _against_a_stop(axis):
         _give_up_the_way(axis)
         _found(axis, axis.measured_position, -axis.home_way)
-    if axis.home_leg >= SEEK:
+    if SEEK <= axis.home_leg <= LEAVE:
         if axis.home_farthest > 0.0 and abs(axis.commanded_position - axis.home_start) > axis.home_farthest:
             axis.home_leg = FAILED
         if sought == END_STOP or axis.asked_home_method == TURNS_AT_STOP:
@@ -214,7 +239,7 @@ def homing_fails(axis: Any) -> bool:
     if axis.home_leg == FAILED:
         return True
     sought = _sought(axis)
-    if axis.home_leg not in (TO_THE_MARK, WAY_OFF) and sought != END_STOP:
+    if sought != END_STOP and axis.home_leg not in (TO_THE_MARK, WAY_OFF, INDEX):
         return False
     # the axis may come back to the limit switch that it was homed on
     own = sought == LIMIT and axis.profile_velocity * axis.home_direction > 0.0
@@ -223,15 +248,17 @@ def homing_fails(axis: Any) -> bool:
 
 @compiled
 def homing_over(axis: Any) -> bool:
-    """A place is reached: true once it is that where homing ends."""
-    if axis.home_leg == TO_THE_MARK:
+    """A place is reached, or the axis is at rest: true once homing is over."""
+    if axis.home_leg != WAY_OFF:
         sought = _sought(axis)
-        found = 0.0 if sought == ENCODER else axis.target
-        axis.origin = found - axis.home_position
+        if axis.home_leg == TO_THE_MARK:
+            found = 0.0 if sought == ENCODER else axis.target
+            axis.origin = found - axis.home_position
         axis.home_leg = WAY_OFF
         if axis.asked_home_distance != 0.0 and sought not in (HERE, ENCODER):
-            axis.target += axis.asked_home_distance
+            _go(axis, axis.origin + axis.home_position + axis.asked_home_distance, axis.home_velocity)
             return False
+        axis.target = axis.commanded_position
     axis.homed = 1
     axis.target_reached = 1
     return True

@@ -12,6 +12,8 @@ from pnfarm.firmware.direction import shaft_sign
 from pnfarm.table.axis import (
     CAMS,
     INPUT_HOME_SWITCH,
+    INPUT_LIMIT_HIGH,
+    INPUT_LIMIT_LOW,
     MACHINE_CAMS,
     MACHINE_STOP_HIGH,
     MACHINE_STOP_LOW,
@@ -33,7 +35,6 @@ def take_switches(axis: Any) -> None:
         limits |= 0x1
     if axis.machine & MACHINE_SWITCH_HIGH and place >= axis.switch_high:
         limits |= 0x2
-    axis.limit_switch = limits
     inputs = int(axis.fault_inputs)
     if axis.machine & MACHINE_CAMS:
         for i in range(CAMS):
@@ -41,10 +42,19 @@ def take_switches(axis: Any) -> None:
                 inputs |= int(axis.cam_inputs[i])
     axis.digital_inputs = inputs
     axis.home_switch = 0
-    if inputs:
-        for i in range(USED_INPUTS):
-            if inputs >> i & 1 and axis.input_modes[i] == INPUT_HOME_SWITCH:
-                axis.home_switch = 1
+    for i in range(USED_INPUTS):
+        mode = int(axis.input_modes[i])
+        if mode == 0:
+            continue
+        active = (inputs >> i & 1) != int(axis.input_inverted[i])
+        if mode == INPUT_HOME_SWITCH and active:
+            axis.home_switch = 1
+        # a limit switch opens where it is pressed
+        elif mode == INPUT_LIMIT_LOW and not active:
+            limits |= 0x1
+        elif mode == INPUT_LIMIT_HIGH and not active:
+            limits |= 0x2
+    axis.limit_switch = limits
 
 
 @compiled

@@ -151,6 +151,8 @@ CAMS = 4
 USED_INPUTS = 7
 #: Use of a digital input (``input_modes``): DINx.MODE of the AKD parameter reference.
 INPUT_HOME_SWITCH = 11
+INPUT_LIMIT_HIGH = 18
+INPUT_LIMIT_LOW = 19
 
 # Whether too many signs of life failed since cyclic data began (``life_failed``).
 LIFE_GOOD = 0
@@ -341,6 +343,7 @@ AXIS = Layout(
         Field("home_lag", "f8", "rev", "parameter", "following error that tells an end stop, 0 = none does"),
         Field("home_farthest", "f8", "rev", "parameter", "longest search of homing, 0 = no bound"),
         Field("input_modes", "u2", "", "parameter", "use of the first digital inputs: INPUT_* above", (USED_INPUTS,)),
+        Field("input_inverted", "u1", "", "parameter", "1 = such an input is used upside down", (USED_INPUTS,)),
         Field(
             "software_limits", "u1", "", "parameter", "limits that count, once the axis is homed: bit 0 low, bit 1 high"
         ),

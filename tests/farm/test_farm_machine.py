@@ -31,7 +31,7 @@ def homed(plc, within=30.0):
 def test_5_10_3_home_mode_4_finds_the_cam_on_the_input_whose_mode_is_home_switch():
     plc = line(**{"HOME.MODE": 4, "DIN1.MODE": 11})
     assert homed(plc) == pytest.approx(40.0, abs=0.1)
-    assert plc.place == pytest.approx(0.0, abs=0.01)
+    assert 0.0 < plc.place < 0.1, "it brakes behind the edge"
 
 
 def test_5_10_3_an_input_of_another_mode_is_no_home_switch():
