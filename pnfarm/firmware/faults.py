@@ -168,10 +168,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.stw1 = 0
     axis.stw1_seen = 0
     axis.setpoint = 0.0
-    axis.ramp = 0.0
-    axis.velocity = 0.0
-    axis.current = 0.0
-    axis.torque = 0.0
+    axis.ramp = axis.velocity
     axis.speed_integral = 0.0
     axis.brake_asked = 0
     axis.brake_open = 0

@@ -33,6 +33,8 @@ __all__ = ["step"]
 
 CONTROL_BY_PLC = 0x0400
 FAULT_ACKNOWLEDGE = 0x0080
+#: What a step covers at most, ns: the loop may have been held up.
+LONGEST_NS = 1_000_000_000
 
 
 @compiled
@@ -122,14 +124,25 @@ def _word_in_force(axis: Any, reaction: int) -> int:
 
 
 @compiled
+def _turn(axis: Any, elapsed: int) -> None:
+    """Set point, controllers, motor and load, in steps that are short enough."""
+    longest = motor_step_ns(axis)
+    while elapsed > 0:
+        part = min(elapsed, longest)
+        elapsed -= part
+        seconds = part * 1e-9
+        velocity_command(axis, seconds)
+        step_motor(axis, axis.state >= 4, seconds)
+
+
+@compiled
 def step(axis: Any, image: Any, now: int) -> None:
-    """Advance one drive to ``now``; nothing happens without control supply."""
-    elapsed = now - axis.last_ns
+    """Advance one drive to ``now``; without control supply its shaft coasts, and nothing else happens."""
+    elapsed = min(now - axis.last_ns, LONGEST_NS)
     axis.last_ns = now
     if not axis.powered:
-        axis.velocity = 0.0
-        axis.current = 0.0
-        axis.torque = 0.0
+        axis.state = 0
+        _turn(axis, elapsed)
         return
     take_commands(axis, now)
     _control_word(axis, image, now)
@@ -164,14 +177,7 @@ def step(axis: Any, image: Any, now: int) -> None:
     elif abs(axis.velocity) <= axis.standstill:
         axis.brake_released = 1
 
-    elapsed = min(elapsed, 1_000_000_000)
-    longest = motor_step_ns(axis)
-    while elapsed > 0:
-        part = min(elapsed, longest)
-        elapsed -= part
-        seconds = part * 1e-9
-        velocity_command(axis, seconds)
-        step_motor(axis, axis.state >= 4, seconds)
+    _turn(axis, elapsed)
     watch_motor(axis, now)
     watch_warnings(axis)
     take_generator(axis)

@@ -1,5 +1,7 @@
 """Faults of the drive, of its connection and of its records, as the controller sees them."""
 
+import math
+
 import pytest
 from fault_line import FaultLine
 from hand_line import HandLine
@@ -437,6 +439,23 @@ def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_dri
 def test_a_load_that_is_none_is_refused(line, params, words):
     with pytest.raises(ConfigError, match=words):
         line.add("load", params=params)
+
+
+def test_a_shaft_coasts_when_the_supply_goes_and_still_turns_when_it_is_back_soon():
+    line = FaultLine(program="{kind: constant, speed_rpm: 1000}", load="{inertia: 1.0e-2, friction: 0, damping: 0.001}")
+    line.enable()
+    line.run(1.0)
+    axis = line.farm.columns.axis[0]
+    line.add("power-cycle", params={"off": "2s"})
+    line.run(1.0)
+    assert axis.velocity == pytest.approx(1000 * math.exp(-0.1), rel=0.01), "inertia over damping is 10 s"
+    assert (axis.current, axis.torque) == (0.0, 0.0)
+    line.run(1.1)
+    assert line.farm.stations[0].powered
+    assert axis.velocity == pytest.approx(1000 * math.exp(-0.21), rel=0.01)
+    line.enable()
+    line.run(1.0)
+    assert axis.velocity == pytest.approx(1000, rel=0.01), "operation takes it up as it turns"
 
 
 class HandFaultLine(FaultLine, HandLine):
