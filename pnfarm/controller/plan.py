@@ -20,7 +20,8 @@ from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.table import program
-from pnfarm.table.axis import AXIS, TASKS_NONE
+from pnfarm.table.axis import AXIS
+from pnfarm.table.axis_codes import TASKS_NONE
 from pnfarm.table.image import IMAGE
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.parameter import Parameter, ParameterErrorNumber, refusal
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CONTINUE,
     CMD_DISABLE,

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.control_limits import apply_control_limits
 from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
 from pnfarm.drives.parameter import Behaviour, Parameter
-from pnfarm.table.axis import AXIS, TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis import AXIS
+from pnfarm.table.axis_codes import TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.signals import (
     FIRST_SHOWN,
     HOME_DIST,

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS, LIFE_GOOD, RAMP_GENERATED
+from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import LIFE_GOOD, RAMP_GENERATED
 from pnfarm.table.signals import DRIVE_INPUTS
 
 if TYPE_CHECKING:

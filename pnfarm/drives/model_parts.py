@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.table.axis import REACTION_COAST, REACTION_QUICK_STOP
+from pnfarm.table.axis_codes import REACTION_COAST, REACTION_QUICK_STOP
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.table.axis import (
-    MOTION_TASKS,
+from pnfarm.table.axis import MOTION_TASKS
+from pnfarm.table.axis_codes import (
     TASK_CHAINED,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,

@@ -23,7 +23,7 @@ from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, Parame
 from pnfarm.drives.stored_values import StoredValues
 from pnfarm.drives.telegram_selection import TelegramSelection
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import CMD_CLEAR_HISTORY
+from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import TASKS_NONE
+from pnfarm.table.axis_codes import TASKS_NONE
 from pnfarm.table.signals import ACTUAL_SLOTS, PART_HIGH, PART_LOW, PART_WORD, SETPOINT_SLOTS, WORD_NONE, word_code
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from pydantic import AfterValidator, Field
 
 from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
-from pnfarm.table.axis import (
-    CAMS,
+from pnfarm.table.axis import CAMS
+from pnfarm.table.axis_codes import (
     MACHINE_CAMS,
     MACHINE_STOP_HIGH,
     MACHINE_STOP_LOW,

@@ -27,7 +27,7 @@ from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 from pnfarm.protocols.profinet.wire.lldp import parse_lldp
 from pnfarm.table import engine_row
-from pnfarm.table.axis import FIRMWARE_PROFIDRIVE
+from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
 

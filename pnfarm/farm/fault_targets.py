@@ -26,14 +26,13 @@ from pnfarm.faults.words import FaultError
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties
-from pnfarm.table.axis import (
+from pnfarm.table.axis import FAULT_SLOTS, WARNING_SLOTS
+from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
     CMD_HOLD_FAULT,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,
     CMD_RELEASE_FAULT,
-    FAULT_SLOTS,
-    WARNING_SLOTS,
 )
 from pnfarm.table.channel import IDLE
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from pnfarm.table.axis import LACKS_ENABLE, LACKS_SUPPLY
+from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_SUPPLY
 
 if TYPE_CHECKING:
     from pnfarm.drives.axis_handle import AxisHandle

@@ -29,7 +29,7 @@ from pnfarm.protocols.profinet.events import (
 )
 from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
 from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
-from pnfarm.table.axis import CMD_RAISE_FAULT
+from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 
 if TYPE_CHECKING:
     from collections.abc import Callable

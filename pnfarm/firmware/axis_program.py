@@ -10,7 +10,7 @@ from math import pi, sin
 from typing import Any
 
 from pnfarm.firmware.telegram import clamp16, clamp32, clamp_unsigned, long_step
-from pnfarm.table.axis import CONFIG_RISING_EDGE, TASKS_TARPOS
+from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, TASKS_TARPOS
 from pnfarm.table.compiled import compiled
 from pnfarm.table.program import (
     ACKNOWLEDGING,

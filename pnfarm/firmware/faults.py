@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis import (
+from pnfarm.table.axis import COMMANDS, FAULT_SITUATIONS, FAULT_SLOTS, WARNING_SLOTS
+from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_HISTORY,
     CMD_CLEAR_WARNING,
@@ -26,11 +27,7 @@ from pnfarm.table.axis import (
     CMD_SET_POSITION,
     CMD_START_TASK,
     CMD_STOP,
-    COMMANDS,
-    FAULT_SITUATIONS,
-    FAULT_SLOTS,
     STOP_DROP,
-    WARNING_SLOTS,
 )
 from pnfarm.table.compiled import compiled
 

@@ -17,7 +17,7 @@ from pnfarm.firmware.faults import acknowledge
 from pnfarm.firmware.position_status import torque_free
 from pnfarm.firmware.sensor_marks import parked
 from pnfarm.firmware.state_machine import COAST, DISABLE, ENABLE, QUICK, READY, RELEASED, STANDSTILL
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     LACKS_ENABLE,
     QUICK_STOP_COAST,
     QUICK_STOP_CURRENT,

@@ -30,7 +30,7 @@ import numpy as np
 
 from pnfarm.firmware.profile_generator import begin_profile
 from pnfarm.firmware.travel import at_limit_switch, fastest, take_ramps
-from pnfarm.table.axis import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
+from pnfarm.table.axis_codes import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["homing_fails", "homing_over", "start_homing", "step_homing"]

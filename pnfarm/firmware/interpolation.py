@@ -17,7 +17,7 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from pnfarm.table.axis import RAMP_PASSED_BY
+from pnfarm.table.axis_codes import RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import KPC, STW1, XERR, XSOLL_A
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.table.axis import CONFIG_PROFILE_JOG, JOG_SEQUENCES
+from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, JOG_SEQUENCES
 from pnfarm.table.compiled import compiled
 
 __all__ = ["MAKERS_FORM", "PROFILES_FORM", "take_jog"]

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.direction import shaft_sign
-from pnfarm.table.axis import (
-    CAMS,
+from pnfarm.table.axis import CAMS, USED_INPUTS
+from pnfarm.table.axis_codes import (
     INPUT_HOME_SWITCH,
     INPUT_LIMIT_HIGH,
     INPUT_LIMIT_LOW,
@@ -19,7 +19,6 @@ from pnfarm.table.axis import (
     MACHINE_STOP_LOW,
     MACHINE_SWITCH_HIGH,
     MACHINE_SWITCH_LOW,
-    USED_INPUTS,
 )
 from pnfarm.table.compiled import compiled
 

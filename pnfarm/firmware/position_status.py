@@ -6,7 +6,8 @@ from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
-from pnfarm.table.axis import FAULT_SLOTS, TASKS_TABLE
+from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.axis_codes import TASKS_TABLE
 from pnfarm.table.compiled import compiled
 
 __all__ = [

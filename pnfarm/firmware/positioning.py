@@ -31,7 +31,7 @@ from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_
 from pnfarm.firmware.tasks import select_task
 from pnfarm.firmware.transitions import as_array
 from pnfarm.firmware.travel import at_limit_switch, fastest, take_ramps, within_limits
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CONFIG_RISING_EDGE,
     JOG_MINUS,
     JOG_NONE,

@@ -14,7 +14,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from pnfarm.table.axis import JERK_TAPS, PROFILE_TARGET, PROFILE_VELOCITY
+from pnfarm.table.axis import JERK_TAPS
+from pnfarm.table.axis_codes import PROFILE_TARGET, PROFILE_VELOCITY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["begin_profile", "profile_over", "step_profile"]

@@ -10,7 +10,7 @@ from pnfarm.firmware.motor import brake_holds, torque_controlled
 from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.firmware.service_motion import service_setpoint
 from pnfarm.firmware.travel import fastest
-from pnfarm.table.axis import JOG_SEQUENCES, RAMP_ABSENT, RAMP_PASSED_BY
+from pnfarm.table.axis_codes import JOG_SEQUENCES, RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["approach", "limited", "velocity_command"]

@@ -29,7 +29,7 @@ import numpy as np
 from pnfarm.firmware.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
 from pnfarm.firmware.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array
-from pnfarm.table.axis import SENSOR_PARKING
+from pnfarm.table.axis_codes import SENSOR_PARKING
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
 

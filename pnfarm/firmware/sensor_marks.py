@@ -11,7 +11,8 @@ from math import ceil, floor
 from typing import Any
 
 from pnfarm.firmware.faults import NUMBER_MASK
-from pnfarm.table.axis import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO, SENSOR_PARKING
+from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.axis_codes import EDGE_FALLING, MARK_NONE, MARK_PROBE_1, MARK_ZERO, SENSOR_PARKING
 from pnfarm.table.compiled import compiled
 
 __all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks", "parked"]

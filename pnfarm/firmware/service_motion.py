@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis import SERVICE_ALTERNATING
+from pnfarm.table.axis_codes import SERVICE_ALTERNATING
 from pnfarm.table.compiled import compiled
 
 __all__ = ["service_setpoint", "step_service"]

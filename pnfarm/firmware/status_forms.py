@@ -7,7 +7,7 @@ from typing import Any
 from pnfarm.firmware.hindrances import enabled_by_hardware
 from pnfarm.firmware.motor import torque_controlled
 from pnfarm.firmware.torque_limits import gives_all
-from pnfarm.table.axis import RAMP_GENERATED
+from pnfarm.table.axis_codes import RAMP_GENERATED
 from pnfarm.table.compiled import compiled
 
 __all__ = ["moog_second_word", "moog_word", "take_generator"]

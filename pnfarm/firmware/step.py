@@ -23,7 +23,8 @@ from pnfarm.firmware.status_forms import moog_word, take_generator
 from pnfarm.firmware.tasks import take_task
 from pnfarm.firmware.telegram import from_setpoints, no_setpoints, to_actuals
 from pnfarm.firmware.torque_limits import take_torque_limits
-from pnfarm.table.axis import DISABLE_AT_ONCE, FAULT_SLOTS, REACTION_QUICK_STOP, STATUS_MOOG
+from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.axis_codes import DISABLE_AT_ONCE, REACTION_QUICK_STOP, STATUS_MOOG
 from pnfarm.table.compiled import compiled
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis import (
+from pnfarm.table.axis import DRIVING_SETS, MOTION_TASKS
+from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
-    DRIVING_SETS,
     JOG_MINUS,
     JOG_NONE,
     JOG_PLUS,
@@ -15,7 +15,6 @@ from pnfarm.table.axis import (
     JOG_SEQUENCE,
     JOG_SEQUENCES,
     JOG_STILL,
-    MOTION_TASKS,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,
     TASK_FROM_COMMAND,

@@ -17,7 +17,8 @@ from pnfarm.firmware.position_status import (
 )
 from pnfarm.firmware.sign_of_life import second_status_word
 from pnfarm.firmware.torque_limits import torque_limited
-from pnfarm.table.axis import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis import FAULT_WORDS
+from pnfarm.table.axis_codes import VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_CURRENT,

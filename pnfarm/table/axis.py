@@ -3,7 +3,8 @@
 States and faults as numbers:
 
 * ``state``: 1..5 for S1..S5 of the PROFIdrive general state machine, 0 while the drive boots.
-* fault numbers are the manual's own (AKD: 702 ...); 0 means none.
+* fault numbers are the manual's own (AKD: 702 ...); 0 means none;
+* names with a star are the constants in :mod:`pnfarm.table.axis_codes`.
 """
 
 from __future__ import annotations
@@ -26,153 +27,15 @@ JERK_TAPS = 16
 #: Entries of the command ring from the event loop to the firmware.
 COMMANDS = 16
 
-# What an enabled drive does on a fault: bits 24..31 of a fault as it is raised.
-REACTION_COAST = 0  # power stage off
-REACTION_QUICK_STOP = 1  # controlled stop along the quick stop ramp, then off
-
-# Commands of the event loop to the firmware in the ring ``command``; each is ``code | argument << 8``.
-CMD_RAISE_FAULT = 1  # argument: fault number | reaction << 24; its cause is gone at once
-CMD_HOLD_FAULT = 2  # argument alike; its cause stays until CMD_RELEASE_FAULT
-CMD_RELEASE_FAULT = 3  # argument: fault number
-CMD_ACKNOWLEDGE = 4  # as the edge of STW1.7
-CMD_POWER_ON = 5  # start from boot with a clean state; position and fault history per the model
-CMD_SET_POSITION = 6  # argument: micro-revolutions, signed
-CMD_RAISE_WARNING = 7  # argument: warning number
-CMD_CLEAR_WARNING = 8  # argument: warning number
-CMD_CLEAR_HISTORY = 9  # forget the acknowledged fault situations
-CMD_START_TASK = 10  # argument: number of a motion task; as the edge of STW1.6
-CMD_HOME = 11  # as STW1.11
-CMD_DISABLE = 12  # power stage off by software
-CMD_STOP = 13  # end what runs; argument: STOP_* below
-CMD_CONTINUE = 14  # go on with the task that CMD_STOP halted
-CMD_SERVICE = 15  # begin service motion
-
-# How the power stage goes off by software (``disable_method``).
-DISABLE_AT_ONCE = 0
-DISABLE_STOPPED = 1  # along the quick stop ramp first
-
-# What becomes of the task at hand (``stop_command``, CMD_STOP).
-STOP_HALT = 1  # CMD_CONTINUE goes on with it
-STOP_DROP = 2
-
-# Which set point the telegram brings (``velocity_signal``).
-VELOCITY_NSOLL_A = 0
-VELOCITY_NSOLL_B = 1
-VELOCITY_REF_SPEED = 2
-
-# What becomes of velocity set points (``ramp_generator``).
-RAMP_GENERATED = 0
-RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
-RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
-
-# What the profile generator of positioning is about (``profile``).
-PROFILE_STOP = 0  # come to rest and stay
-PROFILE_TARGET = 1  # be at rest in ``target``
-PROFILE_VELOCITY = 2  # run at ``task_velocity``, which may be negative
-
-# How bits 9 to 15 of ZSW1 and bits 0 to 7 of ZSW2 are used (``status_form``).
-STATUS_PROFILE = 0
-STATUS_MOOG = 1  # Moog MSD manual, tables 10.8, 10.9, 10.16 and 10.17; the last two with ``profile_mode`` 1 or 3
-
-# What the drive lacks although nothing is broken (``hindrances``), bit by bit.
-LACKS_ENABLE = 1  # the hardware enable (ENPO)
-LACKS_SUPPLY = 2  # the DC link is too low
-
-# What a quick stop does (``quick_stop_option``; Moog MSD manual, table 10.3, codes + 1).
-QUICK_STOP_PROFILE = 0  # PROFIdrive: along the quick stop ramp, then off
-QUICK_STOP_COAST = 1
-QUICK_STOP_RAMP = 2  # along the deceleration ramp, then off
-QUICK_STOP_QUICK = 3  # along the quick stop ramp, then off
-QUICK_STOP_CURRENT = 4  # as fast as the motor can, then off
-QUICK_STOP_STAYS = 4  # above this: as four below, but the power stage stays on
-
-# Which word jogging follows (``jog_form``).
-JOG_LEVELS = 0  # STW1.8 is the first velocity, STW1.9 the second, both are none
-JOG_SEQUENCES = 1  # Moog MSD manual, tables 10.10 and 10.11: firmware/jog.py
-
-# Which signals bring traversing tasks (``task_form``).
-TASKS_NONE = 0
-TASKS_MDI = 1  # SATZANW.15 and MDI_*: telegram 9 of the profile
-TASKS_POS_STW = 2  # POS_STW1.15, POS_STW1.8 and MDI_*: telegram 111
-TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for no handshake, STW1.14 for endless motion
-TASKS_TABLE = 4  # as before, and the target is the driving set that SATZANW names
-
-# How STW1 is read in position mode (``control_config``; bits of P-1267, Moog MSD manual 10.2.2).
-CONFIG_RISING_EDGE = 0x0040  # STW1.6 starts with its rising edge only; else with both, and ZSW1.12 changes with each
-CONFIG_PROFILE_JOG = 0x0100  # jogging needs STW1.4 to 6 = 0
-
 #: Driving sets of a drive (Moog MSD manual 8.2.1), numbered from 0.
 DRIVING_SETS = 16
 
 #: Motion tasks that a drive keeps, numbered from 0.
 MOTION_TASKS = 129
 
-# What a motion task is (``mt_flags``).
-TASK_DEFINED = 1
-TASK_RELATIVE = 2
-TASK_CHAINED = 4  # another follows
-TASK_FROM_COMMAND = 8  # a way counts from the commanded position
-TASK_FROM_TARGET = 16  # a way counts from the last target
-TASK_FROM_ACTUAL = 32  # a way counts from the actual position
-TASK_PASSING = 64  # the next one begins at the target without a stop
-#: A running task whose data the controller brings (``task``).
-TASK_MDI = -1
-
-# Course of service motion (``service_mode``): what an AKD's SM.MODE has for velocity mode.
-SERVICE_CONSTANT = 2
-SERVICE_ALTERNATING = 3
-
-#: State of positioning in which a task waits to be continued by a parameter (``motion``).
-MOTION_HALTED = 7
-
-# What jogging is asked for (``jog``).
-JOG_NONE = 0
-JOG_PLUS = 1  # at the first jogging velocity
-JOG_MINUS = 2  # at the second
-JOG_REAL_TIME = 3  # at the task's own velocity
-JOG_SEQUENCE = 4  # at ``jog_speed``
-JOG_STILL = 5  # at none: both directions at once
-
-# How the axis finds its home (``home_method``), numbered as HOME.MODE of the Kollmorgen AKD; the rest is in homing.
-HOME_AT_ONCE = 0  # where it stands
-HOME_LIMIT = 1  # a limit switch
-HOME_SWITCH = 4  # the home switch
-HOME_STOP = 8  # an end stop
-HOME_MARK = 11  # the next zero mark of the encoder
-
-# Parts of the machine (``machine``), bit by bit.
-MACHINE_SWITCH_LOW = 0x01
-MACHINE_SWITCH_HIGH = 0x02
-MACHINE_STOP_LOW = 0x04
-MACHINE_STOP_HIGH = 0x08
-MACHINE_CAMS = 0x10
 #: Cams that the machine can have, and digital inputs of a drive whose use is a parameter.
 CAMS = 4
 USED_INPUTS = 7
-#: Use of a digital input (``input_modes``): DINx.MODE of the AKD parameter reference.
-INPUT_HOME_SWITCH = 11
-INPUT_LIMIT_HIGH = 18
-INPUT_LIMIT_LOW = 19
-
-# Whether too many signs of life failed since cyclic data began (``life_failed``).
-LIFE_GOOD = 0
-LIFE_FAILED = 1  # and the step raises the fault
-LIFE_TOLD = 2  # and it has raised it
-
-# Where functions 1 to 4 of the sensor interface find their reference mark (``sensor_marks``), and its edge.
-MARK_NONE = 0
-MARK_PROBE_1 = 1
-MARK_PROBE_2 = 2
-MARK_ZERO = 3  # the encoder's own, once in a revolution
-EDGE_RISING = 0
-EDGE_FALLING = 1
-
-#: State SD12 of the sensor interface (``sensor_state``).
-SENSOR_PARKING = 12
-
-# Firmware variants (``firmware``).
-FIRMWARE_NONE = 0
-FIRMWARE_PROFIDRIVE = 1
 
 AXIS = Layout(
     "axis",
@@ -208,8 +71,8 @@ AXIS = Layout(
             "parameter",
             "one increment of NSOLL_B and NIST_B, 0 = a 65536th of velocity_step",
         ),
-        Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_* above"),
-        Field("ramp_generator", "u1", "", "parameter", "what becomes of velocity set points: RAMP_* above"),
+        Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_*"),
+        Field("ramp_generator", "u1", "", "parameter", "what becomes of velocity set points: RAMP_*"),
         Field("acceleration", "f8", "rpm/s", "parameter", "ramp up (DRV.ACC)"),
         Field("deceleration", "f8", "rpm/s", "parameter", "ramp down (DRV.DEC)"),
         Field("acceleration_step", "f8", "rpm/s", "parameter", "one increment of DRV_ACC and DRV_DEC (PN.ACCSCALING)"),
@@ -294,7 +157,7 @@ AXIS = Layout(
         Field("life_run", "u1", "", "firmware", "frames in sequence, 15 = the controller is watched"),
         Field("life_sent", "u1", "", "firmware", "the drive's own count, 1..15, 0 = none yet"),
         Field("life_count", "u4", "", "firmware", "error counter: 10 up on a failure, 1 down on a good frame"),
-        Field("life_failed", "u1", "", "firmware", "too many failed: LIFE_* above"),
+        Field("life_failed", "u1", "", "firmware", "too many failed: LIFE_*"),
         Field("life_errors", "i8", "", "firmware", "failed signs of life"),
         # the motor
         Field("velocity", "f8", "rpm", "firmware", "shaft speed (VL.FB)"),
@@ -313,7 +176,7 @@ AXIS = Layout(
             "parameter",
             "quick stop ramp in position mode, 0 = as quick_stop_deceleration",
         ),
-        Field("task_form", "u1", "", "parameter", "which signals bring traversing tasks: TASKS_* above"),
+        Field("task_form", "u1", "", "parameter", "which signals bring traversing tasks: TASKS_*"),
         Field("target_step", "f8", "rev", "parameter", "one increment of a target position, 0 = position_step"),
         Field("task_velocity_step", "f8", "rpm", "parameter", "one increment of a task's velocity"),
         Field(
@@ -326,12 +189,12 @@ AXIS = Layout(
         Field(
             "task_deceleration_step", "f8", "rpm/s", "parameter", "one increment of a task's deceleration, 0 = alike"
         ),
-        Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_* above"),
+        Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_*"),
         Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
         Field("task_velocity_unsigned", "u1", "", "parameter", "1 = a task's velocity in the telegram has no sign"),
         Field("real_time_jog", "u1", "", "parameter", "1 = STW1.12 jogs with the data of the task"),
         Field("home_required", "u1", "", "parameter", "1 = tasks need the home position"),
-        Field("home_method", "u1", "", "parameter", "how the axis finds its home: HOME_* above, and homing"),
+        Field("home_method", "u1", "", "parameter", "how the axis finds its home: HOME_*, and homing"),
         Field("home_velocity", "f8", "rpm", "parameter", "of homing"),
         Field("home_acceleration", "f8", "rpm/s", "parameter", "of homing"),
         Field("home_deceleration", "f8", "rpm/s", "parameter", "of homing"),
@@ -342,7 +205,14 @@ AXIS = Layout(
         Field("home_current", "f8", "A", "parameter", "limit while homing looks for an end stop, 0 = none"),
         Field("home_lag", "f8", "rev", "parameter", "following error that tells an end stop, 0 = none does"),
         Field("home_farthest", "f8", "rev", "parameter", "longest search of homing, 0 = no bound"),
-        Field("input_modes", "u2", "", "parameter", "use of the first digital inputs: INPUT_* above", (USED_INPUTS,)),
+        Field(
+            "input_modes",
+            "u2",
+            "",
+            "parameter",
+            "use of the first digital inputs: INPUT_*",
+            (USED_INPUTS,),
+        ),
         Field("input_inverted", "u1", "", "parameter", "1 = such an input is used upside down", (USED_INPUTS,)),
         Field(
             "software_limits", "u1", "", "parameter", "limits that count, once the axis is homed: bit 0 low, bit 1 high"
@@ -379,7 +249,7 @@ AXIS = Layout(
         Field("asked_deceleration", "f8", "rpm/s", "firmware", "of the task"),
         Field("asked_backwards", "u1", "", "firmware", "direction of real-time jogging"),
         Field("override", "f8", "", "firmware", "velocity override, 1 = 100 %"),
-        Field("jog", "u1", "", "firmware", "jogging that is asked for: JOG_* above"),
+        Field("jog", "u1", "", "firmware", "jogging that is asked for: JOG_*"),
         Field("motion", "u1", "", "firmware", "state of positioning, see firmware/positioning.py; 0 = none"),
         Field("motion_seen", "u2", "", "firmware", "STW1 of the last step, for edges"),
         Field("acknowledged", "u1", "", "firmware", "ZSW1.12"),
@@ -388,7 +258,7 @@ AXIS = Layout(
         Field("origin", "f8", "rev", "firmware", "where position 0 of the machine lies on the shaft"),
         Field("target_reached", "u1", "", "firmware", "the last task ended in its target"),
         # the profile of positioning
-        Field("profile", "u1", "", "firmware", "what the profile generator is about: PROFILE_* above"),
+        Field("profile", "u1", "", "firmware", "what the profile generator is about: PROFILE_*"),
         Field("target", "f8", "rev", "firmware", "where PROFILE_TARGET leads to"),
         Field("task_top", "f8", "rpm", "firmware", "velocity of the task at hand at an override of 100 %"),
         Field("task_velocity", "f8", "rpm", "firmware", "of the task at hand, override taken into account"),
@@ -453,7 +323,7 @@ AXIS = Layout(
         Field("mt_acceleration", "f8", "rpm/s", "parameter", "of each task", (MOTION_TASKS,)),
         Field("mt_deceleration", "f8", "rpm/s", "parameter", "of each task", (MOTION_TASKS,)),
         Field("mt_dwell_ns", "i8", "ns", "parameter", "before the next one begins", (MOTION_TASKS,)),
-        Field("mt_flags", "u1", "", "parameter", "what each task is: TASK_* above", (MOTION_TASKS,)),
+        Field("mt_flags", "u1", "", "parameter", "what each task is: TASK_*", (MOTION_TASKS,)),
         Field("mt_next", "u1", "", "parameter", "the next one of a chained task", (MOTION_TASKS,)),
         # torque limits by parameters, beside the motor's peak current
         Field("rated_torque", "f8", "N m", "station", "100 % of the torque limits, 0 = the model has none"),
@@ -464,14 +334,14 @@ AXIS = Layout(
         Field("task_ramps_signed", "u1", "", "parameter", "1 = MDI_ACC and MDI_DEC have a sign; below 0 is no ramp"),
         Field("brake_released", "u1", "", "firmware", "1 = the axis came to rest since its power stage went off"),
         # departures from the profile's state machine and words
-        Field("hindrances", "u1", "", "fault", "what the drive lacks: LACKS_* above"),
-        Field("status_form", "u1", "", "parameter", "how the status words are used: STATUS_* above"),
+        Field("hindrances", "u1", "", "fault", "what the drive lacks: LACKS_*"),
+        Field("status_form", "u1", "", "parameter", "how the status words are used: STATUS_*"),
         Field("profile_mode", "u2", "", "parameter", "1 or 3 = status words as in the profile's class 4 (P-1258)"),
         Field("pulses_choice", "u2", "", "parameter", "signal and bit for enabled pulses, STATUS_MOOG (P-0924)", (2,)),
         Field("ready_with_on", "u1", "", "parameter", "1 = S1 is left with STW1.0 set, too"),
         Field("enable_by_edge", "u1", "", "parameter", "1 = S3 is left when STW1.0 and 3 rise, not while they are set"),
         Field("enable_acknowledges", "u1", "", "parameter", "1 = the hardware enable acknowledges when it comes"),
-        Field("quick_stop_option", "u1", "", "parameter", "what a quick stop does: QUICK_STOP_* above"),
+        Field("quick_stop_option", "u1", "", "parameter", "what a quick stop does: QUICK_STOP_*"),
         Field("control_location", "u2", "", "parameter", "who controls the drive; only bus_location hears STW1"),
         Field("bus_location", "u2", "", "parameter", "the controller as control_location"),
         Field("reference_source", "u2", "", "parameter", "whose set points count; the controller's with bus_source"),
@@ -482,7 +352,7 @@ AXIS = Layout(
         Field("generator_speed", "f8", "rpm", "firmware", "its speed at the last step"),
         Field("home_by_edge", "u1", "", "parameter", "1 = homing begins with the edge of STW1.11, not while it is set"),
         # jogging by sequences
-        Field("jog_form", "u1", "", "parameter", "which word jogging follows: JOG_* above"),
+        Field("jog_form", "u1", "", "parameter", "which word jogging follows: JOG_*"),
         Field("jog_sequence", "u1", "", "firmware", "state of jogging, 0 = none; firmware/jog.py"),
         Field("jog_speed", "f8", "rpm", "firmware", "of the jog at hand"),
         # driving sets and tasks without an end
@@ -521,7 +391,7 @@ AXIS = Layout(
             "u1",
             "",
             "parameter",
-            "places 0..3: where functions 1 to 4 find their mark, MARK_* above; 4..7: its edge, EDGE_*; 8..11: nothing",
+            "places 0..3: where functions 1 to 4 find their mark, MARK_*; 4..7: its edge, EDGE_*; 8..11: nothing",
             (12,),
         ),
         Field("probe_inputs", "u4", "", "parameter", "bit of digital_inputs that is probe 1 or 2, 0 = none", (2,)),
@@ -530,7 +400,7 @@ AXIS = Layout(
         Field("fault_inputs", "u4", "", "fault", "digital inputs that faults put on, bit by bit"),
         Field("digital_inputs", "u4", "", "firmware", "levels of the drive's digital inputs, bit by bit"),
         # the machine
-        Field("machine", "u1", "", "station", "which parts it has: MACHINE_* above"),
+        Field("machine", "u1", "", "station", "which parts it has: MACHINE_*"),
         Field("switch_low", "f8", "rev", "station", "the low limit switch is pressed from here downwards"),
         Field("switch_high", "f8", "rev", "station", "the high limit switch is pressed from here upwards"),
         Field("stop_low", "f8", "rev", "station", "end stop: the shaft turns no further"),
@@ -585,7 +455,7 @@ AXIS = Layout(
         Field("reached_without_task", "u1", "", "parameter", "1 = ZSW1.10 stands whenever no motion is active"),
         Field("velocity_limit_positive", "f8", "rpm", "parameter", "most speed forwards, inf = no limit", default=inf),
         Field("velocity_limit_negative", "f8", "rpm", "parameter", "most speed backwards, alike", default=inf),
-        Field("disable_method", "u1", "", "parameter", "how the power stage goes off by software: DISABLE_* above"),
+        Field("disable_method", "u1", "", "parameter", "how the power stage goes off by software: DISABLE_*"),
         Field(
             "setpoint_ignored",
             "u1",
@@ -597,7 +467,7 @@ AXIS = Layout(
         Field("target_velocity_window", "f8", "rpm", "parameter", "how near a task's velocity counts as reached"),
         Field("sto_fault", "u4", "", "parameter", "fault whose cause is that the torque is safely off, 0 = none"),
         Field("limit_warning", "u4", "", "parameter", "warning at the low and the high software limit, 0 = none", (2,)),
-        Field("service_mode", "u1", "", "parameter", "course of service motion: SERVICE_* above"),
+        Field("service_mode", "u1", "", "parameter", "course of service motion: SERVICE_*"),
         Field("service_velocity", "f8", "rpm", "parameter", "of its first and its second leg", (2,)),
         Field("service_time", "f8", "s", "parameter", "of these, 0 = the first one never ends", (2,)),
         Field("service", "u1", "", "firmware", "leg of the service motion that runs, 0 = none"),
@@ -610,9 +480,9 @@ AXIS = Layout(
             "task_error", "u1", "", "firmware", "1 = the last task could not be started, 2 = nor the one behind a task"
         ),
         Field("task_warning", "u4", "", "parameter", "warning of each of these errors, 0 = none", (2,)),
-        Field("asked_base", "u1", "", "firmware", "what a way counts from: TASK_FROM_* above, 0 = the last target"),
+        Field("asked_base", "u1", "", "firmware", "what a way counts from: TASK_FROM_*, 0 = the last target"),
         Field("disable_command", "u1", "", "firmware", "1 = the power stage shall go off"),
-        Field("stop_command", "u1", "", "firmware", "what runs shall end: STOP_* above, 0 = not"),
+        Field("stop_command", "u1", "", "firmware", "what runs shall end: STOP_*, 0 = not"),
         Field("continue_command", "u1", "", "firmware", "1 = a halted task shall go on"),
         Field("cycle_ns", "i8", "ns", "station", "cycle of the connection that brings set points, 0 = not known"),
         Field("cyclic_pause", "f8", "s", "firmware", "time between the last two positions of each cycle, 0 = none yet"),

@@ -11,7 +11,8 @@ from pnfarm.drives.catalogue import model
 from pnfarm.drives.model import Model
 from pnfarm.drives.store import ParameterStore
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import AXIS, FIRMWARE_PROFIDRIVE
+from pnfarm.table.axis import AXIS
+from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NOT
 from pnfarm.table.signals import NSOLL_A, STW1, ZSW1
 

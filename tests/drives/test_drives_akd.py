@@ -11,7 +11,7 @@ from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterErrorNumber
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_WARNING,
     CMD_DISABLE,

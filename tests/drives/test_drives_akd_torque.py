@@ -9,7 +9,7 @@ from drives_kit import new_drive
 
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import CMD_POWER_ON
+from pnfarm.table.axis_codes import CMD_POWER_ON
 from pnfarm.table.image import LOST_NOT
 from pnfarm.table.signals import ITIST_GLATT, NSOLL_A, STW1, TORQUE_SETPOINT
 

@@ -18,7 +18,7 @@ from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.drives.profiles.profidrive.requester import change_request, read_request, results
 from pnfarm.drives.store import FaultHistoryCleared, NonVolatileSaved, ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import CMD_CLEAR_HISTORY
+from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY
 from pnfarm.table.signals import WORD_NONE
 
 E = ParameterErrorNumber

@@ -17,7 +17,7 @@ from pnfarm.drives.model_parts import fault_label, fault_number
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis_codes import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 
 if TYPE_CHECKING:
     from pathlib import Path

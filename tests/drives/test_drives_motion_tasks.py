@@ -10,8 +10,8 @@ from pnfarm.drives.motion_tasks import MotionTask
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import (
-    AXIS,
+from pnfarm.table.axis import AXIS
+from pnfarm.table.axis_codes import (
     CMD_CONTINUE,
     CMD_HOME,
     CMD_START_TASK,

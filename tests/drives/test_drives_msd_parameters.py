@@ -11,7 +11,7 @@ from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.parameter import Behaviour
-from pnfarm.table.axis import RAMP_GENERATED
+from pnfarm.table.axis_codes import RAMP_GENERATED
 
 if TYPE_CHECKING:
     pass

@@ -6,7 +6,7 @@ import pytest
 from drives_kit import Drive, new_drive
 
 from pnfarm.drives.catalogue import model
-from pnfarm.table.axis import RAMP_GENERATED, RAMP_PASSED_BY
+from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
 
 MSD = model("moog-msd")
 

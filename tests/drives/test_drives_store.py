@@ -24,7 +24,8 @@ from pnfarm.drives.store import (
     TelegramChanged,
 )
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS, CMD_ACKNOWLEDGE, CMD_SET_POSITION, COMMANDS
+from pnfarm.table.axis import AXIS, COMMANDS
+from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_SET_POSITION
 from pnfarm.table.image import IMAGE
 from pnfarm.table.signals import (
     ACTUAL_SLOTS,

@@ -10,12 +10,12 @@ from pnfarm.drives.model_parts import Fault
 from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import (
+from pnfarm.table.axis import FAULT_WORDS
+from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
     CMD_POWER_ON,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,
-    FAULT_WORDS,
     REACTION_QUICK_STOP,
 )
 from pnfarm.table.image import LOST_NOT

@@ -8,7 +8,7 @@ from hand_plc import HandPlc
 
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.table.axis import REACTION_COAST
+from pnfarm.table.axis_codes import REACTION_COAST
 from pnfarm.table.signals import STW2
 
 E1 = model("hiwin-e1")

@@ -3,7 +3,7 @@
 import pytest
 from positioner import HOMED, Positioner
 
-from pnfarm.table.axis import MACHINE_STOP_HIGH, MACHINE_SWITCH_HIGH
+from pnfarm.table.axis_codes import MACHINE_STOP_HIGH, MACHINE_SWITCH_HIGH
 
 
 def off(drive):

@@ -8,7 +8,7 @@ from bench_axis import MS, BenchAxis, take_commands
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.firmware.axis_program import step_program
 from pnfarm.firmware.telegram import from_setpoints
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_HISTORY,
     CMD_RAISE_FAULT,

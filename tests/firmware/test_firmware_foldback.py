@@ -7,7 +7,7 @@ import math
 import pytest
 from bench_axis import BenchAxis
 
-from pnfarm.table.axis import CMD_ACKNOWLEDGE, CMD_POWER_ON, REACTION_QUICK_STOP
+from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_POWER_ON, REACTION_QUICK_STOP
 
 PEAK, CONTINUOUS = 9.0, 3.0
 DELAY, TIME = 1.0, 2.0

@@ -5,7 +5,7 @@ import math
 import pytest
 from positioner import ACTIVE, HOME, HOMED, ON_TARGET, READY, STOPPED, Positioner
 
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     INPUT_HOME_SWITCH,
     INPUT_LIMIT_HIGH,
     INPUT_LIMIT_LOW,

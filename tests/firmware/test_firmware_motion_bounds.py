@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from positioner import ACTIVE, HOME, HOMED, ON_TARGET, READY, START, STOPPED, Positioner, task
 
-from pnfarm.table.axis import TASK_PASSING
+from pnfarm.table.axis_codes import TASK_PASSING
 from pnfarm.table.signals import MT_FEEDRATE, SATZANW
 
 

@@ -18,7 +18,7 @@ from positioner import (
 )
 
 from pnfarm.firmware.positioning import HALTED, JOG, STANDBY
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CONTINUE,
     CMD_DISABLE,

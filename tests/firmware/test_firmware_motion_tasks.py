@@ -3,7 +3,7 @@
 import pytest
 from positioner import ACKNOWLEDGED, ACTIVE, HOMED, ON_TARGET, READY, START, STOPPED, Positioner, task
 
-from pnfarm.table.axis import CMD_HOME, CMD_START_TASK, TASK_PASSING
+from pnfarm.table.axis_codes import CMD_HOME, CMD_START_TASK, TASK_PASSING
 from pnfarm.table.signals import AKTSATZ, DRIVE_MOTION_STATUS, SATZANW
 
 

@@ -7,7 +7,7 @@ from bench_axis import MS, BenchAxis
 from scipy.integrate import solve_ivp
 
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import REACTION_QUICK_STOP
+from pnfarm.table.axis_codes import REACTION_QUICK_STOP
 
 RPM = 2 * math.pi / 60
 INERTIA, CONSTANT = 2e-4, 0.5

@@ -7,7 +7,7 @@ from math import cos, pi, sin
 import pytest
 from msd_bench import READY, TASKS, MsdBench
 
-from pnfarm.table.axis import CMD_HOLD_FAULT
+from pnfarm.table.axis_codes import CMD_HOLD_FAULT
 from pnfarm.table.image import LOST_EXPIRED
 
 START = 0x0040

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from msd_bench import ON, READY, RUN, MsdBench
 
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CMD_HOLD_FAULT,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from bench_axis import BenchAxis
 
-from pnfarm.table.axis import CMD_CLEAR_WARNING, CMD_RAISE_WARNING, WARNING_SLOTS
+from pnfarm.table.axis import WARNING_SLOTS
+from pnfarm.table.axis_codes import CMD_CLEAR_WARNING, CMD_RAISE_WARNING
 from pnfarm.table.signals import MELDW, WARN_CODE
 
 OVERLOAD, I2T = 0x910, 0x911

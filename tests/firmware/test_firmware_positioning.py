@@ -18,7 +18,14 @@ from positioner import (
 )
 
 from pnfarm.firmware import positioning
-from pnfarm.table.axis import CMD_START_TASK, HOME_MARK, REACTION_QUICK_STOP, TASK_DEFINED, TASKS_POS_STW, TASKS_TARPOS
+from pnfarm.table.axis_codes import (
+    CMD_START_TASK,
+    HOME_MARK,
+    REACTION_QUICK_STOP,
+    TASK_DEFINED,
+    TASKS_POS_STW,
+    TASKS_TARPOS,
+)
 from pnfarm.table.signals import (
     DRIVE_INPUTS,
     HOME_DIST,

@@ -9,7 +9,8 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
-from pnfarm.table.axis import AXIS, PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
+from pnfarm.table.axis import AXIS
+from pnfarm.table.axis_codes import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
 
 RPM = 60.0
 

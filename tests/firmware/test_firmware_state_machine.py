@@ -6,7 +6,7 @@ import pytest
 from bench_axis import BenchAxis
 
 from pnfarm.firmware.state_machine import PRIORITY, RELEASED, TRANSITIONS, advance, conditions
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_HOLD_FAULT,
     CMD_POWER_ON,

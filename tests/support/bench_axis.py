@@ -6,7 +6,8 @@ from typing import Any
 
 from pnfarm.firmware.faults import take_commands  # noqa: F401 - re-exported for tests that drive it alone
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import AXIS, COMMANDS, FIRMWARE_PROFIDRIVE, REACTION_QUICK_STOP
+from pnfarm.table.axis import AXIS, COMMANDS
+from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE, REACTION_QUICK_STOP
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
 from pnfarm.table.signals import NIST_A, NSOLL_A, STW1, ZSW1
 

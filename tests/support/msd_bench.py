@@ -9,7 +9,8 @@ from pnfarm.drives.catalogue import model
 from pnfarm.drives.store import ParameterStore
 from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import AXIS, FIRMWARE_PROFIDRIVE
+from pnfarm.table.axis import AXIS
+from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 

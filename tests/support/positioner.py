@@ -2,7 +2,7 @@
 
 from bench_axis import BenchAxis
 
-from pnfarm.table.axis import (
+from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
     HOME_AT_ONCE,

@@ -1,0 +1,138 @@
+"""What the numbers in columns of the axis mean: commands, methods, modes, states."""
+
+# What an enabled drive does on a fault: bits 24..31 of a fault as it is raised.
+REACTION_COAST = 0  # power stage off
+REACTION_QUICK_STOP = 1  # controlled stop along the quick stop ramp, then off
+
+# Commands of the event loop to the firmware in the ring ``command``; each is ``code | argument << 8``.
+CMD_RAISE_FAULT = 1  # argument: fault number | reaction << 24; its cause is gone at once
+CMD_HOLD_FAULT = 2  # argument alike; its cause stays until CMD_RELEASE_FAULT
+CMD_RELEASE_FAULT = 3  # argument: fault number
+CMD_ACKNOWLEDGE = 4  # as the edge of STW1.7
+CMD_POWER_ON = 5  # start from boot with a clean state; position and fault history per the model
+CMD_SET_POSITION = 6  # argument: micro-revolutions, signed
+CMD_RAISE_WARNING = 7  # argument: warning number
+CMD_CLEAR_WARNING = 8  # argument: warning number
+CMD_CLEAR_HISTORY = 9  # forget the acknowledged fault situations
+CMD_START_TASK = 10  # argument: number of a motion task; as the edge of STW1.6
+CMD_HOME = 11  # as STW1.11
+CMD_DISABLE = 12  # power stage off by software
+CMD_STOP = 13  # end what runs; argument: STOP_* below
+CMD_CONTINUE = 14  # go on with the task that CMD_STOP halted
+CMD_SERVICE = 15  # begin service motion
+
+# How the power stage goes off by software (``disable_method``).
+DISABLE_AT_ONCE = 0
+DISABLE_STOPPED = 1  # along the quick stop ramp first
+
+# What becomes of the task at hand (``stop_command``, CMD_STOP).
+STOP_HALT = 1  # CMD_CONTINUE goes on with it
+STOP_DROP = 2
+
+# Which set point the telegram brings (``velocity_signal``).
+VELOCITY_NSOLL_A = 0
+VELOCITY_NSOLL_B = 1
+VELOCITY_REF_SPEED = 2
+
+# What becomes of velocity set points (``ramp_generator``).
+RAMP_GENERATED = 0
+RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
+RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
+
+# What the profile generator of positioning is about (``profile``).
+PROFILE_STOP = 0  # come to rest and stay
+PROFILE_TARGET = 1  # be at rest in ``target``
+PROFILE_VELOCITY = 2  # run at ``task_velocity``, which may be negative
+
+# How bits 9 to 15 of ZSW1 and bits 0 to 7 of ZSW2 are used (``status_form``).
+STATUS_PROFILE = 0
+STATUS_MOOG = 1  # Moog MSD manual, tables 10.8, 10.9, 10.16 and 10.17; the last two with ``profile_mode`` 1 or 3
+
+# What the drive lacks although nothing is broken (``hindrances``), bit by bit.
+LACKS_ENABLE = 1  # the hardware enable (ENPO)
+LACKS_SUPPLY = 2  # the DC link is too low
+
+# What a quick stop does (``quick_stop_option``; Moog MSD manual, table 10.3, codes + 1).
+QUICK_STOP_PROFILE = 0  # PROFIdrive: along the quick stop ramp, then off
+QUICK_STOP_COAST = 1
+QUICK_STOP_RAMP = 2  # along the deceleration ramp, then off
+QUICK_STOP_QUICK = 3  # along the quick stop ramp, then off
+QUICK_STOP_CURRENT = 4  # as fast as the motor can, then off
+QUICK_STOP_STAYS = 4  # above this: as four below, but the power stage stays on
+
+# Which word jogging follows (``jog_form``).
+JOG_LEVELS = 0  # STW1.8 is the first velocity, STW1.9 the second, both are none
+JOG_SEQUENCES = 1  # Moog MSD manual, tables 10.10 and 10.11: firmware/jog.py
+
+# Which signals bring traversing tasks (``task_form``).
+TASKS_NONE = 0
+TASKS_MDI = 1  # SATZANW.15 and MDI_*: telegram 9 of the profile
+TASKS_POS_STW = 2  # POS_STW1.15, POS_STW1.8 and MDI_*: telegram 111
+TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for no handshake, STW1.14 for endless motion
+TASKS_TABLE = 4  # as before, and the target is the driving set that SATZANW names
+
+# How STW1 is read in position mode (``control_config``; bits of P-1267, Moog MSD manual 10.2.2).
+CONFIG_RISING_EDGE = 0x0040  # STW1.6 starts with its rising edge only; else with both, and ZSW1.12 changes with each
+CONFIG_PROFILE_JOG = 0x0100  # jogging needs STW1.4 to 6 = 0
+
+# What a motion task is (``mt_flags``).
+TASK_DEFINED = 1
+TASK_RELATIVE = 2
+TASK_CHAINED = 4  # another follows
+TASK_FROM_COMMAND = 8  # a way counts from the commanded position
+TASK_FROM_TARGET = 16  # a way counts from the last target
+TASK_FROM_ACTUAL = 32  # a way counts from the actual position
+TASK_PASSING = 64  # the next one begins at the target without a stop
+#: A running task whose data the controller brings (``task``).
+TASK_MDI = -1
+
+# Course of service motion (``service_mode``): what an AKD's SM.MODE has for velocity mode.
+SERVICE_CONSTANT = 2
+SERVICE_ALTERNATING = 3
+
+#: State of positioning in which a task waits to be continued by a parameter (``motion``).
+MOTION_HALTED = 7
+
+# What jogging is asked for (``jog``).
+JOG_NONE = 0
+JOG_PLUS = 1  # at the first jogging velocity
+JOG_MINUS = 2  # at the second
+JOG_REAL_TIME = 3  # at the task's own velocity
+JOG_SEQUENCE = 4  # at ``jog_speed``
+JOG_STILL = 5  # at none: both directions at once
+
+# How the axis finds its home (``home_method``), numbered as HOME.MODE of the Kollmorgen AKD; the rest is in homing.
+HOME_AT_ONCE = 0  # where it stands
+HOME_MARK = 11  # the next zero mark of the encoder
+
+# Parts of the machine (``machine``), bit by bit.
+MACHINE_SWITCH_LOW = 0x01
+MACHINE_SWITCH_HIGH = 0x02
+MACHINE_STOP_LOW = 0x04
+MACHINE_STOP_HIGH = 0x08
+MACHINE_CAMS = 0x10
+
+# Use of a digital input (``input_modes``): DINx.MODE of the AKD parameter reference.
+INPUT_HOME_SWITCH = 11
+INPUT_LIMIT_HIGH = 18
+INPUT_LIMIT_LOW = 19
+
+# Whether too many signs of life failed since cyclic data began (``life_failed``).
+LIFE_GOOD = 0
+LIFE_FAILED = 1  # and the step raises the fault
+LIFE_TOLD = 2  # and it has raised it
+
+# Where functions 1 to 4 of the sensor interface find their reference mark (``sensor_marks``), and its edge.
+MARK_NONE = 0
+MARK_PROBE_1 = 1
+MARK_PROBE_2 = 2
+MARK_ZERO = 3  # the encoder's own, once in a revolution
+EDGE_RISING = 0
+EDGE_FALLING = 1
+
+#: State SD12 of the sensor interface (``sensor_state``).
+SENSOR_PARKING = 12
+
+# Firmware variants (``firmware``).
+FIRMWARE_NONE = 0
+FIRMWARE_PROFIDRIVE = 1
