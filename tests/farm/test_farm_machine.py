@@ -1,10 +1,12 @@
 """The machine of a farm file: switches, cams and end stops at their places, as a controller meets them."""
 
+import json
+
 import pytest
-from farm_file import GOOD, parse, the_issue
+from farm_file import CONFIGS, GOOD, parse, the_issue
 from hand_line import HandLine
 
-from pnfarm.farm.config import expand
+from pnfarm.farm.config import expand, load_farm
 
 MACHINE = "{limit_switches: [-100, 200], end_stops: [-110, 210], cams: [{input: 0, between: [40, 50]}]}"
 MOVES = "{lead: 10, gear: 2}"
@@ -68,6 +70,17 @@ def test_a_machine_keeps_its_places_over_a_power_cycle():
     plc.run(0.1)
     assert not plc.zsw1 & HOMED
     assert homed(plc) == pytest.approx(before, abs=0.1)
+
+
+def test_the_example_of_a_machine_homes_at_its_home_switch():
+    drive = load_farm(CONFIGS / "linear-axis.pnfarm.yml").drives[0]
+    plc = HandLine(
+        telegram=drive.telegram,
+        params=json.dumps(drive.params),
+        machine=drive.machine.model_dump_json(),
+        load=drive.load.model_dump_json(exclude_none=True),
+    )
+    assert homed(plc) == pytest.approx(40.0, abs=0.1)
 
 
 def test_a_place_is_a_turn_behind_the_gear_where_nothing_moves_straight():
