@@ -173,11 +173,10 @@ def _give_up_the_way(axis: Any) -> None:
 
 @compiled
 def _seek_limit(axis: Any) -> None:
-    way = 1.0 if axis.home_direction > 0.0 else -1.0
-    if axis.home_leg == SEEK and at_limit_switch(axis, way):
+    if axis.home_leg == SEEK and at_limit_switch(axis, axis.home_way):
         _turn(axis, RETREAT)
-    elif axis.home_leg == RETREAT and not at_limit_switch(axis, way):
-        _found(axis, axis.measured_position, -way)
+    elif axis.home_leg == RETREAT and not at_limit_switch(axis, -axis.home_way):
+        _found(axis, axis.measured_position, axis.home_way)
 
 
 @compiled

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import pytest
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.model import Model
+from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.store import ParameterStore
 from pnfarm.firmware.step import step
 from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NOT
 from pnfarm.table.signals import NSOLL_A, STW1, ZSW1
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 MS = 1_000_000
 #: Manuals and captures beside the project; tests skip where they are absent.
@@ -65,3 +71,11 @@ class Running:
         self.image.valid, self.image.lost = 1, LOST_NOT
         self.run(milliseconds)
         return int(self.image.sent[ZSW1])
+
+
+def refused(number: int, act: Callable[[], object]) -> ParameterError:
+    """What ``act`` is refused with, which has this error number."""
+    with pytest.raises(ParameterError) as caught:
+        act()
+    assert caught.value.number == number
+    return caught.value

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import tracemalloc
 from math import inf, nan
 from typing import TYPE_CHECKING
 
 import pytest
-from drives_kit import Drive, new_drive
+from drives_kit import Drive, new_drive, refused
 
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
-from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.model_parts import CommunicationLoss
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameter import Behaviour, Parameter, ParameterErrorNumber
 from pnfarm.drives.store import (
     DisplayBlinkRequested,
     NonVolatileSaved,
     ParameterStore,
-    ParameterWritten,
     RebootRequested,
-    TelegramChanged,
 )
-from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS, COMMANDS
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_SET_POSITION
 from pnfarm.table.image import IMAGE
@@ -35,21 +30,13 @@ from pnfarm.table.signals import (
     NSOLL_A,
     SETPOINT_SLOTS,
     STW1,
-    WORD_NONE,
     XIST_A,
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    pass
 
 E = ParameterErrorNumber
-
-
-def refused(number: int, act: Callable[[], object]) -> ParameterError:
-    with pytest.raises(ParameterError) as caught:
-        act()
-    assert caught.value.number == number
-    return caught.value
 
 
 def plain_writable(drive: Drive) -> list[Parameter]:
@@ -394,180 +381,6 @@ def test_the_number_lists_lead_through_all_parameters_where_the_manual_has_them(
 
 
 # telegrams
-
-
-def test_the_plugged_module_rules_the_telegram(akd: Drive) -> None:
-    assert akd.store.read(922) == [1]
-    akd.store.plug_telegram(9)
-    assert akd.store.read(922) == [9]
-    assert akd.store.get("FBUS.PARAM01") == 9
-    assert akd.store.output_words() == akd.model.telegrams[9].output_words
-    assert akd.store.read(915, 0, 12) == [1, 32, 3, 34, 34, 35, 35, 36, 37, 38, 0, 0]
-    assert akd.store.read(916, 0, 6) == [2, 33, 4, 28, 28, 0]
-    refused(E.OPERATING_STATE, lambda: akd.store.write(922, 0, [7]))
-    refused(E.OPERATING_STATE, lambda: akd.store.write(915, 0, [1]))
-    akd.store.plug_telegram(None)
-    assert akd.store.read(922) == [1]
-    with pytest.raises(ConfigError, match="no telegram 2"):
-        akd.store.plug_telegram(2)
-
-
-def test_pnu_922_chooses_while_no_module_is_plugged(akd: Drive) -> None:
-    akd.store.write(922, 0, [351])
-    assert akd.store.events() == [TelegramChanged(351), ParameterWritten(922, 0, (351,))]
-    assert akd.store.input_words() == akd.model.telegrams[351].input_words
-    refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(922, 0, [2]))
-    akd.axis.state = 4
-    refused(E.OPERATING_STATE, lambda: akd.store.write(922, 0, [1]))
-
-
-def test_telegram_400_takes_a_free_mapping(akd: Drive) -> None:
-    akd.store.plug_telegram(400)
-    assert akd.store.output_words()[:10] == akd.model.telegrams[9].output_words
-    akd.store.write(915, 0, [1, 5, 108, 109, 34, 34, 0, 0, 0, 0, 0, 0])
-    akd.store.write(916, 0, [2, 6, 52, 28, 28, 104, 104])
-    assert TelegramChanged(400) in akd.store.events()
-    words = akd.store.output_words()
-    assert len(words) == 12
-    assert words[:6] == (0, 4, 13 * 4, 14 * 4, 4 * 4 + 1, 4 * 4 + 2)
-    assert words[6:] == (WORD_NONE,) * 6
-    assert akd.store.read(916, 0, 8) == [2, 6, 52, 28, 28, 104, 104, 0]
-
-
-@pytest.mark.parametrize(
-    ("values", "index"),
-    [
-        ([1, 2], 1),
-        ([1, 99], 1),
-        ([1, 34], 1),
-        ([1, 5, 5], 2),
-        ([1] + [0] * 11 + [5], 12),
-        ([34, 34, 34, 34], 2),
-        ([5, 5], 1),
-    ],
-)
-def test_a_wrong_mapping_is_refused_at_its_entry_and_changes_nothing(akd: Drive, values: list[int], index: int) -> None:
-    akd.store.plug_telegram(400)
-    akd.store.write(915, 0, [0] * 12)
-    error = refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(915, 0, values))
-    assert error.value == index
-    assert akd.store.output_words() == (WORD_NONE,) * 12
-
-
-def test_telegram_0_maps_freely_within_the_frames_of_the_plugged_module(akd: Drive) -> None:
-    akd.store.plug_telegram(1)
-    akd.store.write(922, 0, [0])
-    assert akd.store.read(922) == [0]
-    assert akd.store.output_words() == akd.model.telegrams[1].output_words
-    akd.store.write(916, 1, [52])
-    assert akd.store.input_words() == (0, 5 * 4)
-    refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(916, 2, [6]))
-
-
-def test_a_mapping_too_long_for_the_module_is_cut_without_tearing_a_double_word(akd: Drive) -> None:
-    akd.store.commission({922: 0, 916: [2, 28, 28, 52]})
-    akd.store.power_on()
-    akd.store.plug_telegram(1)
-    assert akd.store.input_words() == (0, WORD_NONE)
-    akd.store.plug_telegram(350)
-    assert akd.store.input_words() == (0, 4 * 4 + 1, 4 * 4 + 2)
-
-
-# non-volatile memory
-
-
-def test_values_are_lost_at_power_on_unless_saved(akd: Drive) -> None:
-    akd.store.set("DRV.ACC", 5_000_000)
-    akd.store.power_on()
-    assert akd.store.get("DRV.ACC") == 10_000_170
-    akd.store.set("DRV.ACC", 5_000_000)
-    akd.store.events()
-    akd.store.set("DRV.NVSAVE", 1)
-    assert akd.store.events() == [NonVolatileSaved()]
-    akd.store.set("DRV.ACC", 6_000_000)
-    akd.store.power_on()
-    assert akd.store.get("DRV.ACC") == 5_000_000
-    assert akd.axis.acceleration == 5000.0
-
-
-def test_a_snapshot_survives_json_and_another_drive(akd: Drive) -> None:
-    memory = VolatileMemory()
-    assert memory.load("axis-01") is None
-    akd.store.plug_telegram(400)
-    akd.store.write(915, 0, [1, 5] + [0] * 10)
-    akd.store.set("DRV.OPMODE", 2)
-    assert akd.store.snapshot()["parameters"] == {}
-    akd.store.set("DRV.NVSAVE", 1)
-    memory.save("axis-01", json.loads(json.dumps(akd.store.snapshot())))
-    other = new_drive("akd-profinet")
-    assert other.store.restore(memory.load("axis-01")) == []
-    other.store.power_on()
-    other.store.plug_telegram(400)
-    assert other.store.get("DRV.OPMODE") == 2
-    assert other.store.output_words()[:2] == (0, 4)
-    assert other.store.output_words() == akd.store.output_words()
-    assert other.store.snapshot() == akd.store.snapshot()
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [
-        {"9": 1},
-        {"2135": 7},
-        {"2135": "x"},
-        {"2135": [1, 2]},
-        {"2135": True},
-        {"2135": None},
-        {"944": 1},
-        {"915": [1, 2]},
-        {"922": 2},
-        {"x": 1},
-        {"915.2": 1},
-    ],
-)
-def test_kept_values_that_do_not_fit_are_named_and_left_out(akd: Drive, entry: dict[str, object]) -> None:
-    refused_values = akd.store.restore({"parameters": {**entry, "2108": 2_000_000}})
-    assert len(refused_values) == 1
-    assert next(iter(entry)) in refused_values[0]
-    akd.store.power_on()
-    assert akd.store.get("DRV.ACC") == 2_000_000
-    assert akd.store.restore({"parameters": 5}) != []
-    assert akd.store.restore(None) == []
-    akd.store.power_on()
-    assert akd.store.get("DRV.ACC") == 10_000_170
-
-
-def test_commissioned_values_are_permanent_and_checked(akd: Drive) -> None:
-    akd.store.commission({"DRV.OPMODE": 2, 2108: 3_000_000})
-    akd.store.power_on()
-    assert (akd.axis.opmode, akd.axis.acceleration) == (2, 3000.0)
-    refused(E.LIMIT_EXCEEDED, lambda: akd.store.commission({"DRV.OPMODE": 3}))
-    refused(E.NOT_CHANGEABLE, lambda: akd.store.commission({"VL.FB": 3}))
-
-
-def test_nvload_and_rstvar_replace_values_except_in_operation(akd: Drive) -> None:
-    akd.store.commission({"DRV.ACC": 3_000_000})
-    akd.store.power_on()
-    akd.store.set("DRV.ACC", 4_000_000)
-    akd.axis.state = 4
-    refused(E.OPERATING_STATE, lambda: akd.store.set("DRV.NVLOAD", 1))
-    akd.axis.state = 1
-    akd.store.set("DRV.NVLOAD", 1)
-    assert akd.store.get("DRV.ACC") == 3_000_000
-    akd.store.set("DRV.RSTVAR", 1)
-    assert akd.store.get("DRV.ACC") == 10_000_170
-    akd.store.power_on()
-    assert akd.store.get("DRV.ACC") == 3_000_000
-
-
-def test_factory_values_tell_when_they_change_the_telegram(akd: Drive) -> None:
-    akd.store.write(922, 0, [9])
-    akd.store.events()
-    akd.store.set("DRV.RSTVAR", 1)
-    assert akd.store.events() == [TelegramChanged(1)]
-
-
-# commands
 
 
 def test_clearing_faults_and_setting_the_position_go_through_the_command_ring(akd: Drive) -> None:
