@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING
 
 from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.parameter import Parameter
-from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
+from pnfarm.drives.profiles.profidrive.fault_buffer import (
+    active_faults,
+    fault_counter,
+    fault_numbers,
+    fault_situations,
+)
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.axis_codes import LIFE_GOOD, RAMP_GENERATED
 from pnfarm.table.signals import DRIVE_INPUTS
@@ -64,6 +69,12 @@ def _signal_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
 
 def _fault_counter(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     return [fault_counter(store.handle.axis)]
+
+
+def _kept_situations(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """PNU 952 of a drive that keeps its fault buffer without power: never fewer than the buffer shows."""
+    axis = store.handle.axis
+    return [max(fault_counter(axis), sum(map(bool, fault_situations(axis))))]
 
 
 def _fault_buffer(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
@@ -307,6 +318,7 @@ COMPUTED: dict[str, _Function] = {
     "fault-buffer": _fault_buffer,
     "fault-changes": _fault_changes,
     "fault-situations": _fault_counter,
+    "kept-situations": _kept_situations,
     "fault-codes": _fault_codes,
     "fault-scaling": _fault_scaling,
     "operation-mode": _operation_mode,

@@ -190,7 +190,8 @@ class Parameter:
     @property
     def only_reset(self) -> bool:
         """Whether zero is all that it takes."""
-        return self.behaviour is Behaviour.COMPUTED and self.argument == "fault-situations" and self.writable
+        counts = self.behaviour is Behaviour.COMPUTED and self.argument in {"fault-situations", "kept-situations"}
+        return counts and self.writable
 
     @property
     def octets(self) -> int:

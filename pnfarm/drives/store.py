@@ -146,7 +146,7 @@ class ParameterStore:
             return
         if target.behaviour is Behaviour.SIGNAL:
             self._write_signal(target, values[0])
-        elif target.behaviour is Behaviour.COMPUTED and target.argument == "fault-situations":
+        elif target.only_reset:
             self._clear_history(target, values[0])
         elif target.behaviour is Behaviour.COMPUTED and target.argument == "station-name":
             self._write_name(target, subindex, values)

@@ -122,7 +122,7 @@ def test_each_parameter_is_read_in_its_format(drive: Drive) -> None:
 #: What stands behind a writable parameter that takes a few values only, each with tests of its own.
 NO_VALUES = {
     "home", "enable", "service", "task-continue", "task-load", "task-move", "task-set", "refuse", "telegram",
-    "fault-situations",
+    "fault-situations", "kept-situations",
 }  # fmt: skip
 
 

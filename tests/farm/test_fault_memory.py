@@ -106,3 +106,12 @@ def test_deleting_the_history_keeps_the_active_situation_over_a_restart(memory):
     line.run(0.1)
     assert history(line)[:3] == [[25], [], []]
     assert history(start(memory, model="hiwin-e1", telegram=3, cycle="1ms"))[:3] == [[], [25], []]
+
+
+def test_952_begins_with_the_situations_that_the_e1_kept(memory):
+    line = start(memory, model="hiwin-e1", cycle="2ms", telegram=3)
+    trip(line, "15")
+    trip(line, "18")
+    assert len([situation for situation in history(line) if situation]) == 2
+    store = start(memory, model="hiwin-e1", cycle="2ms", telegram=3).farm.stations[0].store
+    assert (store.read(944), store.read(952)) == ([0], [2])
