@@ -11,16 +11,19 @@ from pnfarm.table.axis_codes import TASKS_TABLE
 from pnfarm.table.compiled import compiled
 
 __all__ = [
+    "actual_task",
     "drive_inputs",
     "first_position_word",
     "limits_reached",
     "motion_status",
     "position_bits",
-    "running_task",
     "second_position_word",
     "standing",
     "torque_free",
 ]
+
+#: AKTSATZ.15.
+MDI_SUBMODE = 0x8000
 
 
 @compiled
@@ -135,14 +138,17 @@ def second_position_word(axis: Any) -> int:
 
 
 @compiled
-def running_task(axis: Any) -> int:
-    """The number of the motion task at hand; 0 for none, and for one that the telegram brings.
+def actual_task(axis: Any) -> int:
+    """AKTSATZ: the number of the motion task at hand; 0 for none.  Bit 15 alone: the MDI submode.
 
-    Of driving sets the last one that was started (Moog MSD manual, table 8.6: the actual set).
+    What SATZANW selects for the next task takes no number from the one that runs (AKD PROFINET manual 5.10.1).  Of
+    driving sets the last one that was started (Moog MSD manual, table 8.6: the actual set).
     """
     if axis.task_form == TASKS_TABLE:
         return max(0, int(axis.task))
-    return int(axis.task) if _has_task(axis) and axis.task > 0 else 0
+    if _has_task(axis) and axis.task >= 0:
+        return int(axis.task)
+    return MDI_SUBMODE if axis.mdi else 0
 
 
 @compiled

@@ -9,10 +9,10 @@ import numpy as np
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.own_warnings import warned
 from pnfarm.firmware.position_status import (
+    actual_task,
     drive_inputs,
     first_position_word,
     motion_status,
-    running_task,
     second_position_word,
 )
 from pnfarm.firmware.sign_of_life import second_status_word
@@ -221,7 +221,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[XIST_A] = signed32(nearest((axis.measured_position - axis.origin) / axis.position_step))
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
-    image.sent[AKTSATZ] = 0x8000 if axis.mdi else running_task(axis)
+    image.sent[AKTSATZ] = actual_task(axis)
     image.sent[ACT_CURRENT] = np.int64(np.float32(axis.current).view(np.int32))
     image.sent[E_DIGITAL] = int(axis.digital_inputs) & 0xFFFF
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)

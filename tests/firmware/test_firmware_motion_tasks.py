@@ -25,6 +25,18 @@ def test_5_10_1_satzanw_starts_the_motion_task_of_its_number_and_aktsatz_tells_w
     assert drive.place == pytest.approx(1.0, abs=2e-3)
 
 
+def test_5_10_1_aktsatz_tells_of_the_running_motion_task_while_satzanw_prepares_another():
+    drive = Positioner()
+    task(drive, 5, 2.0)
+    drive.image.received[SATZANW] = 5
+    drive.stw(START, 20)
+    drive.image.received[SATZANW] = 0x8000
+    drive.stw(READY)
+    assert drive.image.sent[AKTSATZ] == 5
+    drive.stw(START)
+    assert drive.image.sent[AKTSATZ] == 0x8000, "and of MDI once its task runs"
+
+
 @pytest.mark.parametrize("number", [7, 128, 129, 0x7FFF])
 def test_a_motion_task_that_is_not_there_is_not_acknowledged(number):
     drive = Positioner()
