@@ -170,13 +170,23 @@ def test_an_odd_number_of_octets_is_filled(akd: Drive) -> None:
         (0x44, False),
     ],
 )
-def test_a_word_takes_formats_of_two_octets(akd: Drive, code: int, accepted: bool) -> None:
-    response = change(akd, (ParameterAddress(1009), ParameterValues(code, (200,))))
+def test_a_word_takes_formats_of_two_octets(code: int, accepted: bool) -> None:
+    msd = new_drive("moog-msd")
+    response = change(msd, (ParameterAddress(283), ParameterValues(code, (1,))))
     if accepted:
-        assert akd.store.read(1009) == [200]
+        assert msd.store.read(283) == [1]
     else:
         assert number_of(response) == E.INCORRECT_DATA_TYPE
-        assert akd.store.read(1009) == [1638]
+        assert msd.store.read(283) == [2]
+
+
+@pytest.mark.parametrize("name", ["akd-profinet", "akd-profinet-2012"])
+@pytest.mark.parametrize("code", [0x02, 0x03, 0x06, 0x07, 0x08, 0x0A, 0x40, 0x44, 0x71, 0x7B])
+def test_akd_5_6_another_format_than_byte_word_and_double_word_is_illegal(name: str, code: int) -> None:
+    drive = new_drive(name)
+    response = change(drive, (ParameterAddress(930), ParameterValues(code, (2,))))
+    assert number_of(response) == E.ILLEGAL_FORMAT
+    assert drive.store.read(930) == [1]
 
 
 @pytest.mark.parametrize("code", [FORMAT_BYTE, FORMAT_WORD, FORMAT_DWORD])
