@@ -11,6 +11,8 @@ from pnfarm.drives.parameter import Behaviour, Parameter
 from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.signals import (
+    DRV_ACC,
+    DRV_DEC,
     FIRST_SHOWN,
     HOME_DIST,
     HOME_MODE,
@@ -49,6 +51,10 @@ _FAULT_OF_CAUSE = {
     "drive-overload": "drive_overload_fault",
     "overspeed": "overspeed_fault",
 }
+#: Fields whose parameters a signal changes (AKD PROFINET manual 5.8), and that signal.
+_CHANGED_BY = {"home_method": HOME_MODE, "home_distance": HOME_DIST, "acceleration": DRV_ACC, "deceleration": DRV_DEC}
+#: Bits of ``home_signals``.
+_HOME_SIGNALS = {HOME_MODE: 0x1, HOME_DIST: 0x2}
 #: A ramp whose time is zero, rpm/s.
 AT_ONCE = 1e12
 
@@ -103,6 +109,7 @@ class AxisFields:
         if parameter.behaviour is Behaviour.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
+            self._prevail(parameter)
         if model.factor_group is not None and parameter.pnu in model.factor_group.parameters:
             apply_factor_group(model.factor_group, self._values, self._handle.axis)
             self._apply_scaled("velocity")
@@ -124,7 +131,7 @@ class AxisFields:
         axis, telegram = self._handle.axis, self._selection.telegram
         if telegram.opmode is not None:
             axis.opmode = telegram.opmode
-        slots = {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
+        slots = self._brought()
         axis.task_form = telegram.tasks
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
             axis.task_form = TASKS_TABLE
@@ -153,12 +160,22 @@ class AxisFields:
     def bring(self, slot: int) -> None:
         """A set point that no telegram brings was written by its PNU: it counts from now on."""
         axis = self._handle.axis
-        if slot == HOME_MODE:
-            axis.home_signals |= 0x1
-        elif slot == HOME_DIST:
-            axis.home_signals |= 0x2
-        elif slot == MT_FEEDRATE:
+        axis.home_signals |= _HOME_SIGNALS.get(slot, 0)
+        if slot == MT_FEEDRATE:
             axis.feedrate_signal = 1
+
+    def _prevail(self, parameter: Parameter) -> None:
+        """A parameter counts again where its signal came by a PNU: the last one written does."""
+        slot = _CHANGED_BY.get(parameter.argument)
+        if slot is None or slot in self._brought():
+            return
+        axis = self._handle.axis
+        axis.home_signals = int(axis.home_signals) & ~_HOME_SIGNALS.get(slot, 0)
+        self._handle.image.received[slot] = 0
+
+    def _brought(self) -> set[int]:
+        """The slots of the set points that the telegram in force brings."""
+        return {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
 
     def physical(self, parameter: Parameter, raw: int) -> float:
         """A raw number of a parameter in the unit of its field."""
@@ -210,6 +227,23 @@ class AxisFields:
         if parameter.argument in PLACES:
             physical -= float(self._handle.axis.origin)
         return self.scaled(parameter, physical)
+
+    def changed_by_signal(self, parameter: Parameter) -> int | None:
+        """What a signal made of a parameter that can be written, None where none does.
+
+        A ramp of zero is none (:func:`pnfarm.firmware.telegram.from_setpoints`).
+        """
+        slot = _CHANGED_BY.get(parameter.argument)
+        if slot is None:
+            return None
+        axis, value = self._handle.axis, int(self._handle.image.received[slot])
+        if slot in _HOME_SIGNALS and not int(axis.home_signals) & _HOME_SIGNALS[slot]:
+            return None
+        if slot == HOME_MODE:
+            return value & 0xFFFF
+        if slot == HOME_DIST:
+            return self.scaled(parameter, value * float(axis.position_step))
+        return self.scaled(parameter, (value & 0xFFFF) * float(axis.acceleration_step)) if value & 0xFFFF else None
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
         """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""

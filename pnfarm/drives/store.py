@@ -322,8 +322,9 @@ class ParameterStore:
         if target.behaviour is Behaviour.SIGNAL:
             image = self.handle.image
             return target.wrap(int((image.received if target.argument == "received" else image.sent)[target.index]))
-        if target.behaviour is Behaviour.FIELD and not target.writable:
-            return self._axis.shown(target)
+        if target.behaviour is Behaviour.FIELD:
+            shown = self._axis.changed_by_signal(target) if target.writable else self._axis.shown(target)
+            return self.raw(target.pnu) if shown is None else shown
         return self.raw(target.pnu)
 
     def _clear_history(self, parameter: Parameter, value: int) -> None:

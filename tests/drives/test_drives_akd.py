@@ -23,6 +23,8 @@ from pnfarm.table.axis_codes import (
 from pnfarm.table.image import LOST_EXPIRED
 from pnfarm.table.signals import (
     DRIVE_INPUTS,
+    DRV_ACC,
+    DRV_DEC,
     HOME_DIST,
     HOME_MODE,
     ITIST_GLATT,
@@ -342,6 +344,37 @@ def test_5_8_signals_that_no_telegram_brings_count_once_their_pnu_is_written(akd
     assert (akd.axis.home_signals, akd.axis.feedrate_signal) == (3, 1)
     received = akd.image.received
     assert (received[HOME_MODE], received[HOME_DIST], received[MT_FEEDRATE]) == (7, -65536, 50)
+
+
+def test_5_8_signals_of_the_telegram_are_read_in_the_parameters_that_they_change(running: Running) -> None:
+    store, received = running.drive.store, running.image.received
+    store.plug_telegram(353)
+    received[HOME_MODE], received[HOME_DIST] = 7, -32768
+    assert (store.get("HOME.MODE"), store.read(1001)) == (7, [7])
+    assert store.get("HOME.DIST") == -round(2**31 / 1000)
+    store.plug_telegram(354)
+    received[DRV_ACC], received[DRV_DEC] = 100, 50
+    running.send(0x0470)
+    assert (store.get("DRV.ACC"), store.get("DRV.DEC")) == (76_300_000, 38_150_000)
+    assert (running.axis.ramp_up, running.axis.ramp_down) == (76_300.0, 38_150.0)
+    assert store.get("HOME.MODE") == 0, "what no telegram brings any more"
+
+
+def test_5_8_of_a_signals_pnu_and_the_parameter_that_it_changes_the_last_one_written_counts(running: Running) -> None:
+    store = running.drive.store
+    store.plug_telegram(7)
+    for signal, value, name, other in (
+        (103, 7, "HOME.MODE", 4),
+        (100, 65536, "HOME.DIST", 0),
+        (108, 9, "DRV.ACC", 10_000_000),
+    ):
+        store.write(signal, 0, [value])
+        assert store.get(name) not in {0, other}
+        store.set(name, other)
+        assert store.get(name) == other
+    running.send(0x0470)
+    axis = running.axis
+    assert (axis.asked_home_method, axis.asked_home_distance, axis.ramp_up) == (4, 0.0, 10_000.0)
 
 
 def test_5_8_1_every_bit_of_drive_inputs_is_what_its_parameter_shows(running: Running) -> None:
