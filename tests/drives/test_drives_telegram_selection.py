@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from drives_kit import Drive, refused
+from drives_kit import Drive, new_drive, refused
 
 from pnfarm.drives.parameter import ParameterErrorNumber
 from pnfarm.drives.store import (
@@ -61,24 +61,26 @@ def test_telegram_400_takes_a_free_mapping(akd: Drive) -> None:
     assert akd.store.read(916, 0, 8) == [2, 6, 52, 28, 28, 104, 104, 0]
 
 
-@pytest.mark.parametrize(
-    ("values", "index"),
-    [
-        ([1, 2], 1),
-        ([1, 99], 1),
-        ([1, 34], 1),
-        ([1, 5, 5], 2),
-        ([1] + [0] * 11 + [5], 12),
-        ([34, 34, 34, 34], 2),
-        ([5, 5], 1),
-    ],
-)
+@pytest.mark.parametrize(("values", "index"), [([1, 2], 1), ([1, 99], 1), ([1] + [0] * 11 + [5], 12)])
 def test_a_wrong_mapping_is_refused_at_its_entry_and_changes_nothing(akd: Drive, values: list[int], index: int) -> None:
     akd.store.plug_telegram(400)
     akd.store.write(915, 0, [0] * 12)
     error = refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(915, 0, values))
     assert error.value == index
     assert akd.store.output_words() == (WORD_NONE,) * 12
+
+
+@pytest.mark.parametrize("name", ["akd-profinet", "akd-profinet-2012"])
+def test_akd_5_11_1_a_mapping_is_written_entry_by_entry(name: str) -> None:
+    drive = new_drive(name)
+    drive.store.plug_telegram(9)
+    drive.store.write(922, 0, [0])
+    whole = [1, 5, 34, 34, 36, 0, 35, 35, 0, 0]
+    for place, number in enumerate(whole):
+        drive.store.write(915, place, [number])
+    assert drive.store.read(915, 0, 10) == whole
+    signals = [signal and signal.name for signal in drive.store.mapping(setpoint=True)]
+    assert signals == ["STW1", "NSOLL_A", *["MDI_TARPOS"] * 2, "MDI_ACC", None, *["MDI_VELOCITY"] * 2, None, None]
 
 
 def test_telegram_0_maps_freely_within_the_frames_of_the_plugged_module(akd: Drive) -> None:
