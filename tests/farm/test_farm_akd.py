@@ -455,6 +455,18 @@ def test_5_11_every_telegram_connects_at_16_ms_and_reads_back_by_pnu_922(telegra
     assert line.farm.stations[0].config.strict
 
 
+def test_5_11_6_telegram_351_brings_velocity_current_and_position():
+    line = HandLine(telegram=351)
+    line.enable_axis(0x047F)
+    line.send(0x047F, NSOLL_A=1638, frames=40)
+    assert line.actual("NIST_A") == 1638
+    # a part of the 9 A of DRV.IPEAK: friction alone is to be overcome
+    assert 0 < line.actual("ITIST_GLATT") < 2**14 // 9
+    # a frame is as old as the cycle at most: a sixth of a revolution at 600 rpm
+    assert line.actual("XIST_A") / COUNTS == pytest.approx(line.place, abs=0.17)
+    assert line.place > 5.0
+
+
 # 5.15, 6.4, 8.1: the controller's life
 
 
