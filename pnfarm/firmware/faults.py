@@ -180,6 +180,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.homed = 0
     axis.target_reached = 0
     axis.task_command = 0
+    axis.task_new = 0
     axis.home_command = 0
     axis.over_ns = 0
     axis.jogging = 0

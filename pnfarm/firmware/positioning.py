@@ -166,12 +166,14 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 @compiled
 def _can_start(axis: Any) -> bool:
     """Whether the task that is asked for can be executed from here."""
-    if axis.asked_velocity <= 0.0 or axis.asked_acceleration <= 0.0 or axis.asked_deceleration <= 0.0:
+    if axis.asked_velocity < 0.0 or axis.asked_acceleration <= 0.0 or axis.asked_deceleration <= 0.0:
+        return False
+    if axis.asked_velocity == 0.0 and not axis.asked_still:
         return False
     if axis.home_required and not axis.homed:
         return False
     if axis.asked_endless:
-        return not at_limit_switch(axis, -1.0 if axis.asked_backwards else 1.0)
+        return axis.asked_velocity == 0.0 or not at_limit_switch(axis, -1.0 if axis.asked_backwards else 1.0)
     target = _asked_target(axis)
     return within_limits(axis, target) and not at_limit_switch(axis, target - axis.commanded_position)
 
@@ -205,6 +207,7 @@ def _fastest_there(axis: Any, velocity: float) -> float:
 @compiled
 def _start_task(axis: Any) -> None:
     axis.target = _asked_target(axis)
+    axis.task_new = 0
     axis.task = axis.asked_task
     axis.over_ns = 0
     axis.task_endless = axis.asked_endless

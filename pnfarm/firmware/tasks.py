@@ -162,8 +162,9 @@ def _take_data(axis: Any, image: Any, step: float) -> None:
 def _take_target(axis: Any, image: Any, step: float) -> None:
     """A target of the telegram, or a driving set's, with the telegram's velocity and the ramps in force.
 
-    Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, and the feed enable means nothing; STW1.14
-    runs at the velocity, in the direction of its sign, without an end.
+    Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, and the feed enable means nothing; one that
+    cannot begin yet waits until it can (assumed).  STW1.14 runs at the velocity, in the direction of its sign, without
+    an end; one of 0 lets the axis stand.
     """
     stw1 = int(axis.stw1)
     axis.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
@@ -177,13 +178,21 @@ def _take_target(axis: Any, image: Any, step: float) -> None:
         position = axis.set_position[number] * step
     relative = 1 if stw1 & RELATIVE else 0
     velocity = image.received[VELOCITY_A] * axis.task_velocity_step
-    if stw1 & NO_HANDSHAKE and stw1 & START_BIT == axis.motion_seen & START_BIT:
-        runs = axis.motion == MOTION_TASK and not relative
+    endless = 1 if stw1 & ENDLESS else 0
+    runs = axis.motion == MOTION_TASK and not relative
+    if stw1 & NO_HANDSHAKE:
         other = abs(velocity) != axis.asked_velocity or (velocity < 0.0) != (axis.asked_backwards != 0)
         other = other or axis.ramp_up != axis.asked_acceleration or axis.ramp_down != axis.asked_deceleration
-        axis.asked = 1 if position != axis.asked_position or (runs and other) else 0
+        other = other or (stw1 ^ axis.motion_seen) & ENDLESS != 0
+        if position != axis.asked_position or (other and (runs or endless)):
+            axis.task_new = 1
+        if axis.task_new:
+            axis.asked = 1
+    else:
+        axis.task_new = 0
+    axis.asked_still = 1 if endless or (runs and stw1 & NO_HANDSHAKE) else 0
     axis.asked_relative = relative
-    axis.asked_endless = 1 if stw1 & ENDLESS else 0
+    axis.asked_endless = endless
     axis.asked_velocity = abs(velocity)
     axis.asked_backwards = 1 if velocity < 0.0 else 0
     axis.asked_acceleration = axis.ramp_up
@@ -229,11 +238,13 @@ def take_task(axis: Any, image: Any) -> None:
     axis.mdi = 0
     axis.feed_free = 0
     axis.asked_endless = 0
+    axis.asked_still = 0
     if axis.jog_form == JOG_SEQUENCES:
         axis.jog = _jog_asked(axis, axis.stw1)
     here = image.valid and axis.reference_source == axis.bus_source
     if not here or (axis.task_form == TASKS_NONE and axis.opmode != POSITION_MODE):
         axis.task_command = 0
+        axis.task_new = 0
         return
     axis.jog = _jog_asked(axis, axis.stw1)
     changed = (axis.stw1 ^ axis.motion_seen) & START_BIT

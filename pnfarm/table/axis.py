@@ -358,6 +358,8 @@ AXIS = Layout(
         # driving sets and tasks without an end
         Field("set_position", "f8", "", "parameter", "target or way of each set, in position steps", (DRIVING_SETS,)),
         Field("asked_endless", "u1", "", "firmware", "1 = the task asked for has no target"),
+        Field("asked_still", "u1", "", "firmware", "1 = its velocity may be 0"),
+        Field("task_new", "u1", "", "firmware", "1 = a change that takes no handshake (STW1.13) has yet to begin"),
         Field("feed_free", "u1", "", "firmware", "1 = STW1.5 means nothing"),
         Field("task_endless", "u1", "", "firmware", "1 = the task at hand runs at its velocity until it is ended"),
         # set points of each cycle: positions (class 5) and dynamic servo control (class 4)

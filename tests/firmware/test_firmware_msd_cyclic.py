@@ -75,6 +75,31 @@ def test_bit_13_takes_new_targets_velocities_and_ramps_over_without_an_edge() ->
     assert bench.place == pytest.approx(4.0, abs=0.002)
 
 
+def test_bit_13_a_target_that_cannot_begin_yet_waits_for_its_velocity_and_for_bit_4() -> None:
+    bench = positioner()
+    bench.send(5, STW1=(TASKS | AT_ONCE) & ~KEEP, VELOCITY_A=0)
+    bench.send(5, TARPOS_A=3 * REV)
+    bench.send(5, STW1=TASKS | AT_ONCE)
+    assert not bench.zsw1 & CONFIRMED
+    bench.send(150, VELOCITY_A=600)
+    assert bench.speed == pytest.approx(600, abs=2)
+    # a velocity of 0 is one, too
+    bench.send(150, VELOCITY_A=0)
+    assert round(bench.speed) == 0
+    bench.send(1, VELOCITY_A=600)
+    arrive(bench)
+    assert bench.place == pytest.approx(3.0, abs=0.002)
+
+
+def test_bit_13_what_has_begun_begins_no_second_time() -> None:
+    bench = positioner()
+    bench.send(50, STW1=TASKS | AT_ONCE, TARPOS_A=1 * REV)
+    bench.send(150, STW1=(TASKS | AT_ONCE) & ~KEEP)
+    place = bench.place
+    bench.send(50, STW1=TASKS | AT_ONCE)
+    assert bench.place == pytest.approx(place, abs=1e-4)
+
+
 def test_bit_13_makes_the_feed_enable_mean_nothing() -> None:
     bench = positioner()
     word = (TASKS | AT_ONCE) & ~FEED
@@ -106,6 +131,24 @@ def test_bit_14_runs_at_the_velocity_until_it_is_ended() -> None:
     move(bench, 0.0, VELOCITY_A=900)
     arrive(bench)
     assert bench.place == pytest.approx(0.0, abs=0.002)
+
+
+def test_bit_14_stands_at_a_velocity_of_0() -> None:
+    bench = positioner()
+    move(bench, 0.0, TASKS | ENDLESS, run=150)
+    assert bench.speed == pytest.approx(600, abs=2)
+    move(bench, 0.0, TASKS | ENDLESS, run=150, VELOCITY_A=0)
+    assert round(bench.speed) == 0
+    assert not bench.zsw1 & CONFIRMED
+
+
+def test_bits_13_and_14_follow_the_velocity_alone() -> None:
+    bench = positioner()
+    bench.send(150, STW1=TASKS | AT_ONCE | ENDLESS)
+    assert bench.speed == pytest.approx(600, abs=2)
+    for speed in (0, -600, 0):
+        bench.send(150, VELOCITY_A=speed)
+        assert bench.speed == pytest.approx(speed, abs=2)
 
 
 def test_without_feed_enable_a_task_waits_and_without_bit_4_it_is_gone() -> None:
