@@ -16,6 +16,8 @@ from pnfarm.table.signals import (
     FIRST_SHOWN,
     HOME_DIST,
     HOME_MODE,
+    JOG_SPEED_1,
+    JOG_SPEED_2,
     KPC,
     MT_FEEDRATE,
     NSOLL_B,
@@ -136,6 +138,7 @@ class AxisFields:
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
             axis.task_form = TASKS_TABLE
         axis.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (TORQUE_LIMIT_NEGATIVE in slots) << 1
+        axis.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
         axis.servo_control = XERR in slots and KPC in slots
         axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         axis.feedrate_signal = MT_FEEDRATE in slots

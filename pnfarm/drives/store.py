@@ -141,6 +141,8 @@ class ParameterStore:
         target = self.model.canonical(parameter)
         if target.pnu in self.model.access.disabled_only and self.handle.in_operation:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter, subindex)
+        if self._brought(target) is not None:
+            raise refusal(ParameterErrorNumber.NO_OPERATION_PRIORITY, parameter)
         if target.behaviour is Behaviour.COMMAND:
             self._execute(target, values[0])
             return
@@ -315,6 +317,10 @@ class ParameterStore:
 
     def _value(self, parameter: Parameter) -> int:
         target = self.model.canonical(parameter)
+        brought = self._brought(target)
+        if brought is not None:
+            value = int(self.handle.image.received[brought.slot])
+            return target.clamp(value) if brought.bits > 8 * target.octets else target.wrap(value)
         if target.behaviour is Behaviour.COMMAND:
             return 0
         if target.behaviour is Behaviour.COMPUTED:
@@ -326,6 +332,16 @@ class ParameterStore:
             shown = self._axis.changed_by_signal(target) if target.writable else self._axis.shown(target)
             return self.raw(target.pnu) if shown is None else shown
         return self.raw(target.pnu)
+
+    def _brought(self, parameter: Parameter) -> Signal | None:
+        """The set point of the same number that the running cyclic channel brings: it is this parameter's value.
+
+        Moog MSD manual 8.2.3, P-0915: process data are linked to parameters.
+        """
+        signal = self.model.signals.get(parameter.pnu)
+        if signal is None or not signal.setpoint or not self.handle.controlled:
+            return None
+        return signal if signal in self.mapping(setpoint=True) else None
 
     def _clear_history(self, parameter: Parameter, value: int) -> None:
         """PNU 952: zero forgets the fault buffer, nothing else may be written."""

@@ -2,7 +2,8 @@
 
 Of the maker's form (table 10.10), to be read with STW1.8 and 9 as columns: the bit that rises first says the direction,
 the other one switches between the two speeds.  The profile's form (table 10.11, with P-1267 bit 8) has one speed for
-each bit.  A jog begins when the motor stands; what the tables call "no change" leaves the state as it is.
+each bit.  A jog begins when the motor stands; what the tables call "no change" leaves the state as it is.  A telegram
+may bring the speeds (10.3.3).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, JOG_SEQUENCES
 from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import JOG_SPEED_1, STW1
 
 __all__ = ["MAKERS_FORM", "PROFILES_FORM", "take_jog"]
 
@@ -45,10 +47,21 @@ _NEXT = np.array([[form[state] for state in range(STATES)] for form in (MAKERS_F
 
 JOG_BITS = 8
 EXCLUDES = 0x0070  # STW1.4 to 6
+CONTROL_BY_PLC = 0x0400  # STW1.10
 
 
 @compiled
-def take_jog(axis: Any) -> None:
+def _take_speeds(axis: Any, image: Any) -> None:
+    """The two speeds, by parameters or by a telegram whose set points count."""
+    for which in range(2):
+        if not image.valid or not axis.jog_signals & (1 << which):
+            axis.jog_asked[which] = axis.jog_velocity[which]
+        elif image.received[STW1] & CONTROL_BY_PLC:
+            axis.jog_asked[which] = image.received[JOG_SPEED_1 + which] * axis.velocity_step
+
+
+@compiled
+def take_jog(axis: Any, image: Any) -> None:
     """Once in each step: the state of jogging and its speed.  The only writer of ``jog_sequence``."""
     if axis.jog_form != JOG_SEQUENCES:
         return
@@ -59,5 +72,6 @@ def take_jog(axis: Any) -> None:
     if axis.state != 4 or (profiles and stw1 & EXCLUDES) or (before == NONE and abs(axis.velocity) > axis.standstill):
         following = NONE
     axis.jog_sequence = following
-    speed = axis.jog_velocity[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog_velocity[0]
+    _take_speeds(axis, image)
+    speed = axis.jog_asked[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog_asked[0]
     axis.jog_speed = -speed if following >= BACKWARD_1 else speed

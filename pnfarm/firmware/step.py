@@ -169,7 +169,7 @@ def step(axis: Any, image: Any, now: int) -> None:
     take_task(axis, image)
     held = conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= axis.boot_time_ns)
     advance(axis, with_hindrances(axis, held, stw1, faulty))
-    take_jog(axis)
+    take_jog(axis, image)
     take_cyclic(axis, image, now)
     step_service(axis, now)
     take_motion(axis, now)

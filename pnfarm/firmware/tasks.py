@@ -162,9 +162,9 @@ def _take_data(axis: Any, image: Any, step: float) -> None:
 def _take_target(axis: Any, image: Any, step: float) -> None:
     """A target of the telegram, or a driving set's, with the telegram's velocity and the ramps in force.
 
-    Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, and the feed enable means nothing; one that
-    cannot begin yet waits until it can (assumed).  STW1.14 runs at the velocity, in the direction of its sign, without
-    an end; one of 0 lets the axis stand.
+    Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, or as soon as it can begin (assumed), and
+    the feed enable means nothing; STW1.14 runs at the velocity, in the direction of its sign, without an end; at 0 the
+    axis stands.
     """
     stw1 = int(axis.stw1)
     axis.feed_free = 1 if stw1 & NO_HANDSHAKE else 0

@@ -354,6 +354,8 @@ AXIS = Layout(
         # jogging by sequences
         Field("jog_form", "u1", "", "parameter", "which word jogging follows: JOG_*"),
         Field("jog_sequence", "u1", "", "firmware", "state of jogging, 0 = none; firmware/jog.py"),
+        Field("jog_signals", "u1", "", "parameter", "bits 0 and 1: the telegram brings jogging set points 1 and 2"),
+        Field("jog_asked", "f8", "rpm", "firmware", "jogging set points as they count", (2,)),
         Field("jog_speed", "f8", "rpm", "firmware", "of the jog at hand"),
         # driving sets and tasks without an end
         Field("set_position", "f8", "", "parameter", "target or way of each set, in position steps", (DRIVING_SETS,)),

@@ -67,6 +67,9 @@ KPC = 24
 REF_SPEED = 25
 TORQUE_LIMIT_POSITIVE = 26
 TORQUE_LIMIT_NEGATIVE = 27
+#: Velocities of jogging in the drive's own units.
+JOG_SPEED_1 = 28
+JOG_SPEED_2 = 29
 
 # Both ways, in front of all others: the parameter channel (:mod:`pnfarm.drives.profiles.profidrive.pkw`).
 #: Identifier, subindex and length.
@@ -102,7 +105,7 @@ ACT_CURRENT = 21
 #: The torque in the unit of the drive's torque signals.
 ACT_TORQUE = 22
 #: Set points that are sent back as they came, from here on: one slot for each of :data:`SENT_BACK`.
-FIRST_SENT_BACK = 40
+FIRST_SENT_BACK = 38
 #: Stored parameters that a mapping shows, from here on.
 FIRST_SHOWN = 56
 #: So many of them.
@@ -138,13 +141,15 @@ SETPOINT_SLOTS: dict[str, int] = {
     "REF_SPEED": REF_SPEED,
     "TORQUE_LIMIT_POSITIVE": TORQUE_LIMIT_POSITIVE,
     "TORQUE_LIMIT_NEGATIVE": TORQUE_LIMIT_NEGATIVE,
+    "JOG_SPEED_1": JOG_SPEED_1,
+    "JOG_SPEED_2": JOG_SPEED_2,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,
 }
 #: Set points that a drive can send back, in the order of their slots.
 SENT_BACK = (
     STW1, STW2, REF_SPEED, XSOLL_A, SATZANW, TARPOS_A, VELOCITY_A, DRV_ACC, DRV_DEC, TORQUE_LIMIT_POSITIVE,
-    TORQUE_LIMIT_NEGATIVE, XERR, KPC, NSOLL_B, G1_STW, TORQUE_SETPOINT,
+    TORQUE_LIMIT_NEGATIVE, XERR, KPC, NSOLL_B, G1_STW, TORQUE_SETPOINT, JOG_SPEED_1, JOG_SPEED_2,
 )  # fmt: skip
 ACTUAL_SLOTS: dict[str, int] = {
     "ZSW1": ZSW1,

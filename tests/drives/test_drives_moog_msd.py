@@ -159,8 +159,8 @@ def refusal(drive: Drive, pnu: int, values: list[int]) -> Exception:
 
 
 def test_the_signal_lists_are_those_of_table_14_5(msd: Drive) -> None:
-    """Table 14.5: what may be written may be read, too; the array of figure 8.1 may be read."""
-    writable = {967, 1280, 1270, 1274, 207, 1275, 1277, 1278, 1279, 1287, 1288, 1259, 1260, 1261, 1263}
+    """Table 14.5 and 10.3.3: what may be written may be read, too; the array of figure 8.1 may be read."""
+    writable = {967, 1280, 1268, 1269, 1270, 1274, 207, 1275, 1277, 1278, 1279, 1287, 1288, 1259, 1260, 1261, 1263}
     readable = writable | {968, 1281, 1271, 121, 143, 1276, 1262, 1264, 1265, 1266}
     # table 14.2 maps P-0700; the torque is of table 15.1
     further = {202, 700, 1272, 1273}

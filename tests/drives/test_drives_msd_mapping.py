@@ -8,7 +8,7 @@ from drives_kit import Drive, new_drive
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.store import TelegramChanged
 from pnfarm.firmware.step import step
-from pnfarm.table.signals import PART_HIGH, WORD_NONE
+from pnfarm.table.signals import PART_HIGH, SETPOINT_SLOTS, WORD_NONE
 
 E = ParameterErrorNumber
 #: Figure 8.1: what the figure's list maps, an array among it.
@@ -75,7 +75,7 @@ def test_every_set_point_of_table_14_5_can_be_sent_back(msd: Drive) -> None:
     telegram = msd.model.telegrams[121]
     msd.store.plug_telegram(telegram.number)
     signals = [signal for signal in msd.model.signals.values() if signal.readable]
-    assert len(signals) == 16, "P-1272 of table 15.1 beside them"
+    assert len(signals) == 18, "P-1272 of table 15.1, P-1268 and P-1269 of 10.3.3 beside them"
     for signal in signals:
         msd.store.write(916, 0, [signal.number] * (signal.bits // 16))
         msd.image.received[signal.slot] = 0x12345678
@@ -127,6 +127,39 @@ def test_a_wrong_entry_is_refused_and_changes_nothing(
     """8.2.3 and 14.1.1, notes to tables 14.1 and 14.2."""
     error = refused(msd, pnu, place, values)
     assert (error.number, error.value) == (number, value)
+
+
+@pytest.mark.parametrize(
+    ("pnu", "name", "value"),
+    [
+        (1268, "JOG_SPEED_1", -70), (1270, "REF_SPEED", -300), (1275, "TARPOS_A", -5), (1278, "DRV_ACC", 65535),
+        (1288, "TORQUE_LIMIT_NEGATIVE", 500),
+    ],
+)  # fmt: skip
+def test_what_the_telegram_brings_is_the_parameters_value_and_not_the_channels_to_change(
+    msd: Drive, pnu: int, name: str, value: int
+) -> None:
+    """P-0915 links the process data to the parameter; without a controller it has its own value again."""
+    msd.store.write(pnu, 0, [7])
+    words = [pnu] * (2 if pnu < 1278 else 1)
+    msd.store.write(915, 1, words)
+    msd.image.received[SETPOINT_SLOTS[name]] = value
+    msd.image.valid = 1
+    assert msd.store.read(pnu) == [value]
+    with pytest.raises(ParameterError) as caught:
+        msd.store.write(pnu, 0, [8])
+    assert caught.value.number == E.NO_OPERATION_PRIORITY
+    msd.image.valid = msd.image.received[SETPOINT_SLOTS[name]] = 0  # the connection ends (16)
+    msd.store.write(pnu, 0, [9])
+    assert msd.store.read(pnu) == [9]
+
+
+def test_more_speed_than_a_word_holds_reads_as_the_most(msd: Drive) -> None:
+    """P-1270 is a word in table 15.1 and two in table 14.5."""
+    msd.store.write(915, 1, [1270, 1270])
+    msd.image.received[SETPOINT_SLOTS["REF_SPEED"]] = -40_000
+    msd.image.valid = 1
+    assert msd.store.read(1270) == [-32768]
 
 
 def test_the_list_is_written_entry_by_entry(msd: Drive) -> None:

@@ -116,6 +116,18 @@ def test_10_3_3_ramps_that_the_telegram_brings_count_before_them() -> None:
     assert bench.axis.ramp == pytest.approx(60.0, abs=0.3)
 
 
+def test_10_3_3_the_speeds_may_be_process_data() -> None:
+    bench = MsdBench(105, P_0300=2, P_1268=ONE, P_1269=TWO, P_1278=1000, P_1279=1000)
+    bench.store.write(915, 0, [967, 1268, 1268])
+    bench.enable(BARE, JOG_SPEED_1=-60)
+    assert play(bench, BARE, JOG_1, BOTH) == [-60, TWO]
+    bench.send(80, STW1=BARE | JOG_1, JOG_SPEED_1=30)
+    assert round(bench.speed) == 30
+    # without access permission the last ones hold
+    bench.send(80, STW1=(BARE | JOG_1) & ~0x0400, JOG_SPEED_1=90)
+    assert round(bench.speed) == 30
+
+
 def test_a_fault_or_a_stop_ends_the_jog_and_a_bit_that_stands_starts_it_anew_at_rest() -> None:
     bench = jogger(0)
     play(bench, BARE, JOG_1)
