@@ -397,6 +397,18 @@ def _follow_on(axis: Any, now: int) -> bool:
 
 
 @compiled
+def _change_way(axis: Any) -> None:
+    """A way that began ends where it was to; velocity and ramps without a handshake count for it at once."""
+    if not axis.feed_free or not axis.asked_relative or axis.task_endless:
+        return
+    if axis.asked_velocity < 0.0 or axis.asked_acceleration <= 0.0 or axis.asked_deceleration <= 0.0:
+        return
+    axis.task_top = axis.asked_velocity
+    axis.task_acceleration = axis.asked_acceleration
+    axis.task_deceleration = axis.asked_deceleration
+
+
+@compiled
 def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: what the controller asks for, and what becomes of it."""
     enabled = axis.state == 4 and axis.opmode == 2 and not axis.servo_control and not brake_holds(axis)
@@ -412,6 +424,7 @@ def take_motion(axis: Any, now: int) -> None:
     if axis.motion == JOG:
         _jog(axis)
     elif axis.motion == TASK:
+        _change_way(axis)
         top = _fastest_there(axis, axis.task_top * axis.override)
         axis.task_velocity = -top if axis.profile == PROFILE_VELOCITY and axis.task_backwards else top
     elif axis.motion == HOMING:

@@ -91,6 +91,17 @@ def test_bit_13_a_target_that_cannot_begin_yet_waits_for_its_velocity_and_for_bi
     assert bench.place == pytest.approx(3.0, abs=0.002)
 
 
+def test_bit_13_a_way_that_began_takes_another_velocity_and_keeps_its_end() -> None:
+    bench = positioner()
+    bench.send(120, STW1=TASKS | AT_ONCE | RELATIVE, TARPOS_A=2 * REV)
+    confirmed = bench.zsw1 & CONFIRMED
+    bench.send(100, VELOCITY_A=300)
+    assert bench.speed == pytest.approx(300, abs=2)
+    arrive(bench)
+    assert bench.place == pytest.approx(2.0, abs=0.002)
+    assert bench.zsw1 & CONFIRMED == confirmed
+
+
 def test_bit_13_what_has_begun_begins_no_second_time() -> None:
     bench = positioner()
     bench.send(50, STW1=TASKS | AT_ONCE, TARPOS_A=1 * REV)
