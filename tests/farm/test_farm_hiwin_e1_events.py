@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
-from e1_plc import ACKNOWLEDGE, FOLLOWS, JOG_BACKWARDS, JOG_FORWARDS, REACHED, RUN, STOPPED, TAKEN, E1Plc
+from e1_plc import ACKNOWLEDGE, COUNTS, FOLLOWS, JOG_BACKWARDS, JOG_FORWARDS, REACHED, RUN, START, STOPPED, TAKEN, E1Plc
 
 BOTH = pytest.mark.parametrize("telegram", [9, 111])
 PULSES = 0x0800
@@ -68,3 +70,25 @@ def test_table_3_3_2_1_bits_0_to_6_at_once_enable_the_drive_and_start_nothing(te
     assert plc.bit(0x0007 | STOPPED)
     assert not plc["ZSW1"] & TAKEN
     assert plc.rev == pytest.approx(0.0, abs=0.01)
+
+
+class FastPlc(E1Plc):
+    """At the shortest send clock of table 2.2.1."""
+
+    FRAME = 0.0005
+
+
+@BOTH
+def test_table_2_2_1_at_500_us_the_drive_hears_an_edge_of_one_frame_and_moves_on_in_each(telegram):
+    plc = FastPlc(telegram, cycle="500us")
+    for target, frames in ((50.0, 7), (60.0, 7), (70.0, 401)):
+        plc.task(target)
+        assert plc.put(wait=1, STW1=RUN | START) & TAKEN
+        assert not plc.put(wait=frames, STW1=RUN) & TAKEN
+    places = []
+    for _ in range(10):
+        plc.wait(1)
+        places.append(plc["XIST_A"])
+    ways = [after - before for before, after in pairwise(places)]
+    assert ways == pytest.approx([COUNTS * 10 / 2000] * 9, rel=0.01), "600 rpm"
+    assert plc.axis.life_errors == 0

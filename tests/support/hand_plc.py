@@ -17,8 +17,11 @@ if TYPE_CHECKING:
 class HandPlc(VirtualLine):
     """``put`` set points, look at actual values by name (``plc["ZSW1"]``); the sign of life counts in STW2 meanwhile.
 
-    The built-in axis program rests, so that every bit is the test's.  Time goes in milliseconds, one frame each.
+    The built-in axis program rests, so that every bit is the test's.  Time goes in milliseconds, one frame each; with a
+    cycle of another length in those (``FRAME``, seconds).
     """
+
+    FRAME = 0.001
 
     def __init__(self, model: str, telegram: int, **options) -> None:
         super().__init__(model=model, telegram=telegram, **{"cycle": "1ms"} | options)
@@ -40,7 +43,7 @@ class HandPlc(VirtualLine):
         for _ in range(milliseconds):
             self.life = 1 + self.life % 15
             self.image.sent[SETPOINT_SLOTS["STW2"]] = self.life << 12 | self.stw2
-            self.run(0.001)
+            self.run(self.FRAME)
 
     def put(self, *, wait: int = 4, **signals: int) -> int:
         """Set points by name; ZSW1 some milliseconds later, when the drive's answer is there."""
