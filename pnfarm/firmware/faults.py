@@ -118,10 +118,13 @@ def _into_history(axis: Any) -> None:
 def _clear_history(axis: Any) -> None:
     """Forget what was acknowledged; a situation that is still active stays, as the only one."""
     active = axis.fault_code[0] != 0
+    forgotten = False
     for i in range(_places(axis) if active else 0, FAULT_SLOTS * FAULT_SITUATIONS):
+        forgotten = forgotten or axis.fault_buffer[i] != 0
         axis.fault_buffer[i] = 0
     axis.fault_counter = 1 if active else 0
-    _changed(axis)
+    if forgotten:
+        _changed(axis)
 
 
 @compiled
@@ -178,6 +181,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.motion_seen = 0
     axis.acknowledged = 0
     axis.homed = 0
+    axis.pos_stw2 = 0
     axis.target_reached = 0
     axis.task_command = 0
     axis.task_new = 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from e1_plc import ACKNOWLEDGE, COUNTS, FOLLOWS, JOG_BACKWARDS, JOG_FORWARDS, REACHED, RUN, START, STOPPED, TAKEN, E1Plc
+from e1_plc import ACKNOWLEDGE, COUNTS, FOLLOWS, HOMED, JOG_BACKWARDS, JOG_FORWARDS, REACHED, RUN, START, STOPPED, TAKEN, E1Plc
 
 BOTH = pytest.mark.parametrize("telegram", [9, 111])
 PULSES = 0x0800
@@ -92,3 +92,17 @@ def test_table_2_2_1_at_500_us_the_drive_hears_an_edge_of_one_frame_and_moves_on
     ways = [after - before for before, after in pairwise(places)]
     assert ways == pytest.approx([COUNTS * 10 / 2000] * 9, rel=0.01), "600 rpm"
     assert plc.axis.life_errors == 0
+
+
+def test_table_3_13_1_a_bit_that_is_held_over_a_power_cycle_sets_the_reference_point_anew():
+    """The drive forgot the home position, and that it saw the bit."""
+    plc = E1Plc(111)
+    plc.put(STW1=RUN | JOG_FORWARDS, wait=200)
+    plc.put(STW1=RUN, POS_STW2=0x0002, wait=300)
+    plc.inject("power-cycle", off="200ms")
+    plc.run(0.5)
+    plc.connect()
+    plc.wait_for(lambda: plc.axis.state == 1)
+    plc.put(STW1=0x0400)
+    assert plc.bit(HOMED)
+    assert plc.rev == pytest.approx(0.0, abs=1e-6)

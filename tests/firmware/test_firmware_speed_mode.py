@@ -194,8 +194,11 @@ def test_every_change_of_the_fault_buffer_counts_and_its_history_can_be_forgotte
     drive.write(0x0480)
     drive.command(CMD_CLEAR_HISTORY)
     drive.run(1)
-    assert axis.fault_counter == 0
+    assert (axis.fault_changes, axis.fault_counter) == (7, 0)
     assert not axis.fault_buffer.any()
+    drive.command(CMD_CLEAR_HISTORY)
+    drive.run(1)
+    assert axis.fault_changes == 7, "there was nothing to forget"
 
 
 def test_a_sensor_without_a_step_sends_no_position(drive):
