@@ -197,6 +197,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "number": signal.number,
                 "name": signal.name,
                 "bits": signal.bits,
+                "signed": signal.signed,
                 "direction": "setpoint" if signal.setpoint else "actual",
                 "drive_signal": signal.drive_signal,
                 "readable": signal.readable or not signal.setpoint,

@@ -48,7 +48,8 @@ class Signal:
 
     A set point that is ``readable`` can be sent back as it came.  ``stored``: it is no actual value but a stored
     parameter of this number, of an array its ``element``.  ``shown_as``: no list names it by its own number, which it
-    has from the profile alone, but by that of its parameter; 0 for its own.
+    has from the profile alone, but by that of its parameter; 0 for its own.  ``signed``: it is a number with a sign,
+    which need not be told where a parameter of the same name tells it.
     """
 
     number: int
@@ -62,6 +63,7 @@ class Signal:
     stored: bool = False
     element: int = 0
     shown_as: int = 0
+    signed: bool = False
 
     @property
     def back(self) -> Signal:

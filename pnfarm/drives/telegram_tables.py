@@ -54,6 +54,7 @@ def _signal(table: Mapping[str, Any], where: str) -> Signal:
         readable=table.get("readable", False),
         stored=table.get("stored", False),
         shown_as=table.get("shown_as", 0),
+        signed=table.get("signed", False),
     )
 
 

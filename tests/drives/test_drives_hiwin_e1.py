@@ -106,12 +106,14 @@ def test_a_mistake_in_what_only_this_model_says_is_named(
 # signals and telegrams (3.1, 3.2)
 
 
-def test_3_1_every_signal_of_the_table_with_its_width(manual: str) -> None:
+def test_3_1_every_signal_of_the_table_with_its_data_type(manual: str) -> None:
     table = manual.split("3.1 IO data signals\n\nTable 3.1.1")[1].split("3.2 Supported telegrams", maxsplit=1)[0]
-    rows = re.findall(r"^([A-Z0-9_]+)\t[^\t]+\tU?[Ii]nt(\d+)$", table, re.MULTILINE)
+    rows = re.findall(r"^([A-Z0-9_]+)\t[^\t]+\t(Uint|Int)(\d+)$", table, re.MULTILINE)
     assert len(rows) == 26
-    signals = {signal.name: signal.bits for signal in E1.signals.values()}
-    assert signals == {("MDI_MOD" if name == "MDI_MODE" else name): int(bits) for name, bits in rows}
+    signals = {signal.name: (signal.signed, signal.bits) for signal in E1.signals.values()}
+    assert signals == {
+        ("MDI_MOD" if name == "MDI_MODE" else name): (kind == "Int", int(bits)) for name, kind, bits in rows
+    }
 
 
 @pytest.mark.parametrize(("number", "received", "sent"), [(3, 5, 9), (9, 10, 5), (111, 12, 12)])

@@ -5,7 +5,20 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from e1_plc import ACKNOWLEDGE, COUNTS, FOLLOWS, HOMED, JOG_BACKWARDS, JOG_FORWARDS, REACHED, RUN, START, STOPPED, TAKEN, E1Plc
+from e1_plc import (
+    ACKNOWLEDGE,
+    COUNTS,
+    FOLLOWS,
+    HOMED,
+    JOG_BACKWARDS,
+    JOG_FORWARDS,
+    REACHED,
+    RUN,
+    START,
+    STOPPED,
+    TAKEN,
+    E1Plc,
+)
 
 BOTH = pytest.mark.parametrize("telegram", [9, 111])
 PULSES = 0x0800

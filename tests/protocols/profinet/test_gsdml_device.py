@@ -72,7 +72,7 @@ DIGESTS = {
     "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "d3b9626be7ca3023",
     "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "6f137e9d629d215f",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261121.xml": "37056c60b134abeb",
-    "GSDML-V2.35-pnfarm-hiwin-e1-20261121.xml": "097a2fbe6bd11c62",
+    "GSDML-V2.35-pnfarm-hiwin-e1-20261122.xml": "899e11f7ebe7b1ba",
 }
 
 
@@ -206,6 +206,17 @@ def test_signals_stand_in_the_file_by_name_and_in_the_order_of_the_telegram(driv
             expected = [signal.name if signal else f"Word {n}, without a signal" for n, signal in enumerate(words, 1)]
             assert names == expected
             assert items.whole
+
+
+def test_a_signal_with_a_sign_is_an_integer_in_the_file():
+    """HIWIN E1 manual, table 3.1.1."""
+    gsdml, _ = described(model("hiwin-e1"))
+    data = [gsdml.module(f"TELEGRAM_{number}").submodules[-1] for number in (3, 9, 111)]
+    items = [item for submodule in data for part in (submodule.inputs, submodule.outputs) for item in part.items]
+    assert {item.name for item in items if item.data_type == "Integer32"} == {
+        "NSOLL_B", "NIST_B", "XIST_A", "MDI_TARPOS", "MDI_VELOCITY",
+    }  # fmt: skip
+    assert {item.name for item in items if item.data_type == "Integer16"} == {"MDI_ACC", "MDI_DEC"}
 
 
 def test_the_largest_frames_are_those_of_the_largest_telegram(drive_model):

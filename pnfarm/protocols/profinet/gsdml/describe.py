@@ -81,9 +81,9 @@ def _hex(value: int) -> str:
 
 
 def _data_type(model: Model, signal: Signal) -> str:
-    """By the signal's length; signed where the parameter of the same name is."""
+    """By the signal's length; signed where it, or the parameter of the same name, is."""
     pnu = model.parameter_names.get(signal.name)
-    signed = pnu is not None and model.parameters[pnu].signed
+    signed = signal.signed or (pnu is not None and model.parameters[pnu].signed)
     return f"{'Integer' if signed else 'Unsigned'}{signal.bits}"
 
 
