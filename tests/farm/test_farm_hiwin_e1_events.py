@@ -20,6 +20,8 @@ from e1_plc import (
     E1Plc,
 )
 
+from pnfarm.engine.tick import tick
+
 BOTH = pytest.mark.parametrize("telegram", [9, 111])
 PULSES = 0x0800
 
@@ -105,6 +107,15 @@ def test_table_2_2_1_at_500_us_the_drive_hears_an_edge_of_one_frame_and_moves_on
     ways = [after - before for before, after in pairwise(places)]
     assert ways == pytest.approx([COUNTS * 10 / 2000] * 9, rel=0.01), "600 rpm"
     assert plc.axis.life_errors == 0
+
+
+def test_a_tick_that_is_less_late_than_the_one_before_is_a_step_of_the_drive_all_the_same():
+    """A timer wakes the engine some ten microseconds after the time, now more and now less."""
+    plc = E1Plc(9)
+    for milliseconds, late in ((1, 80_000), (2, 20_000)):
+        now = plc.world.now + milliseconds * 1_000_000 + late
+        tick(plc.farm.columns, 0, now)
+        assert plc.axis.last_ns == now
 
 
 def test_table_3_13_1_a_bit_that_is_held_over_a_power_cycle_sets_the_reference_point_anew():
