@@ -246,7 +246,7 @@ class ChannelTable:
         """Take other words out of an open consumer's frames; what it no longer brings is invalid at once."""
         row = self.columns.cpm[number]
         _check(words, iops, int(row.data_length))
-        row.words = 0
+        self._unlay(row, words)
         row.iops_count = 0
         for i, (code, offset) in enumerate(words):
             row.word_code[i] = code
@@ -263,11 +263,20 @@ class ChannelTable:
         start = TAGGED_HEADER + 2 if name == "ppm" else 0
         _check(words, (), int(row.length) - start - 4 if name == "ppm" else int(row.data_length))
         # no words while the codes change, so that no tick mixes two mappings
+        if name == "cpm":
+            self._unlay(row, words)
         row.words = 0
         for i, (code, offset) in enumerate(words):
             row.word_code[i] = code
             row.word_offset[i] = start + offset
         row.words = len(words)
+
+    def _unlay(self, row: Any, words: Sequence[tuple[int, int]]) -> None:
+        """Take the words out of an open consumer: what it brought and ``words`` do not is zero from now on."""
+        brought = {int(code) >> 2 for code in row.word_code[: row.words] if code != WORD_NONE} if row.fed else set()
+        row.words = 0
+        for slot in brought - {code >> 2 for code, _ in words}:
+            self.columns.image[row.image].received[slot] = 0
 
     def close_provider(self, number: int) -> None:
         self.columns.ppm[number].active = 0

@@ -86,6 +86,15 @@ def _unpack(consumer: Any, image: Any, frame: Any, data: int) -> None:
 
 
 @compiled
+def _zero(consumer: Any, image: Any) -> None:
+    """The set points that a consumer brings, in the process image."""
+    for i in range(consumer.words):
+        code = int(consumer.word_code[i])
+        if code != WORD_NONE:
+            image.received[code >> 2] = 0
+
+
+@compiled
 def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns to hand over
     engine: Any,
     events: Any,
@@ -165,10 +174,7 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
         image.valid = 0
         image.lost = LOST_STOP
         if consumer.zeroes:
-            for i in range(consumer.words):
-                code = int(consumer.word_code[i])
-                if code != WORD_NONE:
-                    image.received[code >> 2] = 0
+            _zero(consumer, image)
 
 
 @compiled
@@ -219,11 +225,14 @@ def receive(columns: Columns, count: int) -> None:
 
 @compiled
 def _take_back(consumer: Any, image: Any) -> None:
-    """A consumer brings no set points any more: nothing of them stays, as the next one may carry another telegram."""
+    """A consumer brings no set points any more: none of its own stays, as the next one may carry another telegram.
+
+    What it did not bring, and a parameter wrote, stays.
+    """
     if image.valid or image.lost == LOST_STOP:
         image.valid = 0
         image.lost = LOST_CLOSED
-    image.received[:] = 0
+    _zero(consumer, image)
     consumer.fed = 0
 
 

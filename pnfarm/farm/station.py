@@ -290,6 +290,8 @@ class DriveStation:
         self._build()
         self.connections.forget()
         self._calls.clear()
+        # what parameters wrote of set points is gone, too
+        self.handle.image.received[:] = 0
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
         self.note(now, "power on")

@@ -15,6 +15,8 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     parse_response,
 )
 from pnfarm.drives.profiles.profidrive.requester import change_request
+from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.wire.rtc import DataStatus
 
 #: Position mode: operation enabled, nothing rejected, no intermediate stop.
@@ -319,6 +321,38 @@ def test_5_11_7_telegram_352_has_no_acceleration_and_takes_that_of_pnu_36():
     assert line.send(START, frames=10) & ACKNOWLEDGED
     line.until(REACHED)
     assert line.place == pytest.approx(1.0, abs=0.02)
+
+
+def test_5_8_a_set_point_by_its_pnu_outlasts_the_connection_and_not_the_supply():
+    line = position_line(352)
+    words = {name: value for name, value in MDI.items() if name != "MDI_ACC"}
+    line.send(READY, **words)
+    write(line, 36, WORD, 39)
+    store = line.farm.stations[0].store
+    assert store.read(35) == [words["MDI_VELOCITY"]]
+    faults = attach_faults(line.farm, line.world.clock)
+    faults.add(FaultSpec.parse({"kind": "ar-abort", "on": "all"}), line.world.now)
+    line.run(0.1)
+    assert not line.farm.stations[0].ars
+    assert (store.read(35), store.read(36)) == ([0], [39]), "MDI_VELOCITY came by frames and went with them"
+    line.connect()
+    line.send(READY | 0x80, **words)
+    line.enable_axis(READY)
+    assert line.send(START, MDI_TARPOS=COUNTS, frames=10) & ACKNOWLEDGED
+    line.farm.stations[0].power_cycle(line.world.now)
+    line.run(0.1)
+    assert line.farm.stations[0].store.read(36) == [0]
+
+
+def test_5_11_10_a_set_point_that_leaves_the_mapping_is_zero():
+    line = HandLine(telegram=400)
+    store = line.farm.stations[0].store
+    line.send(0x0406, SATZANW=0x8000, MDI_ACC=39)
+    assert (store.read(32), store.read(36)) == ([0x8000], [39])
+    store.write(915, 7, [0])
+    assert value_of(line, 922) == (400,)
+    line.run(0.1)
+    assert (store.read(32), store.read(36)) == ([0x8000], [0])
 
 
 # 5.10.3: homing
