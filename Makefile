@@ -14,7 +14,7 @@ demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
 
 test: $(TEST_STAMP)
-	@$(BIN)/python -m pytest $(ARGS)
+	@$(BIN)/python -m tests $(ARGS)
 
 lint: $(LINT_STAMP)
 	$(BIN)/ruff format --check .

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -13,7 +14,20 @@ settings.register_profile("pnfarm", deadline=None)
 settings.load_profile("pnfarm")
 
 REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
+#: Folders and files whose tests use real time, processes of their own or the kernel's network.
+EXCLUSIVE = (
+    "api/test_api_server.py", "cli", "engine/test_engine_realtime.py", "farm/test_farm_library.py",
+    "faults/test_fault_real_link.py", "interop", "links", "test_rig_dashboards.py", "test_rig_files.py",
+    "test_rig_warm.py",
+)  # fmt: skip
 _skipped: Counter[tuple[str, str]] = Counter()
+
+
+def pytest_collection_modifyitems(items):
+    exclusive = [Path(__file__).parent / name for name in EXCLUSIVE]
+    for item in items:
+        if any(item.path.is_relative_to(place) for place in exclusive):
+            item.add_marker(pytest.mark.exclusive)
 
 
 def _note(report):

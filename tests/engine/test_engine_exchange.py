@@ -43,11 +43,12 @@ def test_every_send_clock_and_reduction_ratio_keeps_its_period_exactly(factor, r
     pair = Pair(drives=2, factor=factor, ratio=ratio, hold=8)
     pair.run(max(0.005, pair.cycle_ns * 2e-9))
     before = [int(pair.farm.ppm[row].sent) for row in range(2)]
-    pair.run(pair.cycle_ns * 20 / 1e9)
-    assert [int(pair.farm.ppm[row].sent) - before[row] for row in range(2)] == [20, 20]
+    cycles = 20 if pair.cycle_ns < 100 * MS else 3
+    pair.run(pair.cycle_ns * cycles / 1e9)
+    assert [int(pair.farm.ppm[row].sent) - before[row] for row in range(2)] == [cycles, cycles]
     assert pair.farm.ppm.late.sum() == 0
     assert pair.farm.cpm.discarded.sum() == 0
-    assert pair.farm.cpm[0].received >= 20
+    assert pair.farm.cpm[0].received >= cycles
 
 
 def test_cycle_counter_advances_by_factor_times_ratio():

@@ -42,12 +42,13 @@ def test_random_and_mutated_frames_never_disturb_anything_but_counters():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("folder", ["tests/engine", "tests/firmware"])
 @pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
-def test_engine_and_firmware_behave_alike_interpreted_and_with_bounds_checked(variable):
+def test_engine_and_firmware_behave_alike_interpreted_and_with_bounds_checked(variable, folder):
     if os.environ.get("NUMBA_DISABLE_JIT") == "1" or os.environ.get("NUMBA_BOUNDSCHECK") == "1":
         return  # this is the inner run
     run = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "tests/engine", "tests/firmware"],
+        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", folder],
         cwd=ROOT,
         env={**os.environ, variable: "1"},
         capture_output=True,

@@ -10,7 +10,8 @@ from bench_axis import BenchAxis
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_POWER_ON, REACTION_QUICK_STOP
 
 PEAK, CONTINUOUS = 9.0, 3.0
-DELAY, TIME = 1.0, 2.0
+#: Seconds; short, for each step takes a millisecond where the code is interpreted.
+DELAY, TIME = 0.2, 0.4
 MOTOR_FAULT, DRIVE_FAULT = (number | REACTION_QUICK_STOP << 24 for number in (304, 524))
 
 
@@ -37,8 +38,9 @@ def at_peak(drive: BenchAxis) -> BenchAxis:
 
 
 def test_the_peak_current_is_there_for_its_time_and_then_falls_to_the_continuous_one():
-    drive, passed, hottest = at_peak(folding(thermal_time=1.0)), 0.0, 0.0
-    for seconds in (0.5, 0.9, 1.5, 3.0, 6.0, 11.0):
+    drive, passed, hottest = at_peak(folding(thermal_time=DELAY)), 0.0, 0.0
+    for delays in (0.5, 0.9, 1.5, 3.0, 6.0, 11.0):
+        seconds = delays * DELAY
         drive.run(round((seconds - passed) * 1000))
         passed = seconds
         expected = CONTINUOUS + (PEAK - CONTINUOUS) * math.exp(-max(0.0, seconds - DELAY) / TIME)
@@ -51,14 +53,14 @@ def test_the_peak_current_is_there_for_its_time_and_then_falls_to_the_continuous
 
 def test_no_current_for_the_recovery_time_gives_the_whole_time_at_the_peak_back():
     drive = at_peak(folding())
-    drive.run(14_000)
+    drive.run(round(14 * DELAY * 1000))
     top = PEAK + DELAY * (PEAK - CONTINUOUS) / TIME
     seconds = (DELAY + TIME) * (PEAK / CONTINUOUS - 1)
     drive.write(0x0470, run=round(seconds * 500))
     assert drive.axis.foldback_limit[0] == pytest.approx((CONTINUOUS + top) / 2, abs=0.05)
     drive.run(round(seconds * 500))
     assert drive.axis.foldback_limit[0] == pytest.approx(top, abs=0.05)
-    drive.run(2000)
+    drive.run(round(2 * DELAY * 1000))
     assert drive.axis.foldback_limit[0] == top, "and no more"
 
 
@@ -68,16 +70,16 @@ def test_a_limit_below_the_fault_level_is_the_fault_of_motor_or_drive_until_it_h
     drive.axis.foldback_delay[:] = drive.axis.foldback_time[:] = 100.0
     drive.axis.foldback_delay[1 - slow], drive.axis.foldback_time[1 - slow] = DELAY, TIME
     at_peak(drive)
-    drive.run(round((DELAY + TIME * math.log((PEAK - CONTINUOUS) / (7.0 - CONTINUOUS))) * 1000) - 20)
+    drive.run(round((DELAY + TIME * math.log((PEAK - CONTINUOUS) / (7.0 - CONTINUOUS))) * 1000) - 10)
     assert drive.axis.fault_code[0] == 0
-    drive.run(40)
+    drive.run(20)
     assert list(drive.axis.fault_code[:2]) == [fault, 0]
-    drive.run(100)
+    drive.run(20)
     drive.axis.foldback_used[1 - slow] += 1.0
     drive.command(CMD_ACKNOWLEDGE)
     drive.run(1)
     assert drive.axis.fault_code[0] == fault, "the cause is still there"
-    drive.run(2000)
+    drive.run(round(2 * DELAY * 1000))
     drive.command(CMD_ACKNOWLEDGE)
     drive.run(2)
     assert drive.axis.fault_code[0] == 0
@@ -85,36 +87,36 @@ def test_a_limit_below_the_fault_level_is_the_fault_of_motor_or_drive_until_it_h
 
 def test_the_fault_level_is_the_peak_current_at_most():
     drive = at_peak(folding(foldback_fault_level=500.0))
-    drive.run(round(DELAY * 1000) - 20)
+    drive.run(round(DELAY * 1000) - 10)
     assert drive.axis.fault_code[0] == 0
-    drive.run(40)
+    drive.run(20)
     assert drive.axis.fault_code[0] == MOTOR_FAULT
 
 
 def test_a_limit_below_the_warning_level_is_a_warning_while_it_is():
     drive = at_peak(folding(foldback_warning_level=8.0))
-    drive.run(round((DELAY + TIME * math.log(6.0 / 5.0)) * 1000) - 20)
+    drive.run(round((DELAY + TIME * math.log(6.0 / 5.0)) * 1000) - 10)
     assert drive.zsw1 & 0x0080 == 0
-    drive.run(40)
+    drive.run(20)
     assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (304, 0x0080)
     drive.axis.foldback_warning_level = 0.0
     drive.run(1)
     assert drive.axis.warning_code == 0
     drive.axis.foldback_warning_level = 8.0
-    drive.write(0x0470, run=1000)
+    drive.write(0x0470, run=round(DELAY * 1000))
     assert drive.axis.warning_code == 0
 
 
 @pytest.mark.parametrize("field", ["thermal_time", "continuous_current"])
 def test_a_motor_that_stays_cool_or_bears_any_current_is_not_limited(field):
     drive = at_peak(folding(**{field: 0.0}))
-    drive.run(5000)
+    drive.run(round(5 * DELAY * 1000))
     assert drive.axis.current == pytest.approx(PEAK)
 
 
 def test_power_on_begins_with_all_of_the_peak_current():
     drive = at_peak(folding())
-    drive.run(10_000)
+    drive.run(round(10 * DELAY * 1000))
     assert drive.axis.foldback_current < 4.0
     drive.command(CMD_POWER_ON)
     drive.run(2)
