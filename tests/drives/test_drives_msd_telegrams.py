@@ -102,3 +102,31 @@ def test_10_7_nsoll_b_is_a_share_of_p_0338_from_minus_200_to_200_percent(msd: Dr
     msd.store.set("P-0338", 4500)
     assert 0x40000000 * msd.axis.velocity_step_b == pytest.approx(4500)
     assert -0x80000000 * msd.axis.velocity_step_b == pytest.approx(-9000)
+
+
+@pytest.mark.parametrize(
+    ("word", "telegram", "bits"),
+    [
+        ("STW1", 1, {*range(11)}),
+        ("STW1", 5, {*range(11)}),
+        ("STW1", 8, {*range(12)}),
+        ("STW1", 9, {*range(15)}),
+        ("STW1", 105, {*range(15)}),
+        ("STW2", 2, {12, 13, 14, 15}),
+        ("ZSW1", 1, {*range(11), 13, 14}),
+        ("ZSW1", 2, {*range(11)}),
+        ("ZSW1", 5, {*range(11)}),
+        ("ZSW1", 7, {*range(15)}),
+        ("ZSW1", 121, {*range(15)}),
+        ("ZSW2", 3, {0, 1, 10, 12, 13, 14, 15}),
+        ("ZSW2", 9, {*range(8), 12, 13, 14, 15}),
+        ("G1_STW", 3, {*range(8), *range(11, 16)}),
+        ("G1_ZSW", 3, {*range(10), *range(11, 16)}),
+    ],
+)
+def test_tables_10_4_to_10_17_bits_with_a_meaning_have_names(
+    msd: Drive, word: str, telegram: int, bits: set[int]
+) -> None:
+    names = msd.model.bit_names(word, telegram)
+    assert {bit for bit, name in enumerate(names) if name} == bits
+    assert len({name for name in names if name}) == len(bits)
