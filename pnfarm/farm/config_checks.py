@@ -10,7 +10,7 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from pnfarm.farm.config_cycle import MAX_WATCHDOG_NS, format_duration
-from pnfarm.farm.config_expand import Clock, clock_of, controller_mac, expand_sections
+from pnfarm.farm.config_expand import Clock, clock_of, controller_mac, expand_sections, own_cycle_ns
 from pnfarm.farm.config_issue import Location, did_you_mean, shown
 from pnfarm.farm.config_model import MAX_DRIVES, ControllerSection, DriveGroup, FarmSections, MacvlanLink
 from pnfarm.farm.config_values import expand_name, numbered
@@ -293,8 +293,10 @@ def _check_clock(
     """One group's cycle against the controller's send clock, the watchdog and the model."""
     own = group.cycle_ns is not None
     place: Location = (*at, "cycle") if own else ("controller", "cycle")
+    model = known.model(group.model)
+    cycle_ns = own_cycle_ns(group, controller, model)
     try:
-        clock = clock_of(controller, group.cycle_ns) if own else general
+        clock = general if cycle_ns is None else clock_of(controller, cycle_ns)
     except ValueError as error:
         report(place, f"does not fit the controller's send clock: {error}", "a multiple of it by a power of two to 512")
         return
@@ -304,7 +306,6 @@ def _check_clock(
         what = f"{controller.watchdog_factor} cycles of {cycle} are {watchdog}"
         most = MAX_WATCHDOG_NS // clock.cycle_ns
         report(("controller", "watchdog_factor"), what, f"a watchdog of at most 1.92s, here a factor to {most}")
-    model = known.model(group.model)
     if model is None:
         return
     if not own:

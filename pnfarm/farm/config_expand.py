@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pnfarm.drives.motion_tasks import MotionTask
-    from pnfarm.farm.config_known import Known
+    from pnfarm.farm.config_known import Known, ModelFacts
     from pnfarm.farm.config_machine import Machine
 
-__all__ = ["Clock", "DriveConfig", "auto_mac", "clock_of", "controller_mac", "expand_sections"]
+__all__ = ["Clock", "DriveConfig", "auto_mac", "clock_of", "controller_mac", "expand_sections", "own_cycle_ns"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class DriveConfig:
 
     ``index`` counts through the farm from 0; ``group`` is the entry of ``drives:`` that it comes from.
     ``model`` is the name under which the model is listed, also where the file has an alias.
-    ``cycle_ns`` and ``telegram`` are None where the file leaves them to the controller and the model.
+    ``cycle_ns`` is None where the controller's counts, ``telegram`` where the file leaves it to the model.
     For a foreign device (a file without ``farm:``) ``mac`` means nothing: the controller finds it by name.
     """
 
@@ -111,6 +111,18 @@ def clock_of(controller: ControllerSection, cycle_ns: int | None = None) -> Cloc
     return Clock(factor, ratio)
 
 
+def own_cycle_ns(group: DriveGroup, controller: ControllerSection | None, model: ModelFacts | None) -> int | None:
+    """The cycle of a group's drives where it is not the controller's.
+
+    A file that names no cycle at all means the usual one, or a model's slowest where that is faster.
+    """
+    if group.cycle_ns is not None or controller is None or model is None or group.limits != "strict":
+        return group.cycle_ns
+    if controller.cycle_ns or controller.send_clock_factor or controller.reduction_ratio:
+        return None
+    return model.max_cycle_ns if 0 < model.max_cycle_ns < DEFAULT_CYCLE_NS else None
+
+
 def _quotient(cycle_ns: int, part: int) -> int:
     whole, rest = divmod(cycle_ns, join_cycle(part, 1))
     if rest or not whole:
@@ -161,7 +173,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 params=group.params,
                 impair=tuple(group.impair),
                 telegram=group.telegram,
-                cycle_ns=group.cycle_ns,
+                cycle_ns=own_cycle_ns(group, sections.controller, model),
                 hello=group.hello,
                 motion_tasks=tuple(drive_task(task) for task in group.motion_tasks),
             )

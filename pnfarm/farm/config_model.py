@@ -389,7 +389,10 @@ class ControllerSection(Section):
     interface: Interface | None = Field(default=None, description="Existing interface to use; it is not changed.")
     link: Link | None = Field(default=None, description="Link of its own; left out, the farm's.")
     cycle_ns: Cycle | None = Field(
-        default=None, alias="cycle", description="Cycle of the IO data; left out, 16ms, or what factor and ratio say."
+        default=None,
+        alias="cycle",
+        description="Cycle of the IO data; left out, what factor and ratio say, or 16ms (a drive's slowest where that "
+        "is faster).",
     )
     send_clock_factor: Literal[1, 2, 4, 8, 16, 32, 64, 128] | None = Field(
         default=None, description="Send clock in units of 31.25 us; left out, it follows from the cycle."

@@ -40,6 +40,20 @@ def test_a_drive_may_have_a_cycle_of_its_own():
     assert clock_of(farm.controller, expand(farm)[0].cycle_ns).reduction_ratio == 32
 
 
+QUICK = GOOD.replace("akd-profinet", "quick")
+
+
+@pytest.mark.parametrize(("text", "milliseconds"), [(GOOD, 16), (QUICK, 4), (QUICK.replace("strict", "lax"), 16)])
+def test_a_drive_that_cannot_be_run_at_the_usual_cycle_gets_its_slowest(text, milliseconds):
+    farm = parse(text + "controller: {}\n")
+    assert clock_of(farm.controller, expand(farm)[0].cycle_ns).cycle_ns == milliseconds * 1_000_000
+
+
+@pytest.mark.parametrize("cycle", ["soon", "3ms", "8ms"])
+def test_a_wrong_cycle_is_told_once_with_a_drive_that_is_not_slow_either(cycle):
+    assert the_issue(QUICK + f"controller: {{cycle: {cycle}}}\n").field == "controller.cycle"
+
+
 def test_a_file_for_foreign_devices_needs_no_farm():
     farm = parse(
         "controller: {interface: eth1, cycle: 16ms, reconnect: off,\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import gzip
+import re
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -117,6 +118,13 @@ def test_a_sign_of_life_that_runs_is_not_worth_a_line(tmp_path):
     assert any("telegram 3" in line for line in found)
     assert any(line.startswith("plc -> axis-01 STW1") and "enable operation set" in line for line in found)
     assert not any(line.startswith(("plc -> axis-01 STW2", "axis-01 -> plc ZSW2")) for line in found)
+
+
+def test_words_of_bits_are_hexadecimal_and_quantities_are_decimal(tmp_path):
+    path = tmp_path / "e1.pcapng"
+    asyncio.run(record_e1(path))
+    line = [line for line in texts(path, every_frame=True) if "NIST_B" in line][-1]
+    assert re.search(r"ZSW1 0x[0-9A-F]{4} NIST_B -?\d+ ZSW2 0x[0-9A-F]{4} G1_ZSW 0x[0-9A-F]{4} G1_XIST1 -?\d+ ", line)
 
 
 def test_a_start_up_in_words(farm_capture):

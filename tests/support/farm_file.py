@@ -39,7 +39,7 @@ class Model:
 
 KNOWN = Known(
     ("akd-profinet",),
-    {"akd-profinet": Model(), "akd": Model()}.get,
+    {"akd-profinet": Model(), "akd": Model(), "quick": Model("quick", 500_000, max_cycle_ns=4_000_000)}.get,
     frozenset(("loss", "silence", "f702", "drive-fault")),
 )
 

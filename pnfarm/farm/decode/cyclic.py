@@ -34,6 +34,11 @@ ZSW1_MASK = 0x02FF
 SECOND_MASK = 0x0FFF
 STATE_MASK = 0x0047
 FAULT_PRESENT = 0x0008
+#: How the names of words begin that are bits, numbers of tasks or codes, and not quantities.
+BIT_WORDS = (
+    "STW", "ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "MELDW", "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE",
+    "WARN_CODE", "DRIVE_INPUTS", "DRIVE_MOTION_STATUS", "E_DIGITAL", "A_DIGITAL", "word",
+)  # fmt: skip
 #: Lines of one kind for one channel; what comes after them is counted only.
 MOST_LINES = 50
 #: The cycle counter goes round in this time, so that a longer silence leaves it anywhere.
@@ -156,7 +161,7 @@ def _values(channel: Channel) -> str:
     texts = []
     for name, offset, width in template.words:
         value = int.from_bytes(channel.data[offset : offset + width], "big")
-        is_bits = name.startswith(("STW", "ZSW", "word"))
+        is_bits = name.startswith(BIT_WORDS)
         signed = value - (1 << 8 * width) if value >> (8 * width - 1) else value
         texts.append(f"{name} 0x{value:0{2 * width}X}" if is_bits else f"{name} {signed}")
     return " ".join(texts)
