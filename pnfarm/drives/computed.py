@@ -11,12 +11,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.parameter import Parameter
-from pnfarm.drives.profiles.profidrive.fault_buffer import (
-    active_faults,
-    fault_counter,
-    fault_numbers,
-    fault_situations,
-)
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.axis_codes import LIFE_GOOD, RAMP_GENERATED
 from pnfarm.table.signals import DRIVE_INPUTS
@@ -72,9 +67,9 @@ def _fault_counter(store: ParameterStore, _parameter: Parameter) -> Sequence[int
 
 
 def _kept_situations(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """PNU 952 of a drive that keeps its fault buffer without power: never fewer than the buffer shows."""
+    """PNU 952 of a drive that keeps its fault buffer without power: what it kept, and what came since."""
     axis = store.handle.axis
-    return [max(fault_counter(axis), sum(map(bool, fault_situations(axis))))]
+    return [int(axis.fault_kept) + fault_counter(axis) & 0xFFFF]
 
 
 def _fault_buffer(store: ParameterStore, parameter: Parameter) -> Sequence[int]:

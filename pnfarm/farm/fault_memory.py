@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_numbers
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_numbers, fault_situations
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 
 if TYPE_CHECKING:
@@ -37,3 +37,4 @@ def restore_history(axis: Any, kept: Sequence[int]) -> None:
     shift = places if any(kept[:places]) and not axis.fault_stays else 0
     for place, number in enumerate(kept[: PLACES - shift]):
         axis.fault_buffer[place + shift] = number
+    axis.fault_kept = sum(map(bool, fault_situations(axis)))

@@ -45,6 +45,16 @@ def _places(axis: Any) -> int:
 
 
 @compiled
+def _situations(axis: Any) -> int:
+    """How many situations the fault buffer holds."""
+    count = 0
+    for i in range(0, FAULT_SLOTS * FAULT_SITUATIONS, _places(axis)):
+        if axis.fault_buffer[i] != 0:
+            count += 1
+    return count
+
+
+@compiled
 def _changed(axis: Any) -> None:
     axis.fault_changes = (int(axis.fault_changes) + 1) & 0xFFFF
 
@@ -123,6 +133,7 @@ def _clear_history(axis: Any) -> None:
         forgotten = forgotten or axis.fault_buffer[i] != 0
         axis.fault_buffer[i] = 0
     axis.fault_counter = 1 if active else 0
+    axis.fault_kept = 0
     if forgotten:
         _changed(axis)
 
@@ -205,6 +216,7 @@ def _power_on(axis: Any, now: int) -> None:
     if axis.fault_code[0] != 0:
         _into_history(axis)
     axis.fault_counter = 0
+    axis.fault_kept = _situations(axis)
     axis.fault_changes = 0
     axis.life_sent = 0
     for i in range(FAULT_SLOTS):

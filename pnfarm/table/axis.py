@@ -136,6 +136,7 @@ AXIS = Layout(
             "fault_buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)
         ),
         Field("fault_counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
+        Field("fault_kept", "u2", "", "firmware", "situations that the fault buffer held at power-on"),
         Field("fault_changes", "u2", "", "firmware", "changes of the fault buffer since power-on"),
         Field("fault_ends", "u2", "", "firmware", "situations that ended"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),

@@ -108,10 +108,19 @@ def test_deleting_the_history_keeps_the_active_situation_over_a_restart(memory):
     assert history(start(memory, model="hiwin-e1", telegram=3, cycle="1ms"))[:3] == [[], [25], []]
 
 
-def test_952_begins_with_the_situations_that_the_e1_kept(memory):
-    line = start(memory, model="hiwin-e1", cycle="2ms", telegram=3)
+def test_952_goes_on_from_the_situations_that_the_e1_kept(memory):
+    settings = {"model": "hiwin-e1", "cycle": "2ms", "telegram": 3}
+    line = start(memory, **settings)
     trip(line, "15")
     trip(line, "18")
-    assert len([situation for situation in history(line) if situation]) == 2
-    store = start(memory, model="hiwin-e1", cycle="2ms", telegram=3).farm.stations[0].store
-    assert (store.read(944), store.read(952)) == ([0], [2])
+    line = start(memory, **settings)
+    station = line.farm.stations[0]
+    assert (station.store.read(944), station.store.read(952)) == ([0], [2])
+    trip(line, "19")
+    assert station.store.read(952) == [3]
+    station.power_cycle(line.world.now)
+    line.run(0.01)
+    assert (station.store.read(944), station.store.read(952)) == ([0], [3])
+    station.store.write(952, 0, [0])
+    line.run(0.01)
+    assert station.store.read(952) == [0]
