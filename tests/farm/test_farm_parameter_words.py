@@ -209,6 +209,7 @@ controller:
 
 
 @pytest.mark.interop
+@pytest.mark.exclusive
 def test_tasks_are_answered_in_real_time(tmp_path):
     file = tmp_path / "words.pnfarm.yml"
     file.write_text(FILE)
