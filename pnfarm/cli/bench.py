@@ -12,7 +12,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -32,6 +32,9 @@ from pnfarm.cli.bench_line import (
     wire,
 )
 from pnfarm.errors import ConfigError, InternalError
+
+if TYPE_CHECKING:
+    from pnfarm.controller.line import VirtualLine
 
 __all__ = ["BENCHMARKS", "command"]
 
@@ -141,18 +144,24 @@ def akd_1024(seconds: float) -> list[Result]:
     ]
 
 
-def scrape(seconds: float) -> list[Result]:
-    """Prometheus asks 256 connected drives: the best of ten scrapes, in which counters have moved on."""
-    del seconds
+def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
+    """The benchmarks' farm and controller in virtual time."""
     import anyio
 
     from pnfarm.controller.line import VirtualLine
     from pnfarm.farm.config import parse_farm
+
+    text = farm_file(drives, cycle, watchdog, FARM_CPU).replace(f"kind: macvlan, parent: {PARENT}", "kind: memory")
+    return anyio.run(VirtualLine.create, parse_farm(text.replace(f"  interface: {PEER}\n", "")))
+
+
+def scrape(seconds: float) -> list[Result]:
+    """Prometheus asks 256 connected drives: the best of ten scrapes, in which counters have moved on."""
+    del seconds
     from pnfarm.farm.fault_targets import attach_faults
     from pnfarm.metrics.collector import FarmCollector
 
-    text = farm_file(256, "16ms", 16, FARM_CPU).replace(f"kind: macvlan, parent: {PARENT}", "kind: memory")
-    line = anyio.run(VirtualLine.create, parse_farm(text.replace(f"  interface: {PEER}\n", "")))
+    line = _in_memory(256, "16ms", 16)
     collector = FarmCollector(line.farm, attach_faults(line.farm, line.world.clock))
     if not line.world.run(60.0, until=lambda: line.plc.all_connected):
         raise InternalError("256 drives did not connect in virtual time")
@@ -168,13 +177,7 @@ def scrape(seconds: float) -> list[Result]:
 def virtual_64(seconds: float) -> list[Result]:
     """64 drives and their controller at 1 ms in memory: farm time over real time."""
     del seconds
-    import anyio
-
-    from pnfarm.controller.line import VirtualLine
-    from pnfarm.farm.config import parse_farm
-
-    text = farm_file(64, "1ms", 3, FARM_CPU).replace(f"kind: macvlan, parent: {PARENT}", "kind: memory")
-    line = anyio.run(VirtualLine.create, parse_farm(text.replace(f"  interface: {PEER}\n", "")))
+    line = _in_memory(64, "1ms", 3)
     if not line.world.run(30.0, until=lambda: line.plc.all_connected and line.plc.all_running):
         raise InternalError("64 drives did not connect in virtual time")
     begin = time.perf_counter()

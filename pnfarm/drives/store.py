@@ -363,10 +363,7 @@ class ParameterStore:
         self._values.current[parameter.pnu] = tuple(text.ljust(parameter.elements, b"\0"))
 
     def _write_signal(self, parameter: Parameter, value: int) -> None:
-        """A set point by its PNU, unless the running cyclic channel brings it (MDI_ACC with telegram 352: allowed)."""
-        carried = {signal.slot for signal in self.mapping(setpoint=True) if signal is not None}
-        if self.handle.controlled and parameter.index in carried:
-            raise refusal(ParameterErrorNumber.NO_OPERATION_PRIORITY, parameter)
+        """A set point by its PNU, which no telegram brings now (AKD: MDI_ACC with telegram 352)."""
         bits = 8 * parameter.octets
         value &= (1 << bits) - 1
         self.handle.image.received[parameter.index] = value - (1 << 32) if value >> 31 else value

@@ -10,7 +10,7 @@ from math import pi, sin
 from typing import Any
 
 from pnfarm.firmware.telegram import clamp16, clamp32, clamp_unsigned, long_step
-from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, TASKS_TARPOS
+from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, MDI_SELECTED, TASKS_TARPOS
 from pnfarm.table.compiled import compiled
 from pnfarm.table.program import (
     ACKNOWLEDGING,
@@ -64,7 +64,6 @@ TARGET_REACHED = 0x0400
 HOME_POSITION_SET = 0x0800
 TASK_ACKNOWLEDGED = 0x1000
 #: SATZANW.15 and POS_STW1.15, POS_STW1.8; OVERRIDE of 100 %.
-MDI_SELECTED = 0x8000
 POS_ABSOLUTE = 0x0100
 WHOLE_OVERRIDE = 0x4000
 

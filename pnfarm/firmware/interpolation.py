@@ -17,14 +17,13 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from pnfarm.table.axis_codes import RAMP_PASSED_BY
+from pnfarm.table.axis_codes import CONTROL_BY_PLC, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import KPC, STW1, XERR, XSOLL_A
 
 __all__ = ["begin_interpolation", "follows", "interpolates", "servo_command", "step_interpolation", "take_cyclic"]
 
 ENABLING = 0x0070  # STW1.4 to 6
-CONTROL_BY_PLC = 0x0400  # STW1.10
 #: A pause between two frames that is no cycle, ns.
 LONGEST_CYCLE_NS = 1_000_000_000
 #: A frame that comes nearer to its time than this part of a cycle is in step ...

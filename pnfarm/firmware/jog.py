@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, JOG_SEQUENCES
+from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, CONTROL_BY_PLC, JOG_SEQUENCES
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import JOG_SPEED_1, STW1
 
@@ -47,7 +47,6 @@ _NEXT = np.array([[form[state] for state in range(STATES)] for form in (MAKERS_F
 
 JOG_BITS = 8
 EXCLUDES = 0x0070  # STW1.4 to 6
-CONTROL_BY_PLC = 0x0400  # STW1.10
 
 
 @compiled

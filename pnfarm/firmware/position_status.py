@@ -7,7 +7,7 @@ from typing import Any
 from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
 from pnfarm.table.axis import FAULT_SLOTS
-from pnfarm.table.axis_codes import TASKS_TABLE
+from pnfarm.table.axis_codes import MDI_SELECTED, TASKS_TABLE
 from pnfarm.table.compiled import compiled
 
 __all__ = [
@@ -21,9 +21,6 @@ __all__ = [
     "standing",
     "torque_free",
 ]
-
-#: AKTSATZ.15.
-MDI_SUBMODE = 0x8000
 
 
 @compiled
@@ -148,7 +145,7 @@ def actual_task(axis: Any) -> int:
         return max(0, int(axis.task))
     if _has_task(axis) and axis.task >= 0:
         return int(axis.task)
-    return MDI_SUBMODE if axis.mdi else 0
+    return MDI_SELECTED if axis.mdi else 0
 
 
 @compiled

@@ -164,11 +164,15 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 
 
 @compiled
+def _may_move(axis: Any) -> bool:
+    """Whether velocity and ramps that are asked for are any."""
+    return axis.asked_velocity >= 0.0 and axis.asked_acceleration > 0.0 and axis.asked_deceleration > 0.0
+
+
+@compiled
 def _can_start(axis: Any) -> bool:
     """Whether the task that is asked for can be executed from here."""
-    if axis.asked_velocity < 0.0 or axis.asked_acceleration <= 0.0 or axis.asked_deceleration <= 0.0:
-        return False
-    if axis.asked_velocity == 0.0 and not axis.asked_still:
+    if not _may_move(axis) or (axis.asked_velocity == 0.0 and not axis.asked_still):
         return False
     if axis.home_required and not axis.homed:
         return False
@@ -399,9 +403,7 @@ def _follow_on(axis: Any, now: int) -> bool:
 @compiled
 def _change_way(axis: Any) -> None:
     """A way that began ends where it was to; velocity and ramps without a handshake count for it at once."""
-    if not axis.feed_free or not axis.asked_relative or axis.task_endless:
-        return
-    if axis.asked_velocity < 0.0 or axis.asked_acceleration <= 0.0 or axis.asked_deceleration <= 0.0:
+    if not axis.feed_free or not axis.asked_relative or axis.task_endless or not _may_move(axis):
         return
     axis.task_top = axis.asked_velocity
     axis.task_acceleration = axis.asked_acceleration

@@ -29,7 +29,7 @@ import numpy as np
 from pnfarm.firmware.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
 from pnfarm.firmware.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array
-from pnfarm.table.axis_codes import SENSOR_PARKING
+from pnfarm.table.axis_codes import CONTROL_BY_PLC, SENSOR_PARKING
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
 
@@ -138,8 +138,6 @@ NO_MEASURED_VALUE = 0x0007
 NO_ABSOLUTE_VALUE = 0x0008
 NOT_SUPPORTED = 0x0F01
 
-#: STW1.10: without it nothing of the controller's words is taken over.
-CONTROL_BY_PLC = 0x0400
 
 # Sets of events and of states.
 ACTIVATES = 1 << SEARCH | 1 << MEASURE

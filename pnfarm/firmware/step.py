@@ -24,7 +24,7 @@ from pnfarm.firmware.tasks import take_task
 from pnfarm.firmware.telegram import from_setpoints, no_setpoints, to_actuals
 from pnfarm.firmware.torque_limits import take_torque_limits
 from pnfarm.table.axis import FAULT_SLOTS
-from pnfarm.table.axis_codes import DISABLE_AT_ONCE, REACTION_QUICK_STOP, STATUS_MOOG
+from pnfarm.table.axis_codes import CONTROL_BY_PLC, DISABLE_AT_ONCE, REACTION_QUICK_STOP, STATUS_MOOG
 from pnfarm.table.compiled import compiled
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
@@ -32,7 +32,6 @@ from pnfarm.table.signals import STW1
 __all__ = ["step"]
 
 
-CONTROL_BY_PLC = 0x0400
 FAULT_ACKNOWLEDGE = 0x0080
 #: What a step covers at most, ns: the loop may have been held up.
 LONGEST_NS = 1_000_000_000

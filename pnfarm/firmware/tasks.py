@@ -8,6 +8,7 @@ from pnfarm.table.axis import DRIVING_SETS, MOTION_TASKS
 from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
+    CONTROL_BY_PLC,
     JOG_MINUS,
     JOG_NONE,
     JOG_PLUS,
@@ -15,6 +16,7 @@ from pnfarm.table.axis_codes import (
     JOG_SEQUENCE,
     JOG_SEQUENCES,
     JOG_STILL,
+    MDI_SELECTED,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,
     TASK_FROM_COMMAND,
@@ -49,7 +51,6 @@ from pnfarm.table.signals import (
 __all__ = ["ramp_step", "select_task", "take_task"]
 
 START_BIT = 0x0040  # STW1.6
-CONTROL_BY_PLC = 0x0400  # STW1.10
 JOG_EXCLUDES = 0x0070  # STW1.4 to 6
 JOG_1 = 0x0100  # STW1.8
 JOG_2 = 0x0200  # STW1.9
@@ -58,7 +59,6 @@ REAL_TIME_JOG = 0x1000  # STW1.12, AKD PROFINET manual 5.4
 BACKWARDS = 0x2000  # STW1.13, as above
 NO_HANDSHAKE = 0x2000  # STW1.13, Moog MSD manual 10.2.1
 ENDLESS = 0x4000  # STW1.14, as above
-MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15
 NUMBER = 0x7FFF  # SATZANW: the other bits
 ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8

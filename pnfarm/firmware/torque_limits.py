@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.table.axis_codes import CONTROL_BY_PLC
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import STW1, TORQUE_LIMIT_POSITIVE
 
@@ -16,7 +17,6 @@ __all__ = ["gives_all", "limited_torque", "take_torque_limits", "torque_limited"
 #: A torque nearer to its limit than this share of it is limited.
 ROUNDING = 1e-9
 THOUSANDTH = 0.001
-CONTROL_BY_PLC = 0x0400  # STW1.10
 
 
 @compiled

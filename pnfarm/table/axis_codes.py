@@ -1,5 +1,9 @@
 """What the numbers in columns of the axis mean: commands, methods, modes, states."""
 
+# Bits of the controller's words that several parts of the firmware look at.
+CONTROL_BY_PLC = 0x0400  # STW1.10: without it nothing of the controller's words is taken over
+MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15; AKTSATZ.15 tells of it
+
 # What an enabled drive does on a fault: bits 24..31 of a fault as it is raised.
 REACTION_COAST = 0  # power stage off
 REACTION_QUICK_STOP = 1  # controlled stop along the quick stop ramp, then off
