@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.control_limits import apply_control_limits
 from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
-from pnfarm.drives.parameter import Behaviour, Parameter
+from pnfarm.drives.parameter import Backing, Parameter
 from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.signals import (
@@ -108,7 +108,7 @@ class AxisFields:
     def apply_written(self, parameter: Parameter) -> None:
         """One parameter was changed: write what follows from it."""
         model = self._values.model
-        if parameter.behaviour is Behaviour.FIELD and parameter.is_for(linear=model.pitch > 0.0):
+        if parameter.backing is Backing.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
             self._prevail(parameter)
@@ -266,7 +266,7 @@ class AxisFields:
         now = self.position_units()
         current = self._values.current
         for parameter in self._values.model.parameters.values():
-            if parameter.scale != "position" or not parameter.writable or parameter.behaviour is Behaviour.SIGNAL:
+            if parameter.scale != "position" or not parameter.writable or parameter.backing is Backing.SIGNAL:
                 continue
             raw = self._values.raw(parameter.pnu)
             number, place = self._places.get(parameter.pnu, (None, 0.0))

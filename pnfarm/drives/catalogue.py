@@ -150,7 +150,7 @@ def _parameter_json(parameter: Parameter) -> dict[str, Any]:
         "unit": parameter.unit,
         "scale": parameter.scale,
         "nonvolatile": parameter.nonvolatile,
-        "behaviour": parameter.behaviour.name.lower(),
+        "backed_by": parameter.backing.name.lower(),
         "after_power_on": parameter.after_power_on,
         "motor": parameter.motor,
         "source": parameter.source,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.data_files import required
-from pnfarm.drives.parameter import Behaviour
+from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -53,8 +53,8 @@ def read_consequences(
             source=required(table, "source", where),
         )
         cause, effect = parameters.get(entry.pnu), parameters.get(entry.other)
-        stored = {Behaviour.STORED, Behaviour.FIELD}
-        if cause is None or cause.behaviour not in stored or effect is None or effect.behaviour not in stored:
+        stored = {Backing.STORED, Backing.FIELD}
+        if cause is None or cause.backing not in stored or effect is None or effect.backing not in stored:
             raise ConfigError(f"{where}: names a parameter that is not there, or not stored")
         if entry.other_subindex >= max(effect.elements, 1) or not effect.minimum <= entry.to <= effect.maximum:
             raise ConfigError(f"{where}: {entry.to} does not fit element {entry.other_subindex} of {entry.other}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.factor_group import float_of
-from pnfarm.drives.parameter import Behaviour, Form
+from pnfarm.drives.parameter import Backing, Form
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def check_control_limits(limits: ControlLimits, parameters: Mapping[int, Paramet
     """Stored numbers, zero or more; raises :class:`ConfigError`."""
     for pnu in sorted(limits.parameters):
         parameter = parameters.get(pnu)
-        stored = parameter is not None and parameter.behaviour is Behaviour.STORED and parameter.form is Form.FLOAT
+        stored = parameter is not None and parameter.backing is Backing.STORED and parameter.form is Form.FLOAT
         if parameter is None or not stored or parameter.maximum > FINITE:
             raise ConfigError(f"{where}: {pnu} is no Float that is stored, finite and not below zero")
     return limits

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.parameter import Behaviour
+from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def check_factor_group(group: FactorGroup, parameters: Mapping[int, Parameter], 
     """Stored parameters that cannot be zero, lest a unit be nothing; raises :class:`ConfigError`."""
     for pnu in sorted(group.parameters):
         parameter = parameters.get(pnu)
-        if parameter is None or parameter.behaviour is not Behaviour.STORED or parameter.minimum < 1:
+        if parameter is None or parameter.backing is not Backing.STORED or parameter.minimum < 1:
             raise ConfigError(f"{where}: {pnu} is no parameter that is stored and above zero")
     return group
 

@@ -38,7 +38,7 @@ from pnfarm.drives.model_parts import (
     fault_number,
 )
 from pnfarm.drives.motor_kinds import read_motor_kinds
-from pnfarm.drives.parameter import Behaviour
+from pnfarm.drives.parameter import Backing
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_parameters
 from pnfarm.drives.profiles.profidrive.pkw import PARAMETER_TASKS, ParameterWords
 from pnfarm.drives.telegram import Module, Submodule
@@ -174,7 +174,7 @@ def _motion_tasks(
     numbers: MotionTaskParameters = _build(MotionTaskParameters, facts, where)
     for pnu in (numbers.number, *numbers.contents):
         parameter = parameters.get(pnu)
-        if parameter is None or parameter.behaviour is not Behaviour.STORED or parameter.elements:
+        if parameter is None or parameter.backing is not Backing.STORED or parameter.elements:
             raise ConfigError(f"{where}: {pnu} is no plain parameter that is stored")
     for pnu in (numbers.number, numbers.next):
         if parameters[pnu].maximum >= MOTION_TASKS:
@@ -194,7 +194,7 @@ def _position_units(
     units: PositionUnits = _build(PositionUnits, facts, where)
     for pnu in sorted(units.numbers):
         parameter = parameters.get(pnu)
-        if parameter is None or parameter.behaviour is not Behaviour.STORED or parameter.elements:
+        if parameter is None or parameter.backing is not Backing.STORED or parameter.elements:
             raise ConfigError(f"{where}: {pnu} is no plain parameter that is stored")
     if parameters[units.unit].maximum >= len(units.revolution):
         raise ConfigError(f"{where}.revolution: PNU {units.unit} goes to {parameters[units.unit].maximum}")
@@ -238,9 +238,7 @@ def _access(
     for signal in signals.values():
         shown = parameters.get(signal.number)
         if signal.stored and (
-            shown is None
-            or shown.behaviour not in {Behaviour.STORED, Behaviour.FIELD}
-            or 8 * shown.octets != signal.bits
+            shown is None or shown.backing not in {Backing.STORED, Backing.FIELD} or 8 * shown.octets != signal.bits
         ):
             raise ConfigError(
                 f"{path.parent / 'telegrams.toml'}, signal {signal.number}: no stored parameter of its length"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.model_identity import override_identity
 from pnfarm.drives.model_parts import MESSAGE_CAUSES, SWITCH_CAUSES
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import FAULT_WORDS
@@ -136,7 +136,7 @@ class Model:
 
     def canonical(self, parameter: Parameter) -> Parameter:
         """The parameter that an alias stands for, or itself."""
-        return self.parameters[parameter.index] if parameter.behaviour is Behaviour.ALIAS else parameter
+        return self.parameters[parameter.index] if parameter.backing is Backing.ALIAS else parameter
 
     # faults
 

@@ -13,7 +13,7 @@ from pnfarm.errors import PnfarmError
 
 __all__ = [
     "FLOAT_HIGHEST",
-    "Behaviour",
+    "Backing",
     "Form",
     "Parameter",
     "ParameterError",
@@ -132,7 +132,7 @@ class Form(Enum):
     TEXT = "text"  # octets: one character each, an array as long as the text may be
 
 
-class Behaviour(IntEnum):
+class Backing(IntEnum):
     """What stands behind a parameter."""
 
     STORED = 0  # a value of the drive's own store
@@ -166,7 +166,7 @@ class Parameter:
     unit: str
     scale: str
     factor: float
-    behaviour: Behaviour
+    backing: Backing
     argument: str
     index: int
     nonvolatile: bool
@@ -190,7 +190,7 @@ class Parameter:
     @property
     def only_reset(self) -> bool:
         """Whether zero is all that it takes."""
-        counts = self.behaviour is Behaviour.COMPUTED and self.argument in {"fault-situations", "kept-situations"}
+        counts = self.backing is Backing.COMPUTED and self.argument in {"fault-situations", "kept-situations"}
         return counts and self.writable
 
     @property

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.data_files import integer, required, rows
 from pnfarm.drives.model_parts import COMMANDS
-from pnfarm.drives.parameter import FLOAT_HIGHEST, Behaviour, Form, Parameter, ParameterType
+from pnfarm.drives.parameter import FLOAT_HIGHEST, Backing, Form, Parameter, ParameterType
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
@@ -45,7 +45,7 @@ _NAMED_SCALES = {
 PER_PITCH = "/pitch"
 FLOAT_TIMES = "float32*"
 _COLUMNS = (
-    "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "behaviour", "nv",
+    "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "backed_by", "nv",
     "source", "values_source", "note",
 )  # fmt: skip
 #: A column that a file may have behind these: ``power-on`` for what takes effect with the next power cycle.
@@ -81,46 +81,46 @@ def _factor(scale: str, where: str) -> float:
     return factor
 
 
-def _behaviour(text: str, where: str, *, writable: bool, elements: int) -> tuple[Behaviour, str, int]:
-    """Kind, argument and index of a behaviour such as ``field:jog_velocity[1]``; an array fills a whole field."""
+def _backing(text: str, where: str, *, writable: bool, elements: int) -> tuple[Backing, str, int]:
+    """Kind, argument and index of what backs a row, such as ``field:jog_velocity[1]``; an array fills a whole field."""
     kind_name, _, argument = text.partition(":")
     try:
-        kind = Behaviour[kind_name.upper()]
+        kind = Backing[kind_name.upper()]
     except KeyError:
         raise ConfigError(
-            f"{where}, behaviour: {kind_name!r} is none of {', '.join(b.name.lower() for b in Behaviour)}"
+            f"{where}, backed_by: {kind_name!r} is none of {', '.join(b.name.lower() for b in Backing)}"
         ) from None
-    if kind is Behaviour.ALIAS:
-        return kind, "", integer(argument, where, "behaviour")
-    if kind is Behaviour.FIELD:
+    if kind is Backing.ALIAS:
+        return kind, "", integer(argument, where, "backed_by")
+    if kind is Backing.FIELD:
         match = _FIELD.fullmatch(argument)
         field = AXIS.fields.get(match[1]) if match else None
         if match is None or field is None:
-            raise ConfigError(f"{where}, behaviour: the axis has no field {argument!r}")
+            raise ConfigError(f"{where}, backed_by: the axis has no field {argument!r}")
         index = int(match[2]) if match[2] else -1
         whole = bool(elements) and index < 0 and field.shape == (elements,)
         if not whole and (elements or (index >= 0) != bool(field.shape) or (field.shape and index >= field.shape[0])):
-            raise ConfigError(f"{where}, behaviour: {argument!r} does not fit the field's shape {field.shape}")
+            raise ConfigError(f"{where}, backed_by: {argument!r} does not fit the field's shape {field.shape}")
         if writable and field.writer != "parameter":
-            raise ConfigError(f"{where}, behaviour: {argument!r} is written by {field.writer}, not by a parameter")
+            raise ConfigError(f"{where}, backed_by: {argument!r} is written by {field.writer}, not by a parameter")
         return kind, field.name, index
-    if kind is Behaviour.SIGNAL:
+    if kind is Backing.SIGNAL:
         direction, _, name = argument.partition(".")
         slots = {"received": SETPOINT_SLOTS, "sent": ACTUAL_SLOTS}.get(direction, {})
         if name not in slots:
             raise ConfigError(
-                f"{where}, behaviour: {argument!r} is neither received.<set point> nor sent.<actual value>"
+                f"{where}, backed_by: {argument!r} is neither received.<set point> nor sent.<actual value>"
             )
         return kind, direction, slots[name]
     index = 0
-    if kind is Behaviour.COMPUTED:
+    if kind is Backing.COMPUTED:
         name, _, number = argument.rpartition("-")
         if number.isdigit():
             argument, index = name, int(number)
-    known = {Behaviour.COMPUTED: set(COMPUTED), Behaviour.COMMAND: COMMANDS}.get(kind, {""})
+    known = {Backing.COMPUTED: set(COMPUTED), Backing.COMMAND: COMMANDS}.get(kind, {""})
     if argument not in known:
         raise ConfigError(
-            f"{where}, behaviour: {text!r} is unknown; after the colon stands one of {', '.join(sorted(known))}"
+            f"{where}, backed_by: {text!r} is unknown; after the colon stands one of {', '.join(sorted(known))}"
         )
     return kind, argument, index
 
@@ -136,7 +136,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     for field in ("name", "source", "values_source"):
         if not row[field]:
             raise ConfigError(f"{where}, {field}: empty")
-    if row["values_source"] == "assumed" and not row["note"] and row["behaviour"] == "stored":
+    if row["values_source"] == "assumed" and not row["note"] and row["backed_by"] == "stored":
         raise ConfigError(f"{where}, note: an assumed value needs its reason")
     kind = _TYPES[row["type"]]
     signed = row["signed"] == "1"
@@ -170,7 +170,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     if row["scale"].endswith(PER_PITCH) and row.get(_MOTOR) != "linear":
         raise ConfigError(f"{where}, scale: {row['scale']!r} needs the motor linear")
     writable = "w" in row["access"]
-    behaviour, argument, index = _behaviour(row["behaviour"], where, writable=writable, elements=elements)
+    backing, argument, index = _backing(row["backed_by"], where, writable=writable, elements=elements)
     return Parameter(
         pnu=pnu,
         name=row["name"],
@@ -185,7 +185,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         unit=row["unit"],
         scale=row["scale"],
         factor=_factor(row["scale"], where),
-        behaviour=behaviour,
+        backing=backing,
         argument=argument,
         index=index,
         nonvolatile=row["nv"] == "1",
@@ -195,7 +195,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         after_power_on=row.get(_EFFECTIVE, "") == "power-on",
         defaults=(
             defaults + (usual,) * (elements - len(defaults))
-            if elements and (row["default"] or behaviour in {Behaviour.STORED, Behaviour.FIELD})
+            if elements and (row["default"] or backing in {Backing.STORED, Backing.FIELD})
             else ()
         ),
         choices=_choices(row["scale"], maximum, where),
@@ -215,11 +215,11 @@ def read_parameters(path: Path) -> dict[int, Parameter]:
             raise ConfigError(f"{where}, pnu: {parameter.pnu} stands twice")
         parameters[parameter.pnu] = parameter
     for parameter in parameters.values():
-        if parameter.behaviour is Behaviour.ALIAS:
+        if parameter.backing is Backing.ALIAS:
             target = parameters.get(parameter.index)
-            if target is None or target.behaviour is Behaviour.ALIAS:
+            if target is None or target.backing is Backing.ALIAS:
                 raise ConfigError(
-                    f"{path}, PNU {parameter.pnu}, behaviour: alias of {parameter.index}, no parameter of its own"
+                    f"{path}, PNU {parameter.pnu}, backed_by: alias of {parameter.index}, no parameter of its own"
                 )
     return dict(sorted(parameters.items()))
 
@@ -251,7 +251,5 @@ def parameter_names(
 
 def axis_parameters(parameters: Mapping[int, Parameter], *, linear: bool = False) -> tuple[Parameter, ...]:
     """The parameters that write the axis record with this motor; those whose scale another one sets behind that one."""
-    found = [
-        p for p in parameters.values() if p.behaviour is Behaviour.FIELD and p.writable and p.is_for(linear=linear)
-    ]
+    found = [p for p in parameters.values() if p.backing is Backing.FIELD and p.writable and p.is_for(linear=linear)]
     return tuple(sorted(found, key=lambda p: p.scale in {"acceleration", "jog/n", "reference/n"}))

@@ -1,8 +1,8 @@
 """The parameters of one drive.
 
 The model holds what is common (defaults, limits, meaning); a :class:`ParameterStore` holds only what differs: the
-values written since, and those that the drive keeps over a power cycle.  A parameter's *behaviour* says what stands
-behind it (:class:`~pnfarm.drives.parameter.Behaviour`); values are raw integers as on the wire.
+values written since, and those that the drive keeps over a power cycle.  A parameter's *backing* says what stands
+behind it (:class:`~pnfarm.drives.parameter.Backing`); values are raw integers as on the wire.
 
 The store is how others read and write; behind it stand the values (:mod:`~pnfarm.drives.stored_values`), the telegram
 (:mod:`~pnfarm.drives.telegram_selection`) and the axis record (:mod:`~pnfarm.drives.axis_fields`).
@@ -19,7 +19,7 @@ from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.motion_tasks import MotionTask, MotionTasks
 from pnfarm.drives.network import NoNetwork
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
+from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.stored_values import StoredValues
 from pnfarm.drives.telegram_selection import TelegramSelection
 from pnfarm.errors import ConfigError
@@ -120,7 +120,7 @@ class ParameterStore:
             self._check_plain(parameter, subindex, count)
             return [self._value(parameter)]
         self._check_elements(parameter, subindex, count)
-        if parameter.behaviour in {Behaviour.STORED, Behaviour.FIELD}:
+        if parameter.backing in {Backing.STORED, Backing.FIELD}:
             return list(self._values.array(parameter)[subindex : subindex + count])
         return list(COMPUTED[parameter.argument](self, parameter)[subindex : subindex + count])
 
@@ -143,16 +143,16 @@ class ParameterStore:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter, subindex)
         if self._brought(target) is not None:
             raise refusal(ParameterErrorNumber.NO_OPERATION_PRIORITY, parameter)
-        if target.behaviour is Behaviour.COMMAND:
+        if target.backing is Backing.COMMAND:
             self._execute(target, values[0])
             return
-        if target.behaviour is Behaviour.SIGNAL:
+        if target.backing is Backing.SIGNAL:
             self._write_signal(target, values[0])
         elif target.only_reset:
             self._clear_history(target, values[0])
-        elif target.behaviour is Behaviour.COMPUTED and target.argument == "station-name":
+        elif target.backing is Backing.COMPUTED and target.argument == "station-name":
             self._write_name(target, subindex, values)
-        elif target.behaviour is Behaviour.COMPUTED or target.pnu in self.model.access.mapping_elements:
+        elif target.backing is Backing.COMPUTED or target.pnu in self.model.access.mapping_elements:
             self._write_telegram(target, subindex, values)
         else:
             units = self._axis.position_units()
@@ -321,14 +321,14 @@ class ParameterStore:
         if brought is not None:
             value = int(self.handle.image.received[brought.slot])
             return target.clamp(value) if brought.bits > 8 * target.octets else target.wrap(value)
-        if target.behaviour is Behaviour.COMMAND:
+        if target.backing is Backing.COMMAND:
             return 0
-        if target.behaviour is Behaviour.COMPUTED:
+        if target.backing is Backing.COMPUTED:
             return parameter.clamp(COMPUTED[target.argument](self, target)[0])
-        if target.behaviour is Behaviour.SIGNAL:
+        if target.backing is Backing.SIGNAL:
             image = self.handle.image
             return target.wrap(int((image.received if target.argument == "received" else image.sent)[target.index]))
-        if target.behaviour is Behaviour.FIELD:
+        if target.backing is Backing.FIELD:
             shown = self._axis.changed_by_signal(target) if target.writable else self._axis.shown(target)
             return self.raw(target.pnu) if shown is None else shown
         return self.raw(target.pnu)

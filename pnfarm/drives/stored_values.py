@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber, refusal
+from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.telegram import MappingError, signal_codes, whole_signals
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import MOTION_TASKS
@@ -77,7 +77,7 @@ class StoredValues:
         parameter = self.model.parameters.get(pnu)
         return (
             parameter.default
-            if parameter is not None and parameter.behaviour in {Behaviour.STORED, Behaviour.FIELD}
+            if parameter is not None and parameter.backing in {Backing.STORED, Backing.FIELD}
             else default
         )
 
@@ -89,7 +89,7 @@ class StoredValues:
     def changed(self, parameter: Parameter) -> bool:
         """Whether the value in force is another than the model's default."""
         factory = parameter.defaults or parameter.default
-        if parameter.behaviour not in {Behaviour.STORED, Behaviour.FIELD}:
+        if parameter.backing not in {Backing.STORED, Backing.FIELD}:
             # a telegram or a mapping, whose default is the module's
             return parameter.pnu in self.current
         return self.current.get(parameter.pnu, factory) != factory
@@ -212,7 +212,7 @@ class StoredValues:
         for index, number in enumerate(values):
             if not parameter.allows(number):
                 raise refusal(ParameterErrorNumber.LIMIT_EXCEEDED, parameter, index)
-        if target.elements and target.behaviour in {Behaviour.STORED, Behaviour.FIELD}:
+        if target.elements and target.backing in {Backing.STORED, Backing.FIELD}:
             self.permanent[target.pnu] = tuple(values) + target.defaults[len(values) :]
             return
         if target.text:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.data_files import integer, read_toml, required
-from pnfarm.drives.parameter import Behaviour, Parameter
+from pnfarm.drives.parameter import Backing, Parameter
 from pnfarm.drives.telegram import (
     PARAMETER_WORDS,
     TASK_FORMS,
@@ -169,7 +169,7 @@ def check_settings(telegrams: Mapping[int, Telegram], parameters: Mapping[int, P
         for settings in (telegram.settings, *(module.settings for module in telegram.modules)):
             for pnu, value in settings.items():
                 parameter = parameters.get(pnu)
-                if parameter is None or parameter.behaviour not in {Behaviour.STORED, Behaviour.FIELD}:
+                if parameter is None or parameter.backing not in {Backing.STORED, Backing.FIELD}:
                     raise ConfigError(
                         f"{path}, telegram {telegram.number}, settings: no parameter {pnu} that is stored"
                     )

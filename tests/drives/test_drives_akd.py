@@ -10,7 +10,7 @@ from drives_kit import Drive, Running, new_drive
 from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameter import Backing, ParameterError, ParameterErrorNumber
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_WARNING,
@@ -139,7 +139,7 @@ def test_5_8_every_signal_of_the_table_has_its_format_and_its_pnu() -> None:
 
 def test_5_6_commands_that_cannot_act_are_refused_and_say_why(running: Running) -> None:
     store = running.drive.store
-    commands = [p for p in running.drive.model.parameters.values() if p.behaviour is Behaviour.COMMAND]
+    commands = [p for p in running.drive.model.parameters.values() if p.backing is Backing.COMMAND]
     assert len(commands) == 31
     for parameter in commands:
         if parameter.argument == "refuse":

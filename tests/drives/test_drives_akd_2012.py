@@ -10,7 +10,7 @@ from drives_kit import Drive, Running, new_drive
 from manuals import manual_text
 
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameter import Backing, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     ParameterAddress,
@@ -223,7 +223,7 @@ def test_5_6_each_parameter_is_read_and_described_by_the_channel(akd_2012: Drive
 
 
 def test_nothing_saves_by_a_pnu_and_what_was_written_is_gone_at_power_on(akd_2012: Drive) -> None:
-    assert not [p for p in akd_2012.model.parameters.values() if p.behaviour is Behaviour.COMMAND]
+    assert not [p for p in akd_2012.model.parameters.values() if p.backing is Backing.COMMAND]
     akd_2012.store.write(1006, 0, [100])
     akd_2012.store.power_on()
     assert akd_2012.store.read(1006) == [13]

@@ -17,7 +17,7 @@ from manuals import manual_text
 from pnfarm.drives import catalogue
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
-from pnfarm.drives.parameter import Behaviour, ParameterError, ParameterType
+from pnfarm.drives.parameter import Backing, ParameterError, ParameterType
 from pnfarm.drives.telegram import MappingError, signal_codes, signal_numbers
 from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
@@ -54,7 +54,7 @@ def test_every_value_names_its_source_and_every_assumption_its_reason(name: str)
         assert fact.source != "assumed" or fact.note
     for parameter in described.parameters.values():
         assert parameter.source
-        assert parameter.values_source != "assumed" or parameter.note or parameter.behaviour is not Behaviour.STORED
+        assert parameter.values_source != "assumed" or parameter.note or parameter.backing is not Backing.STORED
     for fault in described.faults.values():
         assert fault.source
         assert fault.source != "assumed" or fault.note
@@ -398,14 +398,14 @@ def folder(tmp_path: Path) -> Path:
         ("parameters.csv", "\n2,ZSW1", "\n1,ZSW1", r"line 3, pnu: 1 stands twice"),
         ("parameters.csv", "\n2,ZSW1", "\n0,ZSW1", r"line 3, pnu"),
         ("parameters.csv", "\n2,ZSW1", "\ntwo,ZSW1", r"line 3, pnu: 'two' is not a number"),
-        ("parameters.csv", "signal:received.STW1", "signal:received.STW9", r"line 2, behaviour"),
-        ("parameters.csv", "signal:received.STW1", "magic", r"line 2, behaviour"),
-        ("parameters.csv", "field:jog_velocity[0]", "field:jog_velocity[2]", r"behaviour"),
+        ("parameters.csv", "signal:received.STW1", "signal:received.STW9", r"line 2, backed_by"),
+        ("parameters.csv", "signal:received.STW1", "magic", r"line 2, backed_by"),
+        ("parameters.csv", "field:jog_velocity[0]", "field:jog_velocity[2]", r"backed_by"),
         ("parameters.csv", "field:jog_velocity[0]", "field:speed", r"no field 'speed'"),
         ("parameters.csv", "field:opmode", "field:state", r"written by firmware"),
         ("parameters.csv", "alias:2135", "alias:17", r"alias of 17"),
-        ("parameters.csv", "computed:telegram", "computed:teleprompter", r"behaviour"),
-        ("parameters.csv", "command:save", "command:shave", r"behaviour"),
+        ("parameters.csv", "computed:telegram", "computed:teleprompter", r"backed_by"),
+        ("parameters.csv", "command:save", "command:shave", r"backed_by"),
         ("parameters.csv", "1875/8388608", "1875/0", r"scale"),
         ("parameters.csv", "1,2000,1638", "1,2000,2001", r"min, default, max"),
         ("parameters.csv", "\n2,ZSW1,Word,0", "\n2,ZSW1,Word,yes", r"line 3, signed"),

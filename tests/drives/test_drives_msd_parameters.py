@@ -10,7 +10,7 @@ from drives_kit import Drive, new_drive
 from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.parameter import Behaviour
+from pnfarm.drives.parameter import Backing
 from pnfarm.table.axis_codes import RAMP_GENERATED
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def test_table_15_1_gives_each_stored_parameter_its_default() -> None:
     looked_at = 0
     for number, _, default in table_15_1():
         parameter = MSD.parameters[number]
-        if parameter.behaviour in {Behaviour.STORED, Behaviour.FIELD} and not parameter.text:
+        if parameter.backing in {Backing.STORED, Backing.FIELD} and not parameter.text:
             wanted = DEFAULTS[number] if number in DEFAULTS else int(default, 0)
             assert parameter.default == wanted, parameter
             looked_at += 1
@@ -77,12 +77,12 @@ def test_table_15_1_gives_each_stored_parameter_its_default() -> None:
 
 def test_what_chapter_15_says_of_the_drive_itself_is_read_from_the_drive() -> None:
     """15: words, positions, faults, telegram and station are not stored, so that they cannot be stale."""
-    live = {Behaviour.SIGNAL, Behaviour.COMPUTED, Behaviour.FIELD}
+    live = {Backing.SIGNAL, Backing.COMPUTED, Backing.FIELD}
     numbers = (
         *range(915, 917), 922, 923, 925, 930, 944, 945, 947, 949, 952, 953, 964, 967, 968, 975, *range(980, 991),
         *range(1255, 1256), *range(1259, 1272), *range(1274, 1282), 1283, 1284, 1285, *range(1289, 1293), 1295, 1296,
     )  # fmt: skip
-    assert [n for n in numbers if MSD.parameters[n].behaviour not in live] == []
+    assert [n for n in numbers if MSD.parameters[n].backing not in live] == []
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from drives_kit import Drive, new_drive
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.drives.parameter import Behaviour, Parameter
+from pnfarm.drives.parameter import Backing, Parameter
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw, emit_pkw, parse_pkw
 from pnfarm.drives.profiles.profidrive.pkw_channel import OTHER_ERROR, PkwChannel
 from pnfarm.drives.store import NonVolatileSaved, ParameterWritten
@@ -349,7 +349,7 @@ def test_a_value_that_is_asked_for_follows_the_parameter_and_a_refusal_goes_with
 
 
 def plain(parameter: Parameter) -> bool:
-    return parameter.behaviour in {Behaviour.STORED, Behaviour.FIELD} and parameter.pnu <= 4095
+    return parameter.backing in {Backing.STORED, Backing.FIELD} and parameter.pnu <= 4095
 
 
 def test_every_parameter_is_read_and_every_writable_one_takes_both_limits(channel: Channel) -> None:

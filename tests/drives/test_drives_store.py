@@ -12,7 +12,7 @@ from drives_kit import Drive, new_drive, refused
 
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
 from pnfarm.drives.model_parts import CommunicationLoss
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterErrorNumber
+from pnfarm.drives.parameter import Backing, Parameter, ParameterErrorNumber
 from pnfarm.drives.store import (
     DisplayBlinkRequested,
     NonVolatileSaved,
@@ -40,9 +40,9 @@ E = ParameterErrorNumber
 
 
 def plain_writable(drive: Drive) -> list[Parameter]:
-    special = {Behaviour.COMMAND, Behaviour.COMPUTED}
+    special = {Backing.COMMAND, Backing.COMPUTED}
     rows = drive.model.parameters.values()
-    return [p for p in rows if p.writable and drive.model.canonical(p).behaviour not in special]
+    return [p for p in rows if p.writable and drive.model.canonical(p).backing not in special]
 
 
 # every row
@@ -57,7 +57,7 @@ def test_each_parameter_reads_within_its_type(drive: Drive) -> None:
 
 def test_each_parameter_starts_with_its_default(drive: Drive) -> None:
     for parameter in drive.model.parameters.values():
-        if parameter.behaviour is Behaviour.STORED:
+        if parameter.backing is Backing.STORED:
             count = max(parameter.elements, 1)
             assert drive.store.read(parameter.pnu, 0, count) == list(parameter.defaults or [parameter.default])
 
@@ -113,7 +113,7 @@ def test_each_parameter_refuses_a_wrong_subindex(drive: Drive) -> None:
 
 def test_each_command_acts_or_says_why_not(drive: Drive) -> None:
     for parameter in drive.model.parameters.values():
-        if parameter.behaviour is not Behaviour.COMMAND:
+        if parameter.backing is not Backing.COMMAND:
             continue
         assert drive.store.read(parameter.pnu) == [0]
         head = int(drive.axis.command_head)
@@ -314,7 +314,7 @@ def test_every_signal_with_a_pnu_shows_its_slot(drive: Drive) -> None:
         parameter = drive.model.parameters.get(number)
         if parameter is None:
             continue
-        if parameter.behaviour is Behaviour.SIGNAL and 8 * parameter.octets == signal.bits:
+        if parameter.backing is Backing.SIGNAL and 8 * parameter.octets == signal.bits:
             slots, base = (SETPOINT_SLOTS, 100) if signal.setpoint else (ACTUAL_SLOTS, 200)
             assert drive.store.read(number) == [slots[signal.name] + base]
         # the profile has a number's place in the list, others list the numbers one behind the other

@@ -7,7 +7,7 @@ from drives_kit import Drive, new_drive
 
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.model_parts import Fault
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.firmware.step import step
 from pnfarm.table.axis import FAULT_WORDS
@@ -124,8 +124,8 @@ def test_each_warning_shows_and_goes_and_leaves_the_drive_running(running: Runni
 
 
 def stored_arrays(drive: Drive) -> list[Parameter]:
-    kinds = {Behaviour.STORED, Behaviour.FIELD}
-    return [p for p in drive.model.parameters.values() if p.writable and p.elements and p.behaviour in kinds]
+    kinds = {Backing.STORED, Backing.FIELD}
+    return [p for p in drive.model.parameters.values() if p.writable and p.elements and p.backing in kinds]
 
 
 def test_each_element_of_a_writable_array_takes_its_limits_and_refuses_what_lies_beyond(drive: Drive) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import Behaviour, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     ATTRIBUTE_TEXT,
@@ -206,7 +206,7 @@ class ParameterChannel:
         if given.format not in _INTEGER_FORMATS and given.format != data_type(parameter):
             raise ParameterError(ParameterErrorNumber.INCORRECT_DATA_TYPE)
         # a command takes a value of any width (AKD EtherNet/IP manual 6.6 writes one of one octet and one of four)
-        command = parameter.behaviour is Behaviour.COMMAND
+        command = parameter.backing is Backing.COMMAND
         if not command and format_octets(given.format) != parameter.octets:
             raise ParameterError(ParameterErrorNumber.INCORRECT_DATA_TYPE)
         subindex, count = self._place(parameter, address)
