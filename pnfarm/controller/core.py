@@ -43,6 +43,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
     object_uuid,
 )
 from pnfarm.table import engine_row, program
+from pnfarm.table.channel import W_START
 from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.table.signals import PKW_HEAD, WORD_NONE
@@ -467,17 +468,28 @@ class ControllerCore:
     def _drain(self, now: int) -> None:
         head = int(self.columns.engine[0].event_head)
         size = self.columns.events.shape[0]
-        self._tail = max(self._tail, head - size)
+        if head - self._tail > size:
+            self._tail = head - size
+            self._expired_unseen(now)
         while self._tail < head:
             event = self.columns.events[self._tail % size]
             kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
             self._tail += 1
             if kind == engine_row.EXPIRED:
-                session = self.sessions[int(self.columns.cpm[row].image)]
-                if session.consumer == row and session.machine is not None:
-                    session.measures.expirations += 1
-                    session.machine.watchdog_expired(now)
-                    self.life.touch(session)
+                self._expired(self.sessions[int(self.columns.cpm[row].image)], row, now)
             elif kind == engine_row.PHASE_CHANGED:
                 session = self.sessions[row]
                 self.log.record(when, session.plan.name, "axis " + PHASES[value & 0xFF], before=PHASES[value >> 8])
+
+    def _expired(self, session: DeviceSession, row: int, now: int) -> None:
+        """The data hold timer of a session's consumer ran out; a row that was opened anew since has not expired."""
+        if session.consumer == row and session.machine is not None and self.columns.cpm[row].expirations:
+            session.measures.expirations += 1
+            session.machine.watchdog_expired(now)
+            self.life.touch(session)
+
+    def _expired_unseen(self, now: int) -> None:
+        """The ring of events ran over: a connection whose end it told of must not live on."""
+        for session in self.sessions:
+            if session.consumer is not None and self.columns.cpm[session.consumer].state == W_START:
+                self._expired(session, session.consumer, now)

@@ -13,6 +13,7 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
+from pnfarm.farm.config_model import DEFAULT_READY_NS
 from pnfarm.firmware.tasks import ramp_step
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
@@ -98,6 +99,8 @@ class DevicePlan:
     reconnect_after_ns: int | None
     instance: int = 1
     multiple_write: bool = False
+    #: How long it may take from the end of parametrisation to ApplicationReady.
+    application_ready_ns: int = DEFAULT_READY_NS
     #: Whether I&M0 to I&M3 are read once the connection stands.
     read_identification: bool = True
     #: The one that is expected, empty for any.
@@ -243,7 +246,15 @@ def _plan_foreign(
         texts=DescribedDiagnosis(known[path].diagnoses, known[path].unit_diagnoses),
         instance=planned.instance,
         multiple_write=planned.multiple_write,
+        application_ready_ns=_ready_ns(section, planned.dap.application_seconds),
     )
+
+
+def _ready_ns(section: ControllerSection, named_seconds: int) -> int:
+    """What the farm file says, else what the GSDML file names, else the usual time."""
+    if named_seconds and "application_ready_ns" not in section.model_fields_set:
+        return named_seconds * 1_000_000_000
+    return section.application_ready_ns
 
 
 def plan_devices(
@@ -299,6 +310,7 @@ def plan_devices(
                 reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
                 read_identification=section.identification,
                 takeover_allowed=section.takeover_allowed,
+                application_ready_ns=section.application_ready_ns,
             )
         )
     known: dict[Path, Gsdml] = {}

@@ -43,7 +43,7 @@ class SessionState(StrEnum):
 class Sign(Enum):
     """What can happen to a session."""
 
-    TIME = auto()  # the pause is over, or the time for the first cyclic data
+    TIME = auto()  # the pause is over, or the time for the first cyclic data of a start-up or a connection
     FOUND = auto()  # the drive answered, with another address than it shall have
     FOUND_READY = auto()  # the drive answered and has its address
     MISSED = auto()  # nobody answered, or Set IP failed
@@ -67,6 +67,7 @@ TRANSITIONS: dict[tuple[SessionState, Sign], tuple[SessionState, str]] = {
     (_S.ADDRESS, _E.ADDRESSED): (_S.CONNECT, "connect"),
     (_S.ADDRESS, _E.MISSED): (_S.WAIT, "pause"),
     (_S.ADDRESS, _E.RELEASE): (_S.STOPPED, ""),
+    (_S.CONNECT, _E.TIME): (_S.CONNECT, "expect_data"),
     (_S.CONNECT, _E.ESTABLISHED): (_S.DATA, "established"),
     (_S.CONNECT, _E.LOST): (_S.WAIT, "pause"),
     (_S.CONNECT, _E.RELEASE): (_S.RELEASE, "release"),

@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.cmctl_events import (
     RecordRead,
     RecordWriteDone,
     SubmodulesChanged,
+    Timeouts,
 )
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan
 from pnfarm.protocols.profinet.errors import describe_status
@@ -39,9 +40,11 @@ __all__ = ["SessionLife"]
 
 #: First frame id of the input CRs (RT_CLASS_2 unicast); each drive has its own.
 FIRST_FRAME_ID = 0x8000
-#: ARs count their activity timeout in 100 ms: a start-up that hangs is given up by the device after this.
+#: ARs count their activity timeout in 100 ms, to 1000: a start-up that hangs is given up by the device after this.
 ACTIVITY_TIMEOUT = 200
-#: After the start-up a drive's first cyclic frame must come within this time.
+LONGEST_ACTIVITY_TIMEOUT = 1000
+#: A drive's first cyclic frame must come within this time after the end of its parametrisation: devices send from
+#: Connect on.  Who never does is gone, however long its application would have had.
 FIRST_DATA_NS = 2_000_000_000
 
 
@@ -124,7 +127,10 @@ class SessionLife:
                 ar_type=plan.ar_type,
                 takeover_allowed=plan.takeover_allowed,
                 expected_blocks="per-slot",
-                activity_timeout_factor=ACTIVITY_TIMEOUT,
+                # a device that may take longer to be ready is not to give up before
+                activity_timeout_factor=min(
+                    LONGEST_ACTIVITY_TIMEOUT, max(ACTIVITY_TIMEOUT, plan.application_ready_ns // 100_000_000)
+                ),
                 records=plan.records,
                 multiple_write=plan.multiple_write,
                 send_clock_factor=plan.send_clock_factor,
@@ -134,7 +140,8 @@ class SessionLife:
                 input_frame_id=FIRST_FRAME_ID + session.index,
                 local_alarm_reference=session.index + 1,
                 texts=plan.texts,
-            )
+            ),
+            Timeouts(application_ready_ns=plan.application_ready_ns),
         )
         self._forget_machine(session, now)
         session.machine, session.ar_uuid = machine, uuid
@@ -206,7 +213,8 @@ class SessionLife:
             case Connected():
                 self._channels.open(session, event)
             case Parametrised():
-                pass
+                session.due_ns = now + FIRST_DATA_NS
+                self.touch(session)
             case ApplicationReadyReceived(module_diff=deviations):
                 for deviation in deviations:
                     self._log.record(now, session.plan.name, "module differs", level="warning", detail=deviation.text)

@@ -11,6 +11,7 @@ from ipaddress import ip_address
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
@@ -20,7 +21,7 @@ from pydantic import (
 )
 
 from pnfarm.farm.config_axis import Load, Motor
-from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR
+from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR, format_duration
 from pnfarm.farm.config_issue import did_you_mean, problem, shown
 from pnfarm.farm.config_machine import Machine
 from pnfarm.farm.config_section import Section
@@ -44,6 +45,7 @@ from pnfarm.table.program import TARGETS
 __all__ = [
     "DEFAULT_CYCLE_NS",
     "DEFAULT_LISTEN",
+    "DEFAULT_READY_NS",
     "FAULT_KINDS",
     "MAX_DRIVES",
     "OFF",
@@ -70,6 +72,9 @@ __all__ = [
 MAX_DRIVES = 4094
 #: AKD PROFINET manual 4.2.2: the fastest cycle of the drive that the built-in controller is for first.
 DEFAULT_CYCLE_NS = 16_000_000
+
+#: How long a device may take to be ready when neither the file nor its GSDML file says it.
+DEFAULT_READY_NS = 20_000_000_000
 
 #: Where the API is served when a file says nothing.
 DEFAULT_LISTEN = "127.0.0.1:8702"
@@ -378,6 +383,19 @@ def _open_reconnect(value: Any) -> Any:
     raise problem(f"is {shown(value)}", "off, or a mapping such as {after: 1s}")
 
 
+#: RemoteApplicationTimeout of a GSDML file counts seconds in 16 bits.
+LEAST_READY_NS, MOST_READY_NS = 1_000_000_000, 65_535_000_000_000
+
+
+def _within_ready_bounds(value: int) -> int:
+    if not LEAST_READY_NS <= value <= MOST_READY_NS:
+        raise problem(f"is {format_duration(value)}", "1s to 65535s")
+    return value
+
+
+ReadyTime = Annotated[Duration, AfterValidator(_within_ready_bounds)]
+
+
 class ControllerSection(Section):
     """The built-in PROFINET IO controller."""
 
@@ -404,6 +422,12 @@ class ControllerSection(Section):
         default=3, ge=1, le=MAX_DATA_HOLD_FACTOR, description="Missed cycles until the connection is given up."
     )
     startup: Literal["legacy", "advanced"] = Field(default="legacy", description="Start-up mode of the connection.")
+    application_ready_ns: ReadyTime = Field(
+        default=DEFAULT_READY_NS,
+        alias="application_ready",
+        description="How long a device may take from the end of parametrisation to ApplicationReady; left out, what "
+        "its GSDML file names (RemoteApplicationTimeout), or 20s.",
+    )
     assign_ip: bool = Field(default=True, description="Whether it gives the drives their addresses by DCP.")
     identification: bool = Field(default=True, description="Whether it reads I&M0 to I&M3 of connected drives.")
     takeover_allowed: bool = Field(default=False, description="Whether a supervisor may take submodules over.")

@@ -73,6 +73,20 @@ def test_a_device_is_connected_and_exchanges_data_by_its_file_alone(tmp_path, mo
     assert line.station.store.telegram_number == (353 if "353" in more else 1)
 
 
+def test_a_device_has_the_time_to_be_ready_that_its_file_names_unless_the_farm_file_says_another(tmp_path):
+    write(tmp_path)
+    text = (tmp_path / "drive.xml").read_text(encoding="utf-8")
+    (usual,) = plans(tmp_path)
+    (tmp_path / "drive.xml").write_text(
+        text.replace("<DeviceAccessPointItem ", '<DeviceAccessPointItem RemoteApplicationTimeout="90" '),
+        encoding="utf-8",
+    )
+    (named,) = plans(tmp_path)
+    (given,) = plans(tmp_path, text=FILE.replace("  devices:", "  application_ready: 5s\n  devices:"))
+    seconds = [plan.application_ready_ns // 1_000_000_000 for plan in (usual, named, given)]
+    assert seconds == [20, 90, 5]
+
+
 def with_ratio_1(gsdml):
     """The device that names the send clocks of 0.5, 1, 2 and 4 ms and no ratio but 1."""
     (dap,) = gsdml.daps

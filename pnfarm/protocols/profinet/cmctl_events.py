@@ -44,14 +44,14 @@ Phase = Literal["connect", "write", "parameter-end", "application-ready"]
 class Timeouts:
     """How long each phase may take, nanoseconds.
 
-    The call's own retries live in the RPC client; these bound what it may need altogether.  ``application_ready`` has
-    the default that a GSDML gives a device (RemoteApplicationTimeout, 300 s).
+    The call's own retries live in the RPC client; these bound what it may need altogether.  ``application_ready`` runs
+    from the end of parametrisation; a GSDML file may name another time (RemoteApplicationTimeout).
     """
 
     connect_ns: int = 10_000_000_000
     write_ns: int = 10_000_000_000
     parameter_end_ns: int = 10_000_000_000
-    application_ready_ns: int = 300_000_000_000
+    application_ready_ns: int = 20_000_000_000
     release_ns: int = 5_000_000_000
     record_ns: int = 10_000_000_000
 

@@ -8,11 +8,14 @@ W_PBCNF   DControl.cnf (PrmBegin); not after an alarm          writes the record
 W_WCNF    Write.cnf of each record of these submodules         PrmEnd, after an alarm PrmEnd.plug
 W_PECNF   DControl.cnf                                         awaits the application, or takes its call
 W_ARDY    CControl.ind (ApplicationReady, ApplicationReady.plug)   confirms it
+W_LATE    the same, which did not come in time (after an alarm)    confirms it
 DONE      nothing
 
 Rounds after alarms are told apart by the alarm's sequence number, and several may be under way; of the other kind
-there is one at a time.  What breaks a round after an alarm leaves its submodules unusable and the AR as it is.  A round
-that began with PrmBegin cannot be left half way, as the device keeps its alarms back meanwhile: the AR ends with it.
+there is one at a time.  A device that refuses what a round after an alarm asks for leaves its submodules unusable and
+the AR as it is.  One that does not answer at all cannot be brought to use them by this AR: the AR ends, and a new
+start-up parametrises everything.  A round that began with PrmBegin cannot be left half way, as the device keeps its
+alarms back meanwhile: the AR ends with it.
 """
 
 from __future__ import annotations
@@ -48,6 +51,7 @@ class RoundState(StrEnum):
     W_WCNF = "W_WCNF"
     W_PECNF = "W_PECNF"
     W_ARDY = "W_ARDY"
+    W_LATE = "W_LATE"
     DONE = "DONE"
 
 
@@ -56,6 +60,7 @@ class RoundSignal(Enum):
     RECORDS_WRITTEN = "write.cnf of the last record"
     PRM_END_CNF = "dcontrol.cnf of PrmEnd"
     READY_IND = "ccontrol.ind"
+    OVERDUE = "no ccontrol.ind in time"
     FAULT = "the round cannot go on"
     GONE = "the submodule is gone again"
 
@@ -69,9 +74,11 @@ ROUND_TRANSITIONS: dict[tuple[RoundState, RoundSignal], tuple[RoundState, str]] 
     (_S.W_PECNF, _E.READY_IND): (_S.W_PECNF, "hold"),
     (_S.W_PECNF, _E.PRM_END_CNF): (_S.W_ARDY, "await"),
     (_S.W_ARDY, _E.READY_IND): (_S.DONE, "ready"),
+    (_S.W_ARDY, _E.OVERDUE): (_S.W_LATE, "overdue"),
+    (_S.W_LATE, _E.READY_IND): (_S.DONE, "ready"),
     **{
         (state, signal): (_S.DONE, action)
-        for state in (_S.W_PBCNF, _S.W_WCNF, _S.W_PECNF, _S.W_ARDY)
+        for state in (_S.W_PBCNF, _S.W_WCNF, _S.W_PECNF, _S.W_ARDY, _S.W_LATE)
         for signal, action in ((_E.FAULT, "failed"), (_E.GONE, "forget"))
     },
 }
@@ -103,12 +110,16 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class RoundEnded:
-    """``reason`` is empty when the device is ready; ``code`` is what the AR ends with, None when it goes on."""
+    """``reason`` is empty when the device is ready; ``code`` is what the AR ends with, None when it goes on.
+
+    ``overdue``: the device's ApplicationReady may still come, and another of these follows then.
+    """
 
     keys: tuple[ExpectedKey, ...]
     after_plug: bool
     reason: str = ""
     code: int | None = None
+    overdue: bool = False
 
 
 #: What a row of the table does: the machine, the round, detail of the signal, now.
@@ -181,8 +192,10 @@ class Rounds:
             except RemoteError as exc:
                 reason = str(exc)
         if reason:
+            refused = answer.status is not None and not answer.ok
             # a device that refused PrmBegin has begun nothing: the AR goes on as before
-            code = None if begins and answer.status is not None and not answer.ok else RtaError.RPC_CONTROL_ERROR
+            goes_on = refused if begins else not standing.begins and answer.status is not None
+            code = None if goes_on else RtaError.RPC_CONTROL_ERROR
             self._signal(standing, RoundSignal.FAULT, (f"{pending.kind.value}: {reason}", code), now)
         else:
             self._signal(standing, RoundSignal.PRM_BEGIN_CNF if begins else RoundSignal.PRM_END_CNF, None, now)
@@ -193,7 +206,9 @@ class Rounds:
         standing.records_open -= len(results)
         refusal = first_refusal(pending, results)
         if refusal is not None and self._plan.on_record_error == "fail":
-            self._signal(standing, RoundSignal.FAULT, (refusal[0], RtaError.RPC_WRITE_ERROR), now)
+            goes_on = not standing.begins and answer.status is not None
+            code = None if goes_on else RtaError.RPC_WRITE_ERROR
+            self._signal(standing, RoundSignal.FAULT, (refusal[0], code), now)
         elif standing.records_open == 0:
             self._signal(standing, RoundSignal.RECORDS_WRITTEN, None, now)
 
@@ -217,7 +232,10 @@ class Rounds:
             if standing.deadline is not None and now >= standing.deadline:
                 seconds = self._timeouts.application_ready_ns / 1e9
                 reason = f"no ApplicationReady from the device within {seconds:g} s"
-                self._signal(standing, RoundSignal.FAULT, (reason, RtaError.ABORT_REQUEST), now)
+                if standing.begins:
+                    self._signal(standing, RoundSignal.FAULT, (reason, RtaError.ABORT_REQUEST), now)
+                else:
+                    self._signal(standing, RoundSignal.OVERDUE, reason, now)
 
     def events(self) -> list[RoundEnded | RecordWriteDone | Ready]:
         """Ends of rounds and of their records, and the ApplicationReady of each that came through, in order."""
@@ -273,10 +291,13 @@ class Rounds:
         self._responses.append((ready.call, OK, ready.said.answer))
         self._events += [ready, RoundEnded(standing.keys, not standing.begins)]
 
+    def _overdue(self, standing: Round, reason: str, _now: int) -> None:
+        self._events.append(RoundEnded(standing.keys, not standing.begins, reason, overdue=True))
+
     def _failed(self, standing: Round, detail: tuple[str, int | None], now: int) -> None:
         reason, code = detail
         self._forget(standing, None, now)
-        self._events.append(RoundEnded(standing.keys, not standing.begins, reason, code if standing.begins else None))
+        self._events.append(RoundEnded(standing.keys, not standing.begins, reason, code))
 
     def _forget(self, standing: Round, _detail: None, _now: int) -> None:
         self._events += self._calls.drop_owned(standing, "the submodule's parameters are not wanted any more")
@@ -293,6 +314,7 @@ class Rounds:
         "hold": _hold,
         "await": _await,
         "ready": _ready,
+        "overdue": _overdue,
         "failed": _failed,
         "forget": _forget,
     }

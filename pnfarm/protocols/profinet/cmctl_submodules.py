@@ -53,6 +53,8 @@ class ControllerSubmodules:
         self._keys = tuple((s.api, s.slot, s.subslot) for s in plan.sorted_submodules)
         self._why: dict[ExpectedKey, str] = {}
         self._told: dict[ExpectedKey, str] = {}
+        #: Whose ApplicationReady is overdue and may still come, and the reason that was told.
+        self._overdue: dict[ExpectedKey, str] = {}
         self._dropped = dropped
 
     @property
@@ -121,8 +123,11 @@ class ControllerSubmodules:
 
     def _round_ended(self, event: RoundEnded) -> None:
         for key in event.keys:
-            if self._why.get(key) != _WRITING:
+            why, overdue = self._why.get(key), self._overdue.pop(key, None)
+            if why is None or why not in {_WRITING, overdue}:
                 continue
+            if event.overdue:
+                self._overdue[key] = event.reason
             if event.reason:
                 self._why[key] = event.reason
             else:

@@ -219,7 +219,8 @@ class ModuleItem:
 @dataclass(frozen=True, slots=True)
 class Dap:
     """A device access point.  ``min_device_interval`` counts 31.25 us; ``instance`` is ObjectUUID_LocalIndex;
-    ``max_input`` and ``max_output`` are octets of a frame with their status octets."""
+    ``max_input`` and ``max_output`` are octets of a frame with their status octets; ``application_seconds`` is
+    RemoteApplicationTimeout, 0 where the file does not name it."""
 
     id: str
     ident: int
@@ -235,6 +236,7 @@ class Dap:
     dns_name: str = ""
     instance: int = 1
     multiple_write: bool = False
+    application_seconds: int = 0
     ioxs_required: bool = True
     device_access: bool = False
     device_access_ars: int = 0

@@ -198,6 +198,7 @@ class _Reader:
             dns_name=node.text("DNS_CompatibleName"),
             instance=node.number("ObjectUUID_LocalIndex", _U16, 1),
             multiple_write=node.flag("MultipleWriteSupported"),
+            application_seconds=node.number("RemoteApplicationTimeout", _U16, 0),
             ioxs_required=node.flag("IOXS_Required", default=True),
             device_access=node.flag("DeviceAccessSupported"),
             device_access_ars=node.number("NumberOfDeviceAccessAR", _U16, 0),
