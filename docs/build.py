@@ -2,7 +2,7 @@
 
 ``table.md`` is every column of the table with its unit and its writer; ``states.md`` every state machine as a diagram.
 Both come from the code's own tables, so they cannot say anything else; a test compares them.  ``coverage.md`` is what
-of each manual the drives do (`manual_coverage`).
+of each manual the drives do (`manual_coverage`), ``behaviour.md`` what the manuals leave open (`model_pages`).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import manual_coverage
+import model_pages
 
 from pnfarm.controller import session
 from pnfarm.farm.schema import farm_schema
@@ -183,7 +184,13 @@ def farm_file() -> str:
     return "\n".join(lines)
 
 
-PAGES = {"table.md": table, "states.md": states, "farm-file.md": farm_file, "coverage.md": manual_coverage.page}
+PAGES = {
+    "table.md": table,
+    "states.md": states,
+    "farm-file.md": farm_file,
+    "coverage.md": manual_coverage.page,
+    "behaviour.md": model_pages.behaviour,
+}
 
 
 def main() -> int:

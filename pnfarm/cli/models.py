@@ -76,6 +76,12 @@ def _print(found: dict[str, Any]) -> None:
         if found[section]:
             print_line()
             print_table((section.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
+    if found["behaviour"]:
+        print_line()
+        print_table(("BEHAVIOUR", "READING", "~WHAT THE DRIVE DOES"), list(_reading_rows(found["behaviour"])))
+        print_line()
+        rows = [(point["name"], point["about"], point["reason"], point["source"]) for point in found["behaviour"]]
+        print_table(("BEHAVIOUR", "~LEFT OPEN", "~REASON OF THE DEFAULT", "~SOURCE"), rows)
     for kind, parts in found["motors"].items():
         print_line()
         rows = [row for part, facts in parts.items() for row in _fact_rows(facts, f"{part} ")]
@@ -119,6 +125,13 @@ def _fact_rows(facts: dict[str, Any], prefix: str = "") -> list[tuple[str, str, 
         )
         for key, fact in facts.items()
     ]
+
+
+def _reading_rows(points: list[dict[str, Any]]) -> Iterator[tuple[str, str, str]]:
+    for point in points:
+        for place, (name, does) in enumerate(point["descriptions"].items()):
+            usual = " (default)" if name == point["default"] else ""
+            yield "" if place else point["name"], f"{name}{usual}", does
 
 
 def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:

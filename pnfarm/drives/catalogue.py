@@ -17,6 +17,7 @@ from pnfarm.drives.telegram import TASK_FORMS
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
+    from pnfarm.drives.behaviour import Point
     from pnfarm.drives.parameter import Parameter
     from pnfarm.drives.telegram import Module, Telegram
 
@@ -159,6 +160,18 @@ def _parameter_json(parameter: Parameter) -> dict[str, Any]:
     }
 
 
+def _point_json(point: Point) -> dict[str, Any]:
+    return {
+        "name": point.name,
+        "about": point.about,
+        "readings": list(point.readings),
+        "descriptions": {name: reading.does for name, reading in point.readings.items()},
+        "default": point.default,
+        "reason": point.reason,
+        "source": point.source,
+    }
+
+
 def as_json(described: Model) -> dict[str, Any]:
     """A model in full, of plain JSON values: what ``pnfarm models MODEL --format json`` prints."""
     return {
@@ -257,4 +270,5 @@ def as_json(described: Model) -> dict[str, Any]:
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),
         "diagnosis_coding": _fact_json(described, "diagnosis_coding"),
+        "behaviour": [_point_json(point) for point in described.behaviour],
     }

@@ -1,7 +1,7 @@
 """From a model's folder to a :class:`~pnfarm.drives.model.Model`.
 
-The folder holds ``model.toml``, ``parameters.csv``, ``telegrams.toml`` and ``faults.csv``.  Every mistake in them is a
-:class:`~pnfarm.errors.ConfigError` that names file, row and field.
+The folder holds ``model.toml``, ``parameters.csv``, ``telegrams.toml`` and ``faults.csv``, and may hold
+``behaviour.toml``.  Every mistake in them is a :class:`~pnfarm.errors.ConfigError` that names file, row and field.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import replace
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from pnfarm.drives.behaviour import read_behaviour, with_behaviour
 from pnfarm.drives.consequences import read_consequences
 from pnfarm.drives.control_limits import check_control_limits
 from pnfarm.drives.data_files import integer, read_toml, required, rows
@@ -380,13 +381,26 @@ def load_model(folder: Path) -> Model:
     loss = _communication_loss(sections["communication_loss"], faults, parameters, f"{path}, communication_loss")
     life = _raising(SignOfLife, sections.get("sign_of_life"), faults, f"{path}, sign_of_life")
     error = _raising(FollowingError, sections.get("following_error"), faults, f"{path}, following_error")
+
+    def section_value(section: str, key: str, value: Any, where: str) -> Any:
+        """What a section's key is when it has this value; whatever checks the section checks it, too."""
+        facts = sections.get(section, {}) | {key: Fact(value, "behaviour")}
+        if section == "communication_loss":
+            return getattr(_communication_loss(facts, faults, parameters, where), key)
+        if section == "parameter_access":
+            return getattr(_access(facts, parameters, signals, path), key)
+        return getattr(_position_units(facts, parameters, where), key)
+
     if required(data, "default_telegram", str(path)) not in telegrams:
         raise ConfigError(f"{path}, default_telegram: there is no telegram {data['default_telegram']}")
     texts = {
         key: required(data, key, str(path))
         for key in ("name", "title", "maker", "bus", "profile", "manual", "edition", "firmware_version")
     }
-    return Model(
+    motor_kinds = read_motor_kinds(motors, parameters, f"{path}, motors")
+    written = {parameter.argument for parameter in axis_parameters(parameters)}
+    fixed = written.union(sections["firmware"], *(kind.firmware for kind in motor_kinds.values()))
+    described = Model(
         **texts,
         aliases=tuple(data.get("aliases", ())),
         default_telegram=data["default_telegram"],
@@ -426,5 +440,7 @@ def load_model(folder: Path) -> Model:
             for part, facts in parts.items()
             for key, fact in facts.items()
         },
-        motor_kinds=read_motor_kinds(motors, parameters, f"{path}, motors"),
+        motor_kinds=motor_kinds,
+        behaviour=read_behaviour(folder / "behaviour.toml", parameters, fixed, section_value),
     )
+    return with_behaviour(described, {})

@@ -5,7 +5,7 @@ A model is immutable and shared by all drives of its kind.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from string import hexdigits
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from pnfarm.table.axis import FAULT_WORDS
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pnfarm.drives.behaviour import Point
     from pnfarm.drives.consequences import Consequence
     from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.model_parts import (
@@ -105,6 +106,9 @@ class Model:
     facts: Mapping[str, Fact]
     #: Motors that a farm file may choose instead of the usual one, which turns.
     motor_kinds: Mapping[str, MotorKind]
+    #: What the manual leaves open, and of that the readings that a farm file chose; the others have their defaults.
+    behaviour: tuple[Point, ...] = ()
+    readings: Mapping[str, str] = field(default_factory=dict)
     #: The motor at hand, and of a linear one the way of a revolution of the axis record, mm; else 0.
     motor_kind: str = "rotary"
     pitch: float = 0.0
@@ -180,8 +184,8 @@ class Model:
 
     def apply_motor(self, axis: Any) -> None:
         """Write motor and hardware of this model into an axis record (fields of writer ``station``)."""
-        for field, value in self.motor.items():
-            setattr(axis, field, value)
+        for column, value in self.motor.items():
+            setattr(axis, column, value)
         for fault in self.faults.values():
             if fault.number < FAULT_WORDS:
                 axis.fault_words[fault.number] = fault.word

@@ -224,7 +224,7 @@ def _without_model(group: dict[str, Any], model: str) -> None:
     """A group whose model nobody knows still has names and addresses: keep those, and ask nothing of the model."""
     group["model"] = model
     group["limits"] = "lax"
-    for key in ("params", "identity", "telegram", "cycle"):
+    for key in ("params", "identity", "telegram", "cycle", "behaviour"):
         group.pop(key, None)
 
 
@@ -240,7 +240,7 @@ def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tup
         _without_model(rest["drives"][number], model)
     for location in wrong:
         match location:
-            case ("drives", int(number), "params" | "load" | "motor" as section, str(key), *_):
+            case ("drives", int(number), "params" | "load" | "motor" | "behaviour" as section, str(key), *_):
                 rest["drives"][number][section].pop(key, None)
             case ("drives", int(number), str(key), *_) if key not in _ESSENTIAL:
                 _drop(rest["drives"][number], key)

@@ -111,6 +111,8 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
     _check_tasks((*at, "motion_tasks"), group, model, report)
     for key, what, allowed in model.identity_complaints(group.identity):
         report((*at, "identity", key) if key else (*at, "identity"), what, allowed)
+    for key, what, allowed in model.behaviour_complaints(group.behaviour):
+        report((*at, "behaviour", key), what, allowed)
     for key, what, allowed in model.motor_complaints(group.motor.kind, group.motor.pitch):
         report((*at, "motor", key), what, allowed)
     if not model.moves_straight(group.motor.kind):

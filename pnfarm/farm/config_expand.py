@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
@@ -65,6 +65,7 @@ class DriveConfig:
     cycle_ns: int | None
     hello: bool = False
     motion_tasks: tuple[MotionTask, ...] = ()
+    behaviour: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,6 +177,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 cycle_ns=own_cycle_ns(group, sections.controller, model),
                 hello=group.hello,
                 motion_tasks=tuple(drive_task(task) for task in group.motion_tasks),
+                behaviour=group.behaviour,
             )
             index += 1
 

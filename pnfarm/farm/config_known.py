@@ -18,7 +18,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.config_issue import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.drives.model import Model
 
@@ -78,12 +78,26 @@ class ModelFacts(Protocol):
         """How many motion tasks it keeps."""
         ...
 
+    @property
+    def aliases(self) -> Iterable[str]:
+        """Its other names."""
+        ...
+
+    @property
+    def open_points(self) -> Mapping[str, Sequence[str]]:
+        """What its manual leaves open, and the readings of each point, the default first."""
+        ...
+
     def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
         """What is wrong with the ``params`` of a group."""
         ...
 
     def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
         """What is wrong with the ``identity`` of a group."""
+        ...
+
+    def behaviour_complaints(self, behaviour: Mapping[str, str]) -> list[Complaint]:
+        """What is wrong with the ``behaviour`` of a group."""
         ...
 
     def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
@@ -129,6 +143,16 @@ class InstalledModel:
     def motion_tasks(self) -> int:
         return self.model.limits.motion_tasks
 
+    @property
+    def aliases(self) -> Iterable[str]:
+        return self.model.aliases
+
+    @property
+    def open_points(self) -> Mapping[str, Sequence[str]]:
+        return {
+            point.name: sorted(point.readings, key=lambda name: name != point.default) for point in self.model.behaviour
+        }
+
     def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
         complaints: list[Complaint] = []
         for key, value in params.items():
@@ -159,6 +183,18 @@ class InstalledModel:
                 complaints.append((key, wrong, allowed))
         if not complaints and (wrong := self._identity_error(identity)) is not None:
             complaints.append(("", wrong, allowed))
+        return complaints
+
+    def behaviour_complaints(self, behaviour: Mapping[str, str]) -> list[Complaint]:
+        points = {point.name: point for point in self.model.behaviour}
+        complaints: list[Complaint] = []
+        for name, reading in behaviour.items():
+            if name not in points:
+                what = f"is no open point of {self.name}{did_you_mean(name, points)}"
+                complaints.append((name, what, ", ".join(points) or "none"))
+            elif reading not in points[name].readings:
+                what = f"has no reading {shown(reading)}{did_you_mean(reading, points[name].readings)}"
+                complaints.append((name, what, ", ".join(points[name].readings)))
         return complaints
 
     def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:

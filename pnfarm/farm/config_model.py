@@ -278,6 +278,12 @@ class DriveGroup(Section):
     motion_tasks: list[Task] = Field(
         default_factory=list, description="Motion tasks in the drive, as a commissioning tool leaves them there."
     )
+    behaviour: dict[str, str] = Field(
+        default_factory=dict,
+        description="What the drive does where its manual leaves it open: reading by point; `pnfarm models MODEL` "
+        "and docs/behaviour.md list them.",
+        examples=[{"control-by-plc": "hold"}],
+    )
     impair: list[Impairment] = Field(default_factory=list, description="Impairments from the start.")
     telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the model's.")
     hello: bool = Field(

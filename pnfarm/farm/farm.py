@@ -15,6 +15,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.engine.realtime import RealTimeSettings
@@ -56,9 +57,9 @@ __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 
 
 def model_of(config: DriveConfig) -> Model:
-    """A drive's model with the motor and under the identity that the farm file gives it."""
+    """A drive's model with the motor, the behaviour and the identity that the farm file gives it."""
     described = with_motor(model_by_name(config.model), config.motor.kind, config.motor.pitch)
-    return described.with_identity(config.identity)
+    return with_behaviour(described, config.behaviour).with_identity(config.identity)
 
 
 def make_link(config: FarmConfig) -> Link:

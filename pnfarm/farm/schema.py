@@ -6,10 +6,13 @@ The schema says what one value may be; what values must hold between them only t
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.farm.config_known import Known, catalogue
 from pnfarm.farm.config_model import DEFAULT_LISTEN, OFF, FarmSections
+
+if TYPE_CHECKING:
+    from pnfarm.farm.config_known import ModelFacts
 
 __all__ = ["farm_schema"]
 
@@ -33,6 +36,15 @@ _EXAMPLE: dict[str, Any] = {
 }
 
 
+def _behaviour_of(model: ModelFacts) -> dict[str, Any]:
+    """What ``behaviour`` may be in a group of this model."""
+    points = {name: {"enum": [*readings], "default": readings[0]} for name, readings in model.open_points.items()}
+    return {
+        "if": {"properties": {"model": {"enum": [model.name, *model.aliases]}}, "required": ["model"]},
+        "then": {"properties": {"behaviour": {"properties": points, "additionalProperties": False}}},
+    }
+
+
 def farm_schema(known: Known | None = None) -> dict[str, Any]:
     """The schema (draft 2020-12) as plain values; ``known`` gives the models and fault kinds that editors offer."""
     known = known if known is not None else catalogue()
@@ -49,6 +61,7 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
     properties["api"]["anyOf"] = [switch_off, address, {"$ref": "#/$defs/Api"}]
     sections["ControllerSection"]["properties"]["reconnect"]["anyOf"] = [switch_off, {"$ref": "#/$defs/Reconnect"}]
     sections["DriveGroup"]["properties"]["model"]["examples"] = list(known.models)
+    sections["DriveGroup"]["allOf"] = [_behaviour_of(model) for name in known.models if (model := known.model(name))]
     if known.fault_kinds is not None:
         sections["Impairment"]["properties"]["kind"]["enum"] = sorted(known.fault_kinds)
     return {

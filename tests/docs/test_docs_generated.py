@@ -15,7 +15,7 @@ def _pages():
     return module.PAGES
 
 
-@pytest.mark.parametrize("name", ["table.md", "states.md", "farm-file.md", "coverage.md"])
+@pytest.mark.parametrize("name", ["table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md"])
 def test_generated_pages_are_up_to_date(name):
     assert (ROOT / "docs" / name).read_text(encoding="utf-8") == _pages()[name](), "run `python docs/build.py`"
 

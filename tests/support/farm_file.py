@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
@@ -23,9 +24,14 @@ class Model:
     telegrams: tuple[int, ...] = (1, 7)
     default_telegram: int = 1
     motion_tasks: int = 0
+    aliases: tuple[str, ...] = ()
+    open_points: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def parameter_complaints(self, params):
         return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]
+
+    def behaviour_complaints(self, behaviour):
+        return [(key, "is no open point", "none") for key in behaviour]
 
     def moves_straight(self, kind):
         return kind == "linear"

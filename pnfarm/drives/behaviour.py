@@ -1,0 +1,204 @@
+"""Where a manual leaves open what its drive does: each point with its readings, of which a farm file chooses.
+
+A point is an entry ``[[behaviour]]`` of a model's ``behaviour.toml``; its readings are data.  Each of them gives
+another value to the same fields of the axis record, defaults of parameters or keys of the model's own sections, so that
+no code asks for a reading by its name:
+
+* ``firmware``: fields of writer ``parameter`` that neither a parameter nor the section ``firmware`` sets;
+* ``defaults``: PNU -> raw number, the default of a parameter that is no array;
+* ``model``: ``section.key`` of the sections that :data:`SECTIONS` names.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.data_files import integer, read_toml, required
+from pnfarm.drives.parameter_rows import axis_parameters
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import AXIS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from collections.abc import Set as AbstractSet
+    from pathlib import Path
+
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.parameter import Parameter
+
+__all__ = ["SECTIONS", "Point", "Reading", "read_behaviour", "with_behaviour"]
+
+#: Sections of ``model.toml`` whose values a reading may set, and where the model has them.
+SECTIONS = {
+    "communication_loss": "communication_loss",
+    "parameter_access": "access",
+    "position_units": "position_units",
+}
+_NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+#: YAML reads these as something else than a word.
+_NO_WORDS = frozenset({"false", "n", "no", "null", "off", "on", "true", "y", "yes"})
+_SETS = ("firmware", "defaults", "model")
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One way to read a manual; ``does`` says what a drive of this reading does."""
+
+    name: str
+    does: str
+    firmware: Mapping[str, float] = field(default_factory=dict)
+    defaults: Mapping[int, int] = field(default_factory=dict)
+    #: (section, key) -> value as the model has it.
+    model: Mapping[tuple[str, str], Any] = field(default_factory=dict)
+
+    @property
+    def keys(self) -> frozenset[object]:
+        """All that it sets."""
+        return frozenset((*self.firmware, *self.defaults, *self.model))
+
+    @property
+    def values(self) -> tuple[Mapping[Any, Any], ...]:
+        """What tells it from the other readings."""
+        return self.firmware, self.defaults, self.model
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """What a manual leaves open; ``source`` is where, ``reason`` why the default is what it is."""
+
+    name: str
+    about: str
+    readings: Mapping[str, Reading]
+    default: str
+    reason: str
+    source: str
+
+
+# behaviour.toml
+
+
+def read_behaviour(
+    path: Path,
+    parameters: Mapping[int, Parameter],
+    fixed: AbstractSet[str],
+    section_value: Callable[[str, str, Any, str], Any],
+) -> tuple[Point, ...]:
+    """Check and build the points, none without the file; raises :class:`ConfigError` that names the entry.
+
+    ``fixed`` are the fields that other data of the model set; ``section_value`` gives the value of a section's key as
+    the model would have it, or raises.
+    """
+    points: list[Point] = []
+    owners: dict[object, str] = {}
+    data = read_toml(path) if path.exists() else {}
+    if unknown := sorted(data.keys() - {"behaviour"}):
+        raise ConfigError(f"{path}, {unknown[0]}: none of behaviour")
+    for index, table in enumerate(data.get("behaviour", ()), 1):
+        name = str(required(table, "name", f"{path}, behaviour {index}"))
+        where = f"{path}, behaviour {name}"
+        if name in {point.name for point in points} or not _is_word(name):
+            raise ConfigError(f"{where}: stands twice, or is no name of a-z, 0-9 and - between")
+        readings = {
+            key: _reading(str(key), entry, parameters, section_value, f"{where}.{key}")
+            for key, entry in required(table, "readings", where).items()
+        }
+        texts = {key: str(required(table, key, where)) for key in ("about", "default", "reason", "source")}
+        point = Point(name=name, readings=readings, **texts)
+        _check_point(point, fixed, owners, where)
+        points.append(point)
+    return tuple(points)
+
+
+def _is_word(name: str) -> bool:
+    return bool(_NAME.fullmatch(name)) and name not in _NO_WORDS and not name.isdigit()
+
+
+def _reading(
+    name: str,
+    entry: Mapping[str, Any],
+    parameters: Mapping[int, Parameter],
+    section_value: Callable[[str, str, Any, str], Any],
+    where: str,
+) -> Reading:
+    if not _is_word(name):
+        raise ConfigError(f"{where}: no name of a-z, 0-9 and - between")
+    if unknown := sorted(entry.keys() - {"does", *_SETS}):
+        raise ConfigError(f"{where}, {unknown[0]}: none of does, {', '.join(_SETS)}")
+    does = str(required(entry, "does", where))
+    firmware: dict[str, float] = {}
+    for key, value in entry.get("firmware", {}).items():
+        column = AXIS.fields.get(key)
+        if column is None or column.writer != "parameter" or column.unit not in {"", "ns", "s"}:
+            raise ConfigError(f"{where}, firmware.{key}: no field of the axis that a reading may set")
+        firmware[key] = value
+    defaults: dict[int, int] = {}
+    for key, value in entry.get("defaults", {}).items():
+        pnu = integer(key, where, "defaults")
+        parameter = parameters.get(pnu)
+        if parameter is None or parameter.elements or type(value) is not int or not parameter.allows(value):
+            raise ConfigError(f"{where}, defaults.{key}: no plain parameter, or it does not take {value!r}")
+        defaults[pnu] = value
+    model: dict[tuple[str, str], Any] = {}
+    for key, value in entry.get("model", {}).items():
+        section, _, inside = key.partition(".")
+        if section not in SECTIONS:
+            raise ConfigError(f"{where}, model.{key}: the section is none of {', '.join(SECTIONS)}")
+        given = tuple(value) if isinstance(value, list) else value
+        model[SECTIONS[section], inside] = section_value(section, inside, given, f"{where}, model.{key}")
+    return Reading(name, does, firmware, defaults, model)
+
+
+def _check_point(point: Point, fixed: AbstractSet[str], owners: dict[object, str], where: str) -> None:
+    """Readings that set the same keys to other values, which nothing else sets."""
+    if len(point.readings) < 2 or point.default not in point.readings:
+        raise ConfigError(f"{where}: wants two readings or more, and one of them as its default")
+    default = point.readings[point.default]
+    for name, reading in point.readings.items():
+        if not reading.keys or reading.keys != default.keys:
+            raise ConfigError(f"{where}.{name}: sets something else than {point.default} does, or nothing")
+        same = [other.name for other in point.readings.values() if other.values == reading.values]
+        if same != [name]:
+            raise ConfigError(f"{where}.{name}: sets the same as {next(n for n in same if n != name)}")
+    for key in default.keys:
+        if key in fixed:
+            raise ConfigError(f"{where}: {key} is set by other data of the model")
+        if key in owners:
+            raise ConfigError(f"{where}: {key} is set by {owners[key]}")
+        owners[key] = point.name
+
+
+# in force
+
+
+def with_behaviour(model: Model, chosen: Mapping[str, str]) -> Model:
+    """The model with these readings by the names of their points, the defaults for all others.
+
+    Raises :class:`ConfigError` for a point or a reading that the model does not have.
+    """
+    points = {point.name: point for point in model.behaviour}
+    readings: list[Reading] = []
+    for name, wanted in chosen.items():
+        if name not in points or wanted not in points[name].readings:
+            known = ", ".join(points[name].readings if name in points else points) or "none"
+            raise ConfigError(f"{model.name} has no behaviour {name}: {wanted}; there are {known}")
+    for name, point in points.items():
+        readings.append(point.readings[chosen.get(name, point.default)])
+    firmware = dict(model.firmware)
+    defaults: dict[int, int] = {}
+    sections: dict[str, dict[str, Any]] = {}
+    for reading in readings:
+        firmware |= reading.firmware
+        defaults |= reading.defaults
+        for (section, key), value in reading.model.items():
+            sections.setdefault(section, {})[key] = value
+    parts: dict[str, Any] = {section: replace(getattr(model, section), **keys) for section, keys in sections.items()}
+    if defaults:
+        parameters = {
+            pnu: replace(parameter, default=defaults[pnu]) if pnu in defaults else parameter
+            for pnu, parameter in model.parameters.items()
+        }
+        parts["parameters"] = parameters
+        parts["axis_parameters"] = axis_parameters(parameters, linear=model.pitch > 0.0)
+    return replace(model, firmware=firmware, readings=dict(chosen), **parts)

@@ -1,0 +1,54 @@
+"""What readings show by parameters and by faults."""
+
+from __future__ import annotations
+
+from open_points import FAULT, RUN, Plc, observes, speed_plc
+
+from pnfarm.protocols.profinet.wire.rtc import DataStatus
+
+BYTE, WORD, UNSIGNED16 = 0x41, 0x42, 0x06
+#: The PNU of the operation mode, its format, and its number of another mode than that of the speed.
+MODE = {"akd-profinet": (2135, BYTE, 2), "akd-profinet-2012": (930, WORD, 2), "moog-msd": (300, WORD, 3)}
+JOG_SPEED = 1004
+#: PNU 925 of the E1, and its default.
+TOLERANCE = 925
+
+
+@observes("mode-change", {"at-once": (None, True), "disabled-only": (0x11, False)})
+def mode_change(name: str, behaviour: str) -> object:
+    """The error of a change in operation, and whether the mode is the new one."""
+    plc = speed_plc(name, behaviour)
+    pnu, form, other = MODE[name]
+    error = plc.change(pnu, form, other)
+    changed = plc.read(pnu) == other
+    plc.put(STW1=0x0406)
+    plc.wait_for(lambda: plc.axis.state < 4)
+    assert plc.change(pnu, form, other) is None, "and in any case while the power stage is off"
+    return error, changed
+
+
+@observes("change-formats", {"listed": (0x17, False), "any": (None, True)})
+def change_formats(name: str, behaviour: str) -> object:
+    """The error of a change as Unsigned16, and whether the value is the new one."""
+    plc = Plc(name, behaviour, 1)
+    return plc.change(JOG_SPEED, UNSIGNED16, 100), plc.read(JOG_SPEED) == 100
+
+
+@observes("fault-on-plc-stop", {"fault": True, "no-fault": False})
+def fault_on_plc_stop(name: str, behaviour: str) -> object:
+    """Whether ZSW1.3 stands while the controller is in STOP."""
+    plc = speed_plc(name, behaviour)
+    plc.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
+    return bool(plc.put(STW1=RUN, wait=200) & FAULT)
+
+
+@observes("parameter-memory", {"kept": 9, "lost": 5})
+def parameter_memory(name: str, behaviour: str) -> object:
+    """What a written parameter is behind a power cycle."""
+    plc = Plc(name, behaviour, 3)
+    assert plc.change(TOLERANCE, UNSIGNED16, 9) is None
+    assert plc.read(TOLERANCE) == 9
+    plc.farm.stations[0].power_cycle(plc.world.now)
+    plc.run(1.0)
+    plc.connect()
+    return plc.read(TOLERANCE)

@@ -1,0 +1,138 @@
+"""Open points as data: what a model's ``behaviour.toml`` may say, what it makes of a model, and who shows it."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from pnfarm.drives.behaviour import with_behaviour
+from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.loader import load_model
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import AXIS
+
+POINT = """
+[[behaviour]]
+name = "first"
+about = "something is left open"
+default = "as-always"
+reason = "nothing says otherwise"
+source = "1.2"
+
+[behaviour.readings.as-always]
+does = "as always"
+firmware = { home_by_edge = 0 }
+defaults = { 2135 = 1 }
+model = { "parameter_access.disabled_only" = [2117] }
+
+[behaviour.readings.otherwise]
+does = "otherwise"
+firmware = { home_by_edge = 1 }
+defaults = { 2135 = 2 }
+model = { "parameter_access.disabled_only" = [2117, 2135] }
+"""
+SECOND = POINT.replace('name = "first"', 'name = "second"')
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    copy = tmp_path / "model"
+    shutil.copytree(models()["akd-profinet"].folder, copy)
+    return copy
+
+
+def test_a_reading_sets_fields_defaults_and_values_of_sections(folder: Path) -> None:
+    (folder / "behaviour.toml").write_text(POINT)
+    usual = load_model(folder)
+    assert (usual.firmware["home_by_edge"], usual.parameters[2135].default) == (0, 1)
+    assert usual.access.disabled_only == (2117,)
+    other = with_behaviour(usual, {"first": "otherwise"})
+    assert (other.firmware["home_by_edge"], other.parameters[2135].default) == (1, 2)
+    assert other.access.disabled_only == (2117, 2135)
+    assert [p.default for p in other.axis_parameters if p.pnu == 2135] == [2]
+    assert other.readings == {"first": "otherwise"}
+    assert with_behaviour(other, {}) == usual, "and back"
+
+
+def test_a_model_without_the_file_leaves_nothing_open(folder: Path) -> None:
+    (folder / "behaviour.toml").unlink()
+    assert load_model(folder).behaviour == ()
+
+
+@pytest.mark.parametrize("chosen", [{"second": "otherwise"}, {"first": "any"}])
+def test_a_reading_that_a_model_does_not_have_is_refused(chosen: dict[str, str], folder: Path) -> None:
+    (folder / "behaviour.toml").write_text(POINT)
+    with pytest.raises(ConfigError, match=r"has no behaviour (second: otherwise; there are first|first: any; there)"):
+        with_behaviour(load_model(folder), chosen)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[[behaviour]]", "[[behavior]]", r"behaviour\.toml, behavior: none of behaviour"),
+        ("[[behaviour]]", "[[behaviour", r"behaviour\.toml"),
+        ('name = "first"\n', "", r"behaviour 1, name: missing"),
+        ('name = "first"', 'name = "First"', r"behaviour First: stands twice, or is no name"),
+        ('name = "first"', 'name = "off"', r"behaviour off: stands twice, or is no name"),
+        ('reason = "nothing says otherwise"\n', "", r"behaviour first, reason: missing"),
+        ('default = "as-always"', 'default = "never"', r"behaviour first: wants two readings or more, and one"),
+        ("[behaviour.readings.otherwise]", "[behaviour.readings.Other]", r"first\.Other: no name"),
+        ('does = "otherwise"\n', "", r"first\.otherwise, does: missing"),
+        ('does = "otherwise"\n', 'does = "otherwise"\ntext = "x"\n', r"first\.otherwise, text: none of does, firmware"),
+        ("{ home_by_edge = 1 }", "{ home_edge = 1 }", r"firmware\.home_edge: no field of the axis that a reading"),
+        ("{ home_by_edge = 1 }", "{ homed = 1 }", r"firmware\.homed: no field of the axis that a reading may set"),
+        ("{ home_by_edge = 1 }", "{ velocity_window = 1 }", r"velocity_window: no field of the axis that a reading"),
+        ("{ home_by_edge = 1 }", "{ real_time_jog = 1 }", r"first\.otherwise: sets something else than as-always"),
+        ("{ 2135 = 2 }", "{ 2135 = 3 }", r"defaults\.2135: no plain parameter, or it does not take 3"),
+        ("{ 2135 = 2 }", "{ 17 = 2 }", r"defaults\.17: no plain parameter"),
+        ("{ 2135 = 2 }", "{ 915 = 2 }", r"defaults\.915: no plain parameter"),
+        ('access.disabled_only" = [2117, 2135]', 'access.no_such" = 1', r"no_such"),
+        ('access.disabled_only" = [2117, 2135]', 'access.disabled_only" = [17]', r"there is no parameter 17"),
+        ('parameter_access.disabled_only" = [2117, 2135]', 'limits.ports" = 2', r"the section is none of"),
+    ],
+)
+def test_a_mistake_in_the_file_is_told_by_its_place(old: str, new: str, message: str, folder: Path) -> None:
+    assert old in POINT
+    head, found, tail = POINT.rpartition(old)
+    (folder / "behaviour.toml").write_text(head + new + tail if found else POINT)
+    with pytest.raises(ConfigError, match=message):
+        load_model(folder)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (POINT + POINT, r"behaviour first: stands twice"),
+        (POINT + SECOND, r"behaviour second: .* is set by first"),
+        (POINT.replace("home_by_edge", "home_required"), r"home_required is set by other data of the model"),
+        (POINT.replace("home_by_edge", "opmode"), r"opmode is set by other data of the model"),
+        (
+            POINT.replace("home_by_edge = 1", "home_by_edge = 0").replace("= 2 }", "= 1 }").replace(", 2135]", "]"),
+            r"as-always: sets the same as otherwise",
+        ),
+    ],
+)
+def test_what_readings_set_is_set_once_and_differs(text: str, message: str, folder: Path) -> None:
+    (folder / "behaviour.toml").write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        load_model(folder)
+
+
+@pytest.mark.parametrize("name", sorted(models()))
+def test_json_lists_each_point_with_its_readings_default_reason_and_source(name: str) -> None:
+    shown = as_json(model(name))["behaviour"]
+    assert [point["name"] for point in shown] == [point.name for point in model(name).behaviour]
+    for point in shown:
+        assert {"name", "readings", "default", "reason", "source"} <= point.keys()
+        assert point["default"] in point["readings"]
+        assert list(point["descriptions"]) == point["readings"]
+        assert all(point["descriptions"].values())
+
+
+@pytest.mark.parametrize("name", sorted(models()))
+def test_every_field_that_readings_set_is_one_of_the_axis(name: str) -> None:
+    for point in model(name).behaviour:
+        for reading in point.readings.values():
+            assert all(AXIS.fields[key].writer == "parameter" for key in reading.firmware)

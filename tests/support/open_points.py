@@ -1,0 +1,104 @@
+"""What each reading of a model's open points shows to a PLC: one observation for each point, and what it is to be.
+
+An observation runs a drive of a model over the wire, in virtual time, with a ``behaviour`` of its farm file, and gives
+back what its controller sees; :data:`OBSERVATIONS` holds it by the name of the point, with what each reading shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from hand_plc import HandPlc
+
+from pnfarm.drives.profiles.profidrive.base_mode import (
+    ParameterAddress,
+    ParameterResponse,
+    ParameterValues,
+    emit_request,
+    parse_response,
+)
+from pnfarm.drives.profiles.profidrive.requester import change_request, read_request
+from pnfarm.protocols.profinet.cmctl_events import RecordRead
+
+#: Telegrams of speed and of positions, and control words with operation enabled, of each model.
+SPEED = {"akd-profinet": 1, "akd-profinet-2012": 1, "hiwin-e1": 3, "moog-msd": 1}
+TASKS = {"akd-profinet": 9, "akd-profinet-2012": 9, "hiwin-e1": 9, "moog-msd": 9}
+#: Record index of base mode parameter access.
+PARAMETERS = 0xB02E
+RUN = 0x047F
+#: Of positions: STW1.4 and 5, and no task yet.
+READY, START, ACKNOWLEDGE, JOG_1, JOG_2, HOME = 0x043F, 0x0040, 0x0080, 0x0100, 0x0200, 0x0800
+FAULT, IN_RANGE, REACHED, HOMED, TAKEN, STOPPED = 0x0008, 0x0100, 0x0400, 0x0800, 0x1000, 0x2000
+
+
+class Plc(HandPlc):
+    """A PLC at 1 ms with one drive of a model; ``behaviour`` is the farm file's."""
+
+    def __init__(self, name: str, behaviour: str, telegram: int, **options) -> None:
+        self.drive = name
+        super().__init__(name, telegram, **{"behaviour": behaviour, "limits": "lax"} | options)
+
+    def change(self, pnu: int, form: int, value: int) -> int | None:
+        """A parameter by a request over the wire: None, or the number of the error."""
+        response = self._ask(
+            emit_request(change_request(7, [(ParameterAddress(pnu, 0, 1), ParameterValues(form, (value,)))]))
+        )
+        return response.entries[0].values[0] if response.negative else None
+
+    def read(self, pnu: int) -> int:
+        return self._ask(emit_request(read_request(7, [ParameterAddress(pnu, 0, 1)]))).entries[0].values[0]
+
+    def _ask(self, request: bytes) -> ParameterResponse:
+        (session,) = self.plc.sessions
+        session.machine.write_record("write", 0x3A00, 1, 1, PARAMETERS, request)
+        session.machine.read_record("read", 0x3A00, 1, 1, PARAMETERS, 240)
+        self.plc.touch(session, self.world.now)
+        self.plc.records.clear()
+        assert self.world.run(1.0, until=lambda: len(self.plc.records) == 2)
+        _, (_, read) = self.plc.records
+        assert isinstance(read, RecordRead)
+        return parse_response(read.data)
+
+    def rpm(self) -> float:
+        return float(self.axis.velocity)
+
+
+def task_plc(name: str, behaviour: str, *, homed: bool = True, **options) -> Plc:
+    """In operation, position control by MDI; the AKD must be homed, which it is at once."""
+    params = {"akd-profinet": "{DRV.OPMODE: 2}", "akd-profinet-2012": "{930: 2}"}.get(name, "{}")
+    plc = Plc(name, behaviour, TASKS[name], **{"params": params} | options)
+    plc.switch_on(operation=READY)
+    if homed and plc.drive.startswith("akd"):
+        plc.put(STW1=READY | HOME, wait=20)
+        assert plc.put(STW1=READY) & HOMED
+    return plc
+
+
+def speed_plc(name: str, behaviour: str, **options) -> Plc:
+    """In operation, speed control."""
+    plc = Plc(name, behaviour, SPEED[name], **options)
+    plc.switch_on(operation=RUN)
+    return plc
+
+
+@dataclass(frozen=True)
+class Observation:
+    """``look`` at a drive of a model with this ``behaviour``; ``shows`` has what is seen for each reading."""
+
+    look: Callable[[str, str], object]
+    shows: Mapping[str, object]
+
+
+OBSERVATIONS: dict[str, Observation] = {}
+
+
+def observes(point: str, shows: Mapping[str, object]) -> Callable[[Callable[[str, str], object]], Callable]:
+    """Registers an observation of a point, of all models that have it."""
+
+    def register(look: Callable[[str, str], object]) -> Callable[[str, str], object]:
+        assert point not in OBSERVATIONS
+        OBSERVATIONS[point] = Observation(look, shows)
+        return look
+
+    return register
