@@ -147,10 +147,11 @@ class Backing(IntEnum):
 class Parameter:
     """One row of a model's ``parameters.csv``.
 
-    ``minimum``, ``maximum`` and ``default`` are raw numbers as on the wire; ``factor`` (or the named ``scale``) times
-    the raw number is the value in ``unit``.  ``source`` is where number, name and type stand, ``values_source``
-    where access, limits, default and meaning do; ``elements`` is 0 unless the parameter is an array.  What
-    ``after_power_on`` is written at once and takes effect with the next power cycle.
+    ``minimum``, ``maximum`` and ``default`` are raw numbers as on the wire; ``standardisation`` times the raw number is
+    the value in ``unit``, ``factor`` (or the named ``scale``) times it what a field of the axis becomes.  ``source`` is
+    where number, name and type stand, ``values_source`` where access, limits, default and meaning do; ``elements`` is 0
+    unless the parameter is an array.  What ``after_power_on`` is written at once and takes effect with the next power
+    cycle.
     """
 
     pnu: int
@@ -181,6 +182,7 @@ class Parameter:
     #: The motors that it is for, ``rotary`` or ``linear``; empty for all.  With another one it has no effect.
     motor: str = ""
     form: Form = Form.INTEGER
+    standardisation: float = 1.0
 
     @property
     def text(self) -> bool:

@@ -34,16 +34,18 @@ _FORMS = {"Float": Form.FLOAT, "String": Form.TEXT}
 #: velocity reference value; ``rated-torque`` is a percentage of it.
 #: ``torque-constant`` and ``-torque-constant`` are thousandths of an ampere times the motor's torque constant; the
 #: default of such a parameter leaves it to motor and drive.
-#: ``velocity`` is times what NSOLL_A counts in; with ``float32`` the raw number is the bits of one, and ``float32*``
-#: stands in front of what it is multiplied by.
-#: A number followed by ``/n`` is divided by the raw number: a rate given for a time.
+#: ``velocity`` is times what NSOLL_A counts in; with ``float32`` the raw number is the bits of one.
+#: A factor in front of ``*`` makes the value in the parameter's unit; what is behind it makes the axis's field of that.
+#: A number followed by ``/n`` is divided by that value: a rate given for a time.
 _NAMED_SCALES = {
     "-torque-constant", "2^-n", "acceleration", "float32", "jog/n", "position", "rated-torque", "reference/n",
     "torque-constant", "velocity",
 }  # fmt: skip
 #: Behind a factor: divided by the pitch of the linear motor at hand, so that the factor stands in mm.
 PER_PITCH = "/pitch"
-FLOAT_TIMES = "float32*"
+FLOAT = "float32"
+TIMES = "*"
+PER_VALUE = "/n"
 _COLUMNS = (
     "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "backed_by", "nv",
     "source", "values_source", "note",
@@ -68,17 +70,29 @@ def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
     return choices
 
 
-def _factor(scale: str, where: str) -> float:
+def _fraction(text: str) -> float:
+    numerator, _, denominator = text.partition("/")
+    return float(numerator) / float(denominator or 1)
+
+
+def _factors(scale: str, where: str) -> tuple[float, float]:
+    """What times the raw number is the value in the unit, and what is that of the axis's field."""
     if scale in _NAMED_SCALES or not scale or "|" in scale:
-        return 1.0
-    numerator, _, denominator = scale.removeprefix(FLOAT_TIMES).removesuffix(PER_PITCH).partition("/")
+        return 1.0, 1.0
+    first, times, second = scale.removesuffix(PER_PITCH).partition(TIMES)
     try:
-        factor = float(numerator) / (1.0 if denominator == "n" else float(denominator or 1))
+        if first == FLOAT:
+            return 1.0, _fraction(second)
+        if not scale.endswith(PER_VALUE):
+            factor = _fraction(first)
+            return factor, factor * _fraction(second if times else "1")
+        factor = _fraction(first) if times else 1.0
+        return factor, _fraction((second if times else first).removesuffix(PER_VALUE)) / factor
     except (ValueError, ZeroDivisionError):
         raise ConfigError(
-            f"{where}, scale: {scale!r} is not a number, a fraction or one of {', '.join(sorted(_NAMED_SCALES))}"
+            f"{where}, scale: {scale!r} is not a number, a fraction, two of them with * between or one of "
+            f"{', '.join(sorted(_NAMED_SCALES))}"
         ) from None
-    return factor
 
 
 def _backing(text: str, where: str, *, writable: bool, elements: int) -> tuple[Backing, str, int]:
@@ -169,6 +183,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         raise ConfigError(f"{where}, motor: {row[_MOTOR]!r} is neither empty nor rotary nor linear")
     if row["scale"].endswith(PER_PITCH) and row.get(_MOTOR) != "linear":
         raise ConfigError(f"{where}, scale: {row['scale']!r} needs the motor linear")
+    standardisation, factor = _factors(row["scale"], where)
     writable = "w" in row["access"]
     backing, argument, index = _backing(row["backed_by"], where, writable=writable, elements=elements)
     return Parameter(
@@ -184,7 +199,8 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         default=default,
         unit=row["unit"],
         scale=row["scale"],
-        factor=_factor(row["scale"], where),
+        factor=factor,
+        standardisation=standardisation,
         backing=backing,
         argument=argument,
         index=index,

@@ -344,7 +344,7 @@ def test_a_description_tells_type_limits_and_name(akd: Drive) -> None:
     entry = response.entries[0]
     assert (response.response_id, entry.format) == (REQUEST_READ, 0x0A)
     reader = Reader(bytes(entry.values))
-    assert reader.u16() == 0x0105  # Unsigned8, factor does not matter
+    assert reader.u16() == 0x0005  # Unsigned8
     assert reader.u16() == 0
     assert reader.f32() == 1.0
     reader.skip(6)
@@ -353,8 +353,8 @@ def test_a_description_tells_type_limits_and_name(akd: Drive) -> None:
     assert reader.remaining == 8
     akd.store.write(2135, 0, [2])
     identifier = read(akd, ParameterAddress(2135, 1, 1, ATTRIBUTE_DESCRIPTION)).entries[0].values
-    assert identifier == (0x11, 0x05)
-    assert read(akd, ParameterAddress(947, 1, 1, ATTRIBUTE_DESCRIPTION)).entries[0].values == (0x43, 0x06)
+    assert identifier == (0x10, 0x05)
+    assert read(akd, ParameterAddress(947, 1, 1, ATTRIBUTE_DESCRIPTION)).entries[0].values == (0x42, 0x06)
     assert read(akd, ParameterAddress(947, 2, 1, ATTRIBUTE_DESCRIPTION)).entries[0].values == (0, 64)
 
 

@@ -172,12 +172,24 @@ def test_a_description_has_46_octets_and_its_elements_are_read_alone(msd: Drive)
     whole = bytes.fromhex(ask(msd, "07 01 00 01 20 01 05 03 00 00"))
     assert whole[:6] == bytes.fromhex("07 01 00 01 0A 2E")
     body = whole[6:]
-    assert struct.unpack(">HHfH4x16sII8x", body) == (7, 0, 1e6, 0, b"COM_DP_Bus_Timeo", 0, 0xFFFFFFFF)
+    assert struct.unpack(">HHfH4x16sII8x", body) == (7, 0, 1.0, 0, b"COM_DP_Bus_Timeo", 0, 0xFFFFFFFF)
     parts = [bytes.fromhex(ask(msd, f"07 01 00 01 20 01 05 03 00 {place:02X}"))[6:] for place in range(1, 13)]
     assert (
         b"".join(part[:width] for part, width in zip(parts, (2, 2, 4, 2, 4, 16, 4, 4, 2, 2, 2, 2), strict=True)) == body
     )
     assert error(msd, "07 01 00 01 20 01 05 03 00 0D") == 0x03
+
+
+@pytest.mark.parametrize(
+    ("pnu", "identifier", "factor"),
+    [(338, 7, 1.0), (918, 6, 1.0), (1261, 4, 100 / 0x40000000), (1293, 0x0309, 1.0)],
+)
+def test_the_factor_and_its_bit_are_those_of_the_parameter_channel(
+    msd: Drive, pnu: int, identifier: int, factor: float
+) -> None:
+    """8.2.4, tables 8.15 and 8.16: bit 8 is that of a data type of which nothing is calculated."""
+    body = bytes.fromhex(ask(msd, f"07 01 00 01 20 01 {pnu:04X} 00 00"))[6:]
+    assert struct.unpack(">HHf", body[:8])[::2] == (identifier, pytest.approx(factor, rel=1e-6))
 
 
 def test_only_p_0951_has_texts(msd: Drive) -> None:

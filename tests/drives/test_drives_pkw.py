@@ -194,15 +194,16 @@ CHANGED, READ_ONLY, ARRAY, NO_FACTOR, RESET, TEXTS = 1 << 12, 1 << 9, 1 << 14, 1
 @pytest.mark.parametrize(
     ("pnu", "identifier"),
     [
-        (918, NO_FACTOR | 6),
-        (944, READ_ONLY | NO_FACTOR | 6),
-        (951, READ_ONLY | ARRAY | TEXTS | NO_FACTOR | 6),
-        (952, RESET | NO_FACTOR | 6),
+        (918, 6),
+        (944, READ_ONLY | 6),
+        (951, READ_ONLY | ARRAY | TEXTS | 6),
+        (952, RESET | 6),
         (1283, 7),
-        (1268, NO_FACTOR | 4),
-        (1270, NO_FACTOR | 3),
-        (1292, READ_ONLY | ARRAY | NO_FACTOR | 5),
-        (320, NO_FACTOR | 8),
+        (1268, 4),
+        (1270, 3),
+        (1292, READ_ONLY | ARRAY | 5),
+        (320, 8),
+        (1261, 4),
         (1289, NO_FACTOR | 9),
     ],
 )
@@ -228,18 +229,42 @@ def bits(number: float) -> int:
 @pytest.mark.parametrize(
     ("pnu", "values"),
     [
-        (918, [NO_FACTOR | 6, 0, bits(1.0), 0, 0, int.from_bytes(b"COM_", "big"), 0, 126, 0, 0, 0, 0]),
-        (1283, [7, 0, bits(1e6), 0, 0, int.from_bytes(b"COM_", "big"), 0, 0xFFFFFFFF, 0, 0, 0, 0]),
-        (1268, [NO_FACTOR | 4, 0, bits(1.0), 0, 0, 0x434F4D5F, 0x80000000, 0x7FFFFFFF, 0, 0, 0, 0]),
-        (1255, [ARRAY | NO_FACTOR | 6, 12, bits(1.0), 0, 0, 0x434F4D5F, 0, 2, 0, 0, 0, 0]),
+        (918, [6, 0, bits(1.0), 0, 0, int.from_bytes(b"COM_", "big"), 0, 126, 0, 0, 0, 0]),
+        (1283, [7, 0, bits(1.0), 0, 0, int.from_bytes(b"COM_", "big"), 0, 0xFFFFFFFF, 0, 0, 0, 0]),
+        (1268, [4, 0, bits(1.0), 0, 0, 0x434F4D5F, 0x80000000, 0x7FFFFFFF, 0, 0, 0, 0]),
+        (1255, [ARRAY | 6, 12, bits(1.0), 0, 0, 0x434F4D5F, 0, 2, 0, 0, 0, 0]),
         (1293, [READ_ONLY | NO_FACTOR | 9, 25, bits(1.0), 0, 0, 0x434F4D5F, 0, 255, 0, 0, 0, 0]),
-        (325, [NO_FACTOR | 8, 0, bits(1.0), 0, 0, int.from_bytes(b"CON_", "big"), 0xFF7FFFFF, 0x7F7FFFFF, 0, 0, 0, 0]),
-        (320, [NO_FACTOR | 8, 0, bits(1.0), 0, 0, int.from_bytes(b"CON_", "big"), 0, 0x7F7FFFFF, 0, 0, 0, 0]),
+        (325, [8, 0, bits(1.0), 0, 0, int.from_bytes(b"CON_", "big"), 0xFF7FFFFF, 0x7F7FFFFF, 0, 0, 0, 0]),
+        (320, [8, 0, bits(1.0), 0, 0, int.from_bytes(b"CON_", "big"), 0, 0x7F7FFFFF, 0, 0, 0, 0]),
     ],
 )
 def test_a_description_has_the_twelve_elements_of_table_8_15(channel: Channel, pnu: int, values: list[int]) -> None:
     """Of the name the first four octets; elements of two octets stand in the last word."""
     assert [channel.ask(4, pnu, place).value for place in range(1, 13)] == values
+
+
+@pytest.mark.parametrize(
+    ("pnu", "factor"),
+    [
+        (1283, 1.0),  # ms in table 8.22
+        (338, 1.0),  # rpm, whatever NSOLL_B counts in
+        (1286, 1.0),  # 1000 of table 15.1
+        (1261, 100 / 0x40000000),  # 10.7: percent of a number that the profile normalises
+        (1262, 100 / 0x40000000),
+    ],
+)
+def test_the_standardisation_factor_makes_the_value_that_the_manual_speaks_of(
+    channel: Channel, pnu: int, factor: float
+) -> None:
+    """Table 8.15, sub index 3: what the drive makes of the number inside is not in it."""
+    assert channel.ask(4, pnu, 3).value == bits(factor)
+
+
+def test_bit_8_follows_the_data_type_alone(channel: Channel) -> None:
+    """Table 8.16: no physical value is calculated of a string."""
+    for parameter in channel.drive.model.parameters.values():
+        identifier = channel.ask(4, parameter.pnu, 1).value
+        assert bool(identifier & NO_FACTOR) == (identifier & 0xFF in {9, 10}), parameter
 
 
 def test_every_parameter_describes_itself(channel: Channel) -> None:

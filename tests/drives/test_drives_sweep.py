@@ -10,7 +10,7 @@ from pnfarm.drives.model_parts import Fault
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import FAULT_WORDS
+from pnfarm.table.axis import AXIS, FAULT_WORDS
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
     CMD_POWER_ON,
@@ -159,3 +159,11 @@ def test_a_model_is_printed_with_every_row_and_its_source(name: str) -> None:
         for part in parts:
             shown = shown[part]
         assert (shown["source"], shown["note"]) == (fact.source, fact.note), key
+
+
+def test_what_a_parameter_is_told_to_count_in_is_its_own_unit_and_not_the_axiss(drive: Drive) -> None:
+    """A factor that leads on to what the firmware counts in stands behind the one to the unit."""
+    for parameter in drive.model.parameters.values():
+        assert parameter.standardisation > 0.0, parameter
+        if parameter.backing is Backing.FIELD and parameter.factor == parameter.standardisation != 1.0:
+            assert parameter.unit == AXIS.fields[parameter.argument].unit, parameter

@@ -7,7 +7,7 @@ Twelve elements in 46 octets; subindex 0 asks for all of them, 1..12 for one.
 ==  =======================  ======  =====================================================
  1  identifier               2       bits below, data type in bits 0..7
  2  number of elements       2       0 for a parameter that is no array, the length of a text
- 3  standardisation factor   4       factor as a float, 1.0 where it does not matter
+ 3  standardisation factor   4       as a float, 1.0 where the number is the value itself or it does not matter
  4  variable attribute       2       0
  5  reserved                 4       0
  6  name                     16      ASCII, filled with blanks
@@ -55,19 +55,17 @@ def describe(parameter: Parameter, element: int, *, changed: bool, texts: bool =
     """
     if not 0 <= element <= len(_WIDTHS):
         raise ParameterError(ParameterErrorNumber.FAULTY_SUBINDEX, element)
-    # a number with a fraction is its value itself
-    factor = 1.0 if parameter.form is Form.FLOAT else parameter.factor
-    plain = factor == 1.0 or parameter.type is ParameterType.COMMAND
     identifier = data_type(parameter)
     identifier |= ID_ARRAY if parameter.elements and not parameter.text else 0
     identifier |= ID_ONLY_RESET if parameter.only_reset else 0
     identifier |= ID_CHANGED if changed else 0
     identifier |= ID_TEXTS if texts else 0
     identifier |= 0 if parameter.writable else ID_NOT_WRITABLE
-    identifier |= ID_FACTOR_IRRELEVANT if plain else 0
+    # a matter of the type (Moog MSD manual, table 8.16, bit 8): nothing is calculated of a text, nor of a command
+    identifier |= ID_FACTOR_IRRELEVANT if parameter.text or parameter.type is ParameterType.COMMAND else 0
     name = parameter.name.encode("ascii", "replace")[:16].ljust(16)
     writer = Writer()
-    writer.u16(identifier).u16(parameter.elements).f32(factor).u16(0).u32(0).bytes(name)
+    writer.u16(identifier).u16(parameter.elements).f32(parameter.standardisation).u16(0).u32(0).bytes(name)
     low, high = parameter.minimum, parameter.maximum
     if parameter.form is Form.FLOAT and (low, high) == (parameter.lowest, parameter.highest):
         low, high = LOWEST_FLOAT, HIGHEST_FLOAT
