@@ -14,6 +14,7 @@ from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.axis_codes import LIFE_GOOD, RAMP_GENERATED
+from pnfarm.table.image import LOST_EXPIRED, LOST_NEVER, LOST_STOP
 from pnfarm.table.signals import DRIVE_INPUTS
 
 if TYPE_CHECKING:
@@ -27,7 +28,10 @@ FIRST_CLASS = 0x9000
 OTHER_FAULT = 0x9012
 #: PNU 980..989 do not list themselves (profile 4.1, 6.2.1.2).
 LISTS = range(980, 990)
-#: Bit of P-0953: too many signs of life failed (Moog MSD manual 8.3.2).
+#: Bits of P-0953: the cyclic data ran out, the controller is in STOP or calls its data BAD (Moog MSD manual, table
+#: 15.1, which gives no places: assumed in its order); too many signs of life failed (8.3.2).
+TIMEOUT_WARNING = 0x0001
+STOP_WARNING = 0x0002
 LIFE_WARNING = 0x0010
 #: PNU 979: version 1.1 of its structure, one encoder, five values for it; these hold, and of a linear one say so.
 ENCODER_HEADER = 0x5111
@@ -187,8 +191,13 @@ def _warning(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
 
 
 def _bus_warnings(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """P-0953 (Moog MSD manual 8.3.2): a failed sign of life stays until cyclic data begin anew."""
-    return [LIFE_WARNING if int(store.handle.axis.life_failed) != LIFE_GOOD else 0]
+    """P-0953: each stays until cyclic data begin anew (Moog MSD manual 8.3.2 says so of the sign of life)."""
+    axis, lost = store.handle.axis, int(store.handle.image.lost)
+    # the drive's own watchdog may run out while the connection still stands, or after it was taken down
+    late = lost != LOST_NEVER and int(axis.loss_delay_ns) > 0 and int(axis.telegram_ns) == 0
+    word = LIFE_WARNING if int(axis.life_failed) != LIFE_GOOD else 0
+    word |= TIMEOUT_WARNING if late or lost == LOST_EXPIRED else 0
+    return [word | (STOP_WARNING if lost == LOST_STOP else 0)]
 
 
 def _active(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:

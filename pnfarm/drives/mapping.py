@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
@@ -27,36 +28,44 @@ def mapped_signals(
     Raises :class:`ParameterError` (value impermissible) with the index.
     """
     found: list[Signal | None] = []
-    shown = 0
+    places: dict[tuple[int, int], Signal] = {}
     for index, number in enumerate(numbers):
         signal = model.signals.get(number)
         if number and (signal is None or signal.shown_as):
             raise _impermissible(index, f"{model.name} has no signal {number}")
-        if signal is not None and signal.readable and not setpoint:
-            signal = signal.back
-        elif signal is not None and signal.stored:
-            if _is_second_word(found, signal):
-                signal = found[-1]
-            else:
-                signal = _in_place(model, signal, shown, elements[index] if index < len(elements) else 0, index)
-                shown += 1
-        found.append(signal)
+        if signal is None:
+            found.append(None)
+        elif signal.readable and not setpoint:
+            found.append(signal.back)
+        elif signal.setpoint != setpoint:
+            wanted, given = ("set point", "an actual value") if setpoint else ("actual value", "a set point")
+            raise _impermissible(index, f"{signal.name} is {given}; this direction takes {wanted}s")
+        elif signal.stored and _is_second_word(found, signal):
+            found.append(found[-1])
+        elif signal.stored:
+            element = elements[index] if index < len(elements) else 0
+            found.append(_in_place(model, signal, element, places, index))
+        else:
+            found.append(signal)
     return tuple(found)
 
 
 def _is_second_word(found: Sequence[Signal | None], signal: Signal) -> bool:
     """Whether the last word is the first of a double word that ``signal`` completes."""
-    if signal.bits != 32 or not found or found[-1] is None or found[-1].number != signal.number:
-        return False
-    return len(found) < 2 or found[-2] != found[-1]
+    alike = takewhile(lambda before: before is not None and before.number == signal.number, reversed(found))
+    return signal.bits == 32 and sum(1 for _ in alike) % 2 == 1
 
 
-def _in_place(model: Model, signal: Signal, place: int, element: int, index: int) -> Signal:
-    if place >= SHOWN:
-        raise _impermissible(index, f"more than {SHOWN} stored parameters")
+def _in_place(model: Model, signal: Signal, element: int, places: dict[tuple[int, int], Signal], index: int) -> Signal:
+    """The place where an element is shown, the one that it has already or the next one."""
     if element >= max(model.parameters[signal.number].elements, 1):
         raise _impermissible(index, f"{signal.number} has no element {element}")
-    return replace(signal, name=f"SHOWN_{place}", element=element)
+    key = (signal.number, element)
+    if key not in places:
+        if len(places) >= SHOWN:
+            raise _impermissible(index, f"more than {SHOWN} stored parameters")
+        places[key] = replace(signal, name=f"SHOWN_{len(places)}", element=element)
+    return places[key]
 
 
 def _impermissible(index: int, why: str) -> ParameterError:

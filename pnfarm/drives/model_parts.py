@@ -123,8 +123,8 @@ class ParameterAccess:
     * ``disabled_only``: PNUs that are written only while the power stage is off.
     * ``station_name``: the PNU of the station's name, 0 without such a parameter.
     * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
-    * ``mapping_by_entry``: PNU 915 and 916 take a list that is not complete, whose half double words and repetitions
-      count for nothing.
+    * ``mapping_by_entry``: PNU 915 and 916 take a list that is not complete, whose half double words count for nothing;
+      a signal may stand there twice: it is sent twice, and of a set point the first counts.
     """
 
     record_indexes: tuple[int, ...]

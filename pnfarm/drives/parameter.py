@@ -46,6 +46,7 @@ class ParameterErrorNumber(IntEnum):
     AXIS_NONEXISTENT = 0x19
     TEXT_NOT_CHANGEABLE = 0x20
     SERVICE_NOT_SUPPORTED = 0x21
+    TOO_MANY_PARAMETERS = 0x22
     MULTI_PARAMETER = 0x23
 
     @property
@@ -83,6 +84,7 @@ _WORDS = {
     ParameterErrorNumber.AXIS_NONEXISTENT: "axis or drive object nonexistent",
     ParameterErrorNumber.TEXT_NOT_CHANGEABLE: "parameter text element cannot be changed",
     ParameterErrorNumber.SERVICE_NOT_SUPPORTED: "service not supported",
+    ParameterErrorNumber.TOO_MANY_PARAMETERS: "too many parameters in a request",
     ParameterErrorNumber.MULTI_PARAMETER: "multi parameter access not supported",
 }
 _WITH_SUBINDEX = {

@@ -179,12 +179,17 @@ class ParameterStore:
         self.write(parameter.pnu, subindex, [value])
 
     def changed(self, parameter: Parameter) -> bool:
-        """Whether a stored value differs from the model's default."""
-        return self._values.changed(self.model.canonical(parameter))
+        """Whether a stored value differs from the model's default, as does the station's name, whoever gave it."""
+        target = self.model.canonical(parameter)
+        if target.pnu == self.model.access.station_name:
+            return tuple(self.read(target.pnu, 0, target.elements)) != target.defaults
+        return self._values.changed(target)
 
     def changed_numbers(self) -> list[int]:
         """The PNUs of every stored value that differs from the model's default, rising."""
-        return sorted(pnu for pnu in self._values.current if self._values.changed(self.model.parameters[pnu]))
+        parameters = self.model.parameters
+        asked = {*self._values.current, self.model.access.station_name} & parameters.keys()
+        return sorted(pnu for pnu in asked if self.changed(parameters[pnu]))
 
     def events(self) -> list[Event]:
         """What happened since the last call."""
@@ -358,6 +363,9 @@ class ParameterStore:
         array = list(self.read(parameter.pnu, 0, parameter.elements))
         array[subindex : subindex + len(values)] = values
         text = bytes(array).partition(b"\0")[0]
+        if tuple(text.ljust(parameter.elements, b"\0")) == parameter.defaults:
+            # what a station without a name shows is none
+            text = b""
         if not text.isascii() or not self.network.allows(text.decode("ascii")):
             raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, subindex)
         self._values.current[parameter.pnu] = tuple(text.ljust(parameter.elements, b"\0"))

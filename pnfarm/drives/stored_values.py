@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber, refusal
-from pnfarm.drives.telegram import MappingError, signal_codes, whole_signals
+from pnfarm.drives.telegram import MappingError, signal_codes
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import MOTION_TASKS
 
@@ -38,7 +38,8 @@ def mapping_numbers(
     setpoint = parameter.argument == "setpoint-mapping"
     try:
         signals = model.signals_of(numbers, setpoint=setpoint, elements=elements)
-        signal_codes(whole_signals(signals) if model.access.mapping_by_entry else signals, setpoint=setpoint)
+        if not model.access.mapping_by_entry:
+            signal_codes(signals, setpoint=setpoint)
     except MappingError as exc:
         raise ParameterError(
             ParameterErrorNumber.VALUE_IMPERMISSIBLE, exc.index, f"{parameter.pnu} {parameter.name}, {exc}"

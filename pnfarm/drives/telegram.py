@@ -151,8 +151,11 @@ class Telegram:
         return self.module, *self.others
 
 
-def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[int, ...]:
-    """Word codes of a list of signals; :class:`MappingError` on a torn double word, a wrong direction, a repetition."""
+def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool, repeats: bool = False) -> tuple[int, ...]:
+    """Word codes of a list of signals; :class:`MappingError` on a torn double word or a wrong direction.
+
+    And on a repetition, unless it ``repeats``.
+    """
     codes: list[int] = []
     seen: set[str] = set()
     while len(codes) < len(signals):
@@ -164,7 +167,7 @@ def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[i
         if signal.setpoint != setpoint:
             wanted, given = ("set point", "an actual value") if setpoint else ("actual value", "a set point")
             raise MappingError(index, f"{signal.name} is {given}; this direction takes {wanted}s")
-        if signal.name in seen:
+        if signal.name in seen and not repeats:
             raise MappingError(index, f"{signal.name} stands twice")
         seen.add(signal.name)
         if signal.bits == 16:
@@ -190,15 +193,15 @@ def signal_numbers(signals: Iterable[Signal | None]) -> tuple[int, ...]:
     return tuple(signal.shown_as or signal.number if signal else 0 for signal in signals)
 
 
-def whole_signals(signals: Sequence[Signal | None]) -> tuple[Signal | None, ...]:
-    """``signals`` without half double words and without what stands there for the second time."""
+def whole_signals(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[Signal | None, ...]:
+    """``signals`` without half double words and without set points that stand there for the second time."""
     found: list[Signal | None] = []
     seen: set[str] = set()
     while len(found) < len(signals):
         signal = signals[len(found)]
         width = signal.bits // 16 if signal else 1
         whole = len(found) + width <= len(signals) and signals[len(found) + width - 1] == signal
-        if signal is None or not whole or signal.name in seen:
+        if signal is None or not whole or (setpoint and signal.name in seen):
             found.append(None)
             continue
         seen.add(signal.name)

@@ -98,7 +98,7 @@ class TelegramSelection:
             for number, element in zip(stored, self._elements(setpoint=setpoint), strict=False)
         ]
         every = model.signals_of(stored, setpoint=setpoint, elements=elements)
-        signals = whole_signals(every[: len(words)])
+        signals = whole_signals(every[: len(words)], setpoint=setpoint)
         return signals + (None,) * (len(words) - len(signals))
 
     def numbers(self, *, setpoint: bool) -> tuple[int, ...]:
@@ -120,7 +120,8 @@ class TelegramSelection:
 
     def codes(self, *, setpoint: bool) -> tuple[int, ...]:
         """Word codes of one direction."""
-        return signal_codes(self.mapping(setpoint=setpoint), setpoint=setpoint)
+        # a free mapping without repetitions, where the drive takes none, was checked when it was written
+        return signal_codes(self.mapping(setpoint=setpoint), setpoint=setpoint, repeats=not setpoint)
 
     # what may be written
 

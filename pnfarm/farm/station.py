@@ -64,6 +64,7 @@ from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
+from pnfarm.table.image import LOST_NEVER
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ class DriveStation:
         self._take_written_name(kept)
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
-        self.parameter_records = ParameterRecords(self.store, slot, api)
+        self.parameter_records = ParameterRecords(self.store, slot, api, strict=self.config.strict)
         self.parameter_words = StationParameterWords(self.store)
         self.addressing = StationAddress(
             mac,
@@ -290,8 +291,9 @@ class DriveStation:
         self._build()
         self.connections.forget()
         self._calls.clear()
-        # what parameters wrote of set points is gone, too
+        # what parameters wrote of set points is gone, too, and why those of a controller ended
         self.handle.image.received[:] = 0
+        self.handle.image.lost = LOST_NEVER
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
         self.note(now, "power on")

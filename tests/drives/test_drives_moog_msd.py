@@ -311,11 +311,24 @@ def test_errors_have_the_numbers_of_table_9_7(msd: Drive, request_: str, error: 
     assert ask(msd, f"07 {request_}") == f"07 {int(request_[:2]) | 0x80:02X} 00 01 {error}"
 
 
-def test_a_request_may_hold_39_parameters_and_no_40(msd: Drive) -> None:
-    """Table 9.6: 0x01..0x27."""
-    one = "10 01 03 96 00 00"
-    assert ask(msd, f"07 01 00 27 {one * 39}") == "07 01 00 27" + " 42 01 00 7E" * 39
-    assert ask(msd, f"07 01 00 28 {one * 40}").startswith("07 81 00 01 44 01 00 16")
+ONE = "10 01 03 96 00 00"
+
+
+def test_a_request_may_hold_as_many_parameters_as_p_0974_says(msd: Drive) -> None:
+    """15, table 15.1: 20 of them; the error is the profile's, as table 9.7 has none for it."""
+    assert msd.store.read(974, 0, 3)[1] == 20
+    assert ask(msd, f"07 01 00 14 {ONE * 20}") == "07 01 00 14" + " 42 01 00 7E" * 20
+    assert ask(msd, f"07 01 00 15 {ONE * 21}") == "07 81 00 01 44 01 00 22"
+    changes = ONE * 21 + "42 01 00 05" * 21
+    assert ask(msd, f"07 02 00 15 {changes}") == "07 82 00 01 44 01 00 22"
+    assert msd.store.get("P-0918") == 126
+    assert ask(msd, f"07 01 00 28 {ONE * 40}") == "07 81 00 01 44 01 00 16", "table 9.6: 0x01..0x27"
+
+
+def test_with_lax_limits_a_request_holds_what_table_9_6_has(msd: Drive) -> None:
+    channel = ParameterChannel(msd.store, LOCAL, strict=False)
+    channel.write_request(bytes.fromhex(f"07 01 00 27 {ONE * 39}"))
+    assert channel.read_response() == bytes.fromhex("07 01 00 27" + " 42 01 00 7E" * 39)
 
 
 def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:

@@ -117,7 +117,6 @@ def signal_is_whole(drive: Drive, numbers: list[int]) -> bool:
         (915, 1, [5], E.VALUE_IMPERMISSIBLE, 1),  # the profile's number of NSOLL_A, no parameter of this drive
         (915, 10, [1278], E.VALUE_IMPERMISSIBLE, 10),  # the telegram has 10 words
         (916, 9, [1276, 1276], E.VALUE_IMPERMISSIBLE, 10),  # a double word over the end
-        (916, 0, [202] * 10, E.VALUE_IMPERMISSIBLE, 8),  # five stored parameters
         (1254, 31, [1, 1], E.FAULTY_SUBINDEX, 32),
     ],
 )
@@ -205,6 +204,48 @@ def test_a_standard_telegram_writes_the_numbers_of_its_parameters_into_the_lists
     msd.store.plug_telegram(telegram)
     assert msd.store.read(915, 0, 7) == (output + [0] * 7)[:7]
     assert msd.store.read(916, 0, 7) == (actual + [0] * 7)[:7]
+
+
+@pytest.mark.parametrize("number", [121, 968, 1262, 1265, 1276, 1271, 202, 700])
+def test_what_is_for_reading_only_is_no_set_point_of_a_single_entry_either(msd: Drive, number: int) -> None:
+    """8.2.3 and table 14.5: P-0915 takes what P-1284 lists, each entry as the whole list does."""
+    width = msd.model.signals[number].bits // 16
+    whole = refused(msd, 915, 1, [number] * width)
+    assert (whole.number, whole.value) == (E.VALUE_IMPERMISSIBLE, 1)
+    entry = refused(msd, 915, 1, [number])
+    assert (entry.number, entry.value) == (whole.number, whole.value)
+
+
+@pytest.mark.parametrize(("number", "name"), [(968, "ZSW1"), (1276, "XIST_A"), (1275, "TARPOS_A")])
+def test_a_signal_that_is_mapped_twice_is_sent_twice(msd: Drive, number: int, name: str) -> None:
+    """8.2.3: each entry links its word to the parameter."""
+    msd.axis.powered = 1
+    width = msd.model.signals[number].bits // 16
+    msd.store.write(916, 0, [number] * width + [1281] + [number] * width)
+    msd.axis.position = 12_345_678.5
+    msd.image.received[SETPOINT_SLOTS["TARPOS_A"]] = 0x12345678
+    words = sent_words(msd)
+    assert words[:width] == words[width + 1 : 2 * width + 1] != [0] * width, name
+    assert msd.store.read(916, 0, 2 * width + 1) == [number] * width + [1281] + [number] * width
+
+
+def test_of_a_set_point_that_is_mapped_twice_the_first_words_count(msd: Drive) -> None:
+    """The manual does not say which (assumed)."""
+    msd.store.write(915, 0, [967, 1278, 1278])
+    assert [signal and signal.name for signal in msd.store.mapping(setpoint=True)[4:7]] == ["STW1", "DRV_ACC", None]
+    assert msd.store.read(915, 0, 3) == [967, 1278, 1278]
+
+
+def test_four_elements_of_arrays_are_mapped_each_as_often_as_one_likes(msd: Drive) -> None:
+    """The drive shows four stored parameters at once (assumed)."""
+    msd.axis.powered = 1
+    msd.store.write(202, 0, [10, 11, 12, 13, 14])
+    msd.store.write(916, 0, [202] * 10)
+    assert sent_words(msd)[:10] == [0, 10] * 5
+    msd.store.write(1254, 0, [0, 0, 1, 0, 2, 0, 3, 0, 1, 0])
+    assert sent_words(msd)[:10] == [0, 10, 0, 11, 0, 12, 0, 13, 0, 11]
+    error = refused(msd, 1254, 8, [4])
+    assert (error.number, error.value) == (E.VALUE_IMPERMISSIBLE, 8)
 
 
 def test_an_element_that_the_mapped_array_has_not_is_refused(msd: Drive) -> None:

@@ -414,6 +414,65 @@ def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin
     assert (faults(line), store.get("P-1296"), store.get("P-0953")) == ([], 0, 0x0010)
     line.plc.columns.ppm["active"] = 0
     line.run(0.05)
+    assert store.get("P-0953") == 0x0001, "the timeout instead"
+
+
+def test_p_0953_tells_a_bus_timeout_until_telegrams_come_again() -> None:
+    """Table 15.1: warnings such as bus timeout and PLC stop mode; which bits they are is assumed."""
+    line = running(params="{P-1283: 0}")
+    store = line.farm.stations[0].store
+    assert store.get("P-0953") == 0
+    line.plc.columns.ppm["active"] = 0
+    line.run(0.1)
+    assert (faults(line), store.get("P-0953")) == ([], 0x0001), "the watchdog that is off raises no error"
+    assert line.until(lambda: line.plc.all_connected)
+    line.run(0.01)
+    assert store.get("P-0953") == 0
+
+
+def test_p_0953_tells_that_the_watchdog_ran_out_before_the_connection_did() -> None:
+    line = MsdLine(params="{P-1283: 20}", watchdog=200)
+    line.connect()
+    line.enable()
+    line.plc.columns.ppm["active"] = 0
+    line.run(0.1)
+    store = line.farm.stations[0].store
+    assert (faults(line), store.get("P-0953")) == (["32-1"], 0x0001)
+    assert line.farm.stations[0].watchdog_expirations == 0
+    line.plc.columns.ppm["active"] = 1
+    line.run(0.01)
+    assert store.get("P-0953") == 0
+
+
+def test_p_0953_tells_of_telegrams_that_stay_away_after_the_connection_was_taken_down() -> None:
+    line = running(params="{P-1283: 400}")
+    store = line.farm.stations[0].store
+    line.add("silence", **{"for": "5s"})
+    line.run(0.1)
+    assert (faults(line), store.get("P-0953")) == ([], 0)
+    line.run(0.5)
+    assert (faults(line), store.get("P-0953")) == (["32-1"], 0x0001)
+
+
+def test_p_0953_forgets_a_bus_timeout_at_power_on() -> None:
+    line = running()
+    (station,) = line.farm.stations
+    line.plc.columns.ppm["active"] = 0
+    line.run(0.1)
+    assert station.store.get("P-0953") == 0x0001
+    station.power_cycle(line.world.now)
+    line.run(0.01)
+    assert station.store.get("P-0953") == 0
+
+
+def test_p_0953_tells_the_stop_of_the_controller_while_it_lasts() -> None:
+    line = running()
+    store = line.farm.stations[0].store
+    line.plc.columns.image[0].good = 0
+    line.run(0.05)
+    assert store.get("P-0953") == 0x0002
+    line.plc.columns.image[0].good = 1
+    line.run(0.05)
     assert store.get("P-0953") == 0
 
 

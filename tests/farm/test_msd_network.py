@@ -6,6 +6,7 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.farm.snapshot import drive_snapshot
 
 
@@ -44,6 +45,37 @@ def test_a_station_without_a_name_shows_the_factorys(line):
     set_by_dcp(line, "")
     assert name_of(line) == "DRIVE"
     assert bytes(station.store.read(1293, 0, 25)).rstrip(b"\0") == b"DRIVE"
+
+
+def changed(line: VirtualLine) -> tuple[bool, bool]:
+    """Whether P-1289 is told to differ from the factory's, by bit 12 of its description and by P-0990."""
+    (station,) = line.farm.stations
+    request = ParameterChannel(station.store, LOCAL)
+    request.write_request(bytes.fromhex("07 01 00 01 20 01 05 09 00 01"))
+    identifier = int.from_bytes((request.read_response() or b"")[6:8], "big")
+    return bool(identifier & 0x1000), 1289 in station.store.read(990, 0, 117)
+
+
+def test_a_name_differs_from_the_factorys_whoever_gave_it(line):
+    """Table 8.16, bit 12, and table 15.1, P-0990."""
+    assert changed(line) == (True, True)
+    set_by_dcp(line, "")
+    assert changed(line) == (False, False)
+    write_name(line, "press-7")
+    assert changed(line) == (True, True)
+    write_name(line, "")
+    assert (name_of(line), changed(line)) == ("DRIVE", (False, False))
+
+
+def test_the_factorys_name_can_be_written_back_and_is_none(line):
+    """15, table 15.1: P-1289 takes what it has by default; no station has capitals in its name."""
+    (station,) = line.farm.stations
+    write_name(line, "DRIVE")
+    assert (name_of(line), station.name, changed(line)) == ("DRIVE", "axis-01", (False, False))
+    station.store.set("P-0971", 1)
+    line.run(0.01)
+    station.power_cycle(line.world.now)
+    assert (name_of(line), station.name) == ("DRIVE", "")
 
 
 def test_a_name_that_is_written_and_saved_counts_from_the_next_power_on(line):

@@ -57,10 +57,26 @@ def test_a_request_without_its_header_is_refused_at_once(line):
     assert "conflict" in str(read(line))
 
 
-@pytest.mark.parametrize("index", [47, 0xB02F])
-def test_other_indexes_are_no_parameter_access(line, index):
-    """9.1 names 0xB02E for PROFINET; 47 (2F hex) is that of PROFIBUS."""
-    assert "index" in write(line, "07 01 00 01 10 01 03 96 00 00", index)
+def test_index_47_is_the_parameter_access_too(line):
+    """9.1 knows 47 (2F hex) as the profile's data area; a channel of its own, whose axis counts (table 9.6)."""
+    assert write(line, "07 01 00 01 10 01 03 96 00 00", 47) == ""
+    assert "conflict" in str(read(line))
+    assert read(line, 47) == bytes.fromhex("07 01 00 01 42 01 00 7E")
+    assert write(line, "08 01 01 01 10 01 03 96 00 00", 47) == ""
+    assert read(line, 47) == bytes.fromhex("08 81 01 01 44 01 00 19")
+
+
+def test_another_index_is_no_parameter_access(line):
+    """9.1 names 0xB02E for PROFINET; 0xB02F is that of a drive of several axes."""
+    assert "index" in write(line, "07 01 00 01 10 01 03 96 00 00", 0xB02F)
+
+
+@pytest.mark.parametrize(("limits", "answer"), [("strict", "07 81 00 01 44 01 00 22"), ("lax", "07 01 00 15")])
+def test_a_farm_files_limits_say_whether_p_0974_counts(limits, answer):
+    line = VirtualLine(model="moog-msd", cycle="1ms", limits=limits)
+    line.connect()
+    assert write(line, "07 01 00 15" + "10 01 03 96 00 00" * 21) == ""
+    assert bytes(read(line)).startswith(bytes.fromhex(answer))
 
 
 def test_what_base_mode_changes_the_parameter_channel_reads(line):

@@ -165,8 +165,9 @@ class DriveRecords:
     47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``error`` (a fault kind sets it) refuses every access.
     """
 
-    def __init__(self, store: ParameterStore, slot: int, api: int) -> None:
-        self.channels = {index: ParameterChannel(store, index) for index in store.model.access.record_indexes}
+    def __init__(self, store: ParameterStore, slot: int, api: int, *, strict: bool = True) -> None:
+        indexes = store.model.access.record_indexes
+        self.channels = {index: ParameterChannel(store, index, strict=strict) for index in indexes}
         self.error: RecordError | None = None
         self._slot = slot
         self._api = api

@@ -20,6 +20,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     FORMAT_WORD,
     FORMAT_ZERO,
     MAX_ELEMENTS,
+    MAX_PARAMETERS,
     NEGATIVE,
     REQUEST_CHANGE,
     REQUEST_READ,
@@ -62,16 +63,18 @@ class ParameterChannel:
 
     ``index`` is the record's; on the local one the axis number is mirrored and not looked at.  ``client`` is the key of
     the connection that asks, which alone gets the answer; a read without a connection is client 0, and never asked.
+    With ``strict`` limits a request holds as many parameters as the drive says, else as many as its field can say.
 
     ``busy`` (a fault kind sets it) holds every response back, so that reads meet the state conflict of a drive that is
     still working; clearing it lets the response through.  ``refuse`` (a fault kind sets it) answers every parameter
     with that error.
     """
 
-    __slots__ = ("_local", "_responses", "_store", "busy", "refuse")
+    __slots__ = ("_local", "_most", "_responses", "_store", "busy", "refuse")
 
-    def __init__(self, store: ParameterStore, index: int = 47) -> None:
+    def __init__(self, store: ParameterStore, index: int = 47, *, strict: bool = True) -> None:
         self._store = store
+        self._most = store.model.limits.max_parameters if strict else MAX_PARAMETERS
         self._local = index == LOCAL
         self._responses: dict[int, bytes] = {}
         self.busy = False
@@ -117,6 +120,9 @@ class ParameterChannel:
             return ParameterResponse(request.reference, access.unknown_service_id, request.axis, 1, (entry,))
         if request.count > 1 and not access.multi_parameter and request.request_id in {REQUEST_READ, REQUEST_CHANGE}:
             entry = error_values(ParameterError(ParameterErrorNumber.MULTI_PARAMETER))
+            return ParameterResponse(request.reference, request.request_id | NEGATIVE, request.axis, 1, (entry,))
+        if self._most < request.count <= MAX_PARAMETERS and request.request_id in {REQUEST_READ, REQUEST_CHANGE}:
+            entry = error_values(ParameterError(ParameterErrorNumber.TOO_MANY_PARAMETERS))
             return ParameterResponse(request.reference, request.request_id | NEGATIVE, request.axis, 1, (entry,))
         if request.fault is not None:
             return self._refused(request, request.fault.number)
