@@ -14,6 +14,8 @@ from pnfarm.table.channel import FRAME_SLOT
 from pnfarm.table.columns import RX_BATCH
 
 ROOT = Path(__file__).resolve().parents[2]
+#: What an inner run takes: all but the tests that start one.
+PYTEST = ("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "not slow")
 
 
 def test_random_and_mutated_frames_never_disturb_anything_but_counters():
@@ -41,19 +43,37 @@ def test_random_and_mutated_frames_never_disturb_anything_but_counters():
     assert (pair.farm.axis.state[:4] == 4).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("folder", ["tests/engine", "tests/firmware"])
-@pytest.mark.parametrize("variable", ["NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK"])
-def test_engine_and_firmware_behave_alike_interpreted_and_with_bounds_checked(variable, folder):
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1" or os.environ.get("NUMBA_BOUNDSCHECK") == "1":
-        return  # this is the inner run
-    run = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", folder],
+def inner(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
+    """One more Python under other settings of the compiler."""
+    return subprocess.run(
+        [sys.executable, *arguments],
         cwd=ROOT,
-        env={**os.environ, variable: "1"},
+        env={**os.environ, **variables},
         capture_output=True,
         text=True,
         timeout=900,
         check=False,
     )
+
+
+@pytest.mark.slow
+def test_engine_and_firmware_behave_alike_with_bounds_checked():
+    run = inner(*PYTEST, "tests/engine", "tests/firmware", NUMBA_BOUNDSCHECK="1")
     assert run.returncode == 0, run.stdout[-3000:]
+
+
+@pytest.mark.slow
+def test_engine_behaves_alike_interpreted():
+    run = inner(*PYTEST, "tests/engine", NUMBA_DISABLE_JIT="1")
+    assert run.returncode == 0, run.stdout[-3000:]
+
+
+@pytest.mark.slow
+def test_each_kept_step_of_the_firmwares_tests_ends_alike_interpreted_to_the_last_octet(tmp_path):
+    kept = tmp_path / "steps"
+    run = inner(*PYTEST, "tests/firmware", PNFARM_STEPS=str(kept))
+    assert run.returncode == 0, run.stdout[-3000:]
+    run = inner("tests/support/replay.py", str(kept), NUMBA_DISABLE_JIT="1")
+    assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-1000:]
+    steps = int(run.stdout.split()[0])
+    assert steps > 5000, "the tests of the firmware step drives often"

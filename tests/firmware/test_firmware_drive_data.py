@@ -28,9 +28,7 @@ FULL = 0x40000000
 def valid(bench: BenchAxis, stw1: int, milliseconds: int = 1) -> None:
     bench.image.valid, bench.image.lost = 1, LOST_NOT
     bench.image.received[STW1] = stw1
-    for _ in range(milliseconds):
-        bench.image.frames += 1
-        bench.run(1)
+    bench.run(milliseconds, frame=True)
 
 
 def enabled(bench: BenchAxis) -> BenchAxis:

@@ -169,13 +169,9 @@ def test_position_signal_counts_65536_per_revolution_and_wraps_at_32_bits():
 
 @pytest.mark.parametrize("step_ms", [1, 2, 4, 16])
 def test_result_does_not_depend_on_how_often_the_firmware_is_stepped(step_ms):
-    from pnfarm.firmware.step import step
-
     drive = BenchAxis()
     drive.enable(1000.0)
-    for _ in range(160 // step_ms):
-        drive.now += step_ms * MS
-        step(drive.axis, drive.image, drive.now)
+    drive.run(160 // step_ms, step_ms * MS)
     assert drive.axis.position == pytest.approx(1.83, abs=0.03)
 
 

@@ -6,7 +6,6 @@ import pytest
 from bench_axis import MS, BenchAxis
 from scipy.integrate import solve_ivp
 
-from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import REACTION_QUICK_STOP
 
 RPM = 2 * math.pi / 60
@@ -138,8 +137,7 @@ def test_work_of_the_motor_is_kinetic_energy_and_friction_heat():
     work = heat = 0.0
     for _ in range(800):
         omega = float(drive.axis.velocity) * RPM
-        drive.now += 62_500
-        step(drive.axis, drive.image, drive.now)
+        drive.run(1, 62_500)
         mean = 0.5 * (omega + float(drive.axis.velocity) * RPM)
         work += float(drive.axis.torque) * mean * 62.5e-6
         heat += (0.05 + 1e-4 * mean) * mean * 62.5e-6
@@ -216,8 +214,7 @@ class TestDcLink:
         drive.write(0x047F, 0.0, run=0)
         copper = 0.0
         for _ in range(250 * 16):
-            drive.now += 62_500
-            step(drive.axis, drive.image, drive.now)
+            drive.run(1, 62_500)
             copper += 3 * 1.5 * float(drive.axis.current) ** 2 * 62.5e-6
         stored = 0.5 * 4e-4 * (float(drive.axis.bus_voltage) ** 2 - before**2)
         assert stored == pytest.approx(kinetic - copper, rel=0.01)
@@ -391,7 +388,5 @@ def test_the_answer_is_finite_for_any_step_inertia_and_gain():
 def test_stepping_the_firmware_slowly_changes_nothing_for_the_motor():
     drive = Motor(friction=0.05, acceleration=10_000.0)
     drive.enable(1000.0)
-    for _ in range(50):
-        drive.now += 4 * MS
-        step(drive.axis, drive.image, drive.now)
+    drive.run(50, 4 * MS)
     assert drive.axis.velocity == pytest.approx(1000.0, abs=0.5)

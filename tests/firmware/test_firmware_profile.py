@@ -11,15 +11,30 @@ from hypothesis import strategies as st
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
+from pnfarm.table.compiled import compiled
 
 RPM = 60.0
+
+
+@compiled
+def walk(axes, step, steps, over, path):
+    """Positions and velocities after each of ``steps`` steps, or until the profile is over; how many."""
+    axis = axes[0]
+    for i in range(steps):
+        if over and profile_over(axis):
+            return i
+        step_profile(axis, step)
+        path[i, 0] = axis.commanded_position
+        path[i, 1] = axis.profile_velocity
+    return steps
 
 
 class Profile:
     """An axis with a profile alone; positions in rev, velocities in rev/s."""
 
     def __init__(self, position=0.0, velocity=0.0, *, jerk=0.0):
-        self.axis = np.zeros(1, AXIS.dtype).view(np.recarray)[0]
+        self.axes = np.zeros(1, AXIS.dtype).view(np.recarray)
+        self.axis = self.axes[0]
         self.axis.commanded_position = position
         self.axis.profile_velocity = velocity * RPM
         self.axis.jerk_time = jerk
@@ -34,19 +49,24 @@ class Profile:
 
     def run(self, seconds, step=0.001):
         """Positions and velocities after each step."""
-        path = []
-        for _ in range(round(seconds / step)):
-            step_profile(self.axis, step)
-            self.time += step
-            path.append((float(self.axis.commanded_position), float(self.axis.profile_velocity) / RPM))
-        return path
+        return self._walk(round(seconds / step), step, over=False)
 
     def until_over(self, step=0.001, most=100.0):
-        path = []
-        while not profile_over(self.axis):
-            path += self.run(step, step)
-            assert self.time < most, "it never arrives"
+        path = self._walk(math.ceil((most - self.time) / step), step, over=True)
+        assert profile_over(self.axis), "it never arrives"
         return path
+
+    def _walk(self, steps, step, *, over):
+        path = np.empty((min(steps, 100_000), 2))
+        walked = []
+        while steps > 0:
+            taken = walk(self.axes, step, min(steps, len(path)), over, path)
+            walked += [(position, velocity / RPM) for position, velocity in path[:taken].tolist()]
+            self.time += taken * step
+            if taken < len(path):
+                break
+            steps -= taken
+        return walked
 
 
 def trapezoid_time(distance, velocity, up, down):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from stepping import run_steps
+
 from pnfarm.firmware.faults import take_commands  # noqa: F401 - re-exported for tests that drive it alone
-from pnfarm.firmware.step import step
 from pnfarm.table.axis import AXIS, COMMANDS
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE, REACTION_QUICK_STOP
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
@@ -56,10 +57,9 @@ class BenchAxis:
         self.now = 0
         self.run(150)
 
-    def run(self, milliseconds: int) -> None:
-        for _ in range(milliseconds):
-            self.now += MS
-            step(self.axis, self.image, self.now)
+    def run(self, steps: int, step_ns: int = MS, *, frame: bool = False) -> None:
+        """So many steps of ``step_ns`` each; with ``frame`` set points came in each."""
+        self.now = run_steps(self.axes, self.images, self.now, step_ns, steps, frame=frame)
 
     def write(self, stw1: int, rpm: float = 0.0, *, run: int = 1) -> int:
         """STW1 and a speed; ZSW1 after ``run`` milliseconds."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from stepping import run_steps
+
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.store import ParameterStore
-from pnfarm.firmware.sign_of_life import count_life
-from pnfarm.firmware.step import step
 from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
@@ -28,8 +28,9 @@ class MsdBench:
 
     def __init__(self, telegram: int = 1, module: int | None = None, **params: int) -> None:
         self.model = model("moog-msd")
-        self.axis: Any = AXIS.allocate(1)[0]
-        self.image: Any = IMAGE.allocate(1)[0]
+        self.axes, self.images = AXIS.allocate(1), IMAGE.allocate(1)
+        self.axis: Any = self.axes[0]
+        self.image: Any = self.images[0]
         self.store = ParameterStore(self.model, AxisHandle(self.axis, self.image))
         self.model.apply_motor(self.axis)
         self.axis.firmware = FIRMWARE_PROFIDRIVE
@@ -45,13 +46,7 @@ class MsdBench:
 
     def run(self, milliseconds: int = 1, *, frames: bool = True) -> None:
         """``frames``: each millisecond a frame of set points comes, the same as the last one."""
-        for _ in range(milliseconds):
-            self.now += MS
-            if self.image.valid and frames:
-                self.image.frames += 1
-            count_life(self.axis, self.image)
-            step(self.axis, self.image, self.now)
-            self.image.filled += 1
+        self.now = run_steps(self.axes, self.images, self.now, MS, milliseconds, life=True, frame=frames)
 
     def send(self, run: int = 1, **signals: int) -> int:
         """Set points by the names of their signals; ZSW1 after ``run`` milliseconds."""
