@@ -16,6 +16,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from model_pages import effects
+
+from pnfarm.drives.effects import EFFECTS
+
 FOLDER = Path(__file__).resolve().parent / "coverage"
 
 #: ``implemented``: as the manual says.  ``assumed``: the manual leaves something open; the note says what was decided.
@@ -86,6 +90,17 @@ def page() -> str:
     for model, found in every.items():
         counts = [sum(row.status == status for row in found) for status in STATUSES]
         lines.append(f"| {model} | " + " | ".join(map(str, counts)) + " |")
+    lines += [
+        "",
+        "What their parameters do, all of them in [parameters/](parameters/):",
+        "",
+        "| model | " + " | ".join(EFFECTS) + " |",
+        "|---|" + "---:|" * len(EFFECTS),
+    ]
+    for model in every:
+        counts = " | ".join(map(str, effects(model).values()))
+        lines.append(f"| [{model}](parameters/{model}.md) | {counts} |")
+    lines += ["", *(f"- {effect}: {words}" for effect, words in EFFECTS.items())]
     for model, found in every.items():
         lines += ["", f"## {model}", "", "| section | about | status | held by | note |", "|---|---|---|---|---|"]
         for row in found:

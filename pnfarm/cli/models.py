@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -16,7 +18,7 @@ __all__ = ["models"]
 #: Sections whose values each have a source of their own.
 _FACTS = (
     "motor", "firmware", "position_units", "factor_group", "control_limits", "communication_loss", "sign_of_life",
-    "following_error", "motion_tasks", "parameter_access", "parameter_words", "parameter_texts", "lamps",
+    "following_error", "motion_tasks", "effects", "parameter_access", "parameter_words", "parameter_texts", "lamps",
     "description_file", "diagnosis", "diagnosis_coding",
 )  # fmt: skip
 
@@ -27,20 +29,50 @@ def models(
         typer.Argument(metavar="MODEL", help="One model, in full; a list when left out.", show_default=False),
     ] = None,
     output: FormatOption = Format.TABLE,
+    parameters: Annotated[
+        str | None,
+        typer.Option(
+            metavar="GLOB",
+            help="Its parameters of these names, numbers or effects instead, such as 'HOME.*', 2203, kept or '*'.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """List the drive models, or print one with the source of each of its values."""
     from pnfarm.drives import catalogue
+    from pnfarm.errors import ConfigError
 
     if model is None:
+        if parameters is not None:
+            raise ConfigError("--parameters wants a model: pnfarm models MODEL --parameters GLOB")
         _list(output)
         return
     found = catalogue.as_json(catalogue.model(model))
+    if parameters is not None:
+        found["parameters"] = [row for row in found["parameters"] if _matches(row, parameters)]
+        if not found["parameters"]:
+            raise ConfigError(f"{found['name']} has no parameter {parameters!r}; '*' shows all of them")
     if output is Format.JSON:
         from pnfarm.cli.output import print_json
 
-        print_json(found)
+        print_json(found if parameters is None else found["parameters"])
+    elif parameters is not None:
+        _print_parameters(found["parameters"])
     else:
         _print(found)
+
+
+def _matches(row: dict[str, Any], glob: str) -> bool:
+    wanted = glob.upper()
+    return any(fnmatchcase(text.upper(), wanted) for text in (row["name"], str(row["pnu"]), row["effect"]))
+
+
+def _print_parameters(rows: list[dict[str, Any]]) -> None:
+    from pnfarm.cli.output import print_table
+
+    columns = (">PNU", "NAME", "TYPE", ">DEFAULT", "UNIT", "SCALE", "ACCESS", "EFFECT", "~SOURCE", "~NOTE")
+    keys = ("pnu", "name", "type", "default", "unit", "scale", "access", "effect", "source", "note")
+    print_table(columns, [tuple(row[key] for key in keys) for row in rows])
 
 
 def _list(output: Format) -> None:
@@ -58,6 +90,7 @@ def _list(output: Format) -> None:
 
 def _print(found: dict[str, Any]) -> None:
     from pnfarm.cli.output import print_line, print_table
+    from pnfarm.drives.effects import EFFECTS
 
     print_line(f"{found['name']}: {found['title']} ({found['maker']}, {found['bus']})")
     print_line(f"manual: {found['manual']}, {found['edition']}")
@@ -112,7 +145,11 @@ def _print(found: dict[str, Any]) -> None:
         ],
     )
     print_line()
-    print_line(f"Every row: pnfarm models {found['name']} --format json")
+    counts = Counter(row["effect"] for row in found["parameters"])
+    effects = [(counts[name], name, words) for name, words in EFFECTS.items()]
+    print_table((">PARAMETERS", "EFFECT", "~MEANING"), effects)
+    print_line()
+    print_line(f"Every parameter: pnfarm models {found['name']} --parameters '*'; every row: --format json")
 
 
 def _fact_rows(facts: dict[str, Any], prefix: str = "") -> list[tuple[str, str, str, str]]:

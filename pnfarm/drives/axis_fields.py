@@ -112,11 +112,11 @@ class AxisFields:
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
             self._prevail(parameter)
-        if model.factor_group is not None and parameter.pnu in model.factor_group.parameters:
+        if model.factor_group is not None and parameter.pnu in model.factor_group.numbers:
             apply_factor_group(model.factor_group, self._values, self._handle.axis)
             self._apply_scaled("velocity")
             self._apply_scaled("acceleration")
-        if model.control_limits is not None and parameter.pnu in model.control_limits.parameters:
+        if model.control_limits is not None and parameter.pnu in model.control_limits.numbers:
             apply_control_limits(model.control_limits, self._values, self._handle.axis)
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.data_files import read_toml, required
+from pnfarm.drives.effects import effect_of
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
 from pnfarm.drives.parameter import Form
@@ -137,7 +138,7 @@ def _others_json(telegram: Telegram) -> list[dict[str, Any]]:
     return [{"name": module.name, **_module_json(module)} for module in telegram.others]
 
 
-def _parameter_json(parameter: Parameter) -> dict[str, Any]:
+def _parameter_json(described: Model, parameter: Parameter) -> dict[str, Any]:
     return {
         "pnu": parameter.pnu,
         "name": parameter.name,
@@ -152,6 +153,7 @@ def _parameter_json(parameter: Parameter) -> dict[str, Any]:
         "scale": parameter.scale,
         "nonvolatile": parameter.nonvolatile,
         "backed_by": parameter.backing.name.lower(),
+        "effect": effect_of(described, parameter).value,
         "after_power_on": parameter.after_power_on,
         "motor": parameter.motor,
         "source": parameter.source,
@@ -230,7 +232,7 @@ def as_json(described: Model) -> dict[str, Any]:
             }
             for bits in described.word_bits
         ],
-        "parameters": [_parameter_json(parameter) for parameter in described.parameters.values()],
+        "parameters": [_parameter_json(described, parameter) for parameter in described.parameters.values()],
         "faults": [
             {
                 "number": fault.number,
@@ -264,6 +266,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "control_limits": _fact_json(described, "control_limits"),
         "parameter_texts": _fact_json(described, "parameter_texts"),
         "consequences": [{**asdict(entry), "subindexes": list(entry.subindexes)} for entry in described.consequences],
+        "effects": _fact_json(described, "effects"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "parameter_words": _fact_json(described, "parameter_words"),
         "lamps": _fact_json(described, "lamps"),

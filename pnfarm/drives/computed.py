@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.drives.store import ParameterStore
 
-__all__ = ["COMPUTED"]
+__all__ = ["COMPUTED", "CONSTANT_COMPUTED"]
 
 #: ChannelErrorType of the profile's first fault class, and of its other faults (Moog MSD manual, table 9.23).
 FIRST_CLASS = 0x9000
@@ -359,3 +359,9 @@ COMPUTED: dict[str, _Function] = {
     "station-gateway": _station_gateway,
     "station-macs": _station_macs,
 }
+
+#: Those that always read the same on one drive: identification, lists, what the hardware gives.
+CONSTANT_COMPUTED = frozenset({
+    "actual-signals", "encoder-format", "fault-scaling", "foldback-recovery", "object-identification", "parameter-list",
+    "setpoint-signals", "signal-list", "signals", "station-macs", "unit-identification",
+})  # fmt: skip

@@ -28,7 +28,7 @@ FINITE = 0x7F7FFFFF
 
 def check_control_limits(limits: ControlLimits, parameters: Mapping[int, Parameter], where: str) -> ControlLimits:
     """Stored numbers, zero or more; raises :class:`ConfigError`."""
-    for pnu in sorted(limits.parameters):
+    for pnu in sorted(limits.numbers):
         parameter = parameters.get(pnu)
         stored = parameter is not None and parameter.backing is Backing.STORED and parameter.form is Form.FLOAT
         if parameter is None or not stored or parameter.maximum > FINITE:

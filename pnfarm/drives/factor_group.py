@@ -42,7 +42,7 @@ def float_bits(value: float) -> int:
 
 def check_factor_group(group: FactorGroup, parameters: Mapping[int, Parameter], where: str) -> FactorGroup:
     """Stored parameters that cannot be zero, lest a unit be nothing; raises :class:`ConfigError`."""
-    for pnu in sorted(group.parameters):
+    for pnu in sorted(group.numbers):
         parameter = parameters.get(pnu)
         if parameter is None or parameter.backing is not Backing.STORED or parameter.minimum < 1:
             raise ConfigError(f"{where}: {pnu} is no parameter that is stored and above zero")

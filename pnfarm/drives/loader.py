@@ -14,6 +14,7 @@ from pnfarm.drives.behaviour import read_behaviour, with_behaviour
 from pnfarm.drives.consequences import read_consequences
 from pnfarm.drives.control_limits import check_control_limits
 from pnfarm.drives.data_files import integer, read_toml, required, rows
+from pnfarm.drives.effects import check_effects
 from pnfarm.drives.factor_group import check_factor_group
 from pnfarm.drives.lamps import Lamps
 from pnfarm.drives.model import Model
@@ -350,6 +351,7 @@ def load_model(folder: Path) -> Model:
             "description_file",
             "diagnosis",
             "diagnosis_coding",
+            "effects",
             "factor_group",
             "following_error",
             "lamps",
@@ -443,4 +445,5 @@ def load_model(folder: Path) -> Model:
         motor_kinds=motor_kinds,
         behaviour=read_behaviour(folder / "behaviour.toml", parameters, fixed, section_value),
     )
-    return with_behaviour(described, {})
+    effects = check_effects(described, sections.get("effects", {}), f"{path}, effects")
+    return with_behaviour(replace(described, effects=effects), {})

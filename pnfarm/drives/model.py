@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.behaviour import Point
     from pnfarm.drives.consequences import Consequence
+    from pnfarm.drives.effects import Effect
     from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.model_parts import (
         CommunicationLoss,
@@ -106,6 +107,8 @@ class Model:
     facts: Mapping[str, Fact]
     #: Motors that a farm file may choose instead of the usual one, which turns.
     motor_kinds: Mapping[str, MotorKind]
+    #: PNU -> what it is to the drive, where its row would say otherwise.
+    effects: Mapping[int, Effect] = field(default_factory=dict)
     #: What the manual leaves open, and of that the readings that a farm file chose; the others have their defaults.
     behaviour: tuple[Point, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)

@@ -230,7 +230,7 @@ class FactorGroup:
     torque: int
 
     @property
-    def parameters(self) -> frozenset[int]:
+    def numbers(self) -> frozenset[int]:
         """All of them."""
         return frozenset({self.numerator, self.denominator, self.speed, self.acceleration, self.torque})
 
@@ -250,7 +250,7 @@ class ControlLimits:
     torque_scale: int
 
     @property
-    def parameters(self) -> frozenset[int]:
+    def numbers(self) -> frozenset[int]:
         """All of them."""
         return frozenset(astuple(self))
 

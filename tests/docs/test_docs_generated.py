@@ -6,6 +6,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+MODELS = ("akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd")
+NAMES = (
+    "table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md", *(f"parameters/{m}.md" for m in MODELS),
+)  # fmt: skip
 
 
 def _pages():
@@ -15,7 +19,11 @@ def _pages():
     return module.PAGES
 
 
-@pytest.mark.parametrize("name", ["table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md"])
+def test_every_generated_page_is_looked_at():
+    assert set(_pages()) == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_generated_pages_are_up_to_date(name):
     assert (ROOT / "docs" / name).read_text(encoding="utf-8") == _pages()[name](), "run `python docs/build.py`"
 

@@ -1,0 +1,105 @@
+"""What a parameter is to the drive that has it: whether it acts, reads what the drive is or does, or is only kept.
+
+It follows from what stands behind the parameter and from the model's own sections, which name further ones; where that
+would not be true, the section ``effects`` of ``model.toml`` says otherwise, with the reason.  A parameter for another
+motor than the one at hand (``motor`` in its row) has the effect that it has with that one.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.computed import CONSTANT_COMPUTED
+from pnfarm.drives.data_files import integer
+from pnfarm.drives.parameter import Backing
+from pnfarm.errors import ConfigError
+from pnfarm.table.axis import AXIS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.model_parts import Fact
+    from pnfarm.drives.parameter import Parameter
+
+__all__ = ["EFFECTS", "Effect", "acting_parameters", "check_effects", "effect_of"]
+
+
+class Effect(Enum):
+    """The effect of a parameter; ``acts`` where writing it, or its value, changes what the drive does."""
+
+    ACTS = "acts"
+    LIVE = "live"  # it reads what the drive is or does
+    KEPT = "kept"  # it is stored and read back, and has no effect
+    CONSTANT = "constant"  # it always reads the same
+
+
+#: Each effect in words, for people.
+EFFECTS = {
+    Effect.ACTS.value: "writing it, or its value, changes what the drive does",
+    Effect.LIVE.value: "it reads what the drive is or does",
+    Effect.KEPT.value: "it is stored and read back, without effect",
+    Effect.CONSTANT.value: "it always reads the same",
+}
+
+
+def acting_parameters(model: Model) -> frozenset[int]:
+    """The PNUs of stored parameters that the model's sections name, so that their values act."""
+    numbers: set[int] = {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}
+    numbers.update(model.access.mapping_elements, (entry.pnu for entry in model.consequences))
+    if model.motion_tasks is not None:
+        numbers.update((model.motion_tasks.number, *model.motion_tasks.contents))
+    if model.diagnosis_coding is not None:
+        numbers.add(model.diagnosis_coding.mode_parameter)
+    for group in (model.position_units, model.factor_group, model.control_limits):
+        if group is not None:
+            numbers |= group.numbers
+    return frozenset(numbers)
+
+
+def effect_of(model: Model, parameter: Parameter) -> Effect:
+    """What a parameter of this model is to its drive."""
+    return model.effects.get(parameter.pnu) or _derived(model, model.canonical(parameter))
+
+
+def _derived(model: Model, parameter: Parameter) -> Effect:
+    match parameter.backing:
+        case Backing.COMMAND:
+            # a command that is always refused reads as zero
+            return Effect.CONSTANT if parameter.argument == "refuse" else Effect.ACTS
+        case Backing.SIGNAL:
+            return Effect.ACTS if parameter.argument == "received" else Effect.LIVE
+        case Backing.COMPUTED:
+            if parameter.writable:
+                return Effect.ACTS
+            return Effect.CONSTANT if parameter.argument in CONSTANT_COMPUTED else Effect.LIVE
+        case Backing.FIELD:
+            if parameter.writable:
+                return Effect.ACTS
+            return Effect.LIVE if AXIS.fields[parameter.argument].writer in {"firmware", "fault"} else Effect.CONSTANT
+        case _:
+            if not parameter.writable:
+                return Effect.CONSTANT
+            return Effect.ACTS if parameter.pnu in acting_parameters(model) else Effect.KEPT
+
+
+# model.toml
+
+
+def check_effects(model: Model, facts: Mapping[str, Fact], where: str) -> dict[int, Effect]:
+    """The section ``effects``: PNU -> effect, where the data would say another; raises :class:`ConfigError`."""
+    found: dict[int, Effect] = {}
+    for key, fact in facts.items():
+        pnu = integer(key, where, "pnu")
+        if pnu not in model.parameters:
+            raise ConfigError(f"{where}.{key}: there is no parameter {pnu}")
+        try:
+            effect = Effect(fact.value)
+        except ValueError:
+            known = ", ".join(each.value for each in Effect)
+            raise ConfigError(f"{where}.{key}: {fact.value!r} is none of {known}") from None
+        if effect is _derived(model, model.canonical(model.parameters[pnu])) or not fact.note:
+            raise ConfigError(f"{where}.{key}: that is so without this entry, or its reason is missing")
+        found[pnu] = effect
+    return found
