@@ -62,17 +62,14 @@ def test_every_value_names_its_source_and_every_assumption_its_reason(name: str)
 
 @pytest.mark.parametrize("name", sorted(models()))
 def test_a_model_is_read_when_asked_for_and_within_50_ms(name: str) -> None:
-    catalogue._loaded.cache_clear()
-    started = time.perf_counter()
-    model(name)
-    # the time of the first load; a busy machine gets three more tries
-    best = time.perf_counter() - started
-    for _ in range(3):
+    # the processor's time, which a busy machine stretches less; the first load and three more tries
+    spent = []
+    for _ in range(4):
         catalogue._loaded.cache_clear()
-        started = time.perf_counter()
+        started = time.process_time()
         model(name)
-        best = min(best, time.perf_counter() - started)
-    assert best < 0.05
+        spent.append(time.process_time() - started)
+    assert min(spent) < 0.05
     assert all(model(name) is model(alias) for alias in models()[name].aliases)
 
 
