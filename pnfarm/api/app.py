@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import anyio.to_thread
 from fastapi import FastAPI, Header, Query
-from starlette.responses import HTMLResponse, Response, StreamingResponse
+from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
 
 from pnfarm import __version__
 from pnfarm.api.context import PREFIX, ApiContext
@@ -108,24 +108,32 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
         f"{PREFIX}/events",
         tags=tags,
         summary="The log as server-sent events; Last-Event-ID continues where a client was",
+        response_class=StreamingResponse,
         responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}},
     )
     async def events(
         last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry seen.")] = None,
         drive: Annotated[str | None, Query(description="Only this drive's.")] = None,
         after: Annotated[int | None, Query(ge=0, description="Begin after this number; 0: all that is kept.")] = None,
+        follow: Annotated[bool, Query(description="Go on as the log grows; false: end with what is kept.")] = True,
     ) -> Response:
         if drive is not None:
             drive = context.station(drive).configured_name
         begin = last_event_id if last_event_id is not None or after is None else str(after)
-        stream = event_stream(context, start_of(context, begin), drive)
+        stream = event_stream(context, start_of(context, begin), drive, follow=follow)
         return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
 
 def _add_outside(app: FastAPI, context: ApiContext) -> None:
     """What is not under ``/api``."""
 
-    @app.get("/metrics", tags=["farm"], summary="Metrics in Prometheus's text format")
+    @app.get(
+        "/metrics",
+        tags=["farm"],
+        summary="Metrics in Prometheus's text format",
+        response_class=PlainTextResponse,
+        responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
+    )
     async def metrics() -> Response:
         async with context.rendering:
             scrape = context.collector.gather()

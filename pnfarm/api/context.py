@@ -8,8 +8,9 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 import anyio
+from starlette.requests import ClientDisconnect
 
-from pnfarm.api.problems import NotFoundError, RequestError, TooLargeError
+from pnfarm.api.problems import ClientGoneError, NotFoundError, RequestError, TooLargeError
 from pnfarm.errors import ConfigError
 from pnfarm.farm.snapshot import drive_snapshot
 
@@ -74,10 +75,13 @@ async def read_object(request: Request) -> dict[str, Any]:
             status=HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
         )
     body = bytearray()
-    async for chunk in request.stream():
-        body += chunk
-        if len(body) > MAX_BODY:
-            raise TooLargeError(f"the body has more than {MAX_BODY} octets; no request needs as many")
+    try:
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > MAX_BODY:
+                raise TooLargeError(f"the body has more than {MAX_BODY} octets; no request needs as many")
+    except ClientDisconnect as exc:
+        raise ClientGoneError("the client hung up before its request was whole") from exc
     try:
         value = json.loads(body)
     except RecursionError as exc:

@@ -42,9 +42,15 @@ def start_of(context: ApiContext, last_event_id: str | None) -> int:
     return wanted if wanted <= newest else 0
 
 
-async def event_stream(context: ApiContext, after: int, drive: str | None) -> AsyncIterator[str]:
-    """Messages for every entry above ``after``, of one drive or of all, until the client or the server goes."""
+async def event_stream(
+    context: ApiContext, after: int, drive: str | None, *, follow: bool = True
+) -> AsyncIterator[str]:
+    """Messages for every entry above ``after``, of one drive or of all, until the client or the server goes.
+
+    Without ``follow`` the stream ends with the newest entry that there is.
+    """
     wake = anyio.Event()
+    newest = max((entry.sequence for entry in context.core.log.entries()[-1:]), default=0)
 
     def tell() -> None:
         wake.set()
@@ -62,6 +68,8 @@ async def event_stream(context: ApiContext, after: int, drive: str | None) -> As
         while not context.closing:
             wake = anyio.Event()
             entries = context.core.log.entries(after=after)
+            if not follow and (not entries or after >= newest):
+                return
             if not entries:
                 with anyio.move_on_after(ALIVE_SECONDS) as waiting:
                     await wake.wait()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import structlog
 from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.routing import Match
 
 from pnfarm.drives.axis_handle import CommandRingFullError
@@ -29,9 +30,14 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.responses import Response
 
-__all__ = ["Json", "NotFoundError", "RequestError", "TooLargeError", "install_handlers", "problem"]
+__all__ = ["ClientGoneError", "Json", "NotFoundError", "RequestError", "TooLargeError", "install_handlers", "problem"]
 
 logger = structlog.get_logger("pnfarm.api")
+
+#: In the scope of a request whose error has been answered and logged.
+TOLD = "pnfarm.told"
+#: Of a path and of a traceback (its end says what went wrong), so many characters are logged.
+MAX_LOGGED, MAX_TRACE = 200, 8000
 
 
 class RequestError(ConfigError):
@@ -54,6 +60,10 @@ class NotFoundError(ConfigError):
 
 class TooLargeError(ConfigError):
     """A body beyond what any request needs."""
+
+
+class ClientGoneError(ConfigError):
+    """A client that does not wait for the answer, nor ends its question."""
 
 
 class Json(JSONResponse):
@@ -111,6 +121,8 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
             return problem(HTTPStatus.NOT_FOUND, sentence, request)
         case TooLargeError():
             return problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, sentence, request)
+        case ClientGoneError():
+            return _gone(request)
         case RequestError():
             members: dict[str, Any] = {"errors": exc.errors} if exc.errors else {}
             return problem(exc.status, sentence, request, **members)
@@ -122,10 +134,20 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
             return _internal(request, exc)
 
 
+def _gone(request: Request) -> Response:
+    """One line in the log, and an answer that nobody reads."""
+    client = request.client.host if request.client is not None else ""
+    logger.info("client hung up", path=request.scope["path"][:MAX_LOGGED], client=client)
+    return problem(HTTPStatus.BAD_REQUEST, "the client hung up", request)
+
+
 def _internal(request: Request, exc: Exception) -> Response:
+    request.scope[TOLD] = True
+    if isinstance(exc, ClientDisconnect) or isinstance(exc.__context__, ClientDisconnect):
+        return _gone(request)
     # as text: a pretty traceback shows local variables, and takes seconds
-    trace = "".join(traceback.format_exception(exc))
-    logger.error("internal error", path=request.scope["path"], traceback=trace)
+    trace = "".join(traceback.format_exception(exc))[-MAX_TRACE:]
+    logger.error("internal error", path=request.scope["path"][:MAX_LOGGED], traceback=trace)
     sentence = f"internal error: {type(exc).__name__}; the farm's log says more"
     return problem(HTTPStatus.INTERNAL_SERVER_ERROR, sentence, request)
 

@@ -14,6 +14,7 @@ import uvicorn
 from anyio import TASK_STATUS_IGNORED
 
 from pnfarm.api.app import make_app
+from pnfarm.api.problems import TOLD
 from pnfarm.errors import EnvironmentError_
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from anyio.abc import TaskStatus
     from fastapi import FastAPI
+    from starlette.types import ASGIApp, Receive, Scope, Send
 
     from pnfarm.farm.config_model import Api
     from pnfarm.farm.farm import Farm
@@ -46,6 +48,23 @@ class _Server(uvicorn.Server):
     @contextlib.contextmanager
     def capture_signals(self) -> Generator[None, None, None]:
         yield
+
+
+class Contained:
+    """The application, whose errors have been answered and logged when they come out of it.
+
+    The framework raises them all the same, and the server would log each a second time.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        try:
+            await self._app(scope, receive, send)
+        except Exception:
+            if not scope.get(TOLD):
+                raise
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -85,7 +104,7 @@ async def serve(
 
 async def _serve(app: FastAPI, found: socket.socket, up: Callable[[tuple[str, int]], None]) -> None:
     config = uvicorn.Config(
-        app,
+        Contained(app),
         log_config=None,
         access_log=False,
         lifespan="off",

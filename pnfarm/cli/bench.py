@@ -8,9 +8,9 @@ import platform
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,11 +32,12 @@ from pnfarm.cli.bench_line import (
     wire,
 )
 from pnfarm.errors import ConfigError, InternalError
+from pnfarm.faults.words import did_you_mean
 
 if TYPE_CHECKING:
     from pnfarm.controller.line import VirtualLine
 
-__all__ = ["BENCHMARKS", "command"]
+__all__ = ["BENCHMARKS", "Benchmark", "chosen", "command", "measured"]
 
 
 def frame_cost(seconds: float) -> list[Result]:
@@ -200,19 +201,74 @@ def firmware(seconds: float) -> list[Result]:
     return results
 
 
-#: Name on the command line -> (benchmark, seconds of one measurement).
-BENCHMARKS: dict[str, tuple[Callable[[float], list[Result]], float]] = {
-    "frame-cost": (frame_cost, 10.0),
-    "full-port": (full_port, 60.0),
-    "memory": (memory, 0.0),
-    "flat": (flat, 10.0),
-    "start": (start, 0.0),
-    "connect-storm": (connect_storm, 5.0),
-    "akd-1024": (akd_1024, 10.0),
-    "virtual": (virtual_64, 0.0),
-    "scrape": (scrape, 0.0),
-    "firmware": (firmware, 0.0),
+@dataclass(frozen=True, slots=True)
+class Benchmark:
+    """``seconds`` is the usual length of one measurement, ``figures`` are the names that ``run`` measures."""
+
+    run: Callable[[float], list[Result]]
+    seconds: float
+    figures: tuple[str, ...]
+
+
+def _figures(head: str, *rest: str) -> tuple[str, ...]:
+    return tuple(f"{head}-{word}" for word in rest)
+
+
+#: By name on the command line, where each of the figures is a name, too.
+BENCHMARKS: dict[str, Benchmark] = {
+    "frame-cost": Benchmark(frame_cost, 10.0, ("frame-cost-192", "frame-cost-192-floor", "frame-cost-192-controller")),
+    "full-port": Benchmark(
+        full_port, 60.0, _figures("full-port", "expirations", "lateness-p50", "lateness-p99", "cpu")
+    ),
+    "memory": Benchmark(memory, 0.0, ("memory-per-drive",)),
+    "flat": Benchmark(
+        flat,
+        10.0,
+        ("cpu-16-drives", "cpu-512-drives", *_figures("added-drive", "16-to-256", "256-to-512", "ratio")),
+    ),
+    "start": Benchmark(start, 0.0, ("start-64",)),
+    "connect-storm": Benchmark(
+        connect_storm,
+        5.0,
+        _figures(
+            "connect-storm",
+            *("256", "farm", "controller", "lateness-p99", "lateness-ratio"),
+            *("ordinary-p99", "ordinary-ratio", "expirations"),
+        ),
+    ),
+    "akd-1024": Benchmark(akd_1024, 10.0, _figures("akd-1024", "cpu", "expirations")),
+    "virtual": Benchmark(virtual_64, 0.0, ("virtual-64",)),
+    "scrape": Benchmark(scrape, 0.0, ("scrape-256",)),
+    "firmware": Benchmark(firmware, 0.0, _figures("firmware", "speed", "position", "position-16-khz")),
 }
+
+
+def chosen(names: Sequence[str]) -> dict[str, frozenset[str]]:
+    """Benchmarks to run, in the usual order, and which of their figures were asked for.
+
+    A name is a benchmark's or a figure's; none means all.  Raises :class:`ConfigError`.
+    """
+    for name in names:
+        if not any(name == known or name in benchmark.figures for known, benchmark in BENCHMARKS.items()):
+            near = did_you_mean(name, [*BENCHMARKS, *(f for b in BENCHMARKS.values() for f in b.figures)])
+            known_names = ", ".join(BENCHMARKS)
+            raise ConfigError(f"there is no benchmark {name!r}{near}; there are {known_names}, and their figures")
+    wanted: dict[str, frozenset[str]] = {}
+    for known, benchmark in BENCHMARKS.items():
+        whole = not names or known in names
+        figures = frozenset(figure for figure in benchmark.figures if whole or figure in names)
+        if figures:
+            wanted[known] = figures
+    return wanted
+
+
+def measured(name: str, wanted: frozenset[str], seconds: float | None) -> list[Result]:
+    """Run one benchmark; those of its figures that were asked for."""
+    benchmark = BENCHMARKS[name]
+    results = benchmark.run(benchmark.seconds if seconds is None else seconds)
+    if tuple(result.name for result in results) != benchmark.figures:
+        raise InternalError(f"benchmark {name} measured {[result.name for result in results]}")
+    return [result for result in results if result.name in wanted]
 
 
 def _table(results: list[Result]) -> None:
@@ -271,7 +327,10 @@ def _reading(results: list[Result]) -> list[str]:
 
 
 def command(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Which; all when left out.")] = None,
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="Which benchmarks, or which of their figures; all when left out."),
+    ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures as JSON.")] = None,
     markdown_file: Annotated[
         Path | None, typer.Option("--markdown", help="Write the figures as a page of documentation.")
@@ -282,19 +341,16 @@ def command(
     ] = None,
 ) -> None:
     """Run the benchmarks: the farm's figures beside the floor of this machine."""
-    unknown = [name for name in names or [] if name not in BENCHMARKS]
-    if unknown:
-        raise ConfigError(f"there is no benchmark {unknown[0]!r}; there are {', '.join(BENCHMARKS)}")
+    wanted = chosen(names or [])
     from pnfarm.links.sandbox import enter_sandbox
 
     # compiled beforehand, in a process of its own: a benchmark that compiles measures the compiler
     subprocess.run([sys.executable, "-m", "pnfarm.engine.warm"], check=True, stdout=subprocess.DEVNULL)
     enter_sandbox()
     results: list[Result] = []
-    for name in names or BENCHMARKS:
-        function, usual = BENCHMARKS[name]
-        typer.echo(f"{name}: {(function.__doc__ or '').splitlines()[0]}", err=True)
-        results += function(usual if seconds is None else seconds)
+    for name, figures in wanted.items():
+        typer.echo(f"{name}: {(BENCHMARKS[name].run.__doc__ or '').splitlines()[0]}", err=True)
+        results += measured(name, figures, seconds)
     _table(results)
     if json_file is not None:
         json_file.write_text(json.dumps([asdict(r) for r in results], indent=1) + "\n", encoding="utf-8")

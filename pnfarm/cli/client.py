@@ -95,13 +95,17 @@ class FarmClient:
         except ValueError as exc:
             raise self._stranger() from exc
 
-    def events(self, drive: str | None = None) -> Iterator[dict[str, Any]]:
-        """The farm's log from its oldest entry on, then as it grows, of one drive or of all, until the farm stops."""
+    def events(self, drive: str | None = None, *, follow: bool = True) -> Iterator[dict[str, Any]]:
+        """The farm's log from its oldest entry on, of one drive or of all; with ``follow`` then as it grows, until
+        the farm stops.
+        """
         import httpx
 
         patience = httpx.Timeout(TIMEOUT_SECONDS, read=None)
         headers = {"Accept": "text/event-stream", "Last-Event-ID": "0"}
         chosen = {"drive": drive} if drive else {}
+        if not follow:
+            chosen["follow"] = "false"
         try:
             with self._client.stream("GET", "events", headers=headers, timeout=patience, params=chosen) as response:
                 if response.is_error:

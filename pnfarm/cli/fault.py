@@ -99,12 +99,15 @@ def show(
 ) -> None:
     """Print the faults that wait or are in force, or the one named, with their evidence."""
     from pnfarm.cli.client import FarmClient
-    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.cli.output import print_json, print_line, print_table
 
     with FarmClient(api, token) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
     if output is Format.JSON:
         print_json(found)
+        return
+    if not found["faults"]:
+        print_line("no fault waits or is in force")
         return
     columns = ("ID", "KIND", "STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "~DRIVES")
     rows = [

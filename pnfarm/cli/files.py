@@ -67,18 +67,10 @@ def check_impairments(config: FarmConfig) -> None:
             except FaultError as exc:
                 for field, what, allowed in exc.issues:
                     location: tuple[str | int, ...] = ("drives", group, "impair", number, *field.split("."))
-                    line, column = _line(config.path, location)
                     place = f"drives[{group}].impair[{number}].{field}"
-                    issues.append(FileIssue(str(config.path or "<text>"), line, column, place, what, allowed))
+                    issues.append(FileIssue(*config.place(location), place, what, allowed))
     if issues:
         raise FarmFileError(issues)
-
-
-def _line(path: Path | None, location: tuple[str | int, ...]) -> tuple[int, int]:
-    """Where a value stands; the file has been read before, so it can be again."""
-    from pnfarm.farm.yaml_lines import parse_yaml
-
-    return (0, 0) if path is None else parse_yaml(path.read_bytes()).locate(location)
 
 
 def validate(file: FarmFile) -> None:

@@ -27,7 +27,7 @@ def inspect(
         bool, typer.Option("--events", help="What happened, and what happens from now on, until Ctrl-C.")
     ] = False,
     follow: Annotated[
-        bool, typer.Option("--follow/--no-follow", help="With --events of one drive: go on, or show what is kept.")
+        bool, typer.Option("--follow/--no-follow", help="With --events: go on, or show what is kept and end.")
     ] = True,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
@@ -37,16 +37,16 @@ def inspect(
     from pnfarm.cli.client import FarmClient
     from pnfarm.errors import ConfigError
 
-    if not follow and (name is None or not events):
-        raise ConfigError("--no-follow shows the events kept of one drive: give its NAME and --events")
+    if not follow and not events:
+        raise ConfigError("--no-follow shows the events that are kept: give --events")
     with FarmClient(api, token) as farm:
         if name is not None:
             drive = farm.get("drives", name)
             name = str(drive["name"])
-        if events and not follow:
+        if events and not follow and name is not None:
             _follow(drive["events"], output)
         elif events:
-            _follow(farm.events(name), output)
+            _follow(farm.events(name, follow=follow), output)
         elif name is not None:
             _one(drive, output)
         else:

@@ -2,12 +2,33 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import sys
 
 import structlog
 
+from pnfarm.cli.log_limit import LineLimit
+
 __all__ = ["configure"]
+
+#: Of a traceback, so many frames are written.
+MAX_FRAMES = 20
+
+_limits: list[LineLimit] = []
+
+
+def _replace(limit: LineLimit) -> None:
+    """What an earlier set-up held back is written now, and what this one holds back when the program ends."""
+    if not _limits:
+        atexit.register(_flush)
+    _flush()
+    _limits[:] = [limit]
+
+
+def _flush() -> None:
+    for limit in _limits:
+        limit.flush()
 
 
 class _StandardError:
@@ -27,6 +48,8 @@ def configure(*, as_json: bool, level: str = "info") -> None:
     """``level`` is ``debug``, ``info``, ``warning`` or ``error``; calling it again replaces the set-up."""
     number: int = getattr(logging, level.upper())
     error = _StandardError()
+    limit = LineLimit()
+    _replace(limit)
     shared: list[structlog.typing.Processor] = [
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
@@ -34,13 +57,17 @@ def configure(*, as_json: bool, level: str = "info") -> None:
     ]
     last: list[structlog.typing.Processor]
     if as_json:
-        last = [structlog.processors.dict_tracebacks, structlog.processors.JSONRenderer(default=str)]
+        # without the values of local variables: they hold secrets, and whole requests of a peer
+        frames = structlog.tracebacks.ExceptionDictTransformer(show_locals=False, max_frames=MAX_FRAMES)
+        last = [structlog.processors.ExceptionRenderer(frames), structlog.processors.JSONRenderer(default=str)]
     else:
-        last = [structlog.dev.ConsoleRenderer(colors=error.isatty(), pad_event_to=30)]
+        plain = structlog.dev.plain_traceback
+        last = [structlog.dev.ConsoleRenderer(colors=error.isatty(), pad_event_to=30, exception_formatter=plain)]
     structlog.configure(
-        processors=[*shared, *last],
+        processors=[limit, *shared, *last],
         wrapper_class=structlog.make_filtering_bound_logger(number),
-        logger_factory=structlog.PrintLoggerFactory(error),  # type: ignore[arg-type]  # it writes and flushes, no more
+        # one write for each line: sums come from a thread of their own
+        logger_factory=structlog.WriteLoggerFactory(error),  # type: ignore[arg-type]  # it writes and flushes, no more
         cache_logger_on_first_use=False,
     )
     handler = logging.StreamHandler(error)
@@ -50,6 +77,7 @@ def configure(*, as_json: bool, level: str = "info") -> None:
             processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *last],
         )
     )
+    handler.addFilter(limit)
     root = logging.getLogger()
     root.handlers[:] = [handler]
     # libraries say at "info" what is the farm's own business

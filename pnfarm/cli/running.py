@@ -29,7 +29,10 @@ logger = structlog.get_logger("pnfarm")
 
 @asynccontextmanager
 async def stop_on_signals() -> AsyncIterator[anyio.CancelScope]:
-    """A scope that the first SIGINT, SIGTERM or SIGHUP cancels; what stands outside of it, the cleaning up, goes on."""
+    """A scope that the first signal to end cancels; what stands outside of it, the cleaning up, goes on.
+
+    These are SIGINT, SIGTERM, SIGQUIT and, where nobody ignores it, SIGHUP.
+    """
     scope = anyio.CancelScope()
     async with anyio.create_task_group() as tasks:
         await tasks.start(_watch, scope)
@@ -40,7 +43,7 @@ async def stop_on_signals() -> AsyncIterator[anyio.CancelScope]:
 
 
 async def _watch(scope: anyio.CancelScope, *, task_status: TaskStatus[None]) -> None:
-    wanted = [signal.SIGINT, signal.SIGTERM]
+    wanted = [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # it is under nohup, which means it
         wanted.append(signal.SIGHUP)
     with anyio.open_signal_receiver(*wanted) as signals:

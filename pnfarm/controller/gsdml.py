@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.farm.regular_file import read_regular
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
 
@@ -19,8 +20,7 @@ __all__ = ["load_gsdml"]
 def load_gsdml(path: Path) -> Gsdml:
     """Read a file; :class:`ConfigError` with its name, and what is wrong where, if it is no GSDML file."""
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_OCTETS + 1)
+        data = read_regular(path, MAX_OCTETS + 1)
     except OSError as exc:
         raise ConfigError(f"the GSDML file {path} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     try:

@@ -21,9 +21,10 @@ from pydantic import Field, PrivateAttr, ValidationError
 from pnfarm.farm.config_checks import check
 from pnfarm.farm.config_errors import explain
 from pnfarm.farm.config_expand import Clock, DriveConfig, clock_of, controller_mac, expand_sections
-from pnfarm.farm.config_issue import FarmFileError, FileIssue, Location, field_path, shown
+from pnfarm.farm.config_issue import FarmFileError, FileIssue, Location, few_hints, field_path, shown
 from pnfarm.farm.config_known import Known, catalogue
 from pnfarm.farm.config_model import FAULT_KINDS, DriveGroup, FarmSections
+from pnfarm.farm.regular_file import read_regular
 from pnfarm.farm.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
 
 if TYPE_CHECKING:
@@ -61,6 +62,10 @@ class FarmConfig(FarmSections):
     def path(self) -> Path | None:
         """The file, or None for a text of no file."""
         return self._path
+
+    def place(self, location: Location) -> tuple[str, int, int]:
+        """File, line and column of a value, as messages name them; 0 where it stands in no file."""
+        return _place(self._path, self._document, location)
 
     @property
     def known(self) -> Known:
@@ -115,8 +120,7 @@ def load_farm(path: str | Path, known: Known | None = None) -> FarmConfig:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
-            data = file.read(MAX_OCTETS + 1)
+        data = read_regular(path, MAX_OCTETS + 1)
     except OSError as error:
         what = f"cannot be read: {(error.strerror or str(error)).lower()}"
         raise FarmFileError([FileIssue(str(path), 0, 0, "", what, "a farm file, *.pnfarm.yml")]) from error
@@ -154,6 +158,7 @@ def expand(config: FarmConfig) -> list[DriveConfig]:
 # --- stages -----------------------------------------------------------------------------------------------------
 
 
+@few_hints()
 def _build(
     values: Any,
     place: Callable[[Location], tuple[str, int, int]],
@@ -162,10 +167,13 @@ def _build(
     document: Document | None,
     known: Known,
 ) -> FarmConfig:
+    told = set(issues)
+
     def report(location: Location, what: str, allowed: str) -> None:
         file, line, column = place(location)
         issue = FileIssue(file, line, column, field_path(location), what, allowed)
-        if issue not in issues:
+        if issue not in told:
+            told.add(issue)
             issues.append(issue)
 
     if not isinstance(values, dict):

@@ -36,6 +36,16 @@ _BY_TYPE = {
     "finite_number": "a finite number",
 }
 
+#: Errors about a length -> what is counted.
+_LENGTHS = {
+    "string_too_short": ("character", "characters"),
+    "string_too_long": ("character", "characters"),
+    "too_short": ("entry", "entries"),
+    "too_long": ("entry", "entries"),
+    "bytes_too_short": ("octet", "octets"),
+    "bytes_too_long": ("octet", "octets"),
+}
+
 
 def strip_tags(location: Location) -> Location:
     """The location as the file has it."""
@@ -73,11 +83,34 @@ def explain(root: type[BaseModel], error: Mapping[str, Any]) -> tuple[Location, 
         return place, f"is {shown(value)}", _BY_TYPE[kind] + _bounds(field)
     if kind.startswith(("greater_than", "less_than")):
         return place, f"is {shown(value)}", "a number" + _bounds(field)
-    if kind in {"too_short", "string_too_short", "string_too_long", "too_long"}:
-        return place, "is empty" if not value else "is too short or too long", _described(field)
+    if kind in _LENGTHS:
+        return place, *_wrong_length(kind, value, context, field)
     if kind == "string_pattern_mismatch":
         return place, f"{shown(value)} is no such word", f"{_described(field)} ({context['pattern']})"
     return place, f"is {shown(value)}: {error['msg']}", _described(field)
+
+
+def _wrong_length(kind: str, value: Any, context: Mapping[str, Any], field: FieldInfo | None) -> tuple[str, str]:
+    """How long a value is, and how long it may be; never the value, which may be a secret."""
+    rules = [*(field.metadata if field is not None else ()), _Length(context)]
+    low = next((rule.min_length for rule in rules if getattr(rule, "min_length", None)), None)
+    high = next((rule.max_length for rule in rules if getattr(rule, "max_length", None) is not None), None)
+    one, many = _LENGTHS[kind]
+    length = len(value) if isinstance(value, (str, list, tuple, dict)) else 0
+    what = f"has {length} {one if length == 1 else many}" if length else "is empty"
+    bounds = f"{low} to {high}" if low and high else f"at most {high}" if high else f"at least {low}"
+    only = high or low
+    described = _described(field)
+    allowed = f"{bounds} {one if only == 1 else many}"
+    return what, f"{allowed}: {described}" if described else allowed
+
+
+class _Length:
+    """The bound that pydantic's error tells, where the key's own rules do not."""
+
+    def __init__(self, context: Mapping[str, Any]) -> None:
+        self.min_length: int | None = context.get("min_length")
+        self.max_length: int | None = context.get("max_length")
 
 
 def _unknown_key(root: type[BaseModel], location: Location) -> tuple[str, str]:

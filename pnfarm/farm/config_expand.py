@@ -153,6 +153,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
     own = controller_mac(sections)
     if own is not None:
         taken.add(own)
+    tried: dict[str, int] = {}
     index = 0
     for number, group in enumerate(sections.drives):
         model = known.model(group.model)
@@ -163,7 +164,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 group=number,
                 name=name,
                 model=model.name if model is not None else group.model,
-                mac=_mac(farm, group, name, step, taken),
+                mac=_mac(farm, group, name, step, taken, tried),
                 ip=_ip(group, step),
                 gateway=group.gateway,
                 load=group.load,
@@ -189,12 +190,14 @@ def _explicit_macs(group: DriveGroup) -> Iterator[bytes]:
             yield mac_from_int(value)
 
 
-def _mac(farm: str, group: DriveGroup, name: str, step: int, taken: set[bytes]) -> bytes:
+def _mac(farm: str, group: DriveGroup, name: str, step: int, taken: set[bytes], tried: dict[str, int]) -> bytes:
+    """``tried``: salts that each name has used up, so that a name given thousands of times costs no search each."""
     if isinstance(group.mac, bytes):
         return mac_from_int((mac_to_int(group.mac) + step) % (1 << 48))
-    salt = 0
+    salt = tried.get(name, 0)
     while (mac := auto_mac(farm, name, salt)) in taken:
         salt += 1
+    tried[name] = salt + 1
     taken.add(mac)
     return mac
 

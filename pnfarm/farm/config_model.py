@@ -40,6 +40,7 @@ from pnfarm.farm.config_values import (
     OctetString,
     Scalar,
 )
+from pnfarm.faults.globs import too_much
 from pnfarm.table.program import TARGETS
 
 __all__ = [
@@ -140,6 +141,7 @@ class Api(Section):
     token: str | None = Field(
         default=None,
         min_length=8,
+        max_length=512,
         description="Bearer token that a client must show; left out, a port beyond loopback gets one at start.",
     )
 
@@ -204,6 +206,8 @@ def _read_globs(value: Any) -> list[str]:
         raise problem(
             f"is {shown(value)}", "a glob over drive names such as axis-*, model:NAME, all, or a list of them"
         )
+    if (excess := too_much(globs)) is not None:
+        raise problem(excess.what, excess.allowed)
     return globs
 
 

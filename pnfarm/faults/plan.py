@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from pnfarm.faults.catalogue import KINDS, FaultKind, kind_named
+from pnfarm.faults.globs import is_pattern, too_much
 from pnfarm.faults.words import (
     DURATION_PATTERN,
     FaultError,
@@ -48,6 +49,8 @@ _ALLOWED = {
     "cycles": "a whole number from 1 to 2^32 - 1",
     "as": "a name: a-z, 0-9, -, _ and ., at most 64 characters",
 }
+#: Most fields of a fault, and most of its parameters: more cannot be meant, and each wrong one would be told.
+MAX_FIELDS = 64
 #: So many of the longest cycle are a time that the table holds.
 _COUNT_END = 1 << 32
 
@@ -68,6 +71,8 @@ def _globs(value: Any) -> list[str]:
     globs = [value] if isinstance(value, str) else value
     if not isinstance(globs, (list, tuple)) or not globs or not all(isinstance(item, str) and item for item in globs):
         raise _custom(Problem(f"is {shown(value)}", _ALLOWED["on"]))
+    if (problem := too_much(globs)) is not None:
+        raise _custom(problem)
     return list(globs)
 
 
@@ -121,6 +126,9 @@ class FaultSpec(BaseModel):
     @classmethod
     def parse(cls, data: Mapping[str, Any]) -> Self:
         """A spec from plain values; raises :class:`FaultError` that names every wrong field and what is allowed."""
+        for field, entries in (("fault", data), ("params", data.get("params"))):
+            if isinstance(entries, dict) and len(entries) > MAX_FIELDS:
+                raise FaultError([(field, f"has {len(entries)} fields", f"at most {MAX_FIELDS}")])
         try:
             return cls.model_validate(dict(data))
         except ValidationError as exc:
@@ -172,7 +180,7 @@ def _misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
         if known is None:
             allowed = ", ".join(kind.params) or f"none: {kind.name} has no parameters"
             yield (
-                f"params.{name}",
+                f"params.{name[:60]}",
                 Problem(f"{kind.name} has no such parameter{did_you_mean(name, kind.params)}", allowed),
             )
             continue
@@ -229,14 +237,14 @@ def _issues(error: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 
 def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
     kind, context = error["type"], error.get("ctx", {})
-    field = ".".join(str(step) for step in error["loc"]) or "fault"
+    field = ".".join(str(step)[:60] for step in error["loc"]) or "fault"
     if kind == "pnfarm":
         return field, context["what"], context["allowed"]
     if kind == "missing":
         return field, "is missing", _ALLOWED.get(field, "a kind of `pnfarm fault kinds`")
     if kind == "extra_forbidden":
         keys = [info.alias or name for name, info in FaultSpec.model_fields.items()]
-        return field, f"is no field of a fault{did_you_mean(field, keys)}", ", ".join(keys)
+        return field, f"is no field of a fault{did_you_mean(str(error['loc'][-1]), keys)}", ", ".join(keys)
     return field, f"is {shown(error.get('input'))}", _ALLOWED.get(field.split(".", maxsplit=1)[0], error["msg"])
 
 
@@ -246,8 +254,17 @@ def matching(globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], t
     Raises :class:`FaultError` for a glob that means none.
     """
     chosen: set[str] = set()
+    answering: dict[str, list[str]] = {}
+    for name, (names, _) in drives.items():
+        for other in names:
+            answering.setdefault(other, []).append(name)
     for glob in globs:
-        found = {name for name, known in drives.items() if _means(glob, *known)}
+        if glob == "all":
+            found = set(drives)
+        elif is_pattern(glob):
+            found = {name for name, known in drives.items() if _means(glob, *known)}
+        else:
+            found = set(answering.get(glob, ()))
         if not found:
             raise FaultError([("on", _no_drive(glob, drives), _ALLOWED["on"])])
         chosen |= found
@@ -255,8 +272,6 @@ def matching(globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], t
 
 
 def _means(glob: str, names: tuple[str, ...], models: tuple[str, ...]) -> bool:
-    if glob == "all":
-        return True
     prefix, _, model = glob.partition(":")
     if prefix == "model" and model:
         return any(fnmatch.fnmatchcase(name, model) for name in models)
@@ -267,5 +282,5 @@ def _no_drive(glob: str, drives: Mapping[str, tuple[tuple[str, ...], tuple[str, 
     prefix, _, model = glob.partition(":")
     if prefix == "model" and model:
         known = sorted({name for _, models in drives.values() for name in models})
-        return f"no drive is of model {model!r}{did_you_mean(model, known)}; there are {', '.join(known)}"
-    return f"no drive matches {glob!r}{did_you_mean(glob, drives)}"
+        return f"no drive is of model {shown(model)}{did_you_mean(model, known)}; there are {', '.join(known)}"
+    return f"no drive matches {shown(glob)}{did_you_mean(glob, drives)}"

@@ -26,6 +26,8 @@ _UNITS_NS = {
 _DURATION = re.compile(r"([0-9]{1,15}(?:\.[0-9]{1,9})?) ?(ns|us|µs|ms|s|min|h)")
 #: For a JSON Schema.
 DURATION_PATTERN = r"^[0-9]+(\.[0-9]+)? ?(ns|us|µs|ms|s|min|h)$"
+#: Longest word that is compared with the known ones; a station name has at most 240 characters, most have twenty.
+_WORD = 80
 #: A year: integer nanoseconds stay far inside 64 bits.
 MAX_DURATION_NS = 366 * 24 * _UNITS_NS["h"]
 
@@ -53,7 +55,12 @@ class FaultError(ConfigError):
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """``", did you mean X?"``, or nothing when no known word is near."""
+    """``", did you mean X?"``, or nothing when no known word is near.
+
+    A long word is near none: the comparison would cost its length times that of every known word.
+    """
+    if len(word) > _WORD:
+        return ""
     near = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
     return f", did you mean {near[0]}?" if near else ""
 

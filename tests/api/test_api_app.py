@@ -160,6 +160,14 @@ def test_openapi_describes_every_path_and_its_problems(still):
         assert reference in schemas
 
 
+@pytest.mark.parametrize(("path", "kind"), [("/metrics", "text/plain"), ("/api/v1/events", "text/event-stream")])
+def test_what_is_no_json_is_not_described_as_json(still, path, kind):
+    described = still.get("/openapi.json").json()["paths"][path]["get"]["responses"]
+    assert described["200"]["content"] == {kind: {"schema": {"type": "string"}}}
+    answer = still.get(path, params={"follow": "false"})
+    assert answer.headers["content-type"].partition(";")[0] == kind
+
+
 def test_page_needs_nothing_from_elsewhere(still):
     response = still.get("/")
     assert response.status_code == 200
@@ -175,6 +183,18 @@ def test_metrics_are_the_farms_and_the_process(still):
     assert response.headers["content-type"].startswith("text/plain; version=0.0.4")
     families = {family.name for family in text_string_to_metric_families(response.text)}
     assert {"pnfarm_axis_state", "pnfarm_faults_active", "process_cpu_seconds"} <= families
+
+
+def test_events_that_nobody_follows_end_with_the_newest():
+    world = ApiWorld(2, controller=False)
+    for number in range(20):
+        world.line.log.record(number, f"axis-{number % 2 + 1:02}", "try", number=number)
+    newest = world.line.log.entries()[-1].sequence
+    whole = world.get("/api/v1/events?after=0&follow=false").text
+    assert whole.count("\nid: ") == newest
+    one = world.get("/api/v1/events?after=0&follow=false&drive=axis-02").text
+    assert one.count('"number": ') == 10
+    assert "id: " not in world.get("/api/v1/events?follow=false").text
 
 
 def test_unknown_drive_has_no_events(still):

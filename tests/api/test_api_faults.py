@@ -140,3 +140,52 @@ def _json(value: object) -> bytes:
     import json
 
     return json.dumps(value).encode()
+
+
+class Never:
+    """In place of a module whose functions must not be called."""
+
+    def __getattr__(self, name):
+        raise AssertionError(f"{name}: compared")
+
+
+@pytest.fixture
+def no_comparison(monkeypatch):
+    for name in ("pnfarm.faults.plan.fnmatch", "pnfarm.faults.words.difflib"):
+        monkeypatch.setattr(name, Never())
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ({"kind": "loss", "on": "*a" * 30_000}, "at most 250"),
+        ({"kind": "loss", "on": ["a" * 60_000]}, "at most 250"),
+        ({"kind": "loss", "on": [f"*{n}" for n in range(5_000)]}, "at most 64"),
+        ({"kind": "loss", "on": [f"model:{n}" for n in range(4_000)]}, "at most 64"),
+        ({"kind": "loss", "on": "all", "params": {f"p{n}": 1 for n in range(4_000)}}, "at most 64"),
+        ({"kind": "loss", "on": "all"} | {f"p{n}": 1 for n in range(4_000)}, "at most 64"),
+    ],
+)
+def test_a_body_that_would_stop_the_farm_is_refused_before_any_drive_is_looked_at(still, no_comparison, body, told):
+    found = assert_problem(still.post("/api/v1/faults", body), 422, told)
+    assert len(found["detail"]) < 400
+
+
+def test_a_long_word_is_not_compared_with_the_known_ones(still, no_comparison):
+    long = "x" * 60_000
+    for body in (
+        {"kind": long, "on": "all"},
+        {"kind": "loss", "on": "all", long: 1},
+        {"kind": "loss", "on": "all", "params": {long: 1}},
+        {"kind": "f702", "on": "all", "direction": long},
+    ):
+        found = assert_problem(still.post("/api/v1/faults", body), 422)
+        assert len(found["detail"]) < 1_000
+
+
+def test_whole_names_of_many_drives_are_looked_up(still, no_comparison):
+    """A list of all drives of a large farm is no list of patterns."""
+    answer = still.post("/api/v1/faults", {"kind": "loss", "on": ["axis-01", "axis-02"] * 2_000, "as": "many"})
+    assert answer.status_code == 201
+    assert list(answer.json()["drives"]) == ["axis-01", "axis-02"]
+    still.delete("/api/v1/faults/many")

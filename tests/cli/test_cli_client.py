@@ -220,10 +220,19 @@ def test_the_events_that_are_kept_of_a_drive_are_shown_without_waiting(ask, farm
     assert json.loads(ask("inspect", "axis-01", "--events", "--no-follow", "--format", "json").out) == ENTRY
 
 
-def test_kept_events_are_those_of_one_drive(ask):
+def test_the_events_that_are_kept_of_a_farm_are_shown_without_waiting(ask, farm):
+    farm.answer("GET", "events?follow=false", f"retry: 2000\n\nid: 7\ndata: {json.dumps(ENTRY)}\n\n")
     found = ask("inspect", "--events", "--no-follow")
+    assert found.code == 0
+    (line,) = found.out.splitlines()
+    assert line.endswith("axis-01          fault  number=702")
+
+
+@pytest.mark.parametrize("names", [(), ("axis-01",)])
+def test_nothing_is_followed_where_no_events_are_asked_for(ask, names):
+    found = ask("inspect", *names, "--no-follow")
     assert found.code == 2
-    assert "give its NAME and --events" in found.err
+    assert "give --events" in found.err
 
 
 # -- fault
@@ -279,6 +288,12 @@ def test_fault_list_shows_the_evidence(ask, farm):
     farm.answer("GET", "faults", {"faults": [FAULT]})
     _, line = ask("fault", "list").out.splitlines()
     assert line.split()[:6] == ["trip", "f702", "active", "3", "1", "yes"]
+
+
+def test_a_list_of_no_faults_says_so(ask, farm):
+    farm.answer("GET", "faults", {"faults": []})
+    assert ask("fault", "list").out == "no fault waits or is in force\n"
+    assert json.loads(ask("fault", "list", "--format", "json").out) == {"faults": []}
 
 
 def test_fault_list_of_one_shows_the_evidence_of_a_fault_that_ended(ask, farm):

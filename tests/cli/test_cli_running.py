@@ -82,7 +82,7 @@ def until(condition, seconds: float = 20.0) -> bool:
     return True
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT])
 def test_a_signal_stops_a_farm_and_leaves_no_interface(solo, network, number):
     assert len(own_interfaces(network)) == 5
     assert solo.stop(number) == 0

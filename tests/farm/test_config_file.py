@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from ipaddress import IPv4Interface
 
 import pytest
 from farm_file import CONFIGS, GOOD, KNOWN, issues, parse, the_issue
 
+from pnfarm.cli.files import check_impairments, known_words
+from pnfarm.controller.gsdml import load_gsdml
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import FarmFileError, clock_of, expand, load_farm, parse_farm
 from pnfarm.farm.config_known import catalogue
+from pnfarm.table.program import TARGETS
 
 # --- what is read -----------------------------------------------------------------------------------------------
 
@@ -140,7 +145,14 @@ WRONG = [
     ("127.0.0.1:8702", "8702", 4, "api.listen", "is 8702, not a word", "HOST:PORT"),
     ("127.0.0.1:8702", "127.0.0.1:70000", 4, "api.listen", "70000 is no TCP port", "65535"),
     ("127.0.0.1:8702", "300.0.0.1:80", 4, "api.listen", "is no host", "HOST:PORT"),
-    ("127.0.0.1:8702", "{listen: '0.0.0.0:80', token: short}", 4, "api.token", "too short", "bearer token"),
+    (
+        "127.0.0.1:8702",
+        "{listen: '0.0.0.0:80', token: short}",
+        4,
+        "api.token",
+        "has 5 characters",
+        "8 to 512 characters",
+    ),
     ("name: axis-{n:02}", "nmae: axis-{n:02}", 6, "drives[0].nmae", "did you mean name?", "name, count"),
     ("axis-{n:02}", "axis-{m}", 6, "drives[0].name", "braces other than", "{n:02}"),
     ("axis-{n:02}", "axis", 6, "drives[0].name", "8 drives cannot all be called 'axis'", "count: 1"),
@@ -437,3 +449,114 @@ drives:
     said = {(issue.line, issue.field): issue.what for issue in caught.value.issues}
     assert "no station name" in said[5, "drives[0].name"]
     assert said[7, "drives[2].name"].endswith("of drives[1] already")
+
+
+# --- a file that is no file, lengths, and very many errors --------------------------------------------------------
+
+
+@pytest.fixture
+def pipe(tmp_path):
+    path = tmp_path / "pipe.pnfarm.yml"
+    os.mkfifo(path)
+    return path
+
+
+def test_a_pipe_is_refused_and_not_waited_for(pipe):
+    with pytest.raises(FarmFileError, match=r"pipe\.pnfarm\.yml: cannot be read: it is a pipe, no regular file"):
+        load_farm(pipe)
+
+
+@pytest.mark.parametrize(("path", "told"), [("/dev/zero", "it is a device"), ("/", "it is a folder")])
+def test_what_is_no_regular_file_is_refused(path, told):
+    with pytest.raises(FarmFileError, match=told):
+        load_farm(path)
+
+
+def test_a_gsdml_file_that_is_a_pipe_is_refused_and_not_waited_for(pipe):
+    with pytest.raises(ConfigError, match="cannot be read: it is a pipe"):
+        load_gsdml(pipe)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("api: {listen: '0.0.0.0:1', token: secret}", "api.token: has 6 characters; allowed: 8 to 512 characters"),
+        (f"api: {{listen: '0.0.0.0:1', token: {'s' * 600}}}", "api.token: has 600 characters; allowed: 8 to 512"),
+        ("api: {listen: '0.0.0.0:1', token: ''}", "api.token: is empty; allowed: 8 to 512 characters"),
+    ],
+)
+def test_a_wrong_length_is_told_with_the_lengths_allowed_and_without_the_secret(text, told):
+    (found,) = issues(GOOD.replace("api: 127.0.0.1:8702", text))
+    assert told in str(found)
+    assert "secret" not in str(found)
+    assert "sss" not in str(found)
+
+
+def test_a_list_with_a_wrong_length_is_told_with_its_entries():
+    program = "controller:\n  name: plc\n  program: {kind: positions, targets: [%s]}\n"
+    (found,) = issues(GOOD + program % ", ".join("1.0" for _ in range(40)))
+    assert f"targets: has 40 entries; allowed: 1 to {TARGETS} entries" in str(found)
+    (found,) = issues(GOOD + program % "")
+    assert f"targets: is empty; allowed: 1 to {TARGETS} entries" in str(found)
+
+
+HEAD = "farm: a\nlink: {kind: veth}\ndrives:\n"
+ONE = HEAD + "  - name: a\n    model: akd-profinet\n"
+#: What is wrong very often -> a file with so many errors of that kind.
+MANY = {
+    "unknown keys of groups": lambda n: HEAD + "".join(f"  - {{name: a{i}, model: akd, x{i}: 1}}\n" for i in range(n)),
+    "unknown keys": lambda n: ONE + "".join(f"    key{i}: 1\n" for i in range(n)),
+    "unknown parameters": lambda n: ONE + "    params:\n" + "".join(f"      DRV.X{i}: 1\n" for i in range(n)),
+    "parameters of the wrong type": lambda n: ONE + "    params:\n" + "".join(f"      DRV.X{i}:\n" for i in range(n)),
+    "counts": lambda n: HEAD + "".join(f"  - {{name: a{i}, model: akd-profinet, count: x}}\n" for i in range(n)),
+    "models": lambda n: HEAD + "".join(f"  - {{name: a{i}, model: akd-profine{i}}}\n" for i in range(n)),
+    "the same name": lambda n: HEAD + "  - {name: a, model: akd-profinet}\n" * n,
+    "impairments": lambda n: ONE + "    impair:\n" + "".join(f"      - {{kind: loss{i}}}\n" for i in range(n)),
+    "impairments' parameters": lambda n: (
+        ONE + "    impair:\n" + "".join(f"      - {{kind: loss, params: {{x{i}: 1}}}}\n" for i in range(n))
+    ),
+    "sections": lambda n: "".join(f"zz{i}: 1\n" for i in range(n)),
+}
+
+
+def work(text, path):
+    """How many errors there are, and how many calls of functions it took to find them: the same on every machine."""
+    path.write_text(text)
+    calls = 0
+
+    def count(_frame, event, _argument):
+        nonlocal calls
+        calls += event in {"call", "c_call"}
+
+    known = known_words()
+    before = sys.getprofile()
+    sys.setprofile(count)
+    try:
+        check_impairments(load_farm(path, known))
+    except FarmFileError as error:
+        return len(error.issues), calls
+    finally:
+        sys.setprofile(before)
+    return 0, calls
+
+
+@pytest.mark.parametrize("kind", MANY)
+def test_twice_as_many_errors_take_twice_the_work(kind, tmp_path):
+    path = tmp_path / "many.pnfarm.yml"
+    work(MANY[kind](10), path)  # what is loaded once
+    few, once = work(MANY[kind](300), path)
+    many, twice = work(MANY[kind](600), path)
+    assert few >= 299
+    assert many >= 599
+    # the words that are compared with the known ones are part of both
+    assert twice < 2.2 * once
+
+
+def test_of_very_many_unknown_words_the_first_are_compared_with_the_known_ones(monkeypatch):
+    asked = []
+    monkeypatch.setattr(
+        "pnfarm.farm.config_issue.difflib.get_close_matches", lambda word, *_, **__: asked.append(word) or []
+    )
+    assert len(issues(MANY["unknown parameters"](2_000))) == 2_000
+    assert len(asked) <= 100
+    assert len(issues(MANY["unknown parameters"](5))) == 5
