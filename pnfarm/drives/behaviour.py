@@ -194,11 +194,13 @@ def with_behaviour(model: Model, chosen: Mapping[str, str]) -> Model:
         for (section, key), value in reading.model.items():
             sections.setdefault(section, {})[key] = value
     parts: dict[str, Any] = {section: replace(getattr(model, section), **keys) for section, keys in sections.items()}
-    if defaults:
-        parameters = {
+    absent = set(parts.get("access", model.access).absent)
+    if defaults or absent != model.absent.keys():
+        rows = {
             pnu: replace(parameter, default=defaults[pnu]) if pnu in defaults else parameter
-            for pnu, parameter in model.parameters.items()
+            for pnu, parameter in sorted((*model.parameters.items(), *model.absent.items()))
         }
-        parts["parameters"] = parameters
+        parts["parameters"] = parameters = {pnu: row for pnu, row in rows.items() if pnu not in absent}
+        parts["absent"] = {pnu: row for pnu, row in rows.items() if pnu in absent}
         parts["axis_parameters"] = axis_parameters(parameters, linear=model.pitch > 0.0)
     return replace(model, firmware=firmware, readings=dict(chosen), **parts)

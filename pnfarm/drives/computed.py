@@ -108,9 +108,10 @@ def _encoder_format(store: ParameterStore, parameter: Parameter) -> Sequence[int
     """PNU 979 (profile 4.1, 6.3.4): header, then type, resolution, two shift factors and revolutions of encoder 1.
 
     The resolution is in increments of a revolution, that of a linear encoder in nm of an increment, and that one has no
-    revolutions.
+    revolutions.  A drive without a sensor interface has the steps of its motor's encoder.
     """
-    step, pitch = float(store.handle.axis.sensor_step), store.model.pitch
+    axis, pitch = store.handle.axis, store.model.pitch
+    step = float(axis.sensor_step) or (1.0 / float(axis.encoder_steps) if axis.encoder_steps else 0.0)
     if pitch > 0.0:
         return _fill([ENCODER_HEADER, ENCODER_TYPE | ENCODER_LINEAR, round(step * pitch * 1e6)], parameter)
     return _fill([ENCODER_HEADER, ENCODER_TYPE, round(1.0 / step) if step else 0, 0, 0, 1], parameter)
@@ -292,6 +293,11 @@ def _station_name(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     return _fill(list(name[: parameter.elements]), parameter) if name else parameter.defaults
 
 
+def _name_of_station(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+    """PNU 61000 of PROFIdrive on PROFINET: the name in force."""
+    return _fill(list(store.network.name.encode("ascii", "replace")[: parameter.elements]), parameter)
+
+
 def _station_ip(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     return [store.network.ip]
 
@@ -354,6 +360,7 @@ COMPUTED: dict[str, _Function] = {
     "changed-list": _changed_list,
     "fault-classes": _fault_classes,
     "station-name": _station_name,
+    "name-of-station": _name_of_station,
     "station-ip": _station_ip,
     "station-mask": _station_mask,
     "station-gateway": _station_gateway,

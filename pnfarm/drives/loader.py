@@ -232,8 +232,9 @@ def _access(
     name = parameters.get(access.station_name)
     if access.station_name and (name is None or not name.text or not name.defaults):
         raise ConfigError(f"{where}.station_name: {access.station_name} is no String with a default")
-    if unknown := set(access.disabled_only) - parameters.keys():
-        raise ConfigError(f"{where}.disabled_only: there is no parameter {min(unknown)}")
+    for key in ("disabled_only", "absent"):
+        if unknown := set(getattr(access, key)) - parameters.keys():
+            raise ConfigError(f"{where}.{key}: there is no parameter {min(unknown)}")
     elements = [parameters.get(pnu) for pnu in access.mapping_elements]
     if elements and (len(elements) != 2 or any(p is None or not p.elements for p in elements)):
         raise ConfigError(f"{where}.mapping_elements: {list(access.mapping_elements)} are not two arrays")

@@ -112,6 +112,8 @@ class Model:
     #: What the manual leaves open, and of that the readings that a farm file chose; the others have their defaults.
     behaviour: tuple[Point, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
+    #: Rows that are no parameters with these readings.
+    absent: Mapping[int, Parameter] = field(default_factory=dict)
     #: The motor at hand, and of a linear one the way of a revolution of the axis record, mm; else 0.
     motor_kind: str = "rotary"
     pitch: float = 0.0

@@ -121,6 +121,7 @@ class ParameterAccess:
     * ``unknown_service_id``: response id for a request id that is not known, 0 for that id with bit 7 set.
     * ``saves_at_once``: what is written is permanent at once.
     * ``disabled_only``: PNUs that are written only while the power stage is off.
+    * ``absent``: PNUs of the model's rows that the drive does not have.
     * ``station_name``: the PNU of the station's name, 0 without such a parameter.
     * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
     * ``mapping_by_entry``: PNU 915 and 916 take a list that is not complete, whose half double words count for nothing;
@@ -141,6 +142,7 @@ class ParameterAccess:
     mapping_elements: tuple[int, ...] = ()
     mapping_by_entry: bool = False
     disabled_only: tuple[int, ...] = ()
+    absent: tuple[int, ...] = ()
     station_name: int = 0
 
 

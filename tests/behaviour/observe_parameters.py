@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from open_points import FAULT, RUN, Plc, observes, speed_plc
+from open_points import FAULT, RUN, SPEED, Plc, observes, speed_plc
 
+from pnfarm.drives.catalogue import model
 from pnfarm.protocols.profinet.wire.rtc import DataStatus
 
 BYTE, WORD, UNSIGNED16 = 0x41, 0x42, 0x06
@@ -32,6 +33,18 @@ def change_formats(name: str, behaviour: str) -> object:
     """The error of a change as Unsigned16, and whether the value is the new one."""
     plc = Plc(name, behaviour, 1)
     return plc.change(JOG_SPEED, UNSIGNED16, 100), plc.read(JOG_SPEED) == 100
+
+
+@observes("profile-parameters", {"there": "axis-01", "listed-only": 0x00})
+def profile_parameters(name: str, behaviour: str) -> object:
+    """The name of the station by PNU 61000, or the error that it and the others are refused with."""
+    plc = Plc(name, behaviour, SPEED[name])
+    (point,) = [point for point in model(name).behaviour if point.name == "profile-parameters"]
+    *others, last = point.readings["listed-only"].model["access", "absent"]
+    answer = plc.ask(last, 7)
+    assert {plc.ask(pnu).negative for pnu in others} == {answer.negative}, "all of them, or none"
+    values = answer.entries[0].values
+    return values[0] if answer.negative else bytes(values).decode()
 
 
 @observes("fault-on-plc-stop", {"fault": True, "no-fault": False})

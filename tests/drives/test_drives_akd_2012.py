@@ -9,6 +9,7 @@ import pytest
 from drives_kit import Drive, Running, new_drive
 from manuals import manual_text
 
+from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.parameter import Backing, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
@@ -161,10 +162,25 @@ def test_5_6_has_every_pnu_of_its_tables(manual: str) -> None:
 
 
 def test_5_6_5_8_and_the_text_give_all_pnus_and_none_lies_above_1007() -> None:
-    assert list(model(NAME).parameters) == [
+    assert [p.pnu for p in model(NAME).parameters.values() if p.source != "profile"] == [
         1, 2, 5, 6, 32, 33, 34, 35, 36, 37, 38, 52, 915, 916, 922, 923, 930, 944, 947, 964, 965, 975, *range(980, 990),
         1001, 1002, 1004, 1005, 1006, 1007,
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [NAME, "akd-profinet"])
+def test_what_5_6_does_not_list_is_the_profiles_and_can_be_left_out(name: str) -> None:
+    """5.6: all supported PNUs; technology objects and engineering tools ask for these."""
+    described = model(name)
+    assert [p.pnu for p in described.parameters.values() if p.source == "profile"] == [925, 979, 61000]
+    listed = with_behaviour(described, {"profile-parameters": "listed-only"})
+    assert [pnu for pnu in described.parameters if pnu not in listed.parameters] == [925, 979, 61000]
+    assert with_behaviour(listed, {}) == described
+    drive = new_drive(name)
+    assert drive.store.read(925) == [65535]
+    assert drive.store.read(979, 0, 7) == [0x5111, 0x80000000, 1 << 20, 0, 0, 1, 0]
+    drive.store.write(925, 0, [5])
+    assert drive.store.read(925) == [5], "masters write it, and nothing is watched"
 
 
 @pytest.mark.parametrize("pnu", [3, 4, 28, 100, 108, 1003, 1008, 1009, 2000, 2135, 2158, 2605, 3014, 3022, 3064, 3065])
@@ -215,7 +231,7 @@ def test_5_6_the_one_list_of_980_names_all_parameters_and_the_other_nine_are_emp
 def test_5_6_each_parameter_is_read_and_described_by_the_channel(akd_2012: Drive) -> None:
     for parameter in akd_2012.model.parameters.values():
         wanted: list[Any] = [
-            ParameterAddress(parameter.pnu, 0, max(parameter.elements, 1)),
+            ParameterAddress(parameter.pnu, 0, min(max(parameter.elements, 1), 234)),
             ParameterAddress(parameter.pnu, 0, 1, ATTRIBUTE_DESCRIPTION),
         ]
         for address in wanted:

@@ -22,6 +22,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     FORMAT_WORD,
     FORMAT_ZERO,
     MAX_BLOCK,
+    MAX_ELEMENTS,
     REQUEST_CHANGE,
     REQUEST_READ,
     ParameterAddress,
@@ -108,7 +109,7 @@ def test_other_manuals_examples_are_understood() -> None:
 
 def test_each_parameter_is_read_in_its_format(drive: Drive) -> None:
     for parameter in drive.model.parameters.values():
-        count = max(parameter.elements, 1)
+        count = min(max(parameter.elements, 1), MAX_ELEMENTS)
         request = requester.read_request(1, [ParameterAddress(parameter.pnu, 0, count)])
         response = parse_response(ask(drive, emit_request(request)))
         entry = response.entries[0]

@@ -10,6 +10,7 @@ import pytest
 from drives_kit import Drive, new_drive
 from manuals import manual_text
 
+from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber, ParameterType
@@ -204,7 +205,9 @@ def test_4_1_every_parameter_of_the_table(manual: str) -> None:
     rows = re.findall(
         r"^(\d{3})\t(Read(?: / Write)?)\tUint(16|32)(?: Array\[(\d+)\])?\t(.+?)\t(\S+)", table, re.MULTILINE
     )
-    assert [int(row[0]) for row in rows] == [pnu for pnu in E1.parameters if pnu < 0x2000]
+    assert [int(row[0]) for row in rows] == [
+        p.pnu for p in E1.parameters.values() if p.pnu < 0x2000 and p.source != "profile"
+    ]
     for pnu, access, bits, elements, name, _ in rows:
         parameter = E1.parameters[int(pnu)]
         assert parameter.type is (ParameterType.WORD if bits == "16" else ParameterType.DWORD)
@@ -215,13 +218,22 @@ def test_4_1_every_parameter_of_the_table(manual: str) -> None:
 
 
 def test_4_1_profile_parameters_that_the_table_does_not_have_are_not_there() -> None:
-    for pnu in (915, 916, 923, 965, 972, 975, 980):
+    for pnu in (915, 916, 923, 972, 975, 980, 61001):
         with pytest.raises(ParameterError):
             E1.resolve(pnu)
 
 
+def test_4_1_what_the_table_does_not_list_is_the_profiles_and_can_be_left_out(e1: Drive) -> None:
+    """Tools ask for the profile's number and the station's name."""
+    assert [p.pnu for p in E1.parameters.values() if p.source == "profile"] == [965, 61000]
+    assert e1.store.read(965) == [0x032A]
+    assert e1.store.read(61000, 0, 240) == [0] * 240, "a drive that no station holds"
+    listed = with_behaviour(E1, {"profile-parameters": "listed-only"})
+    assert {965, 61000} & listed.parameters.keys() == set()
+
+
 def test_4_2_the_number_of_a_pt_parameter_is_its_own_plus_2000h(manual: str) -> None:
-    own = {p.name: p.pnu for p in E1.parameters.values() if p.pnu >= 0x2000}
+    own = {p.name: p.pnu for p in E1.parameters.values() if p.name.startswith("Pt")}
     for name, pnu in own.items():
         assert pnu == int(name.removeprefix("Pt"), 16) + 0x2000
     tables = re.findall(r"^Pt No\.\tPt(\w+)\tPNU Number\t0x(\w+)", manual, re.MULTILINE)
@@ -325,7 +337,7 @@ def test_4_3_1_read_a_value(e1: Drive) -> None:
     """Tables 4.3.1.1 and 4.3.1.2: 0 elements, the subindex irrelevant; the format of the data type."""
     assert ask(e1, "01 01 00 01 10 00 039D 0000") == bytes.fromhex("01 01 00 01 06 01 0005")
     assert ask(e1, "FF 01 00 01 10 00 039D 1234") == bytes.fromhex("FF 01 00 01 06 01 0005")
-    refused(0x00, e1, "01 01 00 01 10 00 03C5 0000")
+    refused(0x00, e1, "01 01 00 01 10 00 03C6 0000")
 
 
 def test_4_3_2_write_a_value(e1: Drive) -> None:
@@ -383,7 +395,7 @@ def test_4_3_6_number_of_values_attribute_and_drive_object(e1: Drive) -> None:
 
 #: Table 4.3.6.1: a request that meets each error; None for those that have no cause in this drive.
 ERRORS: dict[int, str | None] = {
-    0x00: "01 01 00 01 10 00 03C5 0000",
+    0x00: "01 01 00 01 10 00 03C6 0000",
     0x01: "01 02 00 01 10 00 03B0 0000 06 01 0000",
     0x02: "01 02 00 01 10 00 2402 0000 06 01 0321",
     0x03: "01 01 00 01 10 01 03C4 0007",

@@ -47,7 +47,11 @@ class Plc(HandPlc):
         return response.entries[0].values[0] if response.negative else None
 
     def read(self, pnu: int) -> int:
-        return self._ask(emit_request(read_request(7, [ParameterAddress(pnu, 0, 1)]))).entries[0].values[0]
+        return self.ask(pnu).entries[0].values[0]
+
+    def ask(self, pnu: int, count: int = 1) -> ParameterResponse:
+        """What a read of ``count`` elements is answered with."""
+        return self._ask(emit_request(read_request(7, [ParameterAddress(pnu, 0, count)])))
 
     def _ask(self, request: bytes) -> ParameterResponse:
         (session,) = self.plc.sessions
