@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -92,26 +93,55 @@ class ChannelTable:
     """Hands out rows of ``columns.ppm`` and ``columns.cpm``.
 
     A closed row is handed out again only after the engine has seen it closed (its state is IDLE), so that
-    no tick works on a row that is being rewritten.
+    no tick works on a row that is being rewritten.  The lowest row that can be had is, so that the engine walks over
+    few of them.
     """
 
     def __init__(self, columns: Columns) -> None:
         self.columns = columns
-        self._used: dict[str, set[int]] = {"ppm": set(), "cpm": set()}
+        # a range is a heap already
+        self._free: dict[str, list[int]] = {
+            "ppm": list(range(columns.ppm.shape[0])),
+            "cpm": list(range(columns.cpm.shape[0])),
+        }
+        #: Rows that the engine may still have to see closed, and whose image they filled.
+        self._resting: dict[str, dict[int, int]] = {"ppm": {}, "cpm": {}}
 
     def _row(self, name: str) -> int:
         table: Any = getattr(self.columns, name)
-        used = self._used[name]
-        for row in range(table.shape[0]):
-            if row not in used and table[row].state == IDLE:
-                used.add(row)
-                engine = self.columns.engine[0]
-                if name == "ppm":
-                    engine.ppm_rows = max(int(engine.ppm_rows), row + 1)
-                else:
-                    engine.cpm_rows = max(int(engine.cpm_rows), row + 1)
-                return row
-        raise InternalError(f"all {table.shape[0]} rows of the {name} table are in use")
+        free, resting = self._free[name], self._resting[name]
+        passed: list[int] = []
+        found: int | None = None
+        while free and found is None:
+            row = heapq.heappop(free)
+            if table[row].state == IDLE:
+                found = row
+            else:
+                passed.append(row)
+        for row in passed:
+            heapq.heappush(free, row)
+        if found is None:
+            raise InternalError(f"all {table.shape[0]} rows of the {name} table are in use")
+        resting.pop(found, None)
+        engine = self.columns.engine[0]
+        if name == "ppm":
+            engine.ppm_rows = max(int(engine.ppm_rows), found + 1)
+        else:
+            engine.cpm_rows = max(int(engine.cpm_rows), found + 1)
+        return found
+
+    def resting(self, image: int) -> int:
+        """Rows of this image that were closed and cannot be had yet: of providers or of consumers, whichever are more.
+
+        The engine sees a row closed at its next tick.
+        """
+        counts = []
+        for name, rows in self._resting.items():
+            table: Any = getattr(self.columns, name)
+            for row in [row for row in rows if table[row].state == IDLE]:
+                del rows[row]
+            counts.append(sum(owner == image for owner in rows.values()))
+        return max(counts)
 
     def open_provider(self, plan: ProviderPlan) -> int:
         """A row that sends from the next tick on."""
@@ -279,10 +309,14 @@ class ChannelTable:
             self.columns.image[row.image].received[slot] = 0
 
     def close_provider(self, number: int) -> None:
-        self.columns.ppm[number].active = 0
-        self._used["ppm"].discard(number)
+        self._close("ppm", number)
 
     def close_consumer(self, number: int) -> None:
-        self.columns.cpm[number].active = 0
-        self._used["cpm"].discard(number)
+        self._close("cpm", number)
         lookup_rebuild(self.columns)
+
+    def _close(self, name: str, number: int) -> None:
+        row = getattr(self.columns, name)[number]
+        row.active = 0
+        self._resting[name][number] = int(row.image)
+        heapq.heappush(self._free[name], number)

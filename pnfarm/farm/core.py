@@ -18,6 +18,7 @@ from pnfarm.farm.config_axis import apply_axis
 from pnfarm.farm.config_machine import apply_machine
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.station import DriveStation, StationServices
+from pnfarm.farm.station_channels import channel_rows
 from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.deadlines import Deadlines
@@ -28,6 +29,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 from pnfarm.protocols.profinet.wire.lldp import parse_lldp
 from pnfarm.table import engine_row
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
+from pnfarm.table.channel import W_START
 from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
 
@@ -48,12 +50,15 @@ LLDP = bytes.fromhex("88cc")
 DCP_IDENTIFY = bytes.fromhex("8892fefe")
 DCP_GREETING = bytes.fromhex("8892fefc")
 
+#: Events whose row is a consumer's.
+_OF_CONSUMERS = frozenset(
+    {engine_row.FIRST_FRAME, engine_row.EXPIRED, engine_row.PROVIDER_CHANGED, engine_row.IOPS_CHANGED}
+)
+
 __all__ = ["FarmCore", "Node", "uuid_source"]
 
 #: Impairment rows for each drive: faults on its frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
-#: Channel rows for each drive: one AR, and a second one while the first is being torn down.
-CHANNELS_PER_DRIVE = 2
 
 
 class Node(Protocol):
@@ -111,10 +116,11 @@ class FarmCore:
         self.link = link
         self.log = log
         count = len(drives)
+        known = [models(config) for config in drives]
         self.columns = allocate(
             stations=count,
             axes=count,
-            channels=count * CHANNELS_PER_DRIVE + 8,
+            channels=sum(channel_rows(model.limits.io_controllers) for model in known),
             impairments=count * IMPAIRMENTS_PER_DRIVE + 8,
         )
         self.columns.engine[0].tick_ns = tick_ns
@@ -135,9 +141,8 @@ class FarmCore:
         self.events_lost = 0
         #: Faults on the drives, once :func:`pnfarm.farm.fault_targets.attach_faults` gave the farm its manager.
         self.faults: FaultManager | None = None
-        for index, (config, port) in enumerate(zip(drives, ports, strict=True)):
+        for index, (config, model, port) in enumerate(zip(drives, known, ports, strict=True)):
             axis, image = self.columns.axis[index], self.columns.image[index]
-            model = models(config)
             model.apply_motor(axis)
             apply_axis(axis, config.load, config.motor, model.pitch)
             apply_machine(axis, config.machine, config.load, model.pitch)
@@ -193,6 +198,9 @@ class FarmCore:
             self._receive_lldp(station, frame, now)
             return
         if frame and frame[0] & 1 and not self._concerns(station, frame):
+            return
+        if not station.budget.passes(frame, now):
+            station.passed_over("connect-flood")
             return
         if self.faults is not None:
             self.faults.refresh(station.configured_name, now)
@@ -288,6 +296,7 @@ class FarmCore:
             self.events_lost += head - self._tail - size
             self.log.record(now, "", "engine events lost", level="warning", count=head - self._tail - size)
             self._tail = head - size
+            self._catch_up(now)
         touched: dict[int, DriveStation] = {}
         while self._tail < head:
             event = self.columns.events[self._tail % size]
@@ -301,16 +310,24 @@ class FarmCore:
         for station in touched.values():
             self.settle(station, now)
 
+    def _catch_up(self, now: int) -> None:
+        """The ring of events ran over: what the rows themselves tell of connections is not lost."""
+        for station in self.stations:
+            for row in [row for ar in station.ars.values() for row, _ in ar.consumers]:
+                consumer = self.columns.cpm[row]
+                if consumer.state == W_START:
+                    station.connections.expired(row, now - int(consumer.last_ns), now)
+                elif consumer.received:
+                    station.connections.first_frame(row, now)
+            self.settle(station, now)
+
     def _take(self, kind: int, row: int, when: int, value: int, now: int) -> DriveStation | None:
-        if kind in {
-            engine_row.FIRST_FRAME,
-            engine_row.EXPIRED,
-            engine_row.PROVIDER_CHANGED,
-            engine_row.IOPS_CHANGED,
-        }:
-            station = self.stations[int(self.columns.cpm[row].image)]
-            if station.channels.of_consumer(row) is None:
-                # the connection went while the event waited
+        if kind in _OF_CONSUMERS:
+            consumer = self.columns.cpm[row]
+            station = self.stations[int(consumer.image)]
+            # the connection went while the event waited, and another may have the row by now
+            seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
+            if station.channels.of_consumer(row) is None or not seen:
                 return None
             if kind == engine_row.FIRST_FRAME:
                 station.connections.first_frame(row, when)

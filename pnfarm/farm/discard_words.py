@@ -46,6 +46,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "arp-for-another": "ARP request for another address",
         "identify-for-another": "DCP Identify for another station",
         "other-protocol": "of a protocol that a drive does not speak",
+        "connect-flood": "call of a station that asked for a connection too often within a second",
         # DCP
         "silent": "DCP silenced by an injected fault",
         "not-a-request": "DCP response, which a drive does not expect",
@@ -53,6 +54,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "wrong-frame-id": "DCP service under another service's frame id",
         "held-by-other-client": "DCP Set while another client holds the transaction",
         "filter": "DCP Identify with a filter that is not understood",
+        "superseded": "DCP Identify whose station asked again before its answer was due",
         "response-full": "DCP answer had no room for this block",
         "request": "DCP request, which a client does not expect",
         "unknown-xid": "DCP answer to no question that was asked",

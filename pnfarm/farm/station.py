@@ -23,11 +23,12 @@ from pnfarm.drives.store import (
 )
 from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.config_known import raw_number
+from pnfarm.farm.connect_budget import ConnectBudget
 from pnfarm.farm.factory_reset import clear_memory
 from pnfarm.farm.fault_memory import active_of, history_of, restore_history
 from pnfarm.farm.record_memory import record_word, records_of
 from pnfarm.farm.station_address import StationAddress
-from pnfarm.farm.station_channels import ArChannels, StationChannels
+from pnfarm.farm.station_channels import ArChannels, StationChannels, channel_rows
 from pnfarm.farm.station_connections import StationConnections
 from pnfarm.farm.station_diagnosis import FaultDiagnosis
 from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
@@ -61,7 +62,7 @@ from pnfarm.protocols.profinet.snmp import SnmpAgent
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.names import check_station_name
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, object_uuid
+from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.image import LOST_NEVER
@@ -122,11 +123,13 @@ class DriveStation:
         #: Frames dropped by reason, before any machine saw them.
         self.dropped: dict[str, int] = {}
         self.fault_counts: dict[int, int] = {}
-        self.channels = StationChannels(index, port, services.channels, services.impairments)
+        rows = channel_rows(model.limits.io_controllers)
+        self.channels = StationChannels(index, port, services.channels, services.impairments, rows)
         self.signalled_ns: int | None = None
         #: A reset that restarts the drive was ordered, and its answer is still to go out.
         self._reboot_due = False
         self.connections = StationConnections(self)
+        self.budget = ConnectBudget()
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
         self._kept: dict[str, Any] = {}
@@ -206,6 +209,7 @@ class DriveStation:
             station_name=self.dcp.name,
             diagnosis=self.records.diagnosis,
         )
+        self.cm.has_room = self.channels.room
         self.fault_diagnosis = FaultDiagnosis(self.store, self.records.diagnosis)
         #: What managers wrote; survives a power cycle.
         self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
@@ -462,8 +466,16 @@ class DriveStation:
         requests = self.rpc.events()
         for request in requests:
             if isinstance(request, CallReceived):
+                if request.opnum == Opnum.CONNECT and request.source_mac is not None:
+                    self.budget.note(request.source_mac, now)
                 self.cm.receive_call(
-                    request.call, request.opnum, request.payload, request.args_maximum, request.peer, now
+                    request.call,
+                    request.opnum,
+                    request.payload,
+                    request.args_maximum,
+                    request.peer,
+                    now,
+                    source_mac=request.source_mac,
                 )
         answers = self.client.events()
         for answer in answers:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.farm.closed_channels import ClosedChannels
 from pnfarm.protocols.profinet.binding import channel_layout
+from pnfarm.protocols.profinet.description import MAX_SUPERVISOR_ARS
 from pnfarm.protocols.profinet.record_store import IoData
 from pnfarm.table.channel import IOXS_GOOD, STATUS_GOOD, STATUS_NO_PROBLEM
 
@@ -21,7 +22,12 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.events import ArConnected
 
-__all__ = ["ArChannels", "StationChannels"]
+__all__ = ["ArChannels", "StationChannels", "channel_rows"]
+
+
+def channel_rows(io_controllers: int) -> int:
+    """Rows of each channel table that a drive has for itself: one for each AR with IO data, one for an AR that goes."""
+    return io_controllers + MAX_SUPERVISOR_ARS + 1
 
 
 @dataclass(slots=True)
@@ -56,12 +62,16 @@ def _feeds(ar: ArChannels, set_points: Container[tuple[int, int]]) -> bool:
 
 
 class StationChannels:
-    """Opens and closes the rows of a station's ARs; ``index`` is its process image, ``closed`` what went before."""
+    """Opens and closes the rows of a station's ARs.
 
-    def __init__(self, index: int, port: Port, channels: ChannelTable, impairments: ImpairmentTable) -> None:
+    ``index`` is its process image, ``rows`` its share of each table, ``closed`` what went before.
+    """
+
+    def __init__(self, index: int, port: Port, channels: ChannelTable, impairments: ImpairmentTable, rows: int) -> None:
         self.ars: dict[int, ArChannels] = {}
         self.closed = ClosedChannels()
         self._index = index
+        self._rows = rows
         self._port = port
         self._channels = channels
         self._impairments = impairments
@@ -70,6 +80,11 @@ class StationChannels:
     def any_cyclic(self) -> bool:
         """Whether some AR carries IO data."""
         return any(ar.providers for ar in self.ars.values())
+
+    def room(self) -> bool:
+        """Whether one more AR has rows; those of an AR that went are had again after the engine's next tick."""
+        standing = sum(bool(ar.providers) for ar in self.ars.values())
+        return standing + self._channels.resting(self._index) < self._rows
 
     def of_consumer(self, row: int) -> int | None:
         """The key of the AR that consumes in this row."""

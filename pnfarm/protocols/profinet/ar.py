@@ -142,6 +142,8 @@ class IocrLayout:
 class Ar:
     """One application relation.  ``key`` is this machine's own number for it, never used twice.
 
+    ``source_mac`` is the Ethernet address that its Connect came from, where that is known.
+
     ``iocrs`` hold the frame ids as agreed.  Alarm references: ``local`` is the device's, ``remote`` the initiator's.
     """
 
@@ -149,6 +151,7 @@ class Ar:
     request: ArBlockReq
     peer_ip: IPv4Address
     state: CmdevState
+    source_mac: bytes | None = None
     iocrs: tuple[IocrLayout, ...] = ()
     expected: tuple[ExpectedApi, ...] = ()
     alarm_cr: AlarmCrBlockReq | None = None

@@ -20,7 +20,8 @@ that come while data flow are :mod:`.cmdev_plug`'s; alarms go through :mod:`.cmd
   captured device's frames.
 
 A Connect with the UUID of a standing AR is refused and ends that AR (state conflict; the controller's next try
-succeeds).  A Connect of the same controller with a new UUID replaces its old AR.
+succeeds).  A Connect of the same controller with a new UUID replaces its old AR.  Whether it is the same controller,
+:mod:`.cmdev_admission` decides.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.ar import Ar, CmdevState
-from pnfarm.protocols.profinet.cmdev_admission import check_resources, of_same_initiator
+from pnfarm.protocols.profinet.cmdev_admission import Caller, admit, rerun_refusal
 from pnfarm.protocols.profinet.cmdev_alarms import AlarmEnded, DeviceAlarms
 from pnfarm.protocols.profinet.cmdev_check import RefusedError, check_connect, check_plugged, parse_connect
 from pnfarm.protocols.profinet.cmdev_connect import connect_response, fill
@@ -44,7 +45,6 @@ from pnfarm.protocols.profinet.cmdev_states import TRANSITIONS, CmdevEvent
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import (
     OK,
-    CmdevError,
     CmrpcError,
     ConnectFault,
     ControlField,
@@ -74,7 +74,6 @@ from pnfarm.protocols.profinet.wire.rpc import Opnum
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable
-    from ipaddress import IPv4Address
     from uuid import UUID
 
     from pnfarm.protocols.profinet.ar import ExpectedKey
@@ -96,8 +95,8 @@ class CmDevice:
     """Context management of one device.  See the head of this file for who calls what.
 
     ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is asked about every
-    readable Connect and answers a PNIOStatus to refuse it with, or None.  What comes into and goes out of
-    ``diagnosis`` is told by alarms, and stands in the ModuleDiffBlock.
+    Connect that could be taken and answers a PNIOStatus to refuse it with, or None; ``has_room`` says whether its CRs
+    can be opened.  What comes into and goes out of ``diagnosis`` is told by alarms, and stands in the ModuleDiffBlock.
     """
 
     def __init__(
@@ -114,6 +113,7 @@ class CmDevice:
         self.plugged = plugged
         self.station_name = station_name
         self.refuse_connect: Callable[[ArBlockReq], PnioStatus | None] | None = None
+        self.has_room: Callable[[], bool] = lambda: True
         self._dropped: Counter[str] = Counter()
         self._mac = mac
         self._records = records
@@ -176,11 +176,24 @@ class CmDevice:
 
     # what arrives
 
-    def receive_call(self, call: Hashable, opnum: int, payload: bytes, args_maximum: int, peer: Peer, now: int) -> None:
-        """One complete call on the device interface; exactly one response follows from :meth:`responses`."""
+    def receive_call(
+        self,
+        call: Hashable,
+        opnum: int,
+        payload: bytes,
+        args_maximum: int,
+        peer: Peer,
+        now: int,
+        *,
+        source_mac: bytes | None = None,
+    ) -> None:
+        """One complete call on the device interface; exactly one response follows from :meth:`responses`.
+
+        ``source_mac``: the Ethernet address that it came from.
+        """
         match opnum:
             case Opnum.CONNECT:
-                status, answer = self._connect(payload, args_maximum, peer.ip, now)
+                status, answer = self._connect(payload, args_maximum, Caller(peer.ip, source_mac), now)
             case Opnum.RELEASE:
                 status, answer = self._release(payload, now)
             case Opnum.CONTROL:
@@ -339,20 +352,18 @@ class CmDevice:
 
     # Connect
 
-    def _connect(self, payload: bytes, args_maximum: int, peer_ip: IPv4Address, now: int) -> tuple[PnioStatus, bytes]:
+    def _connect(self, payload: bytes, args_maximum: int, caller: Caller, now: int) -> tuple[PnioStatus, bytes]:
+        peer_ip = caller.ip
         try:
-            request = parse_connect(payload, self.description)
-            self._check_free(request, now)
+            request = parse_connect(payload, self.description, lambda head: self._admit(head, caller))
             layouts = check_connect(request, self.description)
-            for older in of_same_initiator(request.ar, self.ars):
-                self.abort(older.key, RtaError.RE_RUN_ABORTS_EXISTING, now)
-            check_resources(request.ar, self.ars, self.description.limits)
+            self._make_way(request, caller, now)
             self._follow(request)
             check_plugged(request, self.plugged)
         except RefusedError as exc:
             self._events.append(ConnectRefused(peer_ip, exc.status, exc.detail))
             return exc.status, b""
-        ar = Ar(self._next_key, request.ar, peer_ip, CmdevState.W_CIND, connected_at=now)
+        ar = Ar(self._next_key, request.ar, peer_ip, CmdevState.W_CIND, caller.mac, connected_at=now)
         fill(ar, request, layouts, self.ars)
         claimed = claim(request.ar, request.expected, self.ars)
         ar.owned, ar.locked = set(claimed.owned), dict(claimed.locked)
@@ -396,16 +407,24 @@ class CmDevice:
         self._take_alarms(now)
         return OK, answer
 
-    def _check_free(self, request: ConnectRequest, now: int) -> None:
-        """Is the UUID unused, and does nobody want this Connect refused?"""
-        standing = self._by_uuid(request.ar.ar_uuid)
-        if standing is not None:
-            self.abort(standing.key, RtaError.RE_RUN_ABORTS_EXISTING, now)
-            status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMDEV, CmdevError.STATE_CONFLICT)
-            raise RefusedError(status, "an AR with this UUID stood; it is aborted")
-        status_wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
-        if status_wanted is not None:
-            raise RefusedError(status_wanted, "refused on purpose")
+    def _admit(self, head: ArBlockReq, caller: Caller) -> list[Ar]:
+        return admit(head, caller, self.ars, self.description.limits)
+
+    def _make_way(self, request: ConnectRequest, caller: Caller, now: int) -> None:
+        """Is there room for the AR, and does nobody want it refused?  Ends the initiator's older one."""
+        older = self._admit(request.ar, caller)
+        wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
+        if wanted is not None:
+            raise RefusedError(wanted, "refused on purpose")
+        for ar in older:
+            self.abort(ar.key, RtaError.RE_RUN_ABORTS_EXISTING, now)
+        if any(ar.uuid == request.ar.ar_uuid for ar in older):
+            raise rerun_refusal()
+        if request.iocrs and not self.has_room():
+            status = pnio_error(
+                ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.OUT_OF_PROVIDER_CONSUMER_ALARM_RESOURCES
+            )
+            raise RefusedError(status, "the channels of ARs that just ended are not free yet")
 
     def _follow(self, request: ConnectRequest) -> None:
         """Slots that no other AR uses take the expected module, where they can."""

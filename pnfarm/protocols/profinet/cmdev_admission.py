@@ -1,39 +1,75 @@
-"""Room for one more AR (IEC 61158-6-10, CMDEV; limits are the device's)."""
+"""Who may have an AR: room for one more, and which older ones give way to it (IEC 61158-6-10, CMDEV).
+
+A Connect names its initiator by texts and numbers that everybody on the wire can read, so they alone end nothing.  An
+older AR gives way only to a Connect of its own initiator, from where that one's Connect came: the same
+CMInitiatorMacAdd, the same IP address, the same Ethernet address.  Two device stacks whose sources are public (p-net's
+and a controller maker's) go further and end an AR by its own UUID only; but a controller that lost its memory has a new
+UUID, and is to get in at once.  Nor does a Connect end anything that is not itself in order.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.cmdev_check import RefusedError
-from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, pnio_error
+from pnfarm.protocols.profinet.errors import CmdevError, CmrpcError, ConnectFault, ErrorCode, pnio_error
 from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Sequence
+    from ipaddress import IPv4Address
 
     from pnfarm.protocols.profinet.ar import Ar
     from pnfarm.protocols.profinet.description import Limits
     from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq
 
-__all__ = ["check_resources", "of_same_initiator"]
+__all__ = ["Caller", "admit", "rerun_refusal"]
+
+_STATE_CONFLICT = pnio_error(ErrorCode.CONNECT, ConnectFault.CMDEV, CmdevError.STATE_CONFLICT)
 
 
-def of_same_initiator(request: ArBlockReq, ars: Iterable[Ar]) -> list[Ar]:
-    """Older ARs of the same kind by the same controller, which give way to the one that is requested."""
-    access = ArProperties.DEVICE_ACCESS
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Where a Connect came from; ``mac`` is the frame's, None where that is not known."""
 
-    def kind(one: ArBlockReq) -> tuple[object, ...]:
-        return one.initiator_object_uuid, one.station_name, one.ar_type, one.properties & access
+    ip: IPv4Address
+    mac: bytes | None = None
 
-    return [ar for ar in ars if kind(ar.request) == kind(request)]
+    def is_of(self, ar: Ar, request: ArBlockReq) -> bool:
+        """Whether the AR's own Connect came from here, too."""
+        same_frame = self.mac is None or ar.source_mac is None or self.mac == ar.source_mac
+        return same_frame and self.ip == ar.peer_ip and request.initiator_mac == ar.initiator_mac
 
 
-def check_resources(request: ArBlockReq, ars: Iterable[Ar], limits: Limits) -> None:
-    """Raises :class:`RefusedError` when as many ARs of this kind stand as the device has."""
+def admit(request: ArBlockReq, caller: Caller, ars: Sequence[Ar], limits: Limits) -> list[Ar]:
+    """The ARs that give way to the requested one.
+
+    One of them has the same AR UUID when the initiator runs its start-up again (:func:`rerun_refusal`).  Raises
+    :class:`RefusedError` when a stranger uses the UUID of a standing AR, or when as many ARs of this kind stand as the
+    device has.
+    """
+    standing = next((ar for ar in ars if ar.uuid == request.ar_uuid), None)
+    if standing is not None:
+        if not caller.is_of(standing, request):
+            raise RefusedError(_STATE_CONFLICT, f"another initiator ({standing.peer_ip}) has an AR with this UUID")
+        return [standing]
+    older = [ar for ar in ars if _kind(ar.request) == _kind(request) and caller.is_of(ar, request)]
     access = bool(request.properties & ArProperties.DEVICE_ACCESS)
     supervisor = request.ar_type == ArType.IOSAR and not access
-    standing = sum((ar.device_access, ar.supervisor) == (access, supervisor) for ar in ars)
+    count = sum((ar.device_access, ar.supervisor) == (access, supervisor) for ar in ars if ar not in older)
     most = limits.max_device_access_ars if access else limits.max_supervisor_ars if supervisor else limits.max_ars
-    if standing >= most:
+    if count >= most:
         status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.OUT_OF_AR_RESOURCES)
-        raise RefusedError(status, f"ARs that stand already: {standing}")
+        raise RefusedError(status, f"ARs that stand already: {count}")
+    return older
+
+
+def rerun_refusal() -> RefusedError:
+    """What an initiator gets whose own AR stood under the same UUID; its next Connect succeeds."""
+    return RefusedError(_STATE_CONFLICT, "an AR with this UUID stood; it is aborted")
+
+
+def _kind(one: ArBlockReq) -> tuple[object, ...]:
+    """What two ARs of one initiator have in common when the newer one replaces the older."""
+    return one.initiator_object_uuid, one.station_name, one.ar_type, one.properties & ArProperties.DEVICE_ACCESS

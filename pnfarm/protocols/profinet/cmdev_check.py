@@ -55,6 +55,8 @@ from pnfarm.protocols.profinet.wire.iocr import (
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.protocols.profinet.ar import IocrLayout
     from pnfarm.protocols.profinet.description import DeviceDescription, Plugged
     from pnfarm.protocols.profinet.wire.blocks import RawBlock
@@ -136,11 +138,14 @@ def _typed(raw: RawBlock) -> object:
         _refuse(fault, ArField.BLOCK_LENGTH, f"block 0x{raw.block_type:04X}: {exc}")
 
 
-def parse_connect(payload: bytes, description: DeviceDescription) -> ConnectRequest:
+def parse_connect(
+    payload: bytes, description: DeviceDescription, judge: Callable[[ArBlockReq], object] | None = None
+) -> ConnectRequest:
     """Raises :class:`RefusedError` when the blocks cannot be read, or are others than a Connect's.
 
     The AR itself is checked here, before the other blocks: an AR type that the device does not have may bring
-    blocks that it does not know.
+    blocks that it does not know.  ``judge`` is asked about the AR then, and may refuse it: who gets no AR anyhow shall
+    not cost the work of reading the rest.
     """
     try:
         raws = split_blocks(payload)
@@ -151,6 +156,8 @@ def parse_connect(payload: bytes, description: DeviceDescription) -> ConnectRequ
     first = _typed(raws[0])
     assert isinstance(first, ArBlockReq)
     _check_ar(first, description)
+    if judge is not None:
+        judge(first)
     request = ConnectRequest(first, [], [], [], None, [])
     for raw in raws[1:]:
         if raw.block_type in _IGNORED:

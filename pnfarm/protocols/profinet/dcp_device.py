@@ -5,6 +5,8 @@ One machine is one device.  A farm parses an Identify once and hands the PDU to 
 
 * Identify is answered when every filter of the request matches, with every block the device has, after a delay
   that spreads the devices of a large network (:func:`~pnfarm.protocols.profinet.dcp_rules.response_delay_ns`).
+  One answer waits for each station that asked, the newest.  When too many wait, the next one goes out at once: the
+  delay is there to spare the network, and nobody is to go without an answer because others asked before.
 * Get and Set come by unicast.  After one, the device listens to no other client for three seconds (client hold
   time), so that two engineering stations do not configure it at the same time.
 * Set takes over each block by itself and says for each what became of it.  While an application relation is up
@@ -112,7 +114,7 @@ SIGNAL_NS = 3 * 10**9
 MAXIMUM_BODY = 1488
 #: Results of one Set that fit in its answer, eight octets each.
 MAXIMUM_RESULTS = MAXIMUM_BODY // 8
-#: Answers to Identify that wait for their time.
+#: Stations whose answers to Identify wait for their time.
 PENDING_LIMIT = 16
 
 _NONE = IPv4Address(0)
@@ -164,7 +166,7 @@ class DcpDevice:
         self.dropped: Counter[str] = Counter()
         self._client: tuple[bytes, int] | None = None  # who is being listened to, until when
         self._transaction: int | None = None  # qualifier of the open one
-        self._pending: list[tuple[int, bytes]] = []  # due time, frame; sorted
+        self._pending: dict[bytes, tuple[int, bytes]] = {}  # who asked: due time, frame
         self._signal_end: int | None = None
         self._hello: tuple[int, int] | None = None  # when the next one is due, how many are left
         self._hello_xid = 0
@@ -233,7 +235,7 @@ class DcpDevice:
         """When the next delayed answer or Hello is due, or the lamp goes out, nanoseconds."""
         if not self._pending and self._hello is None:
             return self._signal_end
-        deadlines = [self._pending[0][0]] if self._pending else []
+        deadlines = [due for due, _ in self._pending.values()]
         if self._hello is not None:
             deadlines.append(self._hello[0])
         if self._signal_end is not None:
@@ -242,8 +244,9 @@ class DcpDevice:
 
     def handle_timeout(self, now: int) -> None:
         """Release the answers whose time has come; say Hello; put the lamp out."""
-        while self._pending and self._pending[0][0] <= now:
-            self._outbox.append(self._pending.pop(0)[1])
+        ready = sorted((due, asker) for asker, (due, _) in self._pending.items() if due <= now)
+        for _, asker in ready:
+            self._outbox.append(self._pending.pop(asker)[1])
         if self._hello is not None and self._hello[0] <= now:
             left = self._hello[1] - 1
             self._hello = (now + self.hello_settings.interval_ns, left) if left else None
@@ -276,14 +279,17 @@ class DcpDevice:
         if not identify_matches(pdu, self):
             self.dropped["filter"] += 1
             return
-        if len(self._pending) >= PENDING_LIMIT:
-            self.dropped["queue-full"] += 1
-            return
         blocks = self._identify_blocks()
         blocks += [AliasBlock(block.alias) for block in pdu.blocks if isinstance(block, AliasBlock)][:1]
-        due = now + response_delay_ns(self.mac, pdu.response_delay_factor)
-        self._pending.append((due, self._response(source_mac, pdu, tuple(blocks))))
-        self._pending.sort(key=lambda item: item[0])
+        answer = self._response(source_mac, pdu, tuple(blocks))
+        delay_ns = response_delay_ns(self.mac, pdu.response_delay_factor)
+        waits = source_mac in self._pending
+        if not delay_ns or (not waits and len(self._pending) >= PENDING_LIMIT):
+            self._outbox.append(answer)
+            return
+        if waits:
+            self.dropped["superseded"] += 1
+        self._pending[source_mac] = (now + delay_ns, answer)
 
     def _identify_blocks(self) -> list[Block]:
         identity = self.identity

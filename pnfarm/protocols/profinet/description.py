@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "MAX_REDUCTION",
+    "MAX_SUPERVISOR_ARS",
     "REDUCTION_RATIOS",
     "SEND_CLOCK_NS",
     "DeviceDescription",
@@ -32,6 +33,8 @@ SEND_CLOCK_NS = 31_250
 #: The greatest ReductionRatio, and those of engineering.
 MAX_REDUCTION = 512
 REDUCTION_RATIOS = tuple(1 << exponent for exponent in range(10))
+#: Supervisors with IO data at one device.
+MAX_SUPERVISOR_ARS = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +106,7 @@ class Limits:
     min_cycle_ns: int = 0
     max_cycle_ns: int = 0
     max_ars: int = 1
-    max_supervisor_ars: int = 1
+    max_supervisor_ars: int = MAX_SUPERVISOR_ARS
     max_device_access_ars: int = 1
     max_iocrs: int = 2
     max_alarm_data_length: int = 200

@@ -237,7 +237,7 @@ def test_the_answer_waits_its_turn(factor, steps):
     machine = device()
     machine.receive(frame(request(SERVICE_IDENTIFY, AllSelectorBlock(), factor=factor), IDENTIFY_MULTICAST), 5)
     due = 5 + steps * 10 * MS
-    assert machine.next_deadline() == due
+    assert machine.next_deadline() == (due if steps else None)
     if steps:
         assert answers(machine, due - 1) == []
     machine.handle_timeout(due)
@@ -246,16 +246,49 @@ def test_the_answer_waits_its_turn(factor, steps):
     assert answer.response_delay_factor == 0
 
 
-def test_several_answers_wait_in_order_and_their_number_is_bounded():
+def ask(machine, who, xid, factor=6400):
+    pdu = request(SERVICE_IDENTIFY, AllSelectorBlock(), factor=factor, xid=xid)
+    machine.receive(frame(pdu, IDENTIFY_MULTICAST, who), 0)
+
+
+def asker(number):
+    return bytes([2, 0, 0, 9]) + number.to_bytes(2, "big")
+
+
+def test_answers_wait_in_order_one_for_each_station_that_asked_and_a_newer_one_replaces_an_older():
     machine = device()
-    slow = request(SERVICE_IDENTIFY, AllSelectorBlock(), factor=6400, xid=1)
-    machine.receive(frame(slow, IDENTIFY_MULTICAST), 0)
-    machine.receive(frame(request(SERVICE_IDENTIFY, AllSelectorBlock(), xid=2), IDENTIFY_MULTICAST), 0)
-    assert [answer.xid for answer in answers(machine, 0)] == [2]
-    for _ in range(PENDING_LIMIT + 5):
-        machine.receive(frame(slow, IDENTIFY_MULTICAST), 0)
-    assert machine.dropped == {"queue-full": 6}
-    assert len(answers(machine, 10**12)) == PENDING_LIMIT
+    ask(machine, asker(1), 1)
+    ask(machine, asker(2), 2, factor=1000)
+    ask(machine, asker(1), 3, factor=0)
+    assert [answer.xid for answer in answers(machine, 0)] == [3]
+    ask(machine, asker(1), 4)
+    assert machine.dropped == {"superseded": 1}
+    assert [answer.xid for answer in answers(machine, 10**12)] == [2, 4]
+    assert machine.next_deadline() is None
+
+
+def test_a_station_that_asks_again_and_again_leaves_room_for_everybody_else():
+    machine = device()
+    for xid in range(100):
+        ask(machine, asker(1), xid)
+    ask(machine, asker(2), 1000)
+    waiting = answers(machine, 10**12)
+    assert [answer.xid for answer in waiting] == [99, 1000]
+
+
+def test_who_asks_when_too_many_wait_is_answered_at_once_and_pushes_nobody_out():
+    machine = device()
+    for number in range(PENDING_LIMIT):
+        ask(machine, asker(number), number)
+    assert answers(machine, 0) == []
+    for number in range(PENDING_LIMIT, PENDING_LIMIT + 5):
+        ask(machine, asker(number), number)
+    assert [answer.xid for answer in answers(machine, 0)] == list(range(PENDING_LIMIT, PENDING_LIMIT + 5))
+    # one that waits is replaced in its place
+    ask(machine, asker(3), 333)
+    assert answers(machine, 0) == []
+    later = {answer.xid for answer in answers(machine, 10**12)}
+    assert later == {*range(PENDING_LIMIT), 333} - {3}
 
 
 def test_one_parsed_request_serves_a_whole_farm():
@@ -377,10 +410,12 @@ def test_each_station_that_asks_gets_its_own_answer_in_its_own_time():
         asked = request(SERVICE_IDENTIFY, AllSelectorBlock(), factor=(0, 100, 2, 6400, 255)[n], xid=1000 + n)
         machine.receive(frame(asked, IDENTIFY_MULTICAST, station), 0)
     sent = []
-    while (due := machine.next_deadline()) is not None:
+    due = 0
+    while due is not None:
         for octets in machine.to_send(due):
             answer = parse_ethernet(octets)
             sent.append((answer.destination, parse_dcp(answer.payload).xid, due))
+        due = machine.next_deadline()
     times = [response_delay_ns(MAC, factor) for factor in (0, 100, 2, 6400, 255)]
     expected = [(station, 1000 + n, times[n]) for n, station in enumerate(stations)]
     assert sent == sorted(expected, key=lambda item: item[2])

@@ -1,0 +1,70 @@
+"""The ring of the engine's events: what it lost, and what it tells of a row that another connection has by now."""
+
+from __future__ import annotations
+
+from virtual_line import VirtualLine
+
+from pnfarm.controller.session import SessionState
+from pnfarm.table.channel import W_START
+from pnfarm.table.engine_row import EVENTS, EXPIRED, emit
+
+
+def connected() -> VirtualLine:
+    line = VirtualLine(1)
+    line.connect()
+    return line
+
+
+def overrun(columns) -> None:
+    """More events than the ring holds, all of them told long ago."""
+    engine = columns.engine[0]
+    for _ in range(EVENTS + 5):
+        emit(engine, columns.events, 0, 0, int(engine.now_ns), 0)
+
+
+def test_a_connection_whose_end_the_ring_lost_ends_all_the_same() -> None:
+    line = connected()
+    (station,) = line.farm.stations
+    ((row, _),) = next(iter(station.ars.values())).consumers
+    line.farm.columns.cpm[row].state = W_START
+    line.farm.columns.cpm[row].expirations = 1
+    overrun(line.farm.columns)
+    line.farm.service(line.world.now)
+    assert station.ars == {}
+    assert station.watchdog_expirations == 1
+    assert line.farm.events_lost >= 5
+
+
+def test_a_connection_that_stands_survives_what_the_ring_lost() -> None:
+    line = connected()
+    (station,) = line.farm.stations
+    overrun(line.farm.columns)
+    line.farm.service(line.world.now)
+    assert len(station.ars) == 1
+    assert station.connects == 1
+
+
+def test_the_end_of_an_earlier_connection_in_the_same_row_is_not_that_of_the_present_one() -> None:
+    line = connected()
+    (station,) = line.farm.stations
+    ((row, _),) = next(iter(station.ars.values())).consumers
+    emit(line.farm.columns.engine[0], line.farm.columns.events, EXPIRED, row, line.world.now, 48_000_000)
+    line.farm.service(line.world.now)
+    assert len(station.ars) == 1
+
+
+def test_the_controller_ends_a_connection_whose_end_its_ring_lost_and_no_other() -> None:
+    line = connected()
+    (session,) = line.plc.sessions
+    emit(line.plc.columns.engine[0], line.plc.columns.events, EXPIRED, session.consumer, line.world.now, 1)
+    line.plc.service(line.world.now)
+    assert session.state is SessionState.DATA
+    overrun(line.plc.columns)
+    line.plc.service(line.world.now)
+    assert session.state is SessionState.DATA
+    consumer = line.plc.columns.cpm[session.consumer]
+    consumer.state, consumer.expirations = W_START, 1
+    overrun(line.plc.columns)
+    line.plc.service(line.world.now)
+    assert session.state is SessionState.WAIT
+    assert "data hold time" in session.measures.last_reason
