@@ -18,6 +18,7 @@ from pathlib import Path
 
 from model_pages import effects
 
+from pnfarm.drives.catalogue import model
 from pnfarm.drives.effects import EFFECTS
 
 FOLDER = Path(__file__).resolve().parent / "coverage"
@@ -35,6 +36,9 @@ MANUALS = {
     "moog-msd": "003",
 }
 
+#: Runs every reading of every open point.
+READINGS_TEST = "tests/behaviour/test_behaviour_readings.py::test_a_drive_does_what_the_reading_in_its_farm_file_says"
+
 _HEADING = re.compile(r"^[#* ]*(\d{1,2}(?:\.\d{1,2}){1,3})\.?\**[\s#*]+[„“\"]?[A-Z]")
 _CONTENTS = re.compile(r"(?:\t|\.{3} ?)\d{1,3}\**$")
 _CAPTION = re.compile(r"^[#* ]*((?:Table|Figure) \d{1,2}(?:\.\d{1,2}){1,3})\b")
@@ -51,10 +55,10 @@ class Row:
     note: str
 
 
-def rows(model: str) -> list[Row]:
+def rows(name: str) -> list[Row]:
     """The rows of a model's file; raises ``ValueError`` naming the line of whatever is wrong."""
     found: list[Row] = []
-    path = FOLDER / f"{model}.csv"
+    path = FOLDER / f"{name}.csv"
     with path.open(encoding="utf-8", newline="") as file:
         for number, line in enumerate(csv.DictReader(file), start=2):
             row = Row(line["section"], line["title"], line["status"], tuple(line["proof"].split()), line["note"])
@@ -74,9 +78,14 @@ def numbered(manual: str) -> set[str]:
     return {match[1] for line in lines for match in [_HEADING.match(line) or _CAPTION.match(line)] if match}
 
 
+def left_open(name: str, section: str) -> list[str]:
+    """The open points of a model that stand in this section of its manual."""
+    return [point.name for point in model(name).behaviour if section.lower() in point.source.lower().split(", ")]
+
+
 def page() -> str:
     """The page about what of the manuals the drives do."""
-    every = {model: rows(model) for model in MANUALS if (FOLDER / f"{model}.csv").exists()}
+    every = {name: rows(name) for name in MANUALS if (FOLDER / f"{name}.csv").exists()}
     lines = [
         "# What of the manuals the drives do",
         "",
@@ -87,9 +96,9 @@ def page() -> str:
         "| model | " + " | ".join(STATUSES) + " |",
         "|---|" + "---:|" * len(STATUSES),
     ]
-    for model, found in every.items():
+    for name, found in every.items():
         counts = [sum(row.status == status for row in found) for status in STATUSES]
-        lines.append(f"| {model} | " + " | ".join(map(str, counts)) + " |")
+        lines.append(f"| {name} | " + " | ".join(map(str, counts)) + " |")
     lines += [
         "",
         "What their parameters do, all of them in [parameters/](parameters/):",
@@ -97,13 +106,17 @@ def page() -> str:
         "| model | " + " | ".join(EFFECTS) + " |",
         "|---|" + "---:|" * len(EFFECTS),
     ]
-    for model in every:
-        counts = " | ".join(map(str, effects(model).values()))
-        lines.append(f"| [{model}](parameters/{model}.md) | {counts} |")
+    for name in every:
+        counts = " | ".join(map(str, effects(name).values()))
+        lines.append(f"| [{name}](parameters/{name}.md) | {counts} |")
     lines += ["", *(f"- {effect}: {words}" for effect, words in EFFECTS.items())]
-    for model, found in every.items():
-        lines += ["", f"## {model}", "", "| section | about | status | held by | note |", "|---|---|---|---|---|"]
+    for name, found in every.items():
+        lines += ["", f"## {name}", "", "| section | about | status | held by | note |", "|---|---|---|---|---|"]
         for row in found:
-            tests = "<br>".join(f"`{name.rpartition('::')[2]}`" for name in row.proof)
-            lines.append(f"| {row.section} | {row.title} | {row.status} | {tests} | {row.note} |")
+            points = ", ".join(f"`{point}`" for point in left_open(name, row.section))
+            proof = [*row.proof, READINGS_TEST] if points else row.proof
+            tests = "<br>".join(f"`{test.rpartition('::')[2]}`" for test in proof)
+            chosen = f"[you choose](behaviour.md#{name}): {points}" if points else ""
+            note = "; ".join(filter(None, (row.note, chosen)))
+            lines.append(f"| {row.section} | {row.title} | {row.status} | {tests} | {note} |")
     return "\n".join([*lines, ""])

@@ -78,6 +78,9 @@ class Drive(_Model):
     name: str = Field(description="Name in the farm file.")
     station_name: str = Field(description="Name of station now; DCP may have changed it.")
     model: str
+    behaviour: dict[str, str] = Field(
+        description="Readings that the farm file chose, by open point; the others have their defaults."
+    )
     mac: str
     ip: str | None = Field(description="Address and prefix length.")
     gateway: str | None

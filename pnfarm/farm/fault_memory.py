@@ -32,7 +32,12 @@ def active_of(axis: Any) -> list[int]:
 
 
 def restore_history(axis: Any, kept: Sequence[int]) -> None:
-    """Put a kept buffer into the record of a drive that was off; a situation that was active then is history now."""
+    """Put a kept buffer into the record of a drive that was off; a situation that was active then is history now.
+
+    A drive that loses its history begins with an empty one.
+    """
+    if axis.history_lost:
+        return
     places = int(axis.fault_places) or FAULT_SLOTS
     shift = places if any(kept[:places]) and not axis.fault_stays else 0
     for place, number in enumerate(kept[: PLACES - shift]):

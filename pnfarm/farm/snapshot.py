@@ -135,6 +135,7 @@ def drive_snapshot(
         "name": station.configured_name,
         "station_name": station.name,
         "model": station.model.name,
+        "behaviour": dict(station.model.readings),
         "mac": format_mac(station.port.mac),
         "ip": str(address) if address is not None else None,
         "gateway": str(station.dcp.gateway) if station.dcp.gateway is not None else None,

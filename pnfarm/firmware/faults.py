@@ -191,7 +191,8 @@ def _power_on(axis: Any, now: int) -> None:
     axis.motion = 0
     axis.motion_seen = 0
     axis.acknowledged = 0
-    axis.homed = 0
+    if not axis.home_stays:
+        axis.homed = 0
     axis.pos_stw2 = 0
     axis.target_reached = 0
     axis.task_command = 0
@@ -215,6 +216,8 @@ def _power_on(axis: Any, now: int) -> None:
     # an active situation becomes history, as if it had been acknowledged; held causes come back at once
     if axis.fault_code[0] != 0:
         _into_history(axis)
+    if axis.history_lost:
+        axis.fault_buffer[:] = 0
     axis.fault_counter = 0
     axis.fault_kept = _situations(axis)
     axis.fault_changes = 0

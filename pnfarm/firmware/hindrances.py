@@ -4,6 +4,8 @@ All of it changes the set of events that :func:`pnfarm.firmware.state_machine.ad
 
 * A drive without its hardware enable or with a DC link that is too low coasts to S1 and stays there (Moog MSD manual,
   table 10.7, transitions 1, 8 and 16), as does one whose encoder is parked.
+* S3 may be reached by STW1.3 as by STW1.0 (AKD PROFINET manual 7.1.4), and OFF in operation may know no ramp (Moog MSD
+  manual, table 10.7, transition 6).
 * S1 may be left with STW1.0 set (transition 2), and S3 only when the enable rose (transition 4 with P-0144 = 0): STW1.0
   and 3 together, so that a controller that leaves one of them set, as the profile allows, can start the drive.
 * The quick stop option codes of table 10.3.
@@ -16,7 +18,17 @@ from typing import Any
 from pnfarm.firmware.faults import acknowledge
 from pnfarm.firmware.position_status import torque_free
 from pnfarm.firmware.sensor_marks import parked
-from pnfarm.firmware.state_machine import COAST, DISABLE, ENABLE, QUICK, READY, RELEASED, STANDSTILL
+from pnfarm.firmware.state_machine import (
+    COAST,
+    DISABLE,
+    ENABLE,
+    OFF,
+    ON,
+    QUICK,
+    READY,
+    RELEASED,
+    STANDSTILL,
+)
 from pnfarm.table.axis_codes import (
     LACKS_ENABLE,
     QUICK_STOP_COAST,
@@ -32,6 +44,8 @@ __all__ = ["at_once", "enabled_by_hardware", "quick_stop_ramp", "take_hindrances
 ON_BITS = 0x0006  # STW1.1 and 2
 NO_QUICK_STOP = 0x0004
 ENABLE_BITS = 0x0009  # STW1.0 and 3
+ENABLE_BIT = 0x0008
+RAMP_STOP = 1  # ``stop``
 
 
 @compiled
@@ -76,6 +90,10 @@ def with_hindrances(axis: Any, held: int, stw1: int, faulty: int) -> int:
         held |= 1 << READY
     if axis.enable_by_edge and not axis.enable_rose:
         held &= ~(1 << ENABLE)
+    if axis.on_by_enable and axis.state < 4 and stw1 & ENABLE_BITS == ENABLE_BIT:
+        held = (held | 1 << ON) & ~(1 << OFF | 1 << ENABLE)
+    if axis.off_at_once and axis.state == 5 and axis.stop == RAMP_STOP:
+        held |= 1 << DISABLE
     if axis.hindrances or parked(axis):
         held |= 1 << COAST
         held &= ~(1 << READY)

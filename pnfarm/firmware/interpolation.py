@@ -17,9 +17,10 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from pnfarm.table.axis_codes import CONTROL_BY_PLC, RAMP_PASSED_BY
+from pnfarm.table.axis_codes import RAMP_PASSED_BY
+from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import KPC, STW1, XERR, XSOLL_A
+from pnfarm.table.signals import KPC, XERR, XSOLL_A
 
 __all__ = ["begin_interpolation", "follows", "interpolates", "servo_command", "step_interpolation", "take_cyclic"]
 
@@ -127,11 +128,11 @@ def take_cyclic(axis: Any, image: Any, now: int) -> None:
     if image.filled != axis.frames_told:
         axis.frames_told = image.filled
         axis.servo_shown = axis.sensor_position
-    if not image.valid or axis.reference_source != axis.bus_source:
+    if axis.setpoints == SETPOINTS_NONE or axis.reference_source != axis.bus_source:
         axis.servo_gain = 0.0
         axis.frames_ns = 0
         return
-    if image.frames == axis.frames_taken or not image.received[STW1] & CONTROL_BY_PLC:
+    if image.frames == axis.frames_taken or axis.setpoints != SETPOINTS_TAKEN:
         return
     axis.frames_taken = image.frames
     if axis.servo_control:

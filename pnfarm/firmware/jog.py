@@ -1,4 +1,6 @@
-"""Jogging by sequences of STW1.8 and STW1.9 (Moog MSD manual 10.3): which speed counts depends on which bit came first.
+"""Jogging: which of STW1.8 and STW1.9 counts, and the sequences of both (Moog MSD manual 10.3).
+
+In a sequence, which speed counts depends on which bit came first.
 
 Of the maker's form (table 10.10), to be read with STW1.8 and 9 as columns: the bit that rises first says the direction,
 the other one switches between the two speeds.  The profile's form (table 10.11, with P-1267 bit 8) has one speed for
@@ -12,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, CONTROL_BY_PLC, JOG_SEQUENCES
+from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, JOG_SEQUENCES
+from pnfarm.table.axis_readings import BOTH_FIRST_SPEED, BOTH_KEEP, SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import JOG_SPEED_1, STW1
+from pnfarm.table.signals import JOG_SPEED_1
 
-__all__ = ["MAKERS_FORM", "PROFILES_FORM", "take_jog"]
+__all__ = ["ENDING_FORM", "MAKERS_FORM", "PROFILES_FORM", "excluded", "take_jog", "take_jog_bits"]
 
 # States (``jog_sequence``).
 NONE = 0
@@ -24,7 +27,8 @@ FORWARD_1 = 1  # at the first speed
 FORWARD_2 = 2  # at the second
 BACKWARD_1 = 3  # at the first, negated
 BACKWARD_2 = 4
-STATES = 5
+ENDED = 5  # at none, until both bits are 0
+STATES = 6
 
 #: Table 10.10: state -> the following one with STW1.9 and STW1.8 = 00, 01, 10 and 11.  Rows 4 and 8 say "no change" of
 #: the bit that gave the direction; row 7 names P-1268, the first speed.  Both bits at once begin nothing (assumed).
@@ -34,6 +38,7 @@ MAKERS_FORM: dict[int, tuple[int, int, int, int]] = {
     FORWARD_2: (NONE, FORWARD_1, FORWARD_2, FORWARD_2),
     BACKWARD_1: (NONE, BACKWARD_1, BACKWARD_1, BACKWARD_2),
     BACKWARD_2: (NONE, BACKWARD_2, BACKWARD_1, BACKWARD_2),
+    ENDED: (NONE, ENDED, ENDED, ENDED),
 }
 #: Table 10.11; from one bit to the other the axis stops between (assumed: a jog begins at rest).
 PROFILES_FORM: dict[int, tuple[int, int, int, int]] = {
@@ -42,20 +47,50 @@ PROFILES_FORM: dict[int, tuple[int, int, int, int]] = {
     FORWARD_2: (NONE, NONE, FORWARD_2, FORWARD_2),
     BACKWARD_1: (NONE, NONE, NONE, NONE),
     BACKWARD_2: (NONE, NONE, NONE, NONE),
+    ENDED: (NONE, NONE, NONE, NONE),
 }
-_NEXT = np.array([[form[state] for state in range(STATES)] for form in (MAKERS_FORM, PROFILES_FORM)], np.int8)
+#: The maker's form, where a jog ends with the bit that gave its direction, whatever the other one is.
+ENDING_FORM: dict[int, tuple[int, int, int, int]] = MAKERS_FORM | {
+    FORWARD_1: (NONE, FORWARD_1, ENDED, FORWARD_2),
+    FORWARD_2: (NONE, FORWARD_1, ENDED, FORWARD_2),
+    BACKWARD_1: (NONE, ENDED, BACKWARD_1, BACKWARD_2),
+    BACKWARD_2: (NONE, ENDED, BACKWARD_1, BACKWARD_2),
+}
+_FORMS = (MAKERS_FORM, PROFILES_FORM, ENDING_FORM)
+_NEXT = np.array([[form[state] for state in range(STATES)] for form in _FORMS], np.int8)
+MAKERS, PROFILES, ENDING = 0, 1, 2
 
 JOG_BITS = 8
+BOTH = 0x3
 EXCLUDES = 0x0070  # STW1.4 to 6
+
+
+@compiled
+def take_jog_bits(axis: Any) -> None:
+    """Once in each step: which of the jog bits counts.  The only writer of ``jog_bits`` and ``jog_first``."""
+    bits = (int(axis.stw1) >> JOG_BITS) & BOTH
+    if bits != BOTH:
+        axis.jog_first = bits
+    elif axis.both_jog_bits == BOTH_FIRST_SPEED:
+        bits = 1
+    elif axis.both_jog_bits == BOTH_KEEP and axis.jog_first != 0:
+        bits = int(axis.jog_first)
+    axis.jog_bits = bits
+
+
+@compiled
+def excluded(axis: Any, begun: bool) -> bool:
+    """Whether STW1.4 to 6 keep a jog from beginning, or end one that has ``begun``."""
+    return int(axis.stw1) & EXCLUDES != 0 and not (begun and axis.jog_begun_lasts)
 
 
 @compiled
 def _take_speeds(axis: Any, image: Any) -> None:
     """The two speeds, by parameters or by a telegram whose set points count."""
     for which in range(2):
-        if not image.valid or not axis.jog_signals & (1 << which):
+        if axis.setpoints == SETPOINTS_NONE or not axis.jog_signals & (1 << which):
             axis.jog_asked[which] = axis.jog_velocity[which]
-        elif image.received[STW1] & CONTROL_BY_PLC:
+        elif axis.setpoints == SETPOINTS_TAKEN:
             axis.jog_asked[which] = image.received[JOG_SPEED_1 + which] * axis.velocity_step
 
 
@@ -65,12 +100,18 @@ def take_jog(axis: Any, image: Any) -> None:
     if axis.jog_form != JOG_SEQUENCES:
         return
     before = int(axis.jog_sequence)
-    profiles = 1 if int(axis.control_config) & CONFIG_PROFILE_JOG else 0
-    stw1 = int(axis.stw1)
-    following = int(_NEXT[profiles, before, (stw1 >> JOG_BITS) & 0x3])
-    if axis.state != 4 or (profiles and stw1 & EXCLUDES) or (before == NONE and abs(axis.velocity) > axis.standstill):
+    form = ENDING if axis.jog_needs_its_bit else MAKERS
+    if int(axis.control_config) & CONFIG_PROFILE_JOG:
+        form = PROFILES
+    bits = (int(axis.stw1) >> JOG_BITS) & BOTH
+    if before == NONE:
+        # here both bits may count as one
+        bits = int(axis.jog_bits)
+    following = int(_NEXT[form, before, bits])
+    moves = before == NONE and abs(axis.velocity) > axis.standstill
+    if axis.state != 4 or moves or (form == PROFILES and excluded(axis, before != NONE)):
         following = NONE
     axis.jog_sequence = following
     _take_speeds(axis, image)
     speed = axis.jog_asked[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog_asked[0]
-    axis.jog_speed = -speed if following >= BACKWARD_1 else speed
+    axis.jog_speed = 0.0 if following == ENDED else -speed if following >= BACKWARD_1 else speed

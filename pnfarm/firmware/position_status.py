@@ -8,6 +8,7 @@ from pnfarm.firmware.faults import NUMBER_MASK
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
 from pnfarm.table.axis import FAULT_SLOTS
 from pnfarm.table.axis_codes import MDI_SELECTED, TASKS_TABLE
+from pnfarm.table.axis_readings import REACHED_NO_MOTION, REACHED_TASK_ACTIVE
 from pnfarm.table.compiled import compiled
 
 __all__ = [
@@ -59,15 +60,23 @@ def _at_target(axis: Any) -> bool:
 
 @compiled
 def _reached(axis: Any) -> bool:
-    """ZSW1.10: the axis is at its target, or (AKD, edition B, 5.5) simply no motion is active."""
-    return _basic(axis) if axis.reached_without_task else _at_target(axis)
+    """ZSW1.10: the axis is at its target, or no motion is active, or a task is (AKD, edition B, 5.5)."""
+    if axis.reached_without_task == REACHED_NO_MOTION:
+        return _basic(axis)
+    return _has_task(axis) if axis.reached_without_task == REACHED_TASK_ACTIVE else _at_target(axis)
+
+
+@compiled
+def _rests(axis: Any) -> bool:
+    """ZSW1.13, where it tells that the axis stands."""
+    return standing(axis) and (not axis.rest_without_task or _basic(axis))
 
 
 @compiled
 def position_bits(axis: Any) -> int:
     """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
     word = 0
-    if abs(axis.following_error) <= axis.following_window:
+    if (abs(axis.following_error) <= axis.following_window) != (axis.following_error_bit != 0):
         word |= 0x0100
     if _reached(axis):
         word |= 0x0400
@@ -75,7 +84,7 @@ def position_bits(axis: Any) -> int:
         word |= 0x0800
     if axis.acknowledged:
         word |= 0x1000
-    if standing(axis) and (not axis.rest_without_task or _basic(axis)):
+    if not standing(axis) if axis.moving_bit else _rests(axis):
         word |= 0x2000
     if _has_task(axis):
         word |= axis.task_active

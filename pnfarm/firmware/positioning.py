@@ -48,6 +48,7 @@ from pnfarm.table.axis_codes import (
     TASK_FROM_ACTUAL,
     TASK_FROM_COMMAND,
     TASK_FROM_TARGET,
+    TASK_MDI,
     TASK_PASSING,
 )
 from pnfarm.table.compiled import compiled
@@ -293,10 +294,11 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
     stw1 = int(axis.stw1)
     if axis.feed_free:
         stw1 |= PAUSE_BIT
-    if not stw1 & REJECT_BIT:
+    if not stw1 & REJECT_BIT or (axis.mdi_rejects and axis.task == TASK_MDI and not axis.mdi):
         held |= 1 << REJECT
     held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
-    held |= 1 << (FOLLOW if follows(axis) else UNFOLLOW)
+    begins = axis.motion == FOLLOWING or not axis.interpolation_by_edge or not axis.motion_seen & START_BIT
+    held |= 1 << (FOLLOW if follows(axis) and begins else UNFOLLOW)
     ready = not interpolates(axis) and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT)
     if axis.asked and ready and _can_start(axis):
         held |= 1 << START

@@ -6,6 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.hindrances import at_once, quick_stop_ramp
 from pnfarm.firmware.interpolation import servo_command
+from pnfarm.firmware.jog import excluded
 from pnfarm.firmware.motor import brake_holds, torque_controlled
 from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.firmware.service_motion import service_setpoint
@@ -18,8 +19,8 @@ __all__ = ["approach", "limited", "velocity_command"]
 RAMP_ENABLED = 0x0010  # STW1.4
 RAMP_UNFROZEN = 0x0020  # STW1.5
 SETPOINT_ENABLED = 0x0040  # STW1.6
-JOG_1 = 0x0100  # STW1.8
-JOG_2 = 0x0200  # STW1.9
+JOG_1 = 1  # of ``jog_bits``: STW1.8
+JOG_2 = 2  # STW1.9
 QUICK_STOP = 2  # axis.stop
 
 
@@ -68,19 +69,19 @@ def _jogs(axis: Any) -> bool:
         elif axis.ramp == 0.0 or (stw1 & (RAMP_ENABLED | RAMP_UNFROZEN)) != RAMP_ENABLED:
             axis.jogging = 0
         return axis.jogging != 0
-    if axis.ramp_generator == RAMP_ABSENT or stw1 & (RAMP_ENABLED | RAMP_UNFROZEN | SETPOINT_ENABLED):
+    if axis.ramp_generator == RAMP_ABSENT or excluded(axis, axis.jogging != 0):
         axis.jogging = 0
     elif not axis.jogging:
-        axis.jogging = 1 if stw1 & (JOG_1 | JOG_2) and axis.ramp == 0.0 and abs(axis.velocity) <= axis.standstill else 0
-    elif not stw1 & (JOG_1 | JOG_2) and axis.ramp == 0.0:
+        axis.jogging = 1 if axis.jog_bits and axis.ramp == 0.0 and abs(axis.velocity) <= axis.standstill else 0
+    elif not axis.jog_bits and axis.ramp == 0.0:
         axis.jogging = 0
     return axis.jogging != 0
 
 
 @compiled
 def _jog_command(axis: Any, seconds: float) -> None:
-    """The velocity command of a jog, along ramps of its own; both jog bits at once ask for standstill."""
-    bits = axis.stw1 & (JOG_1 | JOG_2)
+    """The velocity command of a jog, along ramps of its own; bits that stand for no speed ask for standstill."""
+    bits = axis.jog_bits
     target = 0.0
     if axis.jog_form == JOG_SEQUENCES:
         target = axis.jog_speed if axis.jog_sequence else 0.0
@@ -152,7 +153,8 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         return
     if not stw1 & RAMP_ENABLED:
         # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
-        axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
+        off = 0.0 if axis.ramp_off_at_once else approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
+        axis.ramp = off
         return
     if not stw1 & RAMP_UNFROZEN:
         return

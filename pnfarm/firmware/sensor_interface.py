@@ -29,7 +29,8 @@ import numpy as np
 from pnfarm.firmware.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
 from pnfarm.firmware.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array
-from pnfarm.table.axis_codes import CONTROL_BY_PLC, SENSOR_PARKING
+from pnfarm.table.axis_codes import SENSOR_PARKING
+from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
 
@@ -344,10 +345,10 @@ def _second_value(axis: Any, word: int) -> int:
 
 @compiled
 def _control_word(axis: Any, image: Any) -> int:
-    """G1_STW in force: nothing while nobody sends valid set points, the last one without STW1.10."""
-    if not image.valid:
+    """G1_STW in force: nothing while nobody sends set points that count, the last one while those are held."""
+    if axis.setpoints == SETPOINTS_NONE:
         return 0
-    if not axis.stw1_seen & CONTROL_BY_PLC:
+    if axis.setpoints != SETPOINTS_TAKEN or axis.control_location != axis.bus_location:
         return int(axis.sensor_stw)
     return int(image.received[G1_STW]) & int(axis.sensor_bits)
 

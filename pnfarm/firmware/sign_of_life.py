@@ -5,7 +5,8 @@ controller's:
 
 * watching begins after 15 frames in sequence, so that a controller without a sign of life is left in peace;
 * a frame whose count does not follow the last one takes the error counter up by ten, every other takes it down by one;
-* ten times the tolerance (PNU 925) is a fault, and the most that the counter comes to.  A tolerance of 65535 is none.
+* ten times the tolerance (PNU 925) is a fault, and the most that the counter comes to.  A tolerance of 65535 is none;
+* a drive that watches in isochronous operation only counts its own, because there is no such operation here.
 
 :func:`count_life` runs in every tick, because a frame may come more often than the drive is stepped; :func:`check_life`
 belongs to the step, which raises the fault.
@@ -76,6 +77,8 @@ def count_life(axis: Any, image: Any) -> None:
         return
     axis.life_sent = following(int(axis.life_sent), frames)
     image.sent[ZSW2] = second_status_word(axis)
+    if axis.life_isochronous:
+        return
     seen = (image.received[STW2] >> SHIFT) & 0xF
     good = axis.life_seen != 0 and seen == following(int(axis.life_seen), frames)
     axis.life_seen = seen

@@ -10,7 +10,7 @@ from pnfarm.firmware.torque_limits import gives_all
 from pnfarm.table.axis_codes import RAMP_GENERATED
 from pnfarm.table.compiled import compiled
 
-__all__ = ["moog_second_word", "moog_word", "take_generator"]
+__all__ = ["moog_second_word", "moog_word", "speed_reached", "take_generator"]
 
 # Bits of ZSW1.
 PROFILE_BITS = 0x01FF  # 0 to 8 are as in the profile
@@ -48,7 +48,7 @@ def _as_in_the_profile(axis: Any) -> bool:
 
 
 @compiled
-def _speed_reached(axis: Any) -> bool:
+def speed_reached(axis: Any) -> bool:
     """ZSW1.10 in speed control: the speed is reached or exceeded."""
     wanted = axis.jog_speed if axis.jog_sequence else axis.setpoint
     if wanted < 0.0:
@@ -73,7 +73,7 @@ def moog_word(axis: Any, word: int) -> int:
         moog |= CONTROL
     if axis.opmode == 2:
         moog |= word & POSITION_BITS
-    elif axis.opmode == 1 and _speed_reached(axis):
+    elif axis.opmode == 1 and speed_reached(axis):
         moog |= REACHED
     if stationary:
         moog |= STATIONARY

@@ -8,7 +8,7 @@ from pnfarm.firmware.direction import take_direction
 from pnfarm.firmware.faults import acknowledge, raise_fault, take_commands
 from pnfarm.firmware.hindrances import take_hindrances, with_hindrances
 from pnfarm.firmware.interpolation import take_cyclic
-from pnfarm.firmware.jog import take_jog
+from pnfarm.firmware.jog import take_jog, take_jog_bits
 from pnfarm.firmware.machine import take_switches
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
@@ -19,12 +19,25 @@ from pnfarm.firmware.sensor_interface import step_sensor
 from pnfarm.firmware.service_motion import step_service
 from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
-from pnfarm.firmware.status_forms import moog_word, take_generator
+from pnfarm.firmware.status_forms import moog_word, speed_reached, take_generator
 from pnfarm.firmware.tasks import take_task
 from pnfarm.firmware.telegram import from_setpoints, no_setpoints, to_actuals
 from pnfarm.firmware.torque_limits import take_torque_limits
 from pnfarm.table.axis import FAULT_SLOTS
 from pnfarm.table.axis_codes import CONTROL_BY_PLC, DISABLE_AT_ONCE, REACTION_QUICK_STOP, STATUS_MOOG
+from pnfarm.table.axis_readings import (
+    SETPOINTS_HELD,
+    SETPOINTS_NONE,
+    SETPOINTS_TAKEN,
+    SPEED_BIT_ZERO,
+    SPEED_ERROR_OF_RAMP,
+    SPEED_REACHED_OR_EXCEEDED,
+    SPEED_REACHED_WINDOW,
+    WITHOUT_CONTROL_HOLD,
+    WITHOUT_CONTROL_TAKEN,
+    WITHOUT_RUN_HOLD,
+    WITHOUT_RUN_OFF,
+)
 from pnfarm.table.compiled import compiled
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
@@ -32,9 +45,25 @@ from pnfarm.table.signals import STW1
 __all__ = ["step"]
 
 
+ON = 0x0001
 FAULT_ACKNOWLEDGE = 0x0080
 #: What a step covers at most, ns: the loop may have been held up.
 LONGEST_NS = 1_000_000_000
+
+
+@compiled
+def _speed_bits(axis: Any) -> int:
+    """Bits 8 and 10 of ZSW1 in speed control."""
+    word = 0
+    wanted = axis.speed_reference if axis.speed_error_bit == SPEED_ERROR_OF_RAMP else axis.setpoint
+    if axis.speed_error_bit != SPEED_BIT_ZERO and abs(wanted - axis.velocity) <= axis.velocity_window:
+        word |= 0x0100  # velocity error within range
+    reached = axis.speed_reached_bit == SPEED_REACHED_OR_EXCEEDED and speed_reached(axis)
+    if axis.speed_reached_bit == SPEED_REACHED_WINDOW:
+        reached = abs(axis.setpoint - axis.velocity) <= axis.velocity_window
+    if reached:
+        word |= 0x0400  # target velocity reached
+    return word
 
 
 @compiled
@@ -64,16 +93,24 @@ def _status_word(axis: Any) -> int:
     if axis.opmode == 2:
         word |= position_bits(axis)
     elif axis.opmode == 1:
-        if abs(axis.speed_reference - axis.velocity) <= axis.velocity_window:
-            word |= 0x0100  # velocity error within range
-        if abs(axis.setpoint - axis.velocity) <= axis.velocity_window:
-            word |= 0x0400  # target velocity reached
+        word |= _speed_bits(axis)
     return moog_word(axis, word) if axis.status_form == STATUS_MOOG else word
 
 
 @compiled
+def _setpoints(axis: Any, image: Any, word: int) -> int:
+    """What the set points of this step are, STW1 being ``word``."""
+    if not image.valid:
+        held = image.lost == LOST_STOP and axis.without_run == WITHOUT_RUN_HOLD
+        return SETPOINTS_HELD if held else SETPOINTS_NONE
+    if word & CONTROL_BY_PLC or axis.without_control == WITHOUT_CONTROL_TAKEN:
+        return SETPOINTS_TAKEN
+    return SETPOINTS_HELD if axis.without_control == WITHOUT_CONTROL_HOLD else SETPOINTS_NONE
+
+
+@compiled
 def _control_word(axis: Any, image: Any, now: int) -> None:
-    """Take STW1 over: with bit 10 only, and zero once nobody sends valid set points."""
+    """Take STW1 over, or hold what was taken over last, as the drive's readings have it."""
     valid = image.valid
     if axis.image_valid and not valid:
         if image.lost == LOST_EXPIRED and axis.loss_delay_ns == 0:
@@ -88,18 +125,24 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
         axis.telegram_ns = 0
         raise_fault(axis, axis.loss_fault, now)
     axis.image_valid = valid
-    # a drive that another one controls does not hear its controller
-    heard = valid and axis.control_location == axis.bus_location
-    word = image.received[STW1] & 0xFFFF if heard else 0
-    if heard and not word & CONTROL_BY_PLC:
+    word = image.received[STW1] & 0xFFFF
+    axis.setpoints = _setpoints(axis, image, word)
+    if axis.setpoints == SETPOINTS_NONE:
+        # nobody leads the axis: it coasts, or stops as with STW1.0 = 0
+        off = image.lost == LOST_STOP and axis.without_run == WITHOUT_RUN_OFF
+        word = axis.stw1 & ~ON if off else 0
+    elif axis.control_location != axis.bus_location:
+        # a drive that another one controls does not hear its controller
+        word = 0
+    elif axis.setpoints == SETPOINTS_HELD:
         # the other bits are not taken over; an edge of bit 7 is none either
         axis.stw1_seen = word
         return
-    if word & FAULT_ACKNOWLEDGE and not axis.stw1_seen & FAULT_ACKNOWLEDGE:
+    if word & FAULT_ACKNOWLEDGE and (axis.acknowledges_by_level or not axis.stw1_seen & FAULT_ACKNOWLEDGE):
         acknowledge(axis)
     axis.stw1_seen = word
     axis.stw1 = word
-    if valid and axis.reference_source == axis.bus_source:
+    if axis.setpoints != SETPOINTS_NONE and axis.reference_source == axis.bus_source:
         from_setpoints(axis, image)
     else:
         no_setpoints(axis)
@@ -165,6 +208,7 @@ def step(axis: Any, image: Any, now: int) -> None:
         standing = False
     take_hindrances(axis)
     take_torque_limits(axis, image)
+    take_jog_bits(axis)
     take_task(axis, image)
     held = conditions(stw1, faulty, reaction, standing, now - axis.boot_ns >= axis.boot_time_ns)
     advance(axis, with_hindrances(axis, held, stw1, faulty))

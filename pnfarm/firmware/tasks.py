@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.jog import excluded
 from pnfarm.table.axis import DRIVING_SETS, MOTION_TASKS
 from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
-    CONTROL_BY_PLC,
     JOG_MINUS,
     JOG_NONE,
     JOG_PLUS,
@@ -29,6 +29,7 @@ from pnfarm.table.axis_codes import (
     TASKS_TABLE,
     TASKS_TARPOS,
 )
+from pnfarm.table.axis_readings import REAL_TIME_JOG_WITH_TASKS, SETPOINTS_HELD, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     HOME_DIST,
@@ -43,7 +44,6 @@ from pnfarm.table.signals import (
     POS_STW1,
     POS_STW2,
     SATZANW,
-    STW1,
     TARPOS_A,
     VELOCITY_A,
 )
@@ -51,9 +51,9 @@ from pnfarm.table.signals import (
 __all__ = ["ramp_step", "select_task", "take_task"]
 
 START_BIT = 0x0040  # STW1.6
-JOG_EXCLUDES = 0x0070  # STW1.4 to 6
-JOG_1 = 0x0100  # STW1.8
-JOG_2 = 0x0200  # STW1.9
+NOT_REJECTED = 0x0010  # STW1.4
+JOG_1 = 1  # of ``jog_bits``: STW1.8
+JOG_2 = 2  # STW1.9
 RELATIVE = 0x1000  # STW1.12, Moog MSD manual 10.2.1
 REAL_TIME_JOG = 0x1000  # STW1.12, AKD PROFINET manual 5.4
 BACKWARDS = 0x2000  # STW1.13, as above
@@ -64,12 +64,11 @@ ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8
 HERE = 0x0002  # POS_STW2.1
 
-#: A task runs (``motion``; the table of :mod:`pnfarm.firmware.positioning`).
+#: A task runs, the axis jogs (``motion``; the table of :mod:`pnfarm.firmware.positioning`).
 MOTION_TASK = 2
+MOTION_JOG = 6
 #: DRV.OPMODE of position mode.
 POSITION_MODE = 2
-#: MT_FEEDRATE of 100 %.
-PERCENT = 100.0
 #: Override of 100 % (HIWIN E1 manual 6.6.1 has this figure for the other percentages).
 WHOLE = 16384.0
 
@@ -86,15 +85,16 @@ def ramp_step(own: float, jog: float, ramp: float) -> float:
 def _jog_asked(axis: Any, stw1: int) -> int:
     if axis.jog_form == JOG_SEQUENCES:
         return JOG_SEQUENCE if axis.jog_sequence else JOG_NONE
-    if axis.real_time_jog and stw1 & REAL_TIME_JOG:
+    rejected = axis.real_time_jog == REAL_TIME_JOG_WITH_TASKS and not stw1 & NOT_REJECTED
+    if axis.real_time_jog and stw1 & REAL_TIME_JOG and not rejected:
         return JOG_REAL_TIME
-    if axis.control_config & CONFIG_PROFILE_JOG and stw1 & JOG_EXCLUDES:
+    if axis.control_config & CONFIG_PROFILE_JOG and excluded(axis, axis.motion == MOTION_JOG):
         return JOG_NONE
-    if stw1 & (JOG_1 | JOG_2) == JOG_1:
+    if axis.jog_bits == JOG_1:
         return JOG_PLUS
-    if stw1 & (JOG_1 | JOG_2) == JOG_2:
+    if axis.jog_bits == JOG_2:
         return JOG_MINUS
-    return JOG_STILL if stw1 & (JOG_1 | JOG_2) else JOG_NONE
+    return JOG_STILL if axis.jog_bits else JOG_NONE
 
 
 @compiled
@@ -216,7 +216,7 @@ def _select(axis: Any, image: Any) -> None:
         axis.asked_relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
         axis.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
     if axis.feedrate_signal:
-        axis.override = (image.received[MT_FEEDRATE] & 0xFFFF) / PERCENT
+        axis.override = (image.received[MT_FEEDRATE] & 0xFFFF) / axis.feedrate_whole
     if _take_command(axis) or axis.mdi:
         return
     if axis.task_form != TASKS_MDI:
@@ -230,7 +230,7 @@ def _select(axis: Any, image: Any) -> None:
 def take_task(axis: Any, image: Any) -> None:
     """The signals of this step in physical units; ``asked`` is set on the edge that starts a task."""
     axis.asked = 0
-    if image.valid and not image.received[STW1] & CONTROL_BY_PLC:
+    if axis.setpoints == SETPOINTS_HELD:
         # nothing of the telegram is taken over: what was asked for last stays
         _take_command(axis)
         return
@@ -241,7 +241,7 @@ def take_task(axis: Any, image: Any) -> None:
     axis.asked_still = 0
     if axis.jog_form == JOG_SEQUENCES:
         axis.jog = _jog_asked(axis, axis.stw1)
-    here = image.valid and axis.reference_source == axis.bus_source
+    here = axis.setpoints == SETPOINTS_TAKEN and axis.reference_source == axis.bus_source
     if not here or (axis.task_form == TASKS_NONE and axis.opmode != POSITION_MODE):
         axis.task_command = 0
         axis.task_new = 0
@@ -251,7 +251,7 @@ def take_task(axis: Any, image: Any) -> None:
     if changed and (axis.stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
         axis.asked = 1
     axis.override = axis.speed_override
-    axis.asked_base = 0
+    axis.asked_base = axis.relative_base
     target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
     _take_homing(axis, image, target_step)
     axis.asked_task = TASK_MDI

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis_codes import CONTROL_BY_PLC
+from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import STW1, TORQUE_LIMIT_POSITIVE
+from pnfarm.table.signals import TORQUE_LIMIT_POSITIVE
 
 __all__ = ["gives_all", "limited_torque", "take_torque_limits", "torque_limited"]
 
@@ -23,9 +23,9 @@ THOUSANDTH = 0.001
 def take_torque_limits(axis: Any, image: Any) -> None:
     """Once in each step: the parts of the torque by parameters, or by a telegram whose set points count."""
     for direction in range(2):
-        if not image.valid or not axis.torque_signals & (1 << direction):
+        if axis.setpoints == SETPOINTS_NONE or not axis.torque_signals & (1 << direction):
             axis.torque_asked[direction] = axis.torque_shares[direction]
-        elif image.received[STW1] & CONTROL_BY_PLC:
+        elif axis.setpoints == SETPOINTS_TAKEN:
             axis.torque_asked[direction] = (image.received[TORQUE_LIMIT_POSITIVE + direction] & 0xFFFF) * THOUSANDTH
 
 

@@ -4,13 +4,14 @@ States and faults as numbers:
 
 * ``state``: 1..5 for S1..S5 of the PROFIdrive general state machine, 0 while the drive boots.
 * fault numbers are the manual's own (AKD: 702 ...); 0 means none;
-* names with a star are the constants in :mod:`pnfarm.table.axis_codes`.
+* names with a star are the constants in :mod:`pnfarm.table.axis_codes` and :mod:`pnfarm.table.axis_readings`.
 """
 
 from __future__ import annotations
 
 from math import inf
 
+from pnfarm.table.axis_readings import READINGS
 from pnfarm.table.layout import Field, Layout
 from pnfarm.table.signals import SHOWN
 
@@ -193,7 +194,9 @@ AXIS = Layout(
         Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_*"),
         Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
         Field("task_velocity_unsigned", "u1", "", "parameter", "1 = a task's velocity in the telegram has no sign"),
-        Field("real_time_jog", "u1", "", "parameter", "1 = STW1.12 jogs with the data of the task"),
+        Field(
+            "real_time_jog", "u1", "", "parameter", "STW1.12 jogs with the data of the task: REAL_TIME_JOG_*, 0 = not"
+        ),
         Field("home_required", "u1", "", "parameter", "1 = tasks need the home position"),
         Field("home_method", "u1", "", "parameter", "how the axis finds its home: HOME_*, and homing"),
         Field("home_velocity", "f8", "rpm", "parameter", "of homing"),
@@ -456,8 +459,9 @@ AXIS = Layout(
         # warnings of its own
         Field("thermal_warning", "f8", "", "station", "thermal_load above which the I2t warning shows, 0 = none"),
         # what single models add
+        *READINGS,
         Field("rest_without_task", "u1", "", "parameter", "1 = ZSW1.13 stands only while no task is active, too"),
-        Field("reached_without_task", "u1", "", "parameter", "1 = ZSW1.10 stands whenever no motion is active"),
+        Field("reached_without_task", "u1", "", "parameter", "ZSW1.10 in position mode: REACHED_*"),
         Field("velocity_limit_positive", "f8", "rpm", "parameter", "most speed forwards, inf = no limit", default=inf),
         Field("velocity_limit_negative", "f8", "rpm", "parameter", "most speed backwards, alike", default=inf),
         Field("disable_method", "u1", "", "parameter", "how the power stage goes off by software: DISABLE_*"),

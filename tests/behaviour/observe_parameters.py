@@ -61,7 +61,18 @@ def parameter_memory(name: str, behaviour: str) -> object:
     plc = Plc(name, behaviour, 3)
     assert plc.change(TOLERANCE, UNSIGNED16, 9) is None
     assert plc.read(TOLERANCE) == 9
-    plc.farm.stations[0].power_cycle(plc.world.now)
-    plc.run(1.0)
-    plc.connect()
+    plc.power_cycle()
     return plc.read(TOLERANCE)
+
+
+@observes("fault-history", {"kept": True, "lost": False})
+def fault_history(name: str, behaviour: str) -> object:
+    """Whether the fault buffer has anything behind a power cycle."""
+    plc = Plc(name, behaviour, SPEED[name])
+    number = {"hiwin-e1": 17, "moog-msd": "9-1"}.get(name, 702)
+    plc.inject("drive-fault", fault=number)
+    plc.wait(20)
+    assert plc.put(STW1=0x0480) & FAULT == 0, "acknowledged"
+    assert any(plc.buffer())
+    plc.power_cycle()
+    return any(plc.buffer())

@@ -7,6 +7,8 @@ import manual_coverage
 import pytest
 from manuals import manual_text
 
+from pnfarm.drives.catalogue import model as drive_model
+
 ROOT = Path(__file__).resolve().parents[2]
 
 MODELS = [model for model in manual_coverage.MANUALS if (manual_coverage.FOLDER / f"{model}.csv").exists()]
@@ -34,6 +36,20 @@ def test_every_numbered_section_table_and_figure_of_the_manual_has_a_row(model):
     listed = [row.section for row in manual_coverage.rows(model)]
     assert len(listed) == len(set(listed)), "a section stands twice"
     assert manual_coverage.numbered(text) <= set(listed)
+
+
+def test_the_test_of_readings_exists():
+    file, _, function = manual_coverage.READINGS_TEST.partition("::")
+    assert function in _tests_of(ROOT / file)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_open_point_stands_in_a_section_of_the_manual_or_in_none(model):
+    listed = {row.section.lower() for row in manual_coverage.rows(model)}
+    for point in drive_model(model).behaviour:
+        sections = set(point.source.lower().split(", ")) - {"not in the manual"}
+        assert sections <= listed, point.name
+        assert all(point.name in manual_coverage.left_open(model, section) for section in sections)
 
 
 @pytest.mark.parametrize(

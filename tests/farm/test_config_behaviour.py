@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from virtual_line import VirtualLine
 
 from pnfarm.farm.config import FarmFileError, expand, parse_farm
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.schema import farm_schema
+from pnfarm.farm.snapshot import drive_snapshot
 
 FILE = """\
 farm: line-1
@@ -37,6 +39,12 @@ def test_the_drives_of_a_group_have_its_readings_and_the_others_the_defaults():
     assert first.access.disabled_only == second.access.disabled_only == (2117, 2135)
     assert press.access.disabled_only == (2117,)
     assert first.readings == {"mode-change": "disabled-only"}
+
+
+def test_a_running_drive_tells_the_readings_that_its_file_chose():
+    line = VirtualLine(2, behaviour="{control-by-plc: coast}")
+    assert drive_snapshot(line.farm, line.farm.stations[1], line.world.now)["behaviour"] == {"control-by-plc": "coast"}
+    assert line.farm.columns.axis[1].without_control == 1
 
 
 def test_a_reading_goes_with_the_motor_and_the_identity_of_the_file():

@@ -41,6 +41,14 @@ def test_5_14_what_was_acknowledged_is_there_after_the_farm_started_again(memory
     assert again.farm.stations[0].store.read(944, 0, 1) == [0]
 
 
+def test_a_drive_whose_farm_file_says_that_its_history_is_lost_starts_with_an_empty_one(memory):
+    line = start(memory, behaviour="{fault-history: lost}")
+    trip(line, "502")
+    assert line.farm.stations[0].store.read(947, 8, 1) == [502], "it has one until then"
+    again = start(memory, behaviour="{fault-history: lost}")
+    assert again.farm.stations[0].store.read(947, 0, 64) == [0] * 64
+
+
 def test_a_fault_that_was_active_then_is_history_after_the_start(memory):
     line = start(memory, program="{kind: constant, speed_rpm: 60}")
     line.farm.stations[0].raise_fault("502", hold=True)

@@ -24,6 +24,8 @@ from pnfarm.protocols.profinet.cmctl_events import RecordRead
 #: Telegrams of speed and of positions, and control words with operation enabled, of each model.
 SPEED = {"akd-profinet": 1, "akd-profinet-2012": 1, "hiwin-e1": 3, "moog-msd": 1}
 TASKS = {"akd-profinet": 9, "akd-profinet-2012": 9, "hiwin-e1": 9, "moog-msd": 9}
+#: Of the E1: increments to a revolution.
+COUNTS_E1 = 1 << 23
 #: Record index of base mode parameter access.
 PARAMETERS = 0xB02E
 RUN = 0x047F
@@ -53,6 +55,18 @@ class Plc(HandPlc):
         """What a read of ``count`` elements is answered with."""
         return self._ask(emit_request(read_request(7, [ParameterAddress(pnu, 0, count)])))
 
+    def buffer(self) -> tuple[int, ...]:
+        """The first 16 places of the fault buffer (PNU 947)."""
+        return self._ask(emit_request(read_request(7, [ParameterAddress(947, 0, 16)]))).entries[0].values
+
+    def power_cycle(self) -> None:
+        """Off and on; then connected anew, STW1 without anything but its bit 10."""
+        self.put(STW1=0x0400)
+        self.farm.stations[0].power_cycle(self.world.now)
+        self.run(1.0)
+        self.connect()
+        self.wait(200)
+
     def _ask(self, request: bytes) -> ParameterResponse:
         (session,) = self.plc.sessions
         session.machine.write_record("write", 0x3A00, 1, 1, PARAMETERS, request)
@@ -69,14 +83,49 @@ class Plc(HandPlc):
 
 
 def task_plc(name: str, behaviour: str, *, homed: bool = True, **options) -> Plc:
-    """In operation, position control by MDI; the AKD must be homed, which it is at once."""
-    params = {"akd-profinet": "{DRV.OPMODE: 2}", "akd-profinet-2012": "{930: 2}"}.get(name, "{}")
+    """In operation, position control by tasks of the telegram; the AKD must be homed, which it is at once."""
+    params = {
+        "akd-profinet": "{DRV.OPMODE: 2}",
+        "akd-profinet-2012": "{930: 2}",
+        # the rising edge of STW1.6 alone starts a task, as with the others
+        "moog-msd": "{P-1267: 64}",
+    }.get(name, "{}")
     plc = Plc(name, behaviour, TASKS[name], **{"params": params} | options)
     plc.switch_on(operation=READY)
     if homed and plc.drive.startswith("akd"):
-        plc.put(STW1=READY | HOME, wait=20)
-        assert plc.put(STW1=READY) & HOMED
+        home(plc)
     return plc
+
+
+def home(plc: Plc) -> None:
+    """Homing by STW1.11: the AKD where it stands, the others at the next zero mark."""
+    plc.put(STW1=READY | HOME)
+    plc.wait_for(lambda: plc["ZSW1"] & HOMED != 0)
+    plc.put(STW1=READY, wait=50)
+
+
+def start(plc: Plc, revolutions: float, rpm: float = 600.0, *, relative: bool = False) -> bool:
+    """A task of the telegram by the edge of STW1.6; whether ZSW1.12 acknowledged it.  The bit falls again."""
+    stw1 = READY
+    if plc.drive == "moog-msd":
+        stw1 |= 0x1000 if relative else 0
+        plc.put(wait=1, TARPOS_A=round(revolutions * 65536), VELOCITY_A=round(rpm))
+    else:
+        counts = COUNTS_E1 if plc.drive == "hiwin-e1" else 65536
+        velocity = rpm * COUNTS_E1 / 1000 if plc.drive == "hiwin-e1" else rpm / 12000 * 2**32
+        ramp = 0x4000 if plc.drive == "hiwin-e1" else 39
+        plc.put(
+            wait=1,
+            SATZANW=0x8000,
+            MDI_TARPOS=round(revolutions * counts),
+            MDI_VELOCITY=round(velocity),
+            MDI_ACC=ramp,
+            MDI_DEC=ramp,
+            MDI_MOD=0 if relative else 1,
+        )
+    taken = bool(plc.put(STW1=stw1 | START) & TAKEN)
+    plc.put(STW1=stw1)
+    return taken
 
 
 def speed_plc(name: str, behaviour: str, **options) -> Plc:
