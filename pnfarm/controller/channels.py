@@ -49,6 +49,7 @@ class SessionChannels:
                 iops=sent.iops,
                 constants=sent.constants,
                 phase=max(0, output.phase - 1),
+                tag=output.tag_header,
             )
         )
         session.consumer = self._table.open_consumer(

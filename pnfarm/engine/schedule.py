@@ -18,8 +18,9 @@ __all__ = ["UNIT_NS", "ChannelTable", "ConsumerPlan", "ProviderPlan"]
 UNIT_NS = 31_250
 #: Priority-tagged Ethernet header: 6 + 6 + tag 4 + type 2.
 TAGGED_HEADER = 18
-#: 802.1Q tag of RT frames: priority 6, VLAN 0 (IEC 61158-6-10).
-RT_TAG = bytes.fromhex("8100c000")
+ETHERTYPE_VLAN = bytes.fromhex("8100")
+#: Tag of RT frames where nobody asked for another one: priority 6, VLAN 0 (IEC 61158-6-10).
+RT_TAG = 0xC000
 ETHERTYPE = bytes.fromhex("8892")
 
 
@@ -29,6 +30,7 @@ class ProviderPlan:
 
     ``words``: (code, offset) of each telegram word; ``iops``: own provider status octets that follow the
     process image; ``constants``: (offset, octet) of everything that never changes (IOCS, IOPS of modules without data).
+    ``tag`` is the 802.1Q tag's control information.
     """
 
     image: int
@@ -43,6 +45,7 @@ class ProviderPlan:
     iops: Sequence[int]
     constants: Sequence[tuple[int, int]] = ()
     phase: int = 0
+    tag: int = RT_TAG
 
     @property
     def cycle_ns(self) -> int:
@@ -154,7 +157,8 @@ class ChannelTable:
         columns = self.columns
         frame = columns.frames[number]
         frame[:] = 0
-        header = plan.destination + plan.source + RT_TAG + ETHERTYPE + plan.frame_id.to_bytes(2, "big")
+        tag = ETHERTYPE_VLAN + plan.tag.to_bytes(2, "big")
+        header = plan.destination + plan.source + tag + ETHERTYPE + plan.frame_id.to_bytes(2, "big")
         frame[:start] = list(header)
         for offset, octet in plan.constants:
             frame[start + offset] = octet

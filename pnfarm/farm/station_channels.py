@@ -142,6 +142,7 @@ class StationChannels:
                 constants=layout.constants,
                 # a controller that leaves every phase at 1 has its drives' frames spread all the same
                 phase=cr.phase - 1 if cr.phase > 1 else self._index,
+                tag=cr.tag_header,
             )
         )
         ar.providers.append((row, cr))
@@ -231,8 +232,9 @@ class StationChannels:
                     continue
                 octets = self._channels.consumed(row) if output else self._channels.provided(row)
                 data = octets[place.data_offset : place.data_offset + place.data_length]
-                iocs = IOXS_GOOD
-                if output and (slot, subslot) in consumer_iocs and ar.providers:
-                    iocs = self._channels.provided(ar.providers[0][0])[consumer_iocs[slot, subslot]]
-                return IoData(data, octets[place.iops_offset], iocs)
+                # a status that no frame carries is good
+                iops = IOXS_GOOD if place.iops_offset is None else octets[place.iops_offset]
+                where = consumer_iocs.get((slot, subslot)) if output and ar.providers else None
+                iocs = IOXS_GOOD if where is None else self._channels.provided(ar.providers[0][0])[where]
+                return IoData(data, iops, iocs)
         return None

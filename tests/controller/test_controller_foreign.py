@@ -87,6 +87,28 @@ def test_a_device_has_the_time_to_be_ready_that_its_file_names_unless_the_farm_f
     assert seconds == [20, 90, 5]
 
 
+def test_a_device_whose_file_requires_no_status_octets_is_connected_without_them(tmp_path):
+    gsdml = describe_model(model("akd"))
+    (dap,) = gsdml.daps
+    write(tmp_path, replace(gsdml, daps=(replace(dap, ioxs_required=False),)))
+    line = Line(plans(tmp_path))
+    assert line.connect(), line.plc.sessions[0].measures.last_reason
+    line.world.run(1.0)
+    (row,) = line.plc.snapshot()
+    assert (row["state"], row["losses"]) == ("DATA", 0)
+    # the telegram's data alone have statuses, in both frames
+    (ar,) = line.station.ars.values()
+    inputs, outputs = ar.providers[0][1], ar.consumers[0][1]
+    assert [(d.data_offset, d.iops_offset) for d in inputs.data if d.iops_offset is not None] == [(0, 4)]
+    assert [(d.data_offset, d.iops_offset) for d in outputs.data if d.iops_offset is not None] == [(0, 4)]
+    assert [c.iocs_offset for c in outputs.iocs if c.iocs_offset is not None] == [5]
+    (provider, _), (consumer, _) = ar.providers[0], ar.consumers[0]
+    columns = line.station.channels._channels.columns
+    assert [int(o) for o in columns.ppm[provider].iops_offset[: columns.ppm[provider].iops_count]] == [20 + 4]
+    assert int(columns.cpm[consumer].iops_count) == 1
+    assert int(columns.cpm[consumer].iops) == 0x80
+
+
 def with_ratio_1(gsdml):
     """The device that names the send clocks of 0.5, 1, 2 and 4 ms and no ratio but 1."""
     (dap,) = gsdml.daps

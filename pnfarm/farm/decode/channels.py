@@ -123,8 +123,8 @@ def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | 
         if place is not None:
             count = place.data_length // 2
             words = [(first if n == 0 else f"word {n + 1}", place.data_offset + 2 * n, 2) for n in range(count)]
-    statuses = [("IOPS", d.slot, d.subslot, d.iops_offset) for d in layout.data]
-    statuses += [("IOCS", c.slot, c.subslot, c.iocs_offset) for c in layout.iocs]
+    statuses = [("IOPS", d.slot, d.subslot, d.iops_offset) for d in layout.data if d.iops_offset is not None]
+    statuses += [("IOCS", c.slot, c.subslot, c.iocs_offset) for c in layout.iocs if c.iocs_offset is not None]
     number = telegram.number if telegram is not None else None
     bits = {}
     if model is not None and number is not None:

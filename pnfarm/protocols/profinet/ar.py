@@ -16,7 +16,7 @@ from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.errors import IocrField
 from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
 from pnfarm.protocols.profinet.wire.blocks_expected import DataDirection, SubmoduleType
-from pnfarm.protocols.profinet.wire.iocr import IocrType
+from pnfarm.protocols.profinet.wire.iocr import IOCR_TAG_HEADER, IocrType
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -73,24 +73,27 @@ class LayoutError(DecodeError):
 
 @dataclass(frozen=True, slots=True)
 class DataPlace:
-    """Data of one submodule in the C_SDU: octets from its start.  The IOPS octet stands behind the data."""
+    """Data of one submodule in the C_SDU: octets from its start.
+
+    The IOPS octet stands behind the data; None for a submodule whose status octets are discarded.
+    """
 
     api: int
     slot: int
     subslot: int
     data_offset: int
     data_length: int
-    iops_offset: int
+    iops_offset: int | None
 
 
 @dataclass(frozen=True, slots=True)
 class IocsPlace:
-    """Consumer status octet of one submodule in the C_SDU."""
+    """Consumer status octet of one submodule in the C_SDU; None for one whose status octets are discarded."""
 
     api: int
     slot: int
     subslot: int
-    iocs_offset: int
+    iocs_offset: int | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,8 @@ class IocrLayout:
     """One cyclic channel.
 
     ``data_length`` is the C_SDU's, in octets: what lies between the frame id and the cycle counter.
-    ``frame_send_offset`` is in nanoseconds, 0xFFFFFFFF for "any".
+    ``frame_send_offset`` is in nanoseconds, 0xFFFFFFFF for "any".  ``tag_header`` is the VLAN tag of its frames:
+    priority << 13 | VLAN id.
     """
 
     iocr_type: int
@@ -115,6 +119,7 @@ class IocrLayout:
     data: tuple[DataPlace, ...]
     iocs: tuple[IocsPlace, ...]
     properties: int = 0
+    tag_header: int = IOCR_TAG_HEADER
 
     @property
     def is_input(self) -> bool:
@@ -162,6 +167,8 @@ class Ar:
     locked: dict[ExpectedKey, ArInfo] = field(default_factory=dict)
     #: Owned ones that were plugged or released since, and wait for their parameters.
     pending: set[ExpectedKey] = field(default_factory=set)
+    #: ARFSUDataAdjust as the Connect request brought it.
+    fsu_adjust: bytes = b""
     #: UDP port of the initiator's RPC server, when an ARRPCBlock named one.
     initiator_rpc_port: int | None = None
     connected_at: int = 0
@@ -241,6 +248,9 @@ class _Frame:
         self._taken = bytearray(length)
 
     def take(self, offset: int, length: int, fault: IocrField, what: str) -> None:
+        if not length:
+            # nothing stands nowhere, whatever its offset says
+            return
         end = offset + length
         if end > len(self._taken):
             raise LayoutError(fault, f"{what} ends at octet {end} of {len(self._taken)}")
@@ -283,6 +293,8 @@ def compute_layout(
 ) -> IocrLayout:
     """The layout that ``iocr`` asks for; ``frame_id`` replaces the requested one.
 
+    A submodule with DiscardIOXS has no status octets: one without data takes no octet at all, and its offsets are not
+    looked at (captured controllers give 0 for all of them).
     Raises :class:`LayoutError` naming the faulty field: an API, slot or subslot that is not expected, twice there
     or not of this direction, a datum outside of the frame or over another one.
     """
@@ -306,13 +318,17 @@ def compute_layout(
                 raise LayoutError(IocrField.DATA_SUBSLOT, f"slot {entry.slot} subslot 0x{entry.subslot:04X} twice")
             sub = _find(expected, key, data_types, IocrField.DATA_SLOT, IocrField.DATA_SUBSLOT)
             length = sub.length(direction)
-            frame.take(entry.frame_offset, length + 1, IocrField.DATA_FRAME_OFFSET, "IODataObject")
-            data[key] = DataPlace(*key, entry.frame_offset, length, entry.frame_offset + length)
+            status = 0 if sub.discards_ioxs else 1
+            frame.take(entry.frame_offset, length + status, IocrField.DATA_FRAME_OFFSET, "IODataObject")
+            data[key] = DataPlace(*key, entry.frame_offset, length, entry.frame_offset + length if status else None)
         for entry in api.iocs:
             key = (api.api, entry.slot, entry.subslot)
             if key in iocs:
                 raise LayoutError(IocrField.IOCS_SUBSLOT, f"slot {entry.slot} subslot 0x{entry.subslot:04X} twice")
-            _find(expected, key, iocs_types, IocrField.IOCS_SLOT, IocrField.IOCS_SUBSLOT)
+            sub = _find(expected, key, iocs_types, IocrField.IOCS_SLOT, IocrField.IOCS_SUBSLOT)
+            if sub.discards_ioxs:
+                iocs[key] = IocsPlace(*key, None)
+                continue
             frame.take(entry.frame_offset, 1, IocrField.IOCS_FRAME_OFFSET, "IOCS")
             iocs[key] = IocsPlace(*key, entry.frame_offset)
     return IocrLayout(
@@ -330,4 +346,5 @@ def compute_layout(
         data=tuple(data.values()),
         iocs=tuple(iocs.values()),
         properties=iocr.properties,
+        tag_header=iocr.tag_header,
     )

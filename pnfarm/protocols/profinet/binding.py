@@ -128,7 +128,8 @@ class ChannelLayout:
 def channel_layout(layout: IocrLayout, words: Sequence[int], unusable: Container[ExpectedKey]) -> ChannelLayout:
     """Lay the telegram's ``words`` into the frame of ``layout``, in the order of its submodules with data.
 
-    A submodule that the device does not have (``unusable``) carries no word and BAD status.
+    A submodule that the device does not have (``unusable``) carries no word and BAD status.  One whose status octets
+    are discarded has none to say so.
     """
     placed: list[tuple[int, int]] = []
     iops: list[int] = []
@@ -136,18 +137,19 @@ def channel_layout(layout: IocrLayout, words: Sequence[int], unusable: Container
     waiting = list(words)
     for place in sorted(layout.data, key=lambda d: (d.slot, d.subslot)):
         key = (place.api, place.slot, place.subslot)
-        if key in unusable:
-            constants.append((place.iops_offset, IOXS_BAD))
+        if key in unusable or not place.data_length:
+            if place.iops_offset is not None:
+                constants.append((place.iops_offset, IOXS_BAD if key in unusable else IOXS_GOOD))
             continue
-        if not place.data_length:
-            constants.append((place.iops_offset, IOXS_GOOD))
-            continue
-        iops.append(place.iops_offset)
+        if place.iops_offset is not None:
+            iops.append(place.iops_offset)
         for offset in range(place.data_offset, place.data_offset + place.data_length - 1, 2):
             if not waiting:
                 break
             placed.append((waiting.pop(0), offset))
     for status in layout.iocs:
+        if status.iocs_offset is None:
+            continue
         good = (status.api, status.slot, status.subslot) not in unusable
         constants.append((status.iocs_offset, IOXS_GOOD if good else IOXS_BAD))
     return ChannelLayout(tuple(placed), tuple(iops), tuple(constants))

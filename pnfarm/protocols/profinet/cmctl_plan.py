@@ -9,8 +9,10 @@ every datum in the two frames:
 * output frame: the same the other way round.
 
 A submodule without any data stands in the input frame with a provider status alone, as the captures of real
-controllers show and IEC 61158-6-10 (ExpectedSubmoduleBlockReq, SubmoduleProperties Type = NO_IO) asks.  A frame
-shorter than the C_SDU's 40 octets is padded behind its last status.
+controllers show and IEC 61158-6-10 (ExpectedSubmoduleBlockReq, SubmoduleProperties Type = NO_IO) asks.  With
+DiscardIOXS a submodule has no status octet in either frame; the request lists it all the same, with offset 0 where it
+has no octet at all, as captured controllers do.  A frame shorter than the C_SDU's 40 octets is padded behind its last
+status.
 """
 
 from __future__ import annotations
@@ -68,11 +70,7 @@ FIRST_INTERFACE_SUBSLOT = 0x8000
 MAX_HOLD_NS = 1_920_000_000
 
 #: SubmoduleProperties that would change what the frames hold; this controller lays no such frames out.
-_UNSUPPORTED_PROPERTIES = (
-    SubmoduleProperties.REDUCE_INPUT_LENGTH
-    | SubmoduleProperties.REDUCE_OUTPUT_LENGTH
-    | SubmoduleProperties.DISCARD_IOXS
-)
+_UNSUPPORTED_PROPERTIES = SubmoduleProperties.REDUCE_INPUT_LENGTH | SubmoduleProperties.REDUCE_OUTPUT_LENGTH
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +98,13 @@ class PlannedSubmodule:
 
     @property
     def provides_input(self) -> bool:
-        """It has a provider status in the input frame: it has inputs, or no data at all."""
+        """It stands among the data of the input frame: it has inputs, or no data at all."""
         return bool(self.input_bytes) or not self.output_bytes
+
+    @property
+    def discards_ioxs(self) -> bool:
+        """It has no status octets."""
+        return bool(self.properties & SubmoduleProperties.DISCARD_IOXS)
 
     @property
     def where(self) -> str:
@@ -278,8 +281,7 @@ def _check_submodules(plan: ArPlan) -> None:
             raise ConfigError(f"{submodule.where} has a negative length, octets count from 0")
         if submodule.properties & _UNSUPPORTED_PROPERTIES:
             raise ConfigError(
-                f"{submodule.where} has properties 0x{submodule.properties:04X}, reduced lengths and discarded status "
-                "octets cannot be planned"
+                f"{submodule.where} has properties 0x{submodule.properties:04X}, reduced lengths cannot be planned"
             )
 
 
@@ -290,13 +292,15 @@ def _layout(plan: ArPlan, iocr_type: IocrType, name: str) -> IocrLayout:
     for s in plan.sorted_submodules:
         if s.provides_input if is_input else s.output_bytes:
             length = s.input_bytes if is_input else s.output_bytes
-            data.append(DataPlace(s.api, s.slot, s.subslot, offset, length, offset + length))
-            offset += length + 1
+            status = 0 if s.discards_ioxs else 1
+            start = offset if length + status else 0
+            data.append(DataPlace(s.api, s.slot, s.subslot, start, length, offset + length if status else None))
+            offset += length + status
     iocs: list[IocsPlace] = []
     for s in plan.sorted_submodules:
         if s.output_bytes if is_input else s.provides_input:
-            iocs.append(IocsPlace(s.api, s.slot, s.subslot, offset))
-            offset += 1
+            iocs.append(IocsPlace(s.api, s.slot, s.subslot, None if s.discards_ioxs else offset))
+            offset += 0 if s.discards_ioxs else 1
     if offset > MAX_C_SDU:
         raise ConfigError(f"the {name} frame would carry {offset} octets, at most {MAX_C_SDU} fit")
     return IocrLayout(
@@ -314,6 +318,7 @@ def _layout(plan: ArPlan, iocr_type: IocrType, name: str) -> IocrLayout:
         data=tuple(data),
         iocs=tuple(iocs),
         properties=int(plan.rt_class),
+        tag_header=plan.tag_header,
     )
 
 

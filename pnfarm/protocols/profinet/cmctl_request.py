@@ -104,7 +104,7 @@ def _iocr_block(plan: ArPlan, reference: int, layout: IocrLayout) -> IocrBlockRe
     apis = []
     for api in sorted({submodule.api for submodule in plan.submodules}):
         data = tuple(FrameSlot(d.slot, d.subslot, d.data_offset) for d in layout.data if d.api == api)
-        iocs = tuple(FrameSlot(c.slot, c.subslot, c.iocs_offset) for c in layout.iocs if c.api == api)
+        iocs = tuple(FrameSlot(c.slot, c.subslot, c.iocs_offset or 0) for c in layout.iocs if c.api == api)
         apis.append(IocrApi(api, data, iocs))
     return IocrBlockReq(
         iocr_type=layout.iocr_type,
@@ -119,7 +119,7 @@ def _iocr_block(plan: ArPlan, reference: int, layout: IocrLayout) -> IocrBlockRe
         frame_send_offset=layout.frame_send_offset,
         watchdog_factor=layout.watchdog_factor,
         data_hold_factor=layout.data_hold_factor,
-        tag_header=plan.tag_header,
+        tag_header=layout.tag_header,
     )
 
 

@@ -3,7 +3,12 @@ permitted values of ARBlockReq, IOCRBlockReq, ExpectedSubmoduleBlockReq, AlarmCR
 
 Each check names the faulty field by ErrorCode1 (the block) and ErrorCode2 (the field).  What this device does not do
 is refused where the standard allows it: multicast CRs, RT class 3 and RT over UDP, companion ARs, external parameter
-servers, IOxS-less submodules.
+servers, reduced lengths.
+
+What captured controllers send and real devices take is taken, though the standard's tables would let a device refuse
+it: a VLAN id in the tag headers (the frames then carry it), an expected submodule that stands in no IOCR, a
+WatchdogFactor of any value (of older editions; DataHoldFactor alone counts), a frame id for the output CR that is
+none of its RT class (the device chooses one).
 """
 
 from __future__ import annotations
@@ -46,7 +51,6 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
 from pnfarm.protocols.profinet.wire.frame_id import RT_UDP_UNICAST, RTC1_UNICAST
 from pnfarm.protocols.profinet.wire.iocr import (
     ETHERTYPE_PROFINET,
-    FRAME_ID_ASSIGN,
     FRAME_SEND_OFFSET_ANY,
     IocrBlockReq,
     IocrType,
@@ -70,7 +74,7 @@ FRAME_ID_RANGES: dict[int, range] = {RtClass.CLASS_1: RT_UDP_UNICAST, RtClass.CL
 
 _MAX_C_SDU = 1440
 _MIN_C_SDU = 40
-#: DataHoldFactor and WatchdogFactor, greatest value.
+#: DataHoldFactor, greatest value.
 _MAX_FACTOR = 0x1E00
 #: The data hold time of RT class 1 and 2 is at most 1.92 s.
 _MAX_HOLD_NS = 1_920_000_000
@@ -90,8 +94,6 @@ _FAULTS: dict[int, ConnectFault] = {
     BlockType.AR_RPC_REQ: ConnectFault.AR_RPC_BLOCK,
     BlockType.AR_VENDOR_REQ: ConnectFault.AR_VENDOR_BLOCK,
 }
-#: Blocks that ask for nothing which a device would have to grant.
-_IGNORED = frozenset({BlockType.AR_FSU_REQ})
 
 
 class RefusedError(DecodeError):
@@ -116,6 +118,8 @@ class ConnectRequest:
     alarm_crs: list[AlarmCrBlockReq]
     rpc: ArRpcBlockReq | None
     vendor: list[ArVendorBlockReq]
+    #: ARFSUDataAdjust of an ARFSUBlock: the block behind its two octets of padding.
+    fsu_adjust: bytes = b""
 
 
 def _version_check(raw: RawBlock, fault: int) -> None:
@@ -160,7 +164,9 @@ def parse_connect(
         judge(first)
     request = ConnectRequest(first, [], [], [], None, [])
     for raw in raws[1:]:
-        if raw.block_type in _IGNORED:
+        if raw.block_type == BlockType.AR_FSU_REQ:
+            # it asks for nothing that a device would have to grant
+            request.fsu_adjust = raw.body[2:]
             continue
         match _typed(raw):
             case IocrBlockReq() as iocr:
@@ -230,11 +236,10 @@ def _check_iocr(iocr: IocrBlockReq, description: DeviceDescription, *, advanced:
         refuse(IocrField.IOCR_PROPERTIES, f"IOCRProperties 0x{iocr.properties:08X} has reserved bits")
     if not _MIN_C_SDU <= iocr.data_length <= _MAX_C_SDU:
         refuse(IocrField.DATA_LENGTH, f"DataLength {iocr.data_length} is not within {_MIN_C_SDU} to {_MAX_C_SDU}")
-    assigned = iocr.iocr_type == IocrType.OUTPUT and iocr.frame_id == FRAME_ID_ASSIGN
-    if not assigned and iocr.frame_id not in FRAME_ID_RANGES[iocr.rt_class]:
+    if iocr.iocr_type == IocrType.INPUT and iocr.frame_id not in FRAME_ID_RANGES[iocr.rt_class]:
         refuse(IocrField.FRAME_ID, f"FrameID 0x{iocr.frame_id:04X} is not of RT class {iocr.rt_class}")
     _check_timing(iocr, description)
-    if iocr.tag_header & 0x0FFF or iocr.tag_header >> 13 != 6:
+    if iocr.tag_header >> 13 != 6:
         refuse(IocrField.IOCR_TAG_HEADER, f"IOCRTagHeader 0x{iocr.tag_header:04X}")
     if not iocr.apis:
         refuse(IocrField.NUMBER_OF_APIS, "NumberOfAPIs is 0")
@@ -271,8 +276,6 @@ def _check_timing(iocr: IocrBlockReq, description: DeviceDescription) -> None:
         iocr.frame_send_offset >= clock * SEND_CLOCK_NS or iocr.frame_send_offset >= _MAX_FRAME_SEND_OFFSET
     ):
         refuse(IocrField.FRAME_SEND_OFFSET, f"FrameSendOffset {iocr.frame_send_offset} ns")
-    if not 1 <= iocr.watchdog_factor <= _MAX_FACTOR:
-        refuse(IocrField.WATCHDOG_FACTOR, f"WatchdogFactor {iocr.watchdog_factor}")
     if not 1 <= iocr.data_hold_factor <= _MAX_FACTOR or cycle_ns * iocr.data_hold_factor > _MAX_HOLD_NS:
         refuse(
             IocrField.DATA_HOLD_FACTOR, f"DataHoldFactor {iocr.data_hold_factor} at a cycle of {cycle_ns / 1e6:g} ms"
@@ -303,13 +306,14 @@ def _check_submodule(api: int, sub: ExpectedSubmodule) -> None:
         refuse(ExpectedField.SUBMODULE_PROPERTIES, "reduced input length is not supported")
     if sub.properties & SubmoduleProperties.REDUCE_OUTPUT_LENGTH and kind & SubmoduleType.OUTPUT:
         refuse(ExpectedField.SUBMODULE_PROPERTIES, "reduced output length is not supported")
-    if sub.properties & SubmoduleProperties.DISCARD_IOXS:
-        refuse(ExpectedField.SUBMODULE_PROPERTIES, "DiscardIOXS is not supported")
     if sorted(d.direction for d in sub.data) != _DIRECTIONS[kind]:
         refuse(ExpectedField.DATA_DESCRIPTION, "DataDescription does not fit the submodule's type")
     for data in sub.data:
         if data.data_length > _MAX_C_SDU - 1 or (kind == SubmoduleType.NO_IO and data.data_length):
             refuse(ExpectedField.SUBMODULE_DATA_LENGTH, f"SubmoduleDataLength {data.data_length}")
+        if sub.discards_ioxs:
+            # no status octet stands in a frame: their lengths mean nothing
+            continue
         if data.iops_length != 1:
             refuse(ExpectedField.LENGTH_IOPS, f"LengthIOPS {data.iops_length}")
         if data.iocs_length != 1:
@@ -322,7 +326,6 @@ def _check_expected(request: ConnectRequest) -> None:
 
     if not request.expected:
         refuse(ExpectedField.NUMBER_OF_APIS, "no module is expected")
-    used = {(a.api, e.slot, e.subslot) for iocr in request.iocrs for a in iocr.apis for e in (*a.data_objects, *a.iocs)}
     for (api, slot), count in Counter((e.api, e.slot) for e in request.expected).items():
         if count > 1:
             refuse(ExpectedField.SLOT, f"slot {slot} is twice in API 0x{api:X}")
@@ -336,8 +339,6 @@ def _check_expected(request: ConnectRequest) -> None:
         for subslot, count in Counter(s.subslot for s in entry.submodules).items():
             if count > 1:
                 refuse(ExpectedField.SUBSLOT, f"slot {entry.slot}: subslot 0x{subslot:04X} is there twice")
-            if (entry.api, entry.slot, subslot) not in used:
-                refuse(ExpectedField.SUBSLOT, f"slot {entry.slot}: subslot 0x{subslot:04X} is in no IOCR")
         for sub in entry.submodules:
             _check_submodule(entry.api, sub)
 
@@ -378,9 +379,9 @@ def _check_alarm_cr(alarm: AlarmCrBlockReq) -> None:
         refuse(AlarmCrField.RTA_RETRIES, f"RTARetries {alarm.rta_retries}")
     if not 200 <= alarm.max_alarm_data_length <= 1432:
         refuse(AlarmCrField.MAX_ALARM_DATA_LENGTH, f"MaxAlarmDataLength {alarm.max_alarm_data_length}")
-    if alarm.tag_header_high & 0x0FFF or alarm.tag_header_high >> 13 != 6:
+    if alarm.tag_header_high >> 13 != 6:
         refuse(AlarmCrField.TAG_HEADER_HIGH, f"AlarmCRTagHeaderHigh 0x{alarm.tag_header_high:04X}")
-    if alarm.tag_header_low & 0x0FFF or alarm.tag_header_low >> 13 != 5:
+    if alarm.tag_header_low >> 13 != 5:
         refuse(AlarmCrField.TAG_HEADER_LOW, f"AlarmCRTagHeaderLow 0x{alarm.tag_header_low:04X}")
 
 

@@ -14,7 +14,7 @@ from pnfarm.protocols.profinet.wire.blocks_connect import (
     ArServerBlock,
     ArVendorBlockRes,
 )
-from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockRes
+from pnfarm.protocols.profinet.wire.iocr import IocrBlockRes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -30,20 +30,29 @@ _RPC_PORT = 34964
 
 
 def fill(ar: Ar, request: ConnectRequest, layouts: tuple[IocrLayout, ...], others: Iterable[Ar]) -> None:
-    """Complete a new AR: frame ids that the controller leaves open, an alarm reference that no other AR has."""
+    """Complete a new AR: frame ids of the device's choice, an alarm reference that no other AR has.
+
+    The device chooses the output CR's where the controller leaves it open, or asks for one that is none of the CR's RT
+    class or that another output CR has: frames of two controllers could not be told apart.
+    """
     standing = tuple(others)
+    listened = {c.frame_id for other in standing for c in other.output_crs}
     used = {c.frame_id for other in standing for c in other.iocrs} | {c.frame_id for c in layouts}
     given = []
     for layout in layouts:
-        if layout.frame_id == FRAME_ID_ASSIGN:
-            layout = replace(layout, frame_id=next(i for i in FRAME_ID_RANGES[layout.rt_class] if i not in used))
-            used.add(layout.frame_id)
+        usable = FRAME_ID_RANGES[layout.rt_class]
+        if not layout.is_input and (layout.frame_id not in usable or layout.frame_id in listened):
+            layout = replace(layout, frame_id=next(i for i in usable if i not in used))
+        if not layout.is_input:
+            listened.add(layout.frame_id)
+        used.add(layout.frame_id)
         given.append(layout)
     ar.iocrs = tuple(given)
     ar.expected = tuple(request.expected)
     ar.alarm_cr = request.alarm_crs[0] if request.alarm_crs else None
     taken = {other.local_alarm_reference for other in standing if other.alarm_cr}
     ar.local_alarm_reference = next(n for n in range(len(taken) + 1) if n not in taken)
+    ar.fsu_adjust = request.fsu_adjust
     ar.initiator_rpc_port = request.rpc.server_port if request.rpc else None
 
 

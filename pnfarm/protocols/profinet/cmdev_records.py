@@ -16,7 +16,9 @@ from pnfarm.protocols.profinet.errors import (
     pnio_error,
 )
 from pnfarm.protocols.profinet.events import RecordWritten
+from pnfarm.protocols.profinet.record_directory import Index
 from pnfarm.protocols.profinet.wire.blocks import VERSION_1_0
+from pnfarm.protocols.profinet.wire.container import parse_container
 from pnfarm.protocols.profinet.wire.iod import (
     IOD_HEADER_SIZE,
     NIL_UUID,
@@ -29,11 +31,12 @@ from pnfarm.protocols.profinet.wire.iod import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from uuid import UUID
 
     from pnfarm.protocols.profinet.ar import Ar
     from pnfarm.protocols.profinet.record_store import RecordHandler
+    from pnfarm.protocols.profinet.wire.container import ContainerContent
     from pnfarm.protocols.profinet.wire.iod import IodReadReqHeader, IodWriteReqHeader, RecordWrite
     from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
@@ -79,18 +82,41 @@ def _write_response(h: IodWriteReqHeader, status: PnioStatus, error: RecordError
     return IodWriteResHeader(h.sequence_number, h.ar_uuid, h.api, h.slot, h.subslot, h.index, 0, *values, status)
 
 
-def _write_one(ar: Ar, write: RecordWrite, handler: RecordHandler, now: int) -> tuple[IodWriteResHeader, bool]:
+def _write_one(
+    ar: Ar, write: RecordWrite, handler: RecordHandler, now: int
+) -> tuple[IodWriteResHeader, list[RecordWritten]]:
+    """The answer for one record, and what was written."""
     h = write.header
     status = _version_fault(ErrorCode.WRITE, h.version)
     if not status.ok:
-        return _write_response(h, status), False
+        return _write_response(h, status), []
     if h.ar_uuid != ar.uuid:
         status = pnio_error(ErrorCode.WRITE, ConnectFault.CMRPC, CmrpcError.AR_UUID_UNKNOWN)
-        return _write_response(h, status), False
+        return _write_response(h, status), []
     error = handler.write(ar, h.api, h.slot, h.subslot, h.index, write.data, now)
+    written = [] if error else [RecordWritten(ar.key, h.api, h.slot, h.subslot, h.index, write.data)]
+    if error is None and h.index == Index.COMBINED_OBJECT_CONTAINER:
+        error, written = _write_contents(ar, parse_container(write.data), handler, now)
     if error is not None:
-        return _write_response(h, error.status(ErrorCode.WRITE), error), False
-    return _write_response(h, OK), True
+        return _write_response(h, error.status(ErrorCode.WRITE), error), written
+    return _write_response(h, OK), written
+
+
+def _write_contents(
+    ar: Ar, contents: Iterable[ContainerContent], handler: RecordHandler, now: int
+) -> tuple[RecordError | None, list[RecordWritten]]:
+    """Write each record of a container; one that fails does not stop the others, the first failure is the answer.
+
+    Assumed: no source at hand says how a container fares of which one record is refused.
+    """
+    failed: RecordError | None = None
+    written = []
+    for c in contents:
+        error = handler.write(ar, c.api, c.slot, c.subslot, c.index, c.data, now)
+        if error is None:
+            written.append(RecordWritten(ar.key, c.api, c.slot, c.subslot, c.index, c.data))
+        failed = failed or error
+    return failed, written
 
 
 def serve_write(
@@ -126,9 +152,7 @@ def serve_write(
     for write in request.writes:
         header, written = _write_one(ar, write, handler, now)
         headers.append(header)
-        if written:
-            h = write.header
-            events.append(RecordWritten(ar.key, h.api, h.slot, h.subslot, h.index, write.data))
+        events += written
     if not request.multiple:
         return ServedCall(headers[0].status, emit_write_response(headers), ar, tuple(events))
     h = request.header

@@ -18,6 +18,8 @@ index   record                      submodule  read  write  effect
 0x8072  PDPortStatistic             both       yes   no
 0x8080  PDInterfaceDataReal         interface  yes   no
 0x8090  PDInterfaceFSUDataAdjust    interface  yes   yes    none
+0xB050  control of external PLL     interface  yes   yes    none (Siemens, see :mod:`record_directory`)
+0xB060  trace unit                  port       yes   yes    none (Siemens)
 0xF841  PDRealData                  device     yes   no
 0xF842  PDExpectedData              device     yes   no
 ======  ==========================  =========  ====  =====  =================================================
@@ -98,6 +100,8 @@ class PdevIndex:
     PORT_STATISTIC = 0x8072
     INTERFACE_DATA_REAL = 0x8080
     INTERFACE_FSU_DATA_ADJUST = 0x8090
+    PLL_CONTROL = 0xB050
+    TRACE_UNIT = 0xB060
     REAL_DATA = 0xF841
     EXPECTED_DATA = 0xF842
 
@@ -107,6 +111,7 @@ _PORT_WRITABLE = {
     PdevIndex.PORT_DATA_CHECK: PdevBlockType.PORT_DATA_CHECK,
     PdevIndex.PORT_DATA_ADJUST: PdevBlockType.PORT_DATA_ADJUST,
     PdevIndex.PORT_MRP_DATA_ADJUST: PdevBlockType.PORT_MRP_DATA_ADJUST,
+    PdevIndex.TRACE_UNIT: PdevBlockType.TRACE_UNIT,
 }
 _INTERFACE_WRITABLE = {
     PdevIndex.INTERFACE_MRP_DATA_CHECK: PdevBlockType.INTERFACE_MRP_DATA_CHECK,
@@ -114,7 +119,10 @@ _INTERFACE_WRITABLE = {
     PdevIndex.NC_DATA_CHECK: PdevBlockType.NC_DATA_CHECK,
     PdevIndex.INTERFACE_ADJUST: PdevBlockType.INTERFACE_ADJUST,
     PdevIndex.INTERFACE_FSU_DATA_ADJUST: PdevBlockType.INTERFACE_FSU_DATA_ADJUST,
+    PdevIndex.PLL_CONTROL: PdevBlockType.PLL_CONTROL,
 }
+#: Written and read back, and none of those that PDExpectedData has.
+_BESIDE = frozenset({PdevIndex.PLL_CONTROL, PdevIndex.TRACE_UNIT})
 _PORT_READABLE = frozenset({*_PORT_WRITABLE, PdevIndex.PORT_DATA_REAL, PdevIndex.PORT_STATISTIC})
 _INTERFACE_READABLE = frozenset({*_INTERFACE_WRITABLE, PdevIndex.INTERFACE_DATA_REAL, PdevIndex.PORT_STATISTIC})
 _DEVICE_READABLE = frozenset({PdevIndex.REAL_DATA, PdevIndex.EXPECTED_DATA})
@@ -323,7 +331,10 @@ class PhysicalDevice:
         return self._multiple(place, (self._read(place, kind), self._read(place, PdevIndex.PORT_STATISTIC)))
 
     def _expected(self, place: tuple[int, int]) -> bytes:
-        return self._multiple(place, [data for key, data in sorted(self.written.items()) if key[:2] == place])
+        return self._multiple(
+            place,
+            [data for key, data in sorted(self.written.items()) if key[:2] == place and key[2] not in _BESIDE],
+        )
 
     def _multiple(self, place: tuple[int, int], records: Iterable[bytes]) -> bytes:
         blocks = tuple(block for data in records for block in split_blocks(data))

@@ -2,8 +2,12 @@
 
 A row says what the record is about (:class:`Scope`: which of API, slot and subslot count), what may be done with it
 and by whom (:class:`Access`), and which part of the device answers (:class:`Part`).  An index without a row is
-invalid.  So are, on purpose, the rows that this device does not have: ARFSUDataAdjust, AutoConfiguration,
-PROFIenergy, the reporting system, asset management, GSD upload, TSN, isochronous mode, CombinedObjectContainer.
+invalid.  So are, on purpose, the rows that this device does not have: AutoConfiguration, PROFIenergy, the reporting
+system, asset management, GSD upload, TSN, isochronous mode.
+
+Two rows stand in the profiles' range and are the physical device's: 0xB050 (control of the external PLL) and 0xB060
+(trace unit) of Siemens' Ethernet device driver, as Wireshark names them.  Siemens controllers write them to the
+interface and the ports of devices at start-up, RT alone included, and captured devices answer OK.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ class Index:
     """Record indexes."""
 
     USER_LAST = 0x7FFF
+    COMBINED_OBJECT_CONTAINER = 0x80B0
     EXPECTED_IDENTIFICATION_SUBSLOT = 0x8000
     REAL_IDENTIFICATION_SUBSLOT = 0x8001
     SUBSTITUTE_VALUE = 0x801E
@@ -34,6 +39,7 @@ class Index:
     EXPECTED_IDENTIFICATION_AR = 0xE000
     REAL_IDENTIFICATION_AR = 0xE001
     MODULE_DIFF = 0xE002
+    AR_FSU_DATA_ADJUST = 0xE050
     REAL_IDENTIFICATION_API = 0xF000
     AR_DATA_API = 0xF020
     DIAGNOSIS_DEVICE = 0xF80C
@@ -83,6 +89,8 @@ class Part(Enum):
     LOG_BOOK = auto()
     PDEV = auto()
     MONITORING = auto()
+    CONTAINER = auto()
+    FAST_STARTUP = auto()
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +144,8 @@ _PDEV = {
     0x8072: ("PDPortStatistic", False),
     0x8080: ("PDInterfaceDataReal", False),
     0x8090: ("PDInterfaceFSUDataAdjust", True),
+    0xB050: ("control of the external PLL", True),
+    0xB060: ("trace unit", True),
 }
 
 _RECORDS: dict[int, Record] = {
@@ -147,6 +157,8 @@ _RECORDS: dict[int, Record] = {
     Index.REAL_IDENTIFICATION_AR: Record("real identification", _AR, _R, Part.IDENTIFICATION),
     Index.REAL_IDENTIFICATION_API: Record("real identification", _API, _R, Part.IDENTIFICATION),
     Index.MODULE_DIFF: Record("module difference", _AR, _R, Part.AR_DATA),
+    Index.AR_FSU_DATA_ADJUST: Record("ARFSUDataAdjust", _AR, _RW, Part.FAST_STARTUP),
+    Index.COMBINED_OBJECT_CONTAINER: Record("CombinedObjectContainer", _SUB, Access.WRITE, Part.CONTAINER),
     Index.AR_DATA_API: Record("ARData", _API, _R, Part.AR_DATA),
     Index.AR_DATA: Record("ARData", _DEV, _R, Part.AR_DATA),
     Index.API_DATA: Record("APIData", _DEV, _R, Part.AR_DATA),
@@ -179,8 +191,11 @@ _PROFILE = Record("the profile's", _SUB, _R | Access.WRITE_ACCESS, Part.APPLICAT
 
 def find_record(index: int) -> Record | None:
     """The row of ``index``, or None where no record is."""
+    found = _RECORDS.get(index)
+    if found is not None:
+        return found
     if index <= Index.USER_LAST:
         return _USER
     if Index.PROFILE_FIRST <= index <= Index.PROFILE_LAST:
         return _PROFILE
-    return _RECORDS.get(index)
+    return None

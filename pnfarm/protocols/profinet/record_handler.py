@@ -15,8 +15,8 @@ __all__ = ["KeptRecords", "NoRecords", "RecordHandler"]
 
 #: What a controller writes at start-up and a device without ports to adjust can leave alone: PDPortDataCheck,
 #: PDPortDataAdjust, PDInterfaceMrpDataCheck and -Adjust, PDPortMrpDataAdjust, PDNCDataCheck, PDInterfaceAdjust,
-#: PDInterfaceFSUDataAdjust.
-_KEPT = frozenset({0x802B, 0x802F, 0x8051, 0x8052, 0x8053, 0x8070, 0x8071, 0x8090})
+#: PDInterfaceFSUDataAdjust, and two of Siemens' device driver (:mod:`record_directory`).
+_KEPT = frozenset({0x802B, 0x802F, 0x8051, 0x8052, 0x8053, 0x8070, 0x8071, 0x8090, 0xB050, 0xB060})
 
 
 class RecordHandler(Protocol):

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.protocols.profinet.cmdev_diff import unusable_submodules
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
@@ -21,6 +22,7 @@ from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.log_book import LogBook
 from pnfarm.protocols.profinet.record_diagnosis import diagnosis_record
 from pnfarm.protocols.profinet.record_directory import Access, Index, Part, Record, Scope, find_record
+from pnfarm.protocols.profinet.record_fsu import FsuRecords
 from pnfarm.protocols.profinet.record_handler import KeptRecords, NoRecords, RecordHandler
 from pnfarm.protocols.profinet.record_identification import (
     EXPECTED,
@@ -30,6 +32,8 @@ from pnfarm.protocols.profinet.record_identification import (
 )
 from pnfarm.protocols.profinet.record_im import ImRecords, im0_of
 from pnfarm.protocols.profinet.record_io import IoData, IoRecords
+from pnfarm.protocols.profinet.wire.container import parse_container
+from pnfarm.protocols.profinet.wire.iod import INDEX_MULTIPLE_WRITE
 from pnfarm.protocols.profinet.wire.log_book import emit_log_data
 
 if TYPE_CHECKING:
@@ -90,13 +94,14 @@ class DeviceRecords:
         self._application: RecordHandler = application if application is not None else NoRecords()
         self._pdev: RecordHandler = pdev if pdev is not None else KeptRecords()
         self._io = IoRecords(ars, io_data)
+        self._fsu = FsuRecords(ars)
 
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
         """The record's octets, or why not; see the head of this file."""
         record = find_record(index)
-        if record is None:
+        if record is None or not record.access & Access.READ:
             return RecordError(AccessError.INVALID_INDEX)
         key = api, slot, subslot
         wrong = self._wrong_place(record, ar, key, index)
@@ -132,9 +137,16 @@ class DeviceRecords:
             case Part.MONITORING:
                 # the call itself is what the controller's timeout waits for
                 return b""
+            case Part.FAST_STARTUP if ar is not None:
+                return self._fsu.read(ar)
+            case _:
+                return RecordError(AccessError.INVALID_INDEX)
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
-        """None when the record was taken."""
+        """None when the record was taken.
+
+        A container is checked for its shape and place alone: whoever serves the call writes what is in it, one by one.
+        """
         record = find_record(index)
         if record is None:
             return RecordError(AccessError.INVALID_INDEX)
@@ -151,6 +163,10 @@ class DeviceRecords:
                 return self._io.write(ar, self._plugged[slot, subslot], data)
             case Part.PDEV:
                 return self._pdev.write(ar, *key, index, data, now)
+            case Part.FAST_STARTUP:
+                return self._fsu.write(ar, data)
+            case Part.CONTAINER:
+                return _check_container(data)
             case _:
                 # the table lets nobody write these
                 return RecordError(AccessError.ACCESS_DENIED)
@@ -190,7 +206,7 @@ class DeviceRecords:
             free = all(key not in owned_submodules(other) for other in self._ars())
             allowed = bool(record.access & Access.WRITE_SHARED) and free
         else:
-            allowed = key in owned_submodules(ar)
+            allowed = record.scope is Scope.AR or key in owned_submodules(ar)
         return None if allowed else RecordError(AccessError.ACCESS_DENIED)
 
     def _reported(self, scope: Scope, ar: Ar | None) -> frozenset[ExpectedKey]:
@@ -198,3 +214,14 @@ class DeviceRecords:
         if scope is Scope.AR:
             return owned_submodules(ar) if ar is not None else frozenset()
         return frozenset((s.api, s.slot, s.subslot) for m in self._plugged.modules() for s in m.submodules)
+
+
+def _check_container(data: bytes) -> RecordError | None:
+    """Containers in a container, and a multiple write in it, have no meaning."""
+    try:
+        contents = parse_container(data)
+    except DecodeError:
+        return RecordError(AccessError.WRITE_LENGTH_ERROR)
+    if any(c.index in {Index.COMBINED_OBJECT_CONTAINER, INDEX_MULTIPLE_WRITE} for c in contents):
+        return RecordError(AccessError.INVALID_PARAMETER)
+    return None

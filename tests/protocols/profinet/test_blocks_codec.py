@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+from uuid import UUID
 
 import pytest
 from cm_support import CAPTURE_NAMES, calls, connect_request
@@ -11,7 +12,7 @@ from hypothesis import strategies as st
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import diagnosis, iod, log_book, records
+from pnfarm.protocols.profinet.wire import diagnosis, fsu, iod, log_book, records
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS, emit_block, emit_blocks, parse_block, parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_control import (
@@ -20,7 +21,18 @@ from pnfarm.protocols.profinet.wire.blocks_control import (
     ControlCommand,
     control_response,
 )
+from pnfarm.protocols.profinet.wire.container import ContainerContent, emit_container, parse_container
 from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi, IocrBlockReq, IocrBlockRes
+from pnfarm.protocols.profinet.wire.iod import (
+    IodReadResHeader,
+    IodWriteReqHeader,
+    RecordWrite,
+    emit_multiple_write_request,
+    emit_read_response,
+    emit_write_request,
+    parse_read_response,
+    parse_write_request,
+)
 from pnfarm.protocols.profinet.wire.rpc import PnioStatus
 
 u8, u16, u32 = st.integers(0, 0xFF), st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF)
@@ -183,8 +195,6 @@ def test_a_real_drives_request_reads_as_its_engineer_would_say_it():
 
 
 def test_padding_between_the_records_of_a_multiple_write_and_none_behind_the_last():
-    from uuid import UUID
-
     header = iod.IodWriteReqHeader(0, UUID(int=7), iod.API_NONE, 0xFFFF, 0xFFFF, iod.INDEX_MULTIPLE_WRITE)
     writes = [
         iod.RecordWrite(iod.IodWriteReqHeader(n, UUID(int=7), 0, 1, 1, 100 + n, len(data)), data)
@@ -266,8 +276,6 @@ def test_an_unknown_block_is_kept_as_it_is():
 
 
 def test_the_answer_to_a_control_block_says_done_for_the_same_session():
-    from uuid import UUID
-
     request = ControlBlock(BlockType.PRM_END_REQ, UUID(int=5), 3, ControlCommand.PRM_END)
     answer = control_response(request)
     assert (answer.block_type, answer.command, answer.session_key, answer.ar_uuid) == (0x8110, 8, 3, UUID(int=5))
@@ -294,12 +302,66 @@ def test_reading_uuids_and_raw_blocks_keeps_their_version():
     assert (raw.length, raw.version_high, raw.version_low) == (5, 1, 2)
 
 
-def test_padding_that_is_not_zero_is_refused():
-    for body in (b"\x00\x01ab", b"\x00\x00" + bytes(4)):
-        with pytest.raises(DecodeError, match="bad-padding"):
-            parse_block(RawBlock(BlockType.AR_SERVER_RES, body))
-    with pytest.raises(DecodeError, match="bad-padding"):
-        parse_block(RawBlock(BlockType.MCR_REQ, bytes(10) + b"\x01"))
+@pytest.mark.parametrize("padding", [b"", b"\0", b"\x0f", b"\xff\xff", b"abc"])
+def test_padding_may_hold_anything_and_be_missing(padding):
+    server = parse_block(RawBlock(BlockType.AR_SERVER_RES, b"\x00\x01a" + padding))
+    assert server == connect.ArServerBlock(b"a")
+    multicast = parse_block(RawBlock(BlockType.MCR_REQ, bytes(8) + b"\x00\x01a" + padding))
+    assert multicast == connect.McrBlockReq(0, 0, 0, b"a")
+    header = IodWriteReqHeader(1, UUID(int=5), 0, 1, 1, 2)
+    assert parse_write_request(emit_write_request(header, b"value") + padding).writes[0].data == b"value"
+    answer = emit_read_response(IodReadResHeader(1, UUID(int=5), 0, 1, 1, 2), b"value")
+    assert parse_read_response(answer + padding).data == b"value"
+
+
+def test_more_than_padding_can_be_is_refused():
+    for block in (RawBlock(BlockType.AR_SERVER_RES, bytes(6)), RawBlock(BlockType.MCR_REQ, bytes(14))):
+        with pytest.raises(DecodeError, match="trailing"):
+            parse_block(block)
+    header = IodWriteReqHeader(1, UUID(int=5), 0, 1, 1, 2)
+    with pytest.raises(DecodeError, match="trailing"):
+        parse_write_request(emit_write_request(header, b"value") + bytes(4))
+
+
+def test_the_records_of_a_multiple_write_are_found_whatever_pads_them():
+    header = IodWriteReqHeader(1, UUID(int=5), 0, 1, 1, 2)
+    outer = IodWriteReqHeader(0, UUID(int=5), 0xFFFFFFFF, 0xFFFF, 0xFFFF, 0xE040)
+    records = [RecordWrite(dataclasses.replace(header, index=n), b"v" * n) for n in (1, 2, 3, 5)]
+    octets = bytearray(emit_multiple_write_request(outer, records))
+    place = 64
+    for record in records[:-1]:
+        end = place + 64 + len(record.data)
+        place = end + -len(record.data) % 4
+        octets[end:place] = b"\x0f" * (place - end)
+    assert [write.data for write in parse_write_request(bytes(octets)).writes] == [r.data for r in records]
+
+
+def test_a_container_is_read_as_a_controller_wrote_it_and_written_the_same():
+    # the first two blocks of a captured CombinedObjectContainer
+    octets = bytes.fromhex(
+        "0401001c0100" "0000" "00000000" "0000" "8000" "0000" "8071" "025000080100000000000001"
+        "040100200100" "0000" "00000000" "0000" "8001" "0000" "b060" "b060000c010000000001ffdc00000000"
+    )  # fmt: skip
+    found = parse_container(octets)
+    assert [(c.slot, c.subslot, c.index, len(c.data)) for c in found] == [
+        (0, 0x8000, 0x8071, 12),
+        (0, 0x8001, 0xB060, 16),
+    ]
+    assert emit_container(found) == octets
+    odd = (ContainerContent(0, 1, 1, 5, b"abc"), ContainerContent(0x3A00, 1, 2, 6, b"d"))
+    padded = bytearray(emit_container(odd))
+    assert parse_container(padded) == odd
+    padded[23] = 0x0F
+    assert parse_container(padded) == odd
+    with pytest.raises(DecodeError):
+        parse_container(octets[:-1])
+
+
+def test_the_set_of_parameters_of_a_fast_start_up_reads_as_captured():
+    octets = bytes.fromhex("0609002001000000060100180100000000000001bff0dcf98e38cf3c13052323b4b5d901")
+    (block,) = parse_blocks(octets)
+    assert block == fsu.ArFsuDataAdjust((fsu.FsParameter(1, UUID("bff0dcf9-8e38-cf3c-1305-2323b4b5d901")),))
+    assert emit_block(block) == octets
 
 
 def test_a_typed_parser_refuses_a_block_of_another_type():

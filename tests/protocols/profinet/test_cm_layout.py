@@ -16,6 +16,8 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
     ExpectedApi,
     ExpectedSubmodule,
     ExpectedSubmoduleBlockReq,
+    SubmoduleProperties,
+    SubmoduleType,
 )
 from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi, IocrBlockReq
 
@@ -92,6 +94,32 @@ def test_a_layout_that_cannot_be_names_its_field(iocr, fault):
 def test_data_without_octets_takes_the_place_of_its_status_alone():
     layout = compute_layout(cr(1, [FrameSlot(0, 1, 3)]), EXPECTED)
     assert (layout.data[0].data_length, layout.data[0].iops_offset) == (0, 3)
+
+
+def discarding(sub):
+    return replace(sub, properties=sub.properties | SubmoduleProperties.DISCARD_IOXS)
+
+
+def test_discarded_status_octets_take_no_place_and_their_offsets_count_for_nothing():
+    # as captured: every submodule without data at offset 0, under the data of another
+    expected = {key: discarding(sub) for key, sub in EXPECTED.items() if sub.type == SubmoduleType.NO_IO}
+    assert expected
+    places = [FrameSlot(slot, subslot, 0) for _, slot, subslot in expected]
+    inputs = compute_layout(cr(1, [*places, FrameSlot(1, 1, 0)]), EXPECTED | expected)
+    assert [(d.data_length, d.iops_offset) for d in inputs.data[:-1]] == [(0, None)] * len(places)
+    assert inputs.data[-1].iops_offset == inputs.data[-1].data_length
+    outputs = compute_layout(cr(2, (), [*places, FrameSlot(1, 1, 0)]), EXPECTED | expected)
+    assert [c.iocs_offset for c in outputs.iocs] == [None] * len(places) + [0]
+    beyond = compute_layout(cr(1, [FrameSlot(0, 1, 0xFFFF)]), EXPECTED | expected)
+    assert beyond.data[0].data_length == 0
+
+
+def test_data_without_status_octets_lie_side_by_side():
+    expected = {key: discarding(sub) for key, sub in EXPECTED.items()}
+    layout = compute_layout(cr(1, [FrameSlot(1, 1, 0), FrameSlot(1, 3, 4)], [FrameSlot(1, 2, 0)]), expected)
+    assert [(d.data_offset, d.data_length, d.iops_offset) for d in layout.data] == [(0, 4, None), (4, 2, None)]
+    with pytest.raises(LayoutError):
+        compute_layout(cr(1, [FrameSlot(1, 1, 0), FrameSlot(1, 3, 3)]), expected)
 
 
 small = st.integers(0, 12)

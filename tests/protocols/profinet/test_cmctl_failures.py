@@ -77,7 +77,6 @@ BAD_CONNECTS: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "other UUID": (lambda p: with_block(p, replace(AR_OK, ar_uuid=OTHER_UUID), BlockType.AR_RES), "ARUUID"),
     "other type": (lambda p: with_block(p, replace(AR_OK, ar_type=6), BlockType.AR_RES), "ARType 6"),
     "other session": (lambda p: with_block(p, replace(AR_OK, session_key=8), BlockType.AR_RES), "SessionKey 8"),
-    "UDP port": (lambda p: with_block(p, replace(AR_OK, udp_rt_port=1), BlockType.AR_RES), "UDPRTPort 1"),
     "no MAC": (lambda p: with_block(p, replace(AR_OK, responder_mac=bytes(6)), BlockType.AR_RES), "00:00"),
     "group MAC": (lambda p: with_block(p, replace(AR_OK, responder_mac=b"\x01" * 6), BlockType.AR_RES), "01:01"),
     "no IOCRs": (lambda p: without_block(p, BlockType.IOCR_RES), "0 IOCRBlockRes of the input CR"),
@@ -121,6 +120,20 @@ def test_a_call_that_rpc_gave_up_fails_the_phase_with_its_reason() -> None:
     (call,) = up.controller.calls(0)
     up.controller.call_failed(call.key, "rejected: nca_unk_if", 0)
     assert up.run() == [ArFailed("connect", None, "rejected: nca_unk_if")]
+
+
+@pytest.mark.parametrize("port", [0, 1, 0x8892, 0xFFFF])
+def test_whatever_a_device_says_of_its_port_for_rt_over_udp_the_start_up_goes_on(port: int) -> None:
+    """Devices of Renesas and of Siemens answer 0."""
+    answer = replace(AR_OK, udp_rt_port=port)
+    device = ScriptedDevice({Opnum.CONNECT: lambda s, payload: (s, with_block(payload, answer, BlockType.AR_RES))})
+    assert isinstance(line(device).start()[0], Connected)
+
+
+def test_a_server_block_of_a_real_device_with_padding_of_0x0f_is_no_hindrance() -> None:
+    server = bytes.fromhex("8106 000c 0100 0007 61626364656667 0f")
+    device = ScriptedDevice({Opnum.CONNECT: lambda status, payload: (status, payload + server)})
+    assert isinstance(line(device).start()[0], Connected)
 
 
 # Module differences

@@ -17,7 +17,7 @@ from pnfarm.protocols.profinet.cmctl_request import connect_payload, groups_of_r
 from pnfarm.protocols.profinet.wire.blocks import split_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq
-from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedSubmoduleBlockReq
+from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedSubmoduleBlockReq, SubmoduleProperties
 from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"
@@ -35,7 +35,8 @@ def plans(draw: st.DrawFn) -> ArPlan:
         subslots = st.integers(1, 0x7FFF if api else 0x9FFF)
         for subslot in draw(st.lists(subslots, min_size=1, max_size=4, unique=True)):
             submodule_ident, inputs, outputs = draw(st.tuples(st.integers(0, 0xFFFFFFFF), lengths, lengths))
-            place = PlannedSubmodule(api, slot, ident, subslot, submodule_ident, inputs, outputs)
+            properties = draw(st.sampled_from((0, SubmoduleProperties.DISCARD_IOXS)))
+            place = PlannedSubmodule(api, slot, ident, subslot, submodule_ident, inputs, outputs, properties)
             submodules.append(place)
     return make_plan(
         submodules=tuple(submodules),
@@ -72,6 +73,21 @@ def test_a_short_frame_is_padded_to_forty_octets_and_a_long_one_is_not() -> None
     assert [layout.data_length for layout in plan_frames(make_plan())] == [40, 40]
     wide = (*SUBMODULES[:-1], replace(SUBMODULES[-1], input_bytes=100))
     assert [layout.data_length for layout in plan_frames(make_plan(submodules=wide))] == [107, 40]
+
+
+def test_discarded_status_octets_stand_in_no_frame_and_the_request_names_the_place_all_the_same() -> None:
+    discard = SubmoduleProperties.DISCARD_IOXS
+    without = tuple(s if s.input_bytes else replace(s, properties=discard) for s in SUBMODULES)
+    plan = make_plan(submodules=without)
+    inputs, outputs = plan_frames(plan)
+    assert [(d.data_offset, d.data_length, d.iops_offset) for d in inputs.data] == [(0, 0, None)] * 5 + [(0, 12, 12)]
+    assert [c.iocs_offset for c in inputs.iocs] == [13]
+    assert [(d.data_offset, d.iops_offset) for d in outputs.data] == [(0, 12)]
+    assert [c.iocs_offset for c in outputs.iocs] == [None] * 5 + [13]
+    (asked, answered), expected = frame_blocks(plan)
+    assert [e.frame_offset for api in asked.apis for e in api.data_objects] == [0] * 6
+    assert [e.frame_offset for api in answered.apis for e in api.iocs] == [0] * 5 + [13]
+    assert [s.properties for b in expected for a in b.apis for s in a.submodules] == [discard] * 5 + [3]
 
 
 def test_an_output_only_submodule_has_its_consumer_status_in_the_input_frame() -> None:
@@ -141,7 +157,8 @@ def test_the_connect_request_of_a_captured_controller_differs_only_in_its_output
         ((replace(SUBMODULES[0], input_bytes=1440),), "input frame would carry 1441 octets"),
         ((replace(SUBMODULES[0], output_bytes=1440),), "output frame would carry 1441 octets"),
         ((replace(SUBMODULES[0], input_bytes=-1),), "negative length"),
-        ((replace(SUBMODULES[0], properties=1 << 5),), "discarded status"),
+        ((replace(SUBMODULES[0], properties=1 << 3),), "reduced lengths"),
+        ((replace(SUBMODULES[0], properties=1 << 4),), "reduced lengths"),
     ],
 )
 def test_a_plan_that_cannot_be_laid_out_is_the_users_error(

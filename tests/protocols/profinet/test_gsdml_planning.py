@@ -15,6 +15,7 @@ from pnfarm.protocols.profinet.gsdml.document import Gsdml, ItemRef
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.values import Numbers
+from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,17 @@ def test_modules_and_submodules_go_where_they_are_put(gsdml):
     assert found[3, 1] == (0x20, 0x21, 0, 4, 0)
     bare = from_gsdml(gsdml, modules={2: "AX"}, submodules={(2, 2): None})
     assert (2, 2) not in places(bare)
+
+
+@pytest.mark.parametrize("required", [True, False])
+def test_submodules_without_data_have_no_status_octets_where_the_file_says_that_none_are_required(gsdml, required):
+    (dap,) = gsdml.daps
+    device = from_gsdml(replace(gsdml, daps=(replace(dap, ioxs_required=required),)), modules={2: "AX"})
+    discarding = {(s.slot, s.subslot) for s in device.submodules if s.discards_ioxs}
+    without = {(s.slot, s.subslot) for s in device.submodules if not s.input_bytes and not s.output_bytes}
+    assert without
+    assert discarding == (set() if required else without)
+    assert all(s.properties in {0, SubmoduleProperties.DISCARD_IOXS} for s in device.submodules)
 
 
 def test_records_come_in_the_order_of_their_transfer_sequence(gsdml):

@@ -14,6 +14,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.gsdml.document import DEFAULT_RATIOS, DEFAULT_SEND_CLOCKS, PortSubmodule, SubmoduleItem
+from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -166,8 +167,10 @@ def _system(
 
 
 class _Planner:
-    def __init__(self, gsdml: Gsdml, parameters: Parameters) -> None:
+    def __init__(self, gsdml: Gsdml, parameters: Parameters, *, ioxs_required: bool) -> None:
         self._gsdml = gsdml
+        # what captured controllers do where the file has IOXS_Required="false": submodules without data alone
+        self._without_data = 0 if ioxs_required else SubmoduleProperties.DISCARD_IOXS
         self._parameters = dict(parameters)
         self.submodules: dict[Place, PlannedSubmodule] = {}
         self._records: list[tuple[int, ParameterRecord]] = []
@@ -199,8 +202,9 @@ class _Planner:
             if (item.iops_length, item.iocs_length) != (1, 1):
                 raise ConfigError(f"{item.id} has status fields that are no octet, this controller sends octets")
             api, lengths = item.api, (item.input_octets, item.output_octets)
+        properties = 0 if any(lengths) else self._without_data
         self.submodules[slot, subslot] = PlannedSubmodule(
-            api, slot, module_ident, subslot, item.ident, lengths[0], lengths[1]
+            api, slot, module_ident, subslot, item.ident, *lengths, properties
         )
         for record in item.records:
             given = self._parameters.pop((slot, subslot, record.index), None)
@@ -241,7 +245,7 @@ def from_gsdml(
     chosen: dict[int, dict[int, str | None]] = {}
     for (slot, subslot), target in (submodules or {}).items():
         chosen.setdefault(slot, {})[subslot] = target
-    planner = _Planner(gsdml, parameters or {})
+    planner = _Planner(gsdml, parameters or {}, ioxs_required=access_point.ioxs_required)
     planner.plug(access_point.slot, access_point, chosen.pop(access_point.slot, {}))
     if access_point.slot in (modules or {}):
         raise ConfigError(f"slot {access_point.slot} is the access point's, modules stand in other slots")

@@ -24,6 +24,7 @@ __all__ = [
     "RawBlock",
     "check_type",
     "emit_raw_block",
+    "expect_padding",
     "parse_raw_block",
     "read_uuid",
     "split_blocks",
@@ -60,6 +61,7 @@ class BlockType(IntEnum):
     IM0_FILTER_DATA_SUBMODULE = 0x0030
     IM0_FILTER_DATA_MODULE = 0x0031
     IM0_FILTER_DATA_DEVICE = 0x0032
+    CONTAINER_CONTENT = 0x0401
     AR_REQ = 0x0101
     IOCR_REQ = 0x0102
     ALARM_CR_REQ = 0x0103
@@ -81,6 +83,7 @@ class BlockType(IntEnum):
     READY_FOR_RT_CLASS_3_REQ = 0x0117
     PRM_BEGIN_REQ = 0x0118
     SUBMODULE_LIST = 0x0119
+    AR_FSU_DATA_ADJUST = 0x0609
     MAINTENANCE_ITEM = 0x0F00
     IOD_WRITE_RES = 0x8008
     IOD_READ_RES = 0x8009
@@ -152,6 +155,16 @@ def check_type(block: RawBlock, *allowed: int) -> Reader:
     if block.block_type not in allowed:
         raise DecodeError("bad-type", f"block 0x{block.block_type:04X} where 0x{allowed[0]:04X} belongs")
     return Reader(block.body)
+
+
+def expect_padding(reader: Reader) -> None:
+    """Skip what is left, padding to four octets of any value: devices put there what they have.
+
+    Raises ``trailing`` where more is left than padding can be.
+    """
+    if reader.remaining > 3:
+        raise DecodeError("trailing", f"{reader.remaining} octets after the end, padding has at most 3")
+    reader.skip(reader.remaining)
 
 
 def read_uuid(reader: Reader) -> UUID:

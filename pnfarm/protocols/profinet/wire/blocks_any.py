@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import blocks_control as control
 from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import diagnosis, iocr, log_book, pdev, records
+from pnfarm.protocols.profinet.wire import container, diagnosis, fsu, iocr, log_book, pdev, records
 from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
 
 if TYPE_CHECKING:
@@ -51,6 +51,8 @@ Block = (
     | pdev.InterfaceDataReal
     | pdev.InterfaceAdjust
     | pdev.MultipleBlock
+    | container.ContainerContent
+    | fsu.ArFsuDataAdjust
     | RawBlock
 )
 
@@ -87,6 +89,8 @@ _PARSERS: dict[int, Callable[[RawBlock], Block]] = {
     BlockType.SUBSTITUTE_VALUE: records.parse_substitute_value,
     BlockType.DIAGNOSIS_DATA: diagnosis.parse_diagnosis_data,
     BlockType.LOG_DATA: log_book.parse_log_data,
+    BlockType.CONTAINER_CONTENT: container.parse_container_content,
+    BlockType.AR_FSU_DATA_ADJUST: fsu.parse_ar_fsu_data_adjust,
     **pdev.PARSERS,
 }
 
@@ -126,6 +130,8 @@ _EMITTERS: dict[type, Callable[[Any], bytes]] = {
     pdev.InterfaceDataReal: pdev.emit_interface_data_real,
     pdev.InterfaceAdjust: pdev.emit_interface_adjust,
     pdev.MultipleBlock: pdev.emit_multiple_block,
+    container.ContainerContent: container.emit_container_content,
+    fsu.ArFsuDataAdjust: fsu.emit_ar_fsu_data_adjust,
     RawBlock: emit_raw_block,
 }
 

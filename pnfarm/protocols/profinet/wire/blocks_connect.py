@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.blocks import (
     VERSION_1_0,
     BlockType,
     RawBlock,
     check_type,
     emit_raw_block,
+    expect_padding,
     read_uuid,
     write_uuid,
 )
@@ -286,8 +286,7 @@ def parse_mcr_block_req(block: RawBlock) -> McrBlockReq:
     r = check_type(block, BlockType.MCR_REQ)
     value = McrBlockReq(r.u16(), r.u32(), r.u16(), _read_name(r), block.version)
     # the standard pads the block itself to a multiple of four octets
-    if any(r.rest()):
-        raise DecodeError("bad-padding", "MCRBlockReq ends in octets that are not zero")
+    expect_padding(r)
     return value
 
 
@@ -347,8 +346,7 @@ class ArServerBlock:
 def parse_ar_server_block(block: RawBlock) -> ArServerBlock:
     r = check_type(block, BlockType.AR_SERVER_RES)
     value = ArServerBlock(_read_name(r), block.version)
-    if r.remaining > 3 or any(r.rest()):
-        raise DecodeError("bad-padding", "ARServerBlock ends in more than its padding")
+    expect_padding(r)
     return value
 
 

@@ -79,6 +79,11 @@ class ExpectedSubmodule:
     def type(self) -> int:
         return self.properties & SubmoduleProperties.TYPE_MASK
 
+    @property
+    def discards_ioxs(self) -> bool:
+        """Its provider and consumer status take no octet of any frame, whatever their lengths say."""
+        return bool(self.properties & SubmoduleProperties.DISCARD_IOXS)
+
     def length(self, direction: int) -> int:
         """Data octets in ``direction``; 0 when the submodule has none."""
         return sum(d.data_length for d in self.data if d.direction == direction)

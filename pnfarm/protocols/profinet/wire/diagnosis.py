@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.blocks import (
     VERSION_1_0,
     VERSION_1_1,
@@ -204,8 +203,7 @@ def _read_channel(r: Reader) -> tuple[int, ChannelProperties, int]:
 def _read_maintenance(r: Reader) -> MaintenanceItem:
     block = parse_raw_block(r)
     body = check_type(block, BlockType.MAINTENANCE_ITEM)
-    if any(body.bytes(2)):
-        raise DecodeError("bad-padding", "octets before MaintenanceStatus that are not zero")
+    body.skip(2)
     value = MaintenanceItem(body.u32(), block.version)
     body.expect_end()
     return value

@@ -16,6 +16,7 @@ from pnfarm.protocols.profinet.wire.blocks import (
     BlockType,
     RawBlock,
     emit_raw_block,
+    expect_padding,
     read_uuid,
     write_uuid,
 )
@@ -189,7 +190,7 @@ def parse_write_request(data: bytes) -> WriteRequest:
     r = Reader(data)
     header = _parse_write_header(r)
     body = r.sub(header.record_data_length)
-    r.expect_end()
+    expect_padding(r)
     if header.index != INDEX_MULTIPLE_WRITE:
         return WriteRequest(header, (RecordWrite(header, body.rest()),))
     writes = []
@@ -263,7 +264,7 @@ def parse_read_response(data: bytes) -> RecordRead:
     r, version = _open(reader, BlockType.IOD_READ_RES)
     header = IodReadResHeader(*_read_common(r), r.u16(), r.u16(), version)
     record = reader.bytes(header.record_data_length)
-    reader.expect_end()
+    expect_padding(reader)
     return RecordRead(header, record)
 
 

@@ -11,6 +11,7 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.wire.blocks import (
+    BLOCK_HEADER_SIZE,
     VERSION_1_0,
     VERSION_1_1,
     RawBlock,
@@ -58,6 +59,10 @@ __all__ = [
     "parse_port_data_real",
     "parse_port_statistic",
 ]
+
+
+#: First octet of the type of every block that a port's record holds.
+_SUB_BLOCKS = 0x02
 
 
 class MediaType(IntEnum):
@@ -236,7 +241,8 @@ def parse_port_data(block: RawBlock) -> PortDataCheck | PortDataAdjust:
     rest = memoryview(r.rest())
     place = 0
     while place < len(rest):
-        if rest[place] == 0:  # padding: no block in here has a type that begins with zero
+        # no block in here has a type that begins with zero
+        if rest[place] == 0 or (place % 4 and not _begins_block(rest[place:])):
             place += 1
             continue
         inner = Reader(rest[place:])
@@ -244,6 +250,13 @@ def parse_port_data(block: RawBlock) -> PortDataCheck | PortDataAdjust:
         place += inner.position
     kind = PortDataCheck if block.block_type == PdevBlockType.PORT_DATA_CHECK else PortDataAdjust
     return kind(slot, subslot, tuple(blocks), block.version)
+
+
+def _begins_block(octets: memoryview) -> bool:
+    """Between two blocks that were not padded; padding may hold anything, but hardly the head of a block that fits."""
+    if len(octets) < BLOCK_HEADER_SIZE:
+        return False
+    return octets[0] == _SUB_BLOCKS and 4 + (octets[2] << 8 | octets[3]) <= len(octets)
 
 
 def emit_port_data(value: PortDataCheck | PortDataAdjust) -> bytes:

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, TypeAlias
 
-from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.blocks import (
     BLOCK_HEADER_SIZE,
     VERSION_1_0,
     VERSION_1_1,
     RawBlock,
     emit_raw_block,
+    expect_padding,
 )
 from pnfarm.wire.octets import Reader, Writer
 
@@ -77,6 +77,8 @@ class PdevBlockType(IntEnum):
     PORT_STATISTIC = 0x0251
     MULTIPLE_BLOCK_HEADER = 0x0400
     INTERFACE_FSU_DATA_ADJUST = 0x0608
+    PLL_CONTROL = 0xB050
+    TRACE_UNIT = 0xB060
 
 
 class LinkStateLink(IntEnum):
@@ -282,8 +284,7 @@ def read_sub_block(raw: RawBlock) -> SubBlock:
         return raw
     r = Reader(raw.body)
     value = read(r, raw.version)
-    if r.remaining > 3 or any(r.rest()):
-        raise DecodeError("trailing", f"octets behind block 0x{raw.block_type:04X}")
+    expect_padding(r)
     return value
 
 

@@ -266,7 +266,8 @@ _ALIGN_SHIFT = 6
 
 
 def _align_read(r: Reader) -> None:
-    r.skip(-(r.position + _ALIGN_SHIFT) % 4)
+    """Padding behind the last field may be missing."""
+    r.skip(min(-(r.position + _ALIGN_SHIFT) % 4, r.remaining))
 
 
 def _align_write(w: Writer) -> None:

@@ -1,0 +1,48 @@
+"""ARFSUDataAdjust: which set of parameters a controller writes (IEC 61158-6-10, FSParameterBlock).
+
+A device that keeps its parameters for a fast start-up may pass over those that follow when it has this set already.
+This one takes whatever is written, so that the record changes nothing; it is kept for as long as its AR stands, and
+read back.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.errors import AccessError, RecordError
+from pnfarm.protocols.profinet.wire.blocks import VERSION_1_0, BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.fsu import parse_ar_fsu_data_adjust
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from pnfarm.protocols.profinet.ar import Ar
+
+__all__ = ["FsuRecords"]
+
+
+class FsuRecords:
+    """``ars`` are those that stand.  Until the record is written, what the Connect request brought is read."""
+
+    def __init__(self, ars: Callable[[], Iterable[Ar]]) -> None:
+        self._ars = ars
+        self._written: dict[int, bytes] = {}
+
+    def read(self, ar: Ar) -> bytes:
+        """Empty where the controller said nothing."""
+        return self._written.get(ar.key, ar.fsu_adjust)
+
+    def write(self, ar: Ar, data: bytes) -> RecordError | None:
+        """None when the record was taken."""
+        try:
+            (block,) = split_blocks(data)
+            if block.block_type != BlockType.AR_FSU_DATA_ADJUST or block.version_high != VERSION_1_0 >> 8:
+                return RecordError(AccessError.INVALID_PARAMETER)
+            parse_ar_fsu_data_adjust(block)
+        except (DecodeError, ValueError):  # of another shape; no block or several
+            return RecordError(AccessError.WRITE_LENGTH_ERROR)
+        standing = {other.key for other in self._ars()}
+        self._written = {key: kept for key, kept in self._written.items() if key in standing}
+        self._written[ar.key] = data
+        return None
