@@ -1,11 +1,14 @@
 """The farm and the built-in controller, the whole way through, in virtual time."""
 
+from dataclasses import replace
+
 import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.controller.search import duplicate_names
 from pnfarm.controller.session import SessionState
 from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered, StationInfo
+from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 
 
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
@@ -217,3 +220,23 @@ def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_anew():
     line.connect()
     line.run(5)
     assert session.measures.losses == 1
+
+
+def test_a_drive_runs_with_data_that_have_no_status_octets_at_all():
+    """DiscardIOXS for the telegram, too: its set points and actual values fill the frames alone."""
+    line = VirtualLine()
+    (session,) = line.plc.sessions
+    bare = tuple(replace(s, properties=SubmoduleProperties.DISCARD_IOXS) for s in session.plan.submodules)
+    session.plan = replace(session.plan, submodules=bare)
+    line.connect()
+    line.enable()
+    line.run(3.0)
+    assert line.farm.columns.axis[0].velocity == pytest.approx(60.0, abs=0.3)
+    (ar,) = line.farm.stations[0].ars.values()
+    for row, layout in (*ar.providers, *ar.consumers):
+        assert {d.iops_offset for d in layout.data} == {c.iocs_offset for c in layout.iocs} == {None}
+        assert [d.data_offset for d in layout.data if d.data_length] == [0]
+        assert row >= 0
+    sent = line.farm.channels.provided(ar.providers[0][0])
+    assert any(sent[:4])
+    assert not any(sent[4:])
