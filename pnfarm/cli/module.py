@@ -2,18 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.cli.device import IpOption, OwnOption, device_of
 from pnfarm.cli.numbers import LONG, WORD, number_of
 from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
+if TYPE_CHECKING:
+    from pnfarm.controller.module_client import DeviceModule
+    from pnfarm.controller.record_client import RecordClient
+    from pnfarm.controller.records import RecordPlace
+
 __all__ = ["app"]
+
+#: Of one answer: more than the modules of any device need.
+MOST_OCTETS = 32_768
 
 app = typer.Typer(help="Show, pull and plug a drive's modules.")
 app.callback(invoke_without_command=True)(help_without_command)
 
+Station = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[NAME]",
+        help="The drive of the running farm; with --interface, any device's station name.",
+        show_default=False,
+    ),
+]
+InterfaceOption = Annotated[
+    str | None,
+    typer.Option("--interface", "-i", metavar="IF", help="Ask a device on the wire, such as eth1, and not the farm."),
+]
 Drive = Annotated[str, typer.Argument(metavar="NAME", help="The drive.", show_default=False)]
 Place = Annotated[
     str,
@@ -28,14 +49,24 @@ Slot = Annotated[
 
 @app.command("list")
 def show(
-    name: Drive,
+    name: Station = None,
+    interface: InterfaceOption = None,
+    ip: IpOption = None,
+    own_ip: OwnOption = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Show what stands in the slots."""
+    """Show what stands in the slots: of a drive of the running farm, or of any device on the wire."""
     from pnfarm.cli.client import FarmClient
 
+    if interface is not None:
+        _print_device(interface, own_ip, device_of(name, ip, "NAME, --ip"), output)
+        return
+    if ip is not None or own_ip is not None:
+        raise typer.BadParameter("is for a device on the wire, beside --interface", param_hint="--ip, --own-ip")
+    if name is None:
+        raise typer.BadParameter("is needed: a drive's, or a device's beside --interface", param_hint="NAME")
     with FarmClient(api, token) as farm:
         _print(farm.get("drives", name, "modules"), output)
 
@@ -114,3 +145,54 @@ def _print(found: dict[str, Any], output: Format) -> None:
             state = "awaits parameters" if sub["awaits_parameters"] else ""
             rows.append(["", sub["subslot"], sub["submodule_ident"], octets, sub["owner"] or "", state])
     print_table(("SLOT", "SUBSLOT", "IDENT", "OCTETS", "OWNER", ""), rows)
+
+
+def _print_device(interface: str, own_ip: str | None, target: Any, output: Format) -> None:
+    """What a device itself tells, without a connection."""
+    from pnfarm.cli.device import access_device
+    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.controller.module_client import read_modules
+    from pnfarm.controller.record_client import RecordTask
+
+    asking = read_modules()
+    first = next(asking)
+    found: tuple[DeviceModule, ...] = ()
+
+    def more(client: RecordClient) -> RecordPlace | None:
+        nonlocal found
+        try:
+            return asking.send(client)
+        except StopIteration as end:
+            found = end.value
+            return None
+
+    client = access_device(interface, own_ip, RecordTask(target, first, length=MOST_OCTETS, implicit=True), more)
+    info = None if client.station is None else client.station.info
+    if output is Format.JSON:
+        print_json(
+            {
+                "name": None if info is None else info.name,
+                "ip": None if info is None else str(info.ip),
+                "modules": [_as_dict(module) for module in found],
+            }
+        )
+        return
+    rows = []
+    for module in found:
+        rows.append([str(module.slot), "", f"0x{module.ident:08X}", ""])
+        rows += [
+            ["", f"0x{s.subslot:04X}", f"0x{s.ident:08X}", f"0x{s.api:04X}" if s.api else ""] for s in module.submodules
+        ]
+    print_table(("SLOT", "SUBSLOT", "IDENT", "API"), rows)
+
+
+def _as_dict(module: DeviceModule) -> dict[str, Any]:
+    """Names and forms as those of a farm's drive."""
+    return {
+        "slot": module.slot,
+        "module_ident": f"0x{module.ident:08X}",
+        "submodules": [
+            {"subslot": f"0x{s.subslot:04X}", "submodule_ident": f"0x{s.ident:08X}", "api": f"0x{s.api:04X}"}
+            for s in module.submodules
+        ],
+    }

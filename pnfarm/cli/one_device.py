@@ -41,6 +41,7 @@ def one_device(
     dap: str | None,
     modules: Sequence[str],
     cycle: str | None,
+    watchdog_factor: int | None = None,
 ) -> FarmConfig:
     """The file, checked as any other.  Raises the framework's usage error, or :class:`FarmFileError`."""
     from pnfarm.farm.config import parse_farm
@@ -50,5 +51,8 @@ def one_device(
             raise typer.BadParameter("is needed beside --gsdml", param_hint=name)
     own: dict[str, Any] = {"name": device, "gsdml": str(gsdml), "ip": ip, "modules": _places(modules)}
     own |= {key: value for key, value in (("dap", dap), ("cycle", cycle)) if value is not None}
-    text = json.dumps({"controller": {"interface": interface, "devices": [own]}}, indent=1)
+    section: dict[str, Any] = {"interface": interface}
+    if watchdog_factor is not None:
+        section["watchdog_factor"] = watchdog_factor
+    text = json.dumps({"controller": section | {"devices": [own]}}, indent=1)
     return parse_farm(text, ORIGIN)

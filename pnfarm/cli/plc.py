@@ -47,6 +47,9 @@ def plc(
         list[str] | None, typer.Option(metavar="SLOT=ID", help="Module in a slot; several times for several slots.")
     ] = None,
     cycle: Annotated[str | None, typer.Option(help="Its cycle; left out, 16ms.")] = None,
+    watchdog_factor: Annotated[
+        int | None, typer.Option(metavar="N", help="Missed cycles until it is given up; left out, 3.")
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, help="Run so long, then release the drives; left out, until Ctrl-C.")
     ] = None,
@@ -71,14 +74,15 @@ def plc(
     if (file is None) == (gsdml is None):
         raise typer.BadParameter("is needed, or --gsdml, and not both", param_hint="FILE")
     if file is not None:
-        if any((device, ip, dap, module, cycle)):
+        if any((device, ip, dap, module, cycle, watchdog_factor is not None)):
             raise typer.BadParameter("is for --gsdml; a file says it itself", param_hint="an option of a device")
         config = read(file)
     else:
         assert gsdml is not None
         config = one_device(
-            gsdml, device=device, ip=ip, interface=interface, dap=dap, modules=module or (), cycle=cycle
-        )
+            gsdml, device=device, ip=ip, interface=interface, dap=dap, modules=module or (), cycle=cycle,
+            watchdog_factor=watchdog_factor,
+        )  # fmt: skip
     rows, interrupted = anyio.run(_run, config, interface, seconds, output is None and _is_live())
     quiet = [row["name"] for row in rows if not row["connects"]]
     summary = {"ok": not quiet, "controller": config.controller.name if config.controller else "", "drives": rows}

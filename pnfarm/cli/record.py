@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.cli.device import IpOption, OwnOption, access_device, device_of
 from pnfarm.cli.numbers import LONG, WORD, number_of
 from pnfarm.cli.settings import Format, FormatOption, help_without_command
 
 if TYPE_CHECKING:
-    from ipaddress import IPv4Interface
-
-    from pnfarm.controller.record_client import RecordClient, RecordTask
+    from pnfarm.controller.record_client import RecordClient
 
 __all__ = ["app"]
 
@@ -27,10 +26,6 @@ InterfaceOption = Annotated[
     str, typer.Option("--interface", "-i", metavar="IF", help="Network interface, such as eth1.", show_default=False)
 ]
 NameOption = Annotated[str | None, typer.Option("--name", "-n", help="The device's station name.")]
-IpOption = Annotated[str | None, typer.Option("--ip", metavar="IP", help="The device's address.")]
-OwnOption = Annotated[
-    str | None, typer.Option("--own-ip", metavar="CIDR", help="Address to ask from; left out, the interface's own.")
-]
 SlotOption = Annotated[int, typer.Option(parser=number_of("slot", WORD), metavar="N", show_default=False, help="Slot.")]
 SubslotOption = Annotated[
     int, typer.Option(parser=number_of("subslot", WORD), metavar="N", show_default=False, help="Subslot.")
@@ -60,8 +55,8 @@ def read(
     from pnfarm.controller.record_client import RecordTask
     from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
 
-    task = RecordTask(_target(name, ip), (api, slot, subslot, index), length=length, implicit=implicit)
-    client = _run(interface, own_ip, task)
+    task = RecordTask(device_of(name, ip), (api, slot, subslot, index), length=length, implicit=implicit)
+    client = access_device(interface, own_ip, task)
     data = client.data or b""
     if output is Format.JSON:
         print_json({**_place(client), "length": len(data), "data": data.hex(), "blocks": blocks_in_words(data)})
@@ -92,110 +87,11 @@ def write(
         raise typer.BadParameter(f"{data!r} is not hexadecimal", param_hint="HEX") from None
     if len(octets) > WRITE_OCTETS:
         raise typer.BadParameter(f"{len(octets)} octets are too long; one write takes {WRITE_OCTETS}", param_hint="HEX")
-    client = _run(interface, own_ip, RecordTask(_target(name, ip), (api, slot, subslot, index), data=octets))
+    client = access_device(interface, own_ip, RecordTask(device_of(name, ip), (api, slot, subslot, index), data=octets))
     if output is Format.JSON:
         print_json({**_place(client), "length": len(octets), "ok": True})
     else:
         print_line(f"{len(octets)} octets written")
-
-
-def _target(name: str | None, ip: str | None) -> Any:
-    from ipaddress import IPv4Address
-
-    if (name is None) == (ip is None):
-        raise typer.BadParameter("give one of them", param_hint="--name, --ip")
-    if name is not None:
-        # a real device may have a name that the standard forbids; it still has octets, and no more than 240
-        if not 1 <= len(name) <= 240 or any(ord(letter) > 0xFF for letter in name):
-            raise typer.BadParameter("a station name has 1 to 240 letters, digits, '-' and '.'", param_hint="--name")
-        return name
-    try:
-        return IPv4Address(ip or "")
-    except ValueError:
-        raise typer.BadParameter(f"{ip!r} is no IPv4 address", param_hint="--ip") from None
-
-
-def _own_address(interface: str, wanted: str | None) -> IPv4Interface:
-    """``--own-ip``, or the first address that the kernel has on the interface."""
-    import errno
-    import fcntl
-    import socket
-    import struct
-    from ipaddress import IPv4Address, IPv4Interface
-
-    from pnfarm.errors import ConfigError
-
-    if wanted is not None:
-        try:
-            return IPv4Interface(wanted)
-        except ValueError:
-            raise typer.BadParameter(f"{wanted!r} is not like 10.0.0.1/24", param_hint="--own-ip") from None
-    asked = struct.pack("256s", interface.encode()[:15])
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        try:
-            # SIOCGIFADDR, SIOCGIFNETMASK: netdevice(7)
-            address, mask = (IPv4Address(fcntl.ioctl(sock, code, asked)[20:24]) for code in (0x8915, 0x891B))
-        except OSError as exc:
-            if exc.errno == errno.ENODEV:
-                raise ConfigError(f"there is no interface {interface}") from exc
-            raise ConfigError(f"interface {interface} has no IPv4 address: give one by --own-ip") from exc
-    return IPv4Interface(f"{address}/{mask}")
-
-
-def _run(interface: str, own_ip: str | None, task: RecordTask) -> RecordClient:
-    import anyio
-
-    return anyio.run(_access, interface, _own_address(interface, own_ip), task)
-
-
-async def _access(interface: str, own: IPv4Interface, task: RecordTask) -> RecordClient:
-    """The client at its end.  Raises RemoteError when the device refused or kept silent."""
-    import os
-    import time
-
-    import anyio
-
-    from pnfarm.cli.running import raise_of_callbacks
-    from pnfarm.controller.record_client import TOOL_PORT, RecordClient
-    from pnfarm.controller.runtime import hold_ports
-    from pnfarm.links.base import PortSpec
-    from pnfarm.links.interface import InterfaceLink
-
-    link = InterfaceLink(interface)
-    held = hold_ports(own, (TOOL_PORT,))
-    woken = anyio.Event()
-    try:
-        (port,) = await link.open([PortSpec("record", bytes(6))])
-        client = RecordClient(task, port.mac, own, os.urandom(16))
-
-        def send() -> None:
-            for frame in client.to_send(time.monotonic_ns()):
-                link.send(port.index, frame)
-
-        def receive(_: int, frame: bytes, now: int) -> None:
-            client.receive(frame, now)
-            send()
-            woken.set()
-
-        link.set_receiver(receive)
-        async with raise_of_callbacks():
-            client.start(time.monotonic_ns())
-            send()
-            while not client.done:
-                woken = anyio.Event()
-                due = client.next_deadline()
-                wait = None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
-                with anyio.move_on_after(wait):
-                    await woken.wait()
-                client.handle_timeout(time.monotonic_ns())
-                send()
-    finally:
-        for sock in held:
-            sock.close()
-        with anyio.CancelScope(shield=True):
-            await link.close()
-    client.check()
-    return client
 
 
 def _place(client: RecordClient) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""One record of one device, read or written by hand: what ``pnfarm record`` runs; no clock, no tasks.
+"""Records of one device, read or written by hand: what ``pnfarm record`` and ``module list`` run; no clock, no tasks.
 
 The device is sought by DCP, by its name or its address.  A read may go without an AR (ReadImplicit); everything else
 goes through an AR for device access (IOSAR), which stands beside the controllers' and is released at the end.
@@ -9,7 +9,7 @@ FIND     the device's DCP answer         Connect, or the read without an AR
 CONNECT  the AR                          the record's call
 ACCESS   the record's answer             Release, or the end
 RELEASE  the AR's end                    the end
-DONE     nothing
+DONE     nothing                         another read without an AR, if one is asked for
 """
 
 from __future__ import annotations
@@ -83,6 +83,7 @@ class _Sign(Enum):
     ANSWERED = auto()
     ANSWERED_IMPLICIT = auto()
     ENDED = auto()
+    NEXT = auto()
 
 
 _S, _E = ClientState, _Sign
@@ -98,6 +99,7 @@ TRANSITIONS: dict[tuple[ClientState, _Sign], tuple[ClientState, str]] = {
     (_S.ACCESS, _E.ANSWERED_IMPLICIT): (_S.DONE, ""),
     (_S.ACCESS, _E.ENDED): (_S.DONE, ""),
     (_S.RELEASE, _E.ENDED): (_S.DONE, ""),
+    (_S.DONE, _E.NEXT): (_S.ACCESS, "access"),
 }
 
 
@@ -106,6 +108,7 @@ class RecordClient:
 
     def __init__(self, task: RecordTask, mac: bytes, own: IPv4Interface, seed: bytes) -> None:
         self.task = task
+        self._place = task.place
         self.state = ClientState.FIND
         #: What was read; None for a write, and after a failure.
         self.data: bytes | None = None
@@ -132,6 +135,13 @@ class RecordClient:
         """Raise RemoteError with a sentence when the task failed."""
         if self._failure:
             raise RemoteError(self._failure)
+
+    def read_next(self, place: RecordPlace, now: int) -> None:
+        """Read another record of the device that was found, without a connection; when :attr:`done`."""
+        self._place = place
+        self._failure, self.data, self.status = "", None, None
+        self._sign(_Sign.NEXT, now)
+        self._settle(now)
 
     def start(self, now: int) -> None:
         target = self.task.target
@@ -195,11 +205,11 @@ class RecordClient:
         if machine is None:
             return
         if task.data is not None:
-            machine.write_record("record", *task.place, task.data)
+            machine.write_record("record", *self._place, task.data)
         elif task.implicit:
-            machine.read_implicit("record", *task.place, task.length)
+            machine.read_implicit("record", *self._place, task.length)
         else:
-            machine.read_record("record", *task.place, task.length)
+            machine.read_record("record", *self._place, task.length)
 
     def _do_release(self, now: int) -> None:
         if self._machine is not None:

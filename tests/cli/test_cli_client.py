@@ -329,6 +329,102 @@ def test_module_list_shows_the_slots_with_their_submodules(ask, farm):
     assert json.loads(ask("module", "list", "axis-01", "--format", "json").out) == MODULES
 
 
+def on_the_wire(monkeypatch, refused=""):
+    """`module list` at a device that tells of two slots, or refuses; what it was asked for."""
+    from types import SimpleNamespace
+
+    from pnfarm.cli import device
+    from pnfarm.errors import RemoteError
+    from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+    from pnfarm.protocols.profinet.wire.records import (
+        ApiData,
+        IdentificationApi,
+        IdentificationData,
+        IdentificationSlot,
+    )
+
+    slots = (IdentificationSlot(0, 0x10, ((1, 0x11),)), IdentificationSlot(1, 0x100, ((1, 0xFFFF), (2, 0x68))))
+    apis = (IdentificationApi(0, slots[:1]), IdentificationApi(0x3A00, slots[1:]))
+    answers = {0xF821: emit_block(ApiData((0,))), 0xF000: emit_block(IdentificationData(0x0013, apis))}
+    asked = []
+
+    def access(interface, own_ip, task, more):
+        def check():
+            if refused:
+                raise RemoteError(refused)
+
+        info = SimpleNamespace(name="device-7", ip="10.0.0.7")
+        place = task.place
+        while place is not None:
+            asked.append((interface, own_ip, str(task.target), place))
+            data = None if refused else answers[place[3]]
+            client = SimpleNamespace(data=data, check=check, station=SimpleNamespace(info=info))
+            place = more(client)
+        return client
+
+    monkeypatch.setattr(device, "access_device", access)
+    return asked
+
+
+@pytest.mark.parametrize("who", [("device-7",), ("--ip", "10.0.0.7")])
+def test_module_list_shows_the_slots_of_any_device_on_the_wire(ask, monkeypatch, who):
+    asked = on_the_wire(monkeypatch)
+    head, *lines = [" ".join(line.split()) for line in ask("module", "list", *who, "-i", "eth1").out.splitlines()]
+    assert head == "SLOT SUBSLOT IDENT API"
+    assert lines == [
+        "0 0x00000010",
+        "0x0001 0x00000011",
+        "1 0x00000100",
+        "0x0001 0x0000FFFF 0x3A00",
+        "0x0002 0x00000068 0x3A00",
+    ]
+    assert [(interface, target, place[3]) for interface, _, target, place in asked] == [
+        ("eth1", who[-1], 0xF821),
+        ("eth1", who[-1], 0xF000),
+    ]
+
+
+def test_module_list_of_a_device_as_json_has_the_names_of_a_drives(ask, monkeypatch):
+    on_the_wire(monkeypatch)
+    found = json.loads(ask("module", "list", "device-7", "-i", "eth1", "--format", "json").out)
+    assert (found["name"], found["ip"]) == ("device-7", "10.0.0.7")
+    module = found["modules"][1]
+    assert module == {
+        "slot": 1,
+        "module_ident": "0x00000100",
+        "submodules": [
+            {"subslot": "0x0001", "submodule_ident": "0x0000FFFF", "api": "0x3A00"},
+            {"subslot": "0x0002", "submodule_ident": "0x00000068", "api": "0x3A00"},
+        ],
+    }
+    assert set(module) <= set(MODULES["modules"][0])
+
+
+def test_module_list_says_why_a_device_tells_nothing(ask, monkeypatch):
+    on_the_wire(monkeypatch, "IODReadRes: application: invalid index")
+    done = ask("module", "list", "device-7", "-i", "eth1")
+    assert (done.out, done.err) == ("", "pnfarm: IODReadRes: application: invalid index\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ((), "NAME: is needed: a drive's, or a device's beside --interface"),
+        (("--ip", "10.0.0.7"), "is for a device on the wire, beside --interface"),
+        (("axis-01", "--own-ip", "10.0.0.1/24"), "is for a device on the wire, beside --interface"),
+        (("-i", "eth1"), "give one of them"),
+        (("a", "-i", "eth1", "--ip", "10.0.0.7"), "give one of them"),
+        (("-i", "eth1", "--ip", "10.0.0"), "is no IPv4 address"),
+        (("a" * 241, "-i", "eth1"), "a station name has 1 to 240"),
+        (("a", "-i", "nowhere0"), "there is no interface nowhere0"),
+    ],
+)
+def test_module_list_says_what_is_wrong_with_who_is_asked(ask, arguments, sentence):
+    done = ask("module", "list", *arguments)
+    assert done.code == 2
+    assert sentence in done.err.replace("invalid value for ", "")
+
+
 @pytest.mark.parametrize(
     ("place", "path"),
     [

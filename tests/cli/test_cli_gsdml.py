@@ -87,6 +87,9 @@ ALL = ("--device", "axis-1", "--ip", "10.77.0.11/24", "--interface", "eth9")
         (("--gsdml", "b.xml", *ALL, "--module", "1=A", "--module", "1=B"), "slot 1 is given twice"),
         (("--gsdml", "b.xml", *ALL, "--module", "x=A"), "'x' is no slot or subslot"),
         (("--gsdml", "b.xml", *ALL, "--cycle", "3ms"), "3ms is no PROFINET cycle"),
+        (("a.yml", "--watchdog-factor", "5"), "is for --gsdml"),
+        (("--gsdml", "b.xml", *ALL, "--watchdog-factor", "0"), "watchdog_factor: is 0; allowed: "),
+        (("--gsdml", "b.xml", *ALL, "--watchdog-factor", "500"), "are too long a watchdog; allowed: a watchdog of"),
         (("--gsdml", "b.xml", *ALL, "--device", "Axis_1"), "'Axis_1' is no station name"),
     ],
 )
@@ -101,5 +104,11 @@ def test_options_make_a_farm_file_of_one_device():
         Path("b.xml"), device="a", ip="10.0.0.5/24", interface="eth9", dap="D", modules=["1=X", "2="], cycle="32ms"
     )
     (device,) = config.controller.devices
+    assert config.controller.watchdog_factor == 3
+    patient = one_device(
+        Path("b.xml"), device="a", ip="10.0.0.5/24", interface="eth9", dap=None, modules=(), cycle=None,
+        watchdog_factor=60,
+    )  # fmt: skip
+    assert patient.controller.watchdog_factor == 60
     assert (device.name, device.gsdml, str(device.ip), device.dap) == ("a", "b.xml", "10.0.0.5/24", "D")
     assert (device.modules, device.cycle_ns, config.controller.interface) == ({1: "X", 2: None}, 32_000_000, "eth9")

@@ -82,6 +82,7 @@ PLACES = ((0, 0, 1), (0, 0, 0x8000), (0, 0, 0x8001), (0x3A00, 1, 1), (0x3A00, 1,
 RECORDS = (
     (0xAFF1, "record"), (0xAFF2, "block-0022"), (0xAFF3, "record"), (47, "base-request"), (0xB02E, "base-request"),
     (0x801E, "record"), (0x802B, "pdev"), (0x802F, "pdev"), (0x8071, "pdev"), (0x8090, "record"), (0xE040, "record"),
+    (0x80B0, "record"), (0xE050, "record"), (0xB050, "record"), (0xB060, "record"),
     *((index, "record") for index in (0xF841, 0xF842, 0xF80C, 0xF830, 0xF820, 0xE002, 0x8028, 0x8029, 0xFBFF, 0xF831)),
 )  # fmt: skip
 #: What is kept of inputs that met something new.

@@ -1,0 +1,144 @@
+"""One device on the wire, by its name or address: the options that name it, and the client that reads its records."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from ipaddress import IPv4Interface
+
+    from pnfarm.controller.record_client import RecordClient, RecordTask
+    from pnfarm.controller.records import RecordPlace
+
+__all__ = ["IpOption", "OwnOption", "access_device", "device_of"]
+
+IpOption = Annotated[str | None, typer.Option("--ip", metavar="IP", help="The device's address.")]
+OwnOption = Annotated[
+    str | None, typer.Option("--own-ip", metavar="CIDR", help="Address to ask from; left out, the interface's own.")
+]
+
+
+def device_of(name: str | None, ip: str | None, hint: str = "--name, --ip") -> Any:
+    """The station name or the address that a :class:`RecordTask` takes; one of them is to be given."""
+    from ipaddress import IPv4Address
+
+    if (name is None) == (ip is None):
+        raise typer.BadParameter("give one of them", param_hint=hint)
+    if name is not None:
+        # a real device may have a name that the standard forbids; it still has octets, and no more than 240
+        if not 1 <= len(name) <= 240 or any(ord(letter) > 0xFF for letter in name):
+            raise typer.BadParameter(
+                "a station name has 1 to 240 letters, digits, '-' and '.'", param_hint=hint.partition(",")[0]
+            )
+        return name
+    try:
+        return IPv4Address(ip or "")
+    except ValueError:
+        raise typer.BadParameter(f"{ip!r} is no IPv4 address", param_hint="--ip") from None
+
+
+def _own_address(interface: str, wanted: str | None) -> IPv4Interface:
+    """``--own-ip``, or the first address that the kernel has on the interface."""
+    import errno
+    import fcntl
+    import socket
+    import struct
+    from ipaddress import IPv4Address, IPv4Interface
+
+    from pnfarm.errors import ConfigError
+
+    if wanted is not None:
+        try:
+            return IPv4Interface(wanted)
+        except ValueError:
+            raise typer.BadParameter(f"{wanted!r} is not like 10.0.0.1/24", param_hint="--own-ip") from None
+    asked = struct.pack("256s", interface.encode()[:15])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        try:
+            # SIOCGIFADDR, SIOCGIFNETMASK: netdevice(7)
+            address, mask = (IPv4Address(fcntl.ioctl(sock, code, asked)[20:24]) for code in (0x8915, 0x891B))
+        except OSError as exc:
+            if exc.errno == errno.ENODEV:
+                raise ConfigError(f"there is no interface {interface}") from exc
+            raise ConfigError(f"interface {interface} has no IPv4 address: give one by --own-ip") from exc
+    return IPv4Interface(f"{address}/{mask}")
+
+
+def access_device(
+    interface: str,
+    own_ip: str | None,
+    task: RecordTask,
+    more: Callable[[RecordClient], RecordPlace | None] | None = None,
+) -> RecordClient:
+    """The client at its end.  ``more`` is asked after each record which one to read next, None for no further one.
+
+    Raises RemoteError when the device is not found, and, where nobody asks for more, when it refused or kept silent.
+    """
+    import anyio
+
+    return anyio.run(_access, interface, _own_address(interface, own_ip), task, more)
+
+
+async def _access(
+    interface: str,
+    own: IPv4Interface,
+    task: RecordTask,
+    more: Callable[[RecordClient], RecordPlace | None] | None,
+) -> RecordClient:
+    import os
+    import time
+
+    import anyio
+
+    from pnfarm.cli.running import raise_of_callbacks
+    from pnfarm.controller.record_client import TOOL_PORT, RecordClient
+    from pnfarm.controller.runtime import hold_ports
+    from pnfarm.links.base import PortSpec
+    from pnfarm.links.interface import InterfaceLink
+
+    link = InterfaceLink(interface)
+    held = hold_ports(own, (TOOL_PORT,))
+    woken = anyio.Event()
+    try:
+        (port,) = await link.open([PortSpec("record", bytes(6))])
+        client = RecordClient(task, port.mac, own, os.urandom(16))
+
+        def send() -> None:
+            for frame in client.to_send(time.monotonic_ns()):
+                link.send(port.index, frame)
+
+        def receive(_: int, frame: bytes, now: int) -> None:
+            client.receive(frame, now)
+            send()
+            woken.set()
+
+        link.set_receiver(receive)
+        async with raise_of_callbacks():
+            client.start(time.monotonic_ns())
+            send()
+            while True:
+                if client.done:
+                    place = None if more is None or client.station is None else more(client)
+                    if place is None:
+                        break
+                    client.read_next(place, time.monotonic_ns())
+                    send()
+                    continue
+                woken = anyio.Event()
+                due = client.next_deadline()
+                wait = None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)
+                with anyio.move_on_after(wait):
+                    await woken.wait()
+                client.handle_timeout(time.monotonic_ns())
+                send()
+    finally:
+        for sock in held:
+            sock.close()
+        with anyio.CancelScope(shield=True):
+            await link.close()
+    if more is None or client.station is None:
+        client.check()
+    return client
