@@ -42,7 +42,7 @@ def decode(
         typer.Option(
             "--only",
             metavar="KIND",
-            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, snmp, arp, icmp, other.",
+            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, ptcp, snmp, arp, icmp, other.",
             show_default=False,
         ),
     ] = None,

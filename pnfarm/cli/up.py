@@ -136,8 +136,8 @@ def up(
             metavar="KIND",
             envvar="PNFARM_UP_PCAP_ONLY",
             show_envvar=False,
-            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, snmp, arp, icmp, other; may stand "
-            "several times.",
+            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, ptcp, snmp, arp, icmp, other; may "
+            "stand several times.",
             rich_help_panel=_PANEL,
             show_default=False,
         ),

@@ -27,6 +27,7 @@ __all__ = [
     "ETHERTYPE_PROFINET",
     "ETHERTYPE_VLAN",
     "FIRST_ACYCLIC_FRAME_ID",
+    "FIRST_CYCLIC_FRAME_ID",
     "MULTICAST_DCP_IDENTIFY",
     "MULTICAST_LLDP",
     "Clock",
@@ -47,6 +48,8 @@ ETHERTYPE_LLDP = 0x88CC
 
 #: IEC 61158-6-10, coding of FrameID: cyclic RT frames lie below, alarms (0xFC01, 0xFE01) and DCP (0xFEFC ...) above.
 FIRST_ACYCLIC_FRAME_ID = 0xFC00
+#: Below lie the sync frames of PTCP (0x0020 ... 0x0081) and what the standard keeps for later.
+FIRST_CYCLIC_FRAME_ID = 0x0100
 
 BROADCAST = b"\xff" * 6
 #: IEC 61158-6-10: destination of DCP Identify requests.

@@ -16,6 +16,7 @@ from pnfarm.links.base import (
     ETHERTYPE_PROFINET,
     ETHERTYPE_VLAN,
     FIRST_ACYCLIC_FRAME_ID,
+    FIRST_CYCLIC_FRAME_ID,
 )
 from pnfarm.links.bpf import MAX_INSTRUCTIONS
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["ATOMS", "KINDS", "atoms_of", "capture_filter"]
 
 #: Kinds that a frame can be, each exactly one.
-ATOMS = ("cyclic", "dcp", "alarm", "rpc", "snmp", "arp", "icmp", "lldp", "other")
+ATOMS = ("cyclic", "dcp", "alarm", "rpc", "snmp", "arp", "icmp", "lldp", "ptcp", "other")
 #: Words of the command line: the kinds, and ``acyclic`` for all of them but ``cyclic``.
 KINDS: dict[str, frozenset[str]] = {
     **{atom: frozenset({atom}) for atom in ATOMS},
@@ -34,7 +35,7 @@ KINDS: dict[str, frozenset[str]] = {
 
 # Operation codes (linux/bpf_common.h).
 _LD_WORD, _LD_HALF, _LD_BYTE = 0x20, 0x28, 0x30
-_LD_HALF_INDEXED, _LDX_HEADER_LENGTH = 0x48, 0xB1
+_LD_HALF_INDEXED, _LD_BYTE_INDEXED, _LDX_HEADER_LENGTH = 0x48, 0x50, 0xB1
 _JUMP, _JUMP_EQUAL, _JUMP_GREATER, _JUMP_GREATER_EQUAL, _JUMP_SET = 0x05, 0x15, 0x25, 0x35, 0x45
 _RETURN = 0x06
 _ANCILLARY = 0x1_0000_0000 - 0x1000
@@ -44,8 +45,12 @@ _WHOLE_FRAME = 0x40000
 
 _ALARMS = (0xFC01, 0xFE01)
 _FIRST_DCP, _LAST_DCP = 0xFEFC, 0xFEFF
+#: Frame ids of PTCP (IEC 61158-6-10): sync below those of cyclic data, the rest behind DCP's.
+_SYNCS = (0x0020, 0x0021, 0x0080, 0x0081)
+_CLOCKS = (0xFF00, 0xFF01, 0xFF20, 0xFF21, 0xFF40, 0xFF41, 0xFF42, 0xFF43)
 _ICMP, _UDP = 1, 17
 _SNMP_PORTS = (161, 162)
+_UDP_HEAD, _RPC_VERSION = 8, 4
 _OFFSET_MASK = 0x1FFF
 #: Runs of interface indexes that are told apart; a farm's interfaces are made in a row.
 _MAXIMUM_RUNS = 900
@@ -116,8 +121,13 @@ def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
         _Op(_JUMP_EQUAL, ETHERTYPE_IPV4, f"{name}ip", to["other"]),
         _Op(None, 0, f"{name}pn"),
         _Op(_LD_HALF, network),
-        _Op(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, "", to["cyclic"]),
+        _Op(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, f"{name}acyclic"),
+        _Op(_JUMP_GREATER_EQUAL, FIRST_CYCLIC_FRAME_ID, to["cyclic"]),
+        *(_Op(_JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _SYNCS),
+        _Op(_JUMP, 0, to["other"]),
+        _Op(None, 0, f"{name}acyclic"),
         *(_Op(_JUMP_EQUAL, frame_id, to["alarm"]) for frame_id in _ALARMS),
+        *(_Op(_JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _CLOCKS),
         _Op(_JUMP_GREATER_EQUAL, _FIRST_DCP, "", to["other"]),
         _Op(_JUMP_GREATER, _LAST_DCP, to["other"], to["dcp"]),
         _Op(None, 0, f"{name}ip"),
@@ -132,7 +142,9 @@ def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
         *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
         _Op(_LD_HALF_INDEXED, network + 2),
         *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
-        _Op(_JUMP_EQUAL, 0, to["rpc"], to["rpc"]),
+        # calls come from any port and go to any; each begins with the protocol's version
+        _Op(_LD_BYTE_INDEXED, network + _UDP_HEAD),
+        _Op(_JUMP_EQUAL, _RPC_VERSION, to["rpc"], to["other"]),
     ]
 
 

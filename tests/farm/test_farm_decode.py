@@ -371,6 +371,12 @@ def test_the_start_up_of_a_real_controller_and_its_cyclic_data():
     )
     assert not any("gap" in line or "counter" in line for line in found)
     assert len(found) < 40
+    # its device sends data before it answers
+    begun = [n for n, line in enumerate(found) if "-> plcxb1.profinet-schnittstellexb15ee1 cyclic data begin" in line]
+    (answer,) = [n for n, line in enumerate(found) if "Connect.res" in line]
+    assert len(begun) == 1
+    assert begun[0] < answer
+    assert not any("layout unknown" in line for line in found)
 
 
 def test_alarms_and_their_end_of_a_real_controller():

@@ -26,8 +26,8 @@ def ip(protocol: int, payload: bytes, **fields) -> bytes:
     return emit_ipv4(Ipv4Packet(HERE, THERE, protocol, payload, **fields))
 
 
-def udp(source: int, destination: int) -> bytes:
-    return ip(PROTOCOL_UDP, emit_udp(UdpDatagram(source, destination, b"\x04" * 90), HERE, THERE))
+def udp(source: int, destination: int, data: bytes = b"\x04" * 90) -> bytes:
+    return ip(PROTOCOL_UDP, emit_udp(UdpDatagram(source, destination, data), HERE, THERE))
 
 
 #: kind -> (EtherType, payload) of frames that are of this kind.
@@ -44,7 +44,16 @@ FRAMES = {
     "arp": [(0x0806, bytes(46))],
     "icmp": [(0x0800, ip(PROTOCOL_ICMP, bytes(60)))],
     "lldp": [(0x88CC, bytes(46))],
-    "other": [(0x0800, ip(PROTOCOL_TCP, bytes(60))), (0x8892, b"\xff\x00" + bytes(44)), (0x86DD, bytes(60))],
+    "ptcp": [(0x8892, bytes.fromhex(frame_id) + bytes(44)) for frame_id in ("0020", "0081", "ff00", "ff20", "ff43")],
+    "other": [
+        (0x0800, ip(PROTOCOL_TCP, bytes(60))),
+        (0x0800, udp(137, 137, bytes(90))),
+        *(
+            (0x8892, bytes.fromhex(frame_id) + bytes(44))
+            for frame_id in ("0000", "00ff", "fc02", "ff02", "ff80", "ffff")
+        ),
+        (0x86DD, bytes(60)),
+    ],
 }
 
 

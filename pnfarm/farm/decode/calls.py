@@ -6,17 +6,17 @@ bounded number of them.  Fragments are put together first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.decode.connect import connect_request, connect_response
+from pnfarm.farm.decode.connect import connect_request, connect_response, forget_asked
 from pnfarm.farm.decode.packet import Said
 from pnfarm.farm.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
 from pnfarm.protocols.profinet.wire.block_words import blocks_in_line
 from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
+from pnfarm.protocols.profinet.wire.blocks_any import read_blocks
 from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock
 from pnfarm.protocols.profinet.wire.iod import (
     IodReadReqHeader,
@@ -30,7 +30,9 @@ from pnfarm.protocols.profinet.wire.iod import (
     parse_write_response,
 )
 from pnfarm.protocols.profinet.wire.rpc import (
+    RPC_PORT,
     UUID_EPM,
+    UUID_PNIO_DEVICE,
     Opnum,
     PacketType,
     PnioStatus,
@@ -49,10 +51,15 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.decode.packet import Packet, Shared
     from pnfarm.protocols.profinet.wire.blocks_any import Block
+    from pnfarm.wire.udp import UdpDatagram
 
-__all__ = ["Call", "ip_packet", "rpc"]
+__all__ = ["Call", "ip_packet", "is_call", "rpc", "udp_words"]
 
 _RPC_VERSION = 4
+_RPC_HEAD = 80
+#: The last eight octets of a call's interface UUID are alike in either data representation.
+_INTERFACE_TAIL = slice(32, 40)
+_INTERFACE_TAILS = frozenset({UUID_PNIO_DEVICE.bytes[8:], UUID_EPM.bytes[8:]})
 _SERVICES = {
     Opnum.CONNECT: "Connect",
     Opnum.RELEASE: "Release",
@@ -91,6 +98,23 @@ class Call:
     parts: dict[bool, Reassembly] = field(default_factory=dict)
 
 
+def is_call(source_port: int, destination_port: int, data: bytes) -> bool:
+    """Whether a datagram is a remote procedure call of PROFINET's: by its head, wherever it goes.
+
+    What comes to the port of calls and begins as one does is one, however it goes on.
+    """
+    if not data or data[0] != _RPC_VERSION:
+        return False
+    if RPC_PORT in {source_port, destination_port}:
+        return True
+    return len(data) >= _RPC_HEAD and data[_INTERFACE_TAIL] in _INTERFACE_TAILS
+
+
+def udp_words(datagram: UdpDatagram) -> Said:
+    """Ports and length of whatever else comes by UDP."""
+    return Said("UDP", f"port {datagram.source_port} -> {datagram.destination_port}, {len(datagram.data)} octets")
+
+
 def ip_packet(packet: Packet, shared: Shared) -> Ipv4Packet | None:
     """The whole IP packet that a frame completes; None while fragments of it are missing."""
     ip = parse_ipv4(packet.payload)
@@ -109,8 +133,9 @@ def rpc(packet: Packet, shared: Shared) -> Iterator[Said]:
         yield Said("IP", f"protocol {ip.protocol}")
         return
     datagram = parse_udp(ip.payload)
-    if not datagram.data or datagram.data[0] != _RPC_VERSION:
-        yield Said("UDP", f"port {datagram.source_port} -> {datagram.destination_port}, {len(datagram.data)} octets")
+    if not is_call(datagram.source_port, datagram.destination_port, datagram.data):
+        # fragments: only the whole datagram tells
+        yield replace(udp_words(datagram), family="other")
         return
     pdu = parse_rpc(datagram.data)
     if pdu.interface == UUID_EPM:
@@ -177,11 +202,19 @@ def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Share
             header = parse_read_request(payload)
             yield Said(what, _place(header), _where(header), {"reads": ""})
         case Opnum.CONNECT:
-            call.blocks = parse_blocks(payload)
-            yield connect_request(call.blocks, pdu, packet, shared)
+            call.blocks, wrong = read_blocks(payload)
+            yield _with_wrong(connect_request(call.blocks, pdu, packet, shared), wrong)
         case _:
-            call.blocks = parse_blocks(payload)
-            yield Said(*_control(call.blocks, call.service, "req"))
+            call.blocks, wrong = read_blocks(payload)
+            yield _with_wrong(Said(*_control(call.blocks, call.service, "req")), wrong)
+
+
+def _with_wrong(said: Said, wrong: tuple[str, ...]) -> Said:
+    """What a call says, and which of its blocks cannot be read."""
+    if not wrong:
+        return said
+    text = f"{said.text}; malformed {'; malformed '.join(wrong[:MOST_RECORDS])}"
+    return replace(said, text=text.removeprefix("; "), counts={**said.counts, "malformed": wrong[0]})
 
 
 def _write(write: WriteRequest, device: bytes, shared: Shared) -> str:
@@ -235,6 +268,8 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
     args = parse_response_args(stub, little_endian=pdu.little_endian)
     what = f"{call.service}.res"
     if not args.status.ok:
+        if call.opnum == Opnum.CONNECT:
+            forget_asked(call.blocks, call.client, call.server, shared)
         yield _refused(what, args.status, call)
         return
     match call.opnum:
@@ -244,10 +279,12 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
             read = parse_read_response(args.payload)
             yield Said(what, _read(read.header, read.data, call, shared), _where(read.header))
         case Opnum.CONNECT:
-            yield connect_response(call.blocks, parse_blocks(args.payload), call.client, call.server, shared)
+            blocks, wrong = read_blocks(args.payload)
+            yield _with_wrong(connect_response(call.blocks, blocks, call.client, call.server, shared), wrong)
         case _:
-            what, text, details, _ = _control(parse_blocks(args.payload), call.service, "res")
-            yield Said(what, f"OK, {text}", details)
+            blocks, wrong = read_blocks(args.payload)
+            what, text, details, _ = _control(blocks, call.service, "res")
+            yield _with_wrong(Said(what, f"OK, {text}", details), wrong)
 
 
 def _refused(what: str, status: PnioStatus, call: Call) -> Said:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from pnfarm.farm.decode.channels import Channel, make_template, telegram_of
@@ -24,13 +25,13 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
 from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockReq, IocrBlockRes, IocrType
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from pnfarm.farm.decode.packet import Packet, Shared
     from pnfarm.protocols.profinet.wire.blocks_any import Block
     from pnfarm.protocols.profinet.wire.rpc import RpcPdu
 
-__all__ = ["connect_request", "connect_response"]
+__all__ = ["connect_request", "connect_response", "forget_asked"]
 
 #: Time that SendClockFactor counts.
 _SEND_CLOCK_NS = 31_250
@@ -44,7 +45,11 @@ _DIRECTIONS = {IocrType.INPUT: "input", IocrType.OUTPUT: "output"}
 
 
 def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shared: Shared) -> Said:
-    """What the controller wants."""
+    """What the controller wants.
+
+    A device may send cyclic data before its answer: the layouts that were asked for are at hand from here on.
+    """
+    _ask(blocks, packet, shared)
     ar = next((b for b in blocks if isinstance(b, ArBlockReq)), None)
     if ar is None:
         return Said("Connect.req", "without an AR block", {}, {"connects": ""})
@@ -65,6 +70,24 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
     ]
     details = {"ar": str(ar.ar_uuid), "session": ar.session_key, "startup": startup}
     return Said("Connect.req", ", ".join(part for part in parts if part), details, {"connects": ""})
+
+
+def _ask(blocks: tuple[Block, ...], packet: Packet, shared: Shared) -> None:
+    """Channels whose frame id stands in the request."""
+    expected = expected_submodules(_apis(blocks))
+    layouts = []
+    for iocr in (b for b in blocks if isinstance(b, IocrBlockReq) and b.frame_id != FRAME_ID_ASSIGN):
+        with suppress(LayoutError):  # told with the answer
+            layouts.append(compute_layout(iocr, expected))
+    for key, channel in _channels(layouts, _apis(blocks), packet.source, packet.destination, shared):
+        shared.asked[key] = channel
+
+
+def forget_asked(request: tuple[Block, ...], controller: bytes, device: bytes, shared: Shared) -> None:
+    """The Connect was refused: none of its channels will be."""
+    for iocr in (b for b in request if isinstance(b, IocrBlockReq)):
+        for ends in ((controller, device), (device, controller)):
+            shared.asked.pop((*ends, iocr.frame_id), None)
 
 
 def _cycle(iocr: IocrBlockReq) -> str:
@@ -118,19 +141,31 @@ def connect_response(
 def _open(
     layouts: list[IocrLayout], apis: tuple[ExpectedApi, ...], controller: bytes, device: bytes, shared: Shared
 ) -> None:
-    model = shared.stations.model(device)
-    telegram = telegram_of(apis, model)
     opened: dict[bool, Channel] = {}
-    for layout in layouts:
-        to, source = (controller, device) if layout.is_input else (device, controller)
-        channel = Channel(layout.frame_id, make_template(layout, telegram, model))
-        before = shared.channels.get((to, source, layout.frame_id))
-        if before is not None:
+    for key, channel in _channels(layouts, apis, controller, device, shared):
+        before = shared.channels.get(key)
+        asked = shared.asked.pop(key, None)
+        # frames that came before the answer have begun it
+        if before is not None and before is asked:
+            channel = before
+        elif before is not None:
             channel.inherit(before)
-        shared.channels[to, source, layout.frame_id] = channel
-        opened[layout.is_input] = channel
+        shared.channels[key] = channel
+        if channel.template is not None:
+            opened[channel.template.layout.is_input] = channel
     if len(opened) == 2:
         opened[True].partner, opened[False].partner = opened[False], opened[True]
+
+
+def _channels(
+    layouts: Iterable[IocrLayout], apis: tuple[ExpectedApi, ...], controller: bytes, device: bytes, shared: Shared
+) -> Iterator[tuple[tuple[bytes, bytes, int], Channel]]:
+    """A channel for each layout, with its key: destination, source, frame id."""
+    model = shared.stations.model(device)
+    telegram = telegram_of(apis, model)
+    for layout in layouts:
+        to, source = (controller, device) if layout.is_input else (device, controller)
+        yield (to, source, layout.frame_id), Channel(layout.frame_id, make_template(layout, telegram, model))
 
 
 def _diff(block: ModuleDiffBlock) -> str:

@@ -93,7 +93,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Said]:
     """One cyclic frame; most say nothing."""
     payload = packet.payload
     frame_id = payload[0] << 8 | payload[1]
-    if frame_id < 0x0100 or len(payload) < 2 + STATUS_LENGTH:
+    if len(payload) < 2 + STATUS_LENGTH:
         if shared.every_frame:
             yield Said(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)
         return
@@ -130,7 +130,14 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Said]:
 
 
 def _foreign(packet: Packet, frame_id: int, shared: Shared) -> Channel:
-    """A channel whose Connect was not seen: the farm file may know its layout."""
+    """A channel that no Connect has granted: one may have asked for it, or the farm file may know its layout."""
+    asked = shared.asked.get((packet.destination, packet.source, frame_id))
+    if (
+        asked is not None
+        and asked.template is not None
+        and len(packet.payload) >= 2 + asked.template.layout.data_length + STATUS_LENGTH
+    ):
+        return asked
     for drive, is_input in ((packet.source, True), (packet.destination, False)):
         template = shared.templates.get((drive, is_input))
         if template is not None and len(packet.payload) >= 2 + template.layout.data_length + STATUS_LENGTH:

@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import DecodeError
 from pnfarm.farm.decode import small
-from pnfarm.farm.decode.calls import rpc
+from pnfarm.farm.decode.calls import is_call, rpc
 from pnfarm.farm.decode.conversations import Conversations
 from pnfarm.farm.decode.cyclic import cyclic
 from pnfarm.farm.decode.dcp import dcp
 from pnfarm.farm.decode.packet import Packet, Said, Shared
 from pnfarm.farm.decode.stations import Bounded
-from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID
+from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW, DCP_HELLO, DCP_IDENTIFY_RESPONSE
+from pnfarm.protocols.profinet.wire.ptcp import PTCP_NAMES
 from pnfarm.wire.ethernet import (
     ETHERTYPE_ARP,
     ETHERTYPE_IPV4,
@@ -50,10 +51,13 @@ FAMILIES: Mapping[str, Family] = MappingProxyType(
         "arp": small.arp,
         "icmp": small.icmp,
         "lldp": small.lldp,
+        "ptcp": small.ptcp,
         "other": small.other,
     }
 )
 _SNMP_PORTS = frozenset({161, 162})
+#: Fragment offset of an IP packet, and whether more follow; octets of a datagram's head.
+_OFFSET, _MORE, _UDP_HEAD = 0x1FFF, 0x2000, 8
 _HEADER, _TAG = 14, 4
 _OUTBOUND = 2
 #: Copies of one frame at several interfaces lie closer together than this.
@@ -76,6 +80,10 @@ def family_of(ethertype: int, payload: bytes) -> str:
     """The kind of a frame by its EtherType and what follows it."""
     if ethertype == ETHERTYPE_PROFINET and len(payload) >= 2:
         frame_id = payload[0] << 8 | payload[1]
+        if frame_id in PTCP_NAMES:
+            return "ptcp"
+        if frame_id < FIRST_CYCLIC_FRAME_ID:
+            return "other"
         if frame_id < FIRST_ACYCLIC_FRAME_ID:
             return "cyclic"
         if DCP_HELLO <= frame_id <= DCP_IDENTIFY_RESPONSE:
@@ -86,11 +94,14 @@ def family_of(ethertype: int, payload: bytes) -> str:
             return "icmp"
         if payload[9] != PROTOCOL_UDP:
             return "other"
-        if (payload[6] << 8 | payload[7]) & 0x1FFF:
-            return "rpc"  # a further fragment
+        fragment = payload[6] << 8 | payload[7]
+        if fragment & _OFFSET:
+            return "rpc"  # only calls are longer than a frame; the whole datagram tells if it is none
         at = (payload[0] & 0x0F) * 4
-        ports = {int.from_bytes(payload[at : at + 2], "big"), int.from_bytes(payload[at + 2 : at + 4], "big")}
-        return "snmp" if ports & _SNMP_PORTS else "rpc"
+        source, destination = (int.from_bytes(payload[place : place + 2], "big") for place in (at, at + 2))
+        if {source, destination} & _SNMP_PORTS:
+            return "snmp"
+        return "rpc" if fragment & _MORE or is_call(source, destination, payload[at + _UDP_HEAD :]) else "other"
     return {ETHERTYPE_ARP: "arp", ETHERTYPE_LLDP: "lldp"}.get(ethertype, "other")
 
 
@@ -132,7 +143,8 @@ class Decoder:
             for said in FAMILIES[family](packet, self.shared):
                 if said.counts:
                     talk.count(said.counts)
-                lines.append(Line(frame.number, frame.time_ns, packet.source, packet.destination, family, said))
+                told = said.family or family
+                lines.append(Line(frame.number, frame.time_ns, packet.source, packet.destination, told, said))
         except DecodeError as exc:
             if frame.cut:
                 said = Said("cut off", f"{frame.cut} octets of the frame are not in the capture")

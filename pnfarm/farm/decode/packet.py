@@ -35,13 +35,14 @@ class Said:
     """One thing worth a line.
 
     ``what`` a few words that stay the same (``Connect.req``); ``text`` the rest; ``counts`` what the summary adds
-    up: counter -> reason ("" for none).
+    up: counter -> reason ("" for none).  ``family`` is another than the frame's own where only its content told.
     """
 
     what: str
     text: str = ""
     details: Mapping[str, Any] = field(default_factory=dict)
     counts: Mapping[str, str] = field(default_factory=dict)
+    family: str = ""
 
 
 class Shared:
@@ -55,6 +56,10 @@ class Shared:
         self.channels: Bounded[tuple[bytes, bytes, int], Channel] = Bounded()
         #: Layouts of a farm file, by the drive's address and whether the drive sends.
         self.templates: dict[tuple[bytes, bool], Template] = {}
+        #: Channels that a Connect asked for and nobody has granted yet, keyed as the others.
+        self.asked: Bounded[tuple[bytes, bytes, int], Channel] = Bounded(1024)
+        #: The last PTCP frame of a station that was told, by its address and frame id: master and domain.
+        self.clocks: Bounded[tuple[bytes, int], object] = Bounded()
         self.calls: Bounded[tuple[UUID, int], Call] = Bounded(1024)
         #: Transaction of a DCP request -> its sender's Set blocks.
         self.dcp_sets: Bounded[tuple[bytes, int], Any] = Bounded(1024)

@@ -5,17 +5,20 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.decode.calls import ip_packet
+from pnfarm.farm.decode.calls import ip_packet, udp_words
 from pnfarm.farm.decode.packet import Said
 from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
 from pnfarm.protocols.profinet.wire.alarm_words import alarm_in_words
 from pnfarm.protocols.profinet.wire.alarms import AlarmAck, describe_place, parse_alarm
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, classify_frame_id
 from pnfarm.protocols.profinet.wire.lldp import parse_lldp, peer_names
+from pnfarm.protocols.profinet.wire.ptcp import PTCP_NAMES, parse_ptcp
 from pnfarm.protocols.profinet.wire.rta import RtaType, error_of, parse_rta
 from pnfarm.protocols.profinet.wire.snmp import GET, GET_BULK, GET_NEXT, RESPONSE, SET, Pdu, parse_snmp
 from pnfarm.wire.arp import OPERATION_REPLY, OPERATION_REQUEST, parse_arp
+from pnfarm.wire.ethernet import ETHERTYPE_IPV4
 from pnfarm.wire.icmp import TYPE_ECHO_REPLY, TYPE_ECHO_REQUEST, parse_icmp
+from pnfarm.wire.ipv4 import PROTOCOL_UDP
 from pnfarm.wire.udp import parse_udp
 
 if TYPE_CHECKING:
@@ -24,7 +27,7 @@ if TYPE_CHECKING:
     from pnfarm.errors import DecodeError
     from pnfarm.farm.decode.packet import Packet, Shared
 
-__all__ = ["alarm", "arp", "icmp", "lldp", "other", "snmp"]
+__all__ = ["alarm", "arp", "icmp", "lldp", "other", "ptcp", "snmp", "unreadable"]
 
 _NOBODY = IPv4Address(0)
 #: IEC 61158-6-10, coding of PDUType.Type.
@@ -126,9 +129,39 @@ def snmp(packet: Packet, shared: Shared) -> Iterator[Said]:
     yield Said(f"SNMP {version} {_SNMP_WORDS.get(message.pdu.tag, hex(message.pdu.tag))}", f"{first}{more}".strip())
 
 
+def ptcp(packet: Packet, shared: Shared) -> Iterator[Said]:
+    """Neighbours measure the cable several times a second: the first of each kind is worth a line, and another master.
+
+    Every frame where every one is wanted.
+    """
+    pdu = parse_ptcp(packet.payload)
+    key = packet.source, pdu.frame_id
+    clock = pdu.master, pdu.subdomain
+    known = shared.clocks.get(key)
+    shared.clocks[key] = clock
+    if known == clock and not shared.every_frame:
+        return
+    texts = [f"sequence {pdu.sequence}"]
+    if pdu.port_mac is not None:
+        texts.append(f"port {pdu.port_mac.hex(':')}")
+    if pdu.delay_ns:
+        texts.append(f"delay {pdu.delay_ns} ns")
+    if pdu.master is not None:
+        texts.append(f"master {shared.stations.name(pdu.master)}, domain {pdu.subdomain}")
+    if known is None and not shared.every_frame:
+        texts.append("further ones are only counted")
+    yield Said("PTCP", f"{PTCP_NAMES[pdu.frame_id]}, {', '.join(texts)}", {"sequence": pdu.sequence})
+
+
 def other(packet: Packet, shared: Shared) -> Iterator[Said]:
     """What is no business of a drive's; its lines are left out unless they are asked for."""
-    del shared
+    if packet.ethertype == ETHERTYPE_IPV4:
+        ip = ip_packet(packet, shared)
+        if ip is not None and ip.protocol == PROTOCOL_UDP:
+            yield udp_words(parse_udp(ip.payload))
+        elif ip is not None:
+            yield Said("IP", f"protocol {ip.protocol}")
+        return
     if packet.ethertype == 0x8892 and len(packet.payload) >= 2:
         frame_id = int.from_bytes(packet.payload[:2], "big")
         yield Said(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)

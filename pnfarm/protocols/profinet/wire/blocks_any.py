@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
 from pnfarm.protocols.profinet.wire import blocks_control as control
 from pnfarm.protocols.profinet.wire import blocks_expected as expected
 from pnfarm.protocols.profinet.wire import container, diagnosis, fsu, iocr, log_book, pdev, records
-from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, parse_raw_block, split_blocks
+from pnfarm.wire.octets import Reader
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-__all__ = ["Block", "emit_block", "emit_blocks", "parse_block", "parse_blocks"]
+__all__ = ["Block", "emit_block", "emit_blocks", "parse_block", "parse_blocks", "read_blocks"]
 
 Block = (
     connect.ArBlockReq
@@ -152,6 +154,28 @@ def emit_block(block: Block) -> bytes:
 def parse_blocks(data: bytes) -> tuple[Block, ...]:
     """Every block of a Connect, Control or Release payload, or of a record."""
     return tuple(parse_block(raw) for raw in split_blocks(data))
+
+
+def read_blocks(data: bytes) -> tuple[tuple[Block, ...], tuple[str, ...]]:
+    """As many blocks as can be read, for whoever tells what is there; and a sentence for each one that cannot.
+
+    A block that does not follow its type stays a :class:`RawBlock`; where a length leads astray, the blocks end.
+    """
+    reader = Reader(data)
+    blocks: list[Block] = []
+    wrong: list[str] = []
+    while reader.remaining:
+        try:
+            raw = parse_raw_block(reader)
+        except DecodeError as exc:
+            wrong.append(f"behind {len(blocks)} blocks: {exc}")
+            break
+        try:
+            blocks.append(parse_block(raw))
+        except DecodeError as exc:
+            blocks.append(raw)
+            wrong.append(f"block 0x{raw.block_type:04X}: {exc}")
+    return tuple(blocks), tuple(wrong)
 
 
 def emit_blocks(blocks: Iterable[Block]) -> bytes:
