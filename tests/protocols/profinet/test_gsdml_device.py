@@ -69,10 +69,10 @@ LIMITS = {
 }
 #: What each model's file says, as a digest: a file that says something else needs another date (see the test).
 DIGESTS = {
-    "GSDML-V2.35-pnfarm-akd-profinet-20261121.xml": "d3b9626be7ca3023",
-    "GSDML-V2.35-pnfarm-moog-msd-20261121.xml": "6f137e9d629d215f",
-    "GSDML-V2.35-pnfarm-akd-profinet-2012-20261121.xml": "37056c60b134abeb",
-    "GSDML-V2.35-pnfarm-hiwin-e1-20261122.xml": "899e11f7ebe7b1ba",
+    "GSDML-V2.35-pnfarm-akd-profinet-20261123.xml": "2a3b4afcd91fb44a",
+    "GSDML-V2.35-pnfarm-moog-msd-20261123.xml": "50ceae05115fd579",
+    "GSDML-V2.35-pnfarm-akd-profinet-2012-20261123.xml": "ecdd92587f58fa9a",
+    "GSDML-V2.35-pnfarm-hiwin-e1-20261123.xml": "7803ba846ebccf42",
 }
 
 

@@ -1,7 +1,7 @@
 """The GSDML description of a drive model: what its virtual device answers, and nothing else.
 
 Schema V2.35: TIA Portal takes it since V15.1.  The file needs no feature beyond V2.3, and the DAP says PNIO_Version
-V2.3: from V2.31 on tools ask for a certificate and for PTP and DCP boundaries, which this device has not.
+V2.3: from V2.31 on tools ask for PTP and DCP boundaries, which this device has not.
 
 What a file of this format cannot say: which send clock goes with which reduction ratio.  A device with a slowest cycle
 refuses the pairs that exceed it.
@@ -20,6 +20,7 @@ from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.gsdml.document import (
     NO_NUMBERS,
     PROFILE_TYPES,
+    Certification,
     ChannelDiagnosis,
     Dap,
     DataItem,
@@ -50,6 +51,9 @@ __all__ = ["SCHEMA_VERSION", "STATION", "Abilities", "describe_diagnosis", "desc
 SCHEMA_VERSION = "V2.35"
 PNIO_VERSION = "V2.3"
 
+#: The classes of what the virtual device does; of its load by other frames the lowest, as nobody tested it (assumed: no
+#: manual names classes).
+_CERTIFICATION = Certification("B", (), "I")
 #: 100BASE-TX full duplex (MAU type of IETF RFC 4836).
 _MAU_100_FULL = 16
 _INTERFACE_SUBSLOT = 0x8000
@@ -254,6 +258,7 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
         reset_modes=Numbers.of(abilities.reset_modes),
         max_input=largest[0],
         max_output=largest[1],
+        certification=_CERTIFICATION,
         modules=tuple(
             ItemRef(
                 _telegram_id(telegram, module),

@@ -24,6 +24,7 @@ __all__ = [
     "FIRST_SUBSLOT",
     "NO_NUMBERS",
     "PROFILE_TYPES",
+    "Certification",
     "ChannelDiagnosis",
     "Dap",
     "DataItem",
@@ -217,6 +218,18 @@ class ModuleItem:
 
 
 @dataclass(frozen=True, slots=True)
+class Certification:
+    """CertificationInfo: conformance class (A, B, C), application classes, netload class (I, II, III); empty for none.
+
+    What a file says of itself here needs no certificate.
+    """
+
+    conformance_class: str = ""
+    application_classes: tuple[str, ...] = ()
+    netload_class: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Dap:
     """A device access point.  ``min_device_interval`` counts 31.25 us; ``instance`` is ObjectUUID_LocalIndex;
     ``max_input`` and ``max_output`` are octets of a frame with their status octets; ``application_seconds`` is
@@ -251,6 +264,7 @@ class Dap:
     max_input: int = 0
     max_output: int = 0
     max_data: int = 0
+    certification: Certification | None = None
     modules: tuple[ItemRef, ...] = ()
     submodules: tuple[SubmoduleItem, ...] = ()
     interfaces: tuple[InterfaceSubmodule, ...] = ()

@@ -17,6 +17,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     DEFAULT_SEND_CLOCKS,
     FIRST_SUBSLOT,
     NO_NUMBERS,
+    Certification,
     ChannelDiagnosis,
     Dap,
     DataItem,
@@ -213,6 +214,7 @@ class _Reader:
             max_input=io.number("MaxInputLength", _U16, 0) if io else 0,
             max_output=io.number("MaxOutputLength", _U16, 0) if io else 0,
             max_data=io.number("MaxDataLength", _U16, 0) if io else 0,
+            certification=self._certification(node),
             modules=self._refs(node, "UseableModules", "ModuleItemRef", "ModuleItemTarget", "Slots"),
             submodules=self._virtual(node),
             interfaces=tuple(
@@ -220,6 +222,15 @@ class _Reader:
             ),
             ports=self._ports(node),
             useable=self._useable_submodules(node),
+        )
+
+    @staticmethod
+    def _certification(node: Node) -> Certification | None:
+        found = node.child("CertificationInfo")
+        if found is None:
+            return None
+        return Certification(
+            found.text("ConformanceClass"), found.tokens("ApplicationClass"), found.text("NetloadClass")
         )
 
     # submodules

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from pnfarm.protocols.profinet.gsdml.document import (
+        Certification,
         ChannelDiagnosis,
         Dap,
         DataItems,
@@ -253,6 +254,7 @@ class _Writer:
             _numbers("ResetToFactoryModes", dap.reset_modes),
         )
         self._info(dap.info)
+        self._certification(dap.certification)
         self._element(
             "IOConfigData",
             _number("MaxInputLength", dap.max_input),
@@ -264,6 +266,16 @@ class _Writer:
         self._virtual(dap.submodules)
         self._system(dap.interfaces, dap.ports)
         self._close("DeviceAccessPointItem")
+
+    def _certification(self, certification: Certification | None) -> None:
+        if certification is None:
+            return
+        self._element(
+            "CertificationInfo",
+            ("ConformanceClass", certification.conformance_class or None),
+            ("ApplicationClass", emit_tokens(certification.application_classes)),
+            ("NetloadClass", certification.netload_class or None),
+        )
 
     # submodules
 

@@ -1,0 +1,64 @@
+"""Every model's file against PI's own schema, V2.44, as the package uphy-upgen of PyPI brings it."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+from lxml import etree
+
+from pnfarm.drives.catalogue import model, models
+from pnfarm.protocols.profinet.gsdml.describe import describe_model
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+
+PROFINET_MODELS = [name for name in models() if model(name).bus == "profinet"]
+
+
+@pytest.fixture(scope="module")
+def schema():
+    # the package is not imported: its program wants another pydantic
+    package = importlib.util.find_spec("upgen")
+    if package is None:
+        pytest.skip("needs the package uphy-upgen, which holds PI's schema")
+    folder = Path(next(iter(package.submodule_search_locations))) / "generators" / "schema" / "GSDML"
+    parser = etree.XMLParser(no_network=True)
+    return etree.XMLSchema(etree.parse(str(folder / "GSDML-DeviceProfile-v2.44.xsd"), parser))
+
+
+def complaints(schema, text):
+    schema.validate(etree.fromstring(text.encode()))
+    return [f"line {error.line}: {error.message}" for error in schema.error_log]
+
+
+@pytest.mark.parametrize("name", PROFINET_MODELS)
+def test_a_models_file_follows_the_schema(schema, name):
+    assert complaints(schema, emit_gsdml(describe_model(model(name)))) == []
+
+
+@pytest.mark.parametrize(
+    ("pattern", "replacement"),
+    [
+        (r'ConformanceClass="B"', 'ConformanceClass="D"'),
+        (r'NetloadClass="I"', 'NetloadClass="IV"'),
+        (r"<IOConfigData[^>]*/>", ""),
+        (r"(?s)(<CertificationInfo[^>]*/>)(\s*)(<IOConfigData[^>]*/>)", r"\3\2\1"),
+        (r'ModuleIdentNumber="0x', 'ModuleIdentNumber="'),
+        (r"<VirtualSubmoduleItem ", '<VirtualSubmoduleItem Foo="1" '),
+    ],
+)
+def test_the_schema_finds_what_is_wrong(schema, pattern, replacement):
+    """So that the test above can fail."""
+    text = emit_gsdml(describe_model(model("akd")))
+    broken = re.sub(pattern, replacement, text, count=1)
+    assert broken != text
+    assert complaints(schema, broken)
+
+
+@pytest.mark.parametrize("name", PROFINET_MODELS)
+def test_the_classes_of_the_device_stand_in_the_file(name):
+    (dap,) = parse_gsdml(emit_gsdml(describe_model(model(name))).encode()).daps
+    classes = dap.certification
+    assert (classes.conformance_class, classes.application_classes, classes.netload_class) == ("B", (), "I")
