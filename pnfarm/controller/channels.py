@@ -56,6 +56,7 @@ class SessionChannels:
             ConsumerPlan(
                 **common,
                 **_clock(inputs),
+                destination=self._port.mac,
                 source=event.device_mac,
                 frame_id=inputs.frame_id,
                 data_length=inputs.data_length,

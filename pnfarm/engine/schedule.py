@@ -62,6 +62,7 @@ class ConsumerPlan:
 
     image: int
     port: int
+    destination: bytes
     source: bytes
     frame_id: int
     data_length: int
@@ -198,6 +199,7 @@ class ChannelTable:
         row.port = plan.port
         row.frame_id = plan.frame_id
         row.source = int.from_bytes(plan.source, "big")
+        row.destination = int.from_bytes(plan.destination, "big")
         row.data_length = plan.data_length
         row.words = len(plan.words)
         for i, (code, offset) in enumerate(plan.words):

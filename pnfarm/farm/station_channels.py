@@ -154,6 +154,7 @@ class StationChannels:
             ConsumerPlan(
                 image=self._index,
                 port=self._port.index,
+                destination=self._port.mac,
                 source=ar.mac,
                 frame_id=cr.frame_id,
                 data_length=cr.data_length,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import socket
 
 __all__ = [
+    "ALARM_FRAME_IDS",
     "BROADCAST",
     "ETHERTYPE_ARP",
     "ETHERTYPE_IPV4",
@@ -48,6 +49,8 @@ ETHERTYPE_LLDP = 0x88CC
 
 #: IEC 61158-6-10, coding of FrameID: cyclic RT frames lie below, alarms (0xFC01, 0xFE01) and DCP (0xFEFC ...) above.
 FIRST_ACYCLIC_FRAME_ID = 0xFC00
+#: IEC 61158-6-10, coding of FrameID: alarms of high and of low priority.
+ALARM_FRAME_IDS = (0xFC01, 0xFE01)
 #: Below lie the sync frames of PTCP (0x0020 ... 0x0081) and what the standard keeps for later.
 FIRST_CYCLIC_FRAME_ID = 0x0100
 

@@ -15,7 +15,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID
+from pnfarm.links.base import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,8 +47,10 @@ _ANCILLARY_PACKET_TYPE = _ANCILLARY + 4
 _ANCILLARY_IFINDEX = _ANCILLARY + 8
 _ANCILLARY_MARK = _ANCILLARY + 20
 
-# linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.
+# linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.  A frame with a VLAN id other than 0 is
+# another host's to the kernel, whoever it is addressed to; a PROFINET controller may ask for such frames.
 _LAST_PACKET_TYPE_FOR_US = 2
+_OTHER_HOST = 3
 
 #: After destination, source and ethertype; priority tags (VLAN id 0) are gone when a socket sees the frame.
 _FRAME_ID_OFFSET = 14
@@ -86,14 +88,14 @@ def _load_half(offset: int) -> Instruction:
     return Instruction(_LD_HALF_ABS, offset)
 
 
-def _for_these_ports(lowest: int, highest: int) -> list[Instruction]:
-    """Frames that came in for us at one of the farm's interfaces; everything else is dropped."""
+def _for_these_ports(lowest: int, highest: int, last: int = _LAST_PACKET_TYPE_FOR_US) -> list[Instruction]:
+    """Frames that came in at one of the farm's interfaces, of packet types up to ``last``; all else is dropped."""
     return [
         _load_word(_ANCILLARY_IFINDEX),
         Instruction(_JUMP_GREATER_EQUAL, lowest, _NEXT, _DROP),
         Instruction(_JUMP_GREATER, highest, _DROP, _NEXT),
         _load_word(_ANCILLARY_PACKET_TYPE),
-        Instruction(_JUMP_GREATER, _LAST_PACKET_TYPE_FOR_US, _DROP, _NEXT),
+        Instruction(_JUMP_GREATER, last, _DROP, _NEXT),
     ]
 
 
@@ -109,21 +111,32 @@ def ethertype_filter(lowest: int, highest: int, *, mark: int = 0) -> bytes:
 
 
 def acyclic_filter(lowest: int, highest: int) -> bytes:
-    """For a 0x8892 socket: alarms and DCP (frame id from 0xFC00).  A frame too short for a frame id is dropped."""
+    """For a 0x8892 socket: alarms and DCP (frame id from 0xFC00).  A frame too short for a frame id is dropped.
+
+    Alarms pass with any VLAN id: whoever reads them looks at the address that they are for.
+    """
     return assemble(
         [
-            *_for_these_ports(lowest, highest),
+            *_for_these_ports(lowest, highest, _OTHER_HOST),
             _load_half(_FRAME_ID_OFFSET),
-            Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _ACCEPT, _DROP),
+            Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _NEXT, _DROP),
+            _load_word(_ANCILLARY_PACKET_TYPE),
+            Instruction(_JUMP_EQUAL, _OTHER_HOST, _NEXT, _ACCEPT),
+            _load_half(_FRAME_ID_OFFSET),
+            *(Instruction(_JUMP_EQUAL, frame_id, _ACCEPT, _NEXT) for frame_id in ALARM_FRAME_IDS[:-1]),
+            Instruction(_JUMP_EQUAL, ALARM_FRAME_IDS[-1], _ACCEPT, _DROP),
         ]
     )
 
 
 def cyclic_filter(lowest: int, highest: int) -> bytes:
-    """For the engine's 0x8892 socket: the other half, frame ids below 0xFC00."""
+    """For the engine's 0x8892 socket: the other half, frame ids below 0xFC00.
+
+    With any VLAN id: the engine looks at the address that a frame is for.
+    """
     return assemble(
         [
-            *_for_these_ports(lowest, highest),
+            *_for_these_ports(lowest, highest, _OTHER_HOST),
             _load_half(_FRAME_ID_OFFSET),
             Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _DROP, _ACCEPT),
         ]

@@ -10,6 +10,7 @@ import struct
 from typing import TYPE_CHECKING, NamedTuple
 
 from pnfarm.links.base import (
+    ALARM_FRAME_IDS,
     ETHERTYPE_ARP,
     ETHERTYPE_IPV4,
     ETHERTYPE_LLDP,
@@ -43,7 +44,6 @@ _PACKET_TYPE, _IFINDEX = _ANCILLARY + 4, _ANCILLARY + 8
 _OTHER_HOST = 3
 _WHOLE_FRAME = 0x40000
 
-_ALARMS = (0xFC01, 0xFE01)
 _FIRST_DCP, _LAST_DCP = 0xFEFC, 0xFEFF
 #: Frame ids of PTCP (IEC 61158-6-10): sync below those of cyclic data, the rest behind DCP's.
 _SYNCS = (0x0020, 0x0021, 0x0080, 0x0081)
@@ -126,7 +126,7 @@ def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
         *(_Op(_JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _SYNCS),
         _Op(_JUMP, 0, to["other"]),
         _Op(None, 0, f"{name}acyclic"),
-        *(_Op(_JUMP_EQUAL, frame_id, to["alarm"]) for frame_id in _ALARMS),
+        *(_Op(_JUMP_EQUAL, frame_id, to["alarm"]) for frame_id in ALARM_FRAME_IDS),
         *(_Op(_JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _CLOCKS),
         _Op(_JUMP_GREATER_EQUAL, _FIRST_DCP, "", to["other"]),
         _Op(_JUMP_GREATER, _LAST_DCP, to["other"], to["dcp"]),

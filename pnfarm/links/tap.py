@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.base import (
+    ALARM_FRAME_IDS,
     ETHERTYPE_PROFINET,
     ETHERTYPE_VLAN,
     FIRST_ACYCLIC_FRAME_ID,
@@ -53,13 +54,15 @@ _FRAME = 2048
 def without_priority_tag(frame: bytes) -> bytes | None:
     """The frame as a packet socket would give it: a tag of VLAN 0 (priority only) is taken off.
 
-    None for a frame of another VLAN, which is not for a station outside of it.
+    So is any tag of an alarm or a cyclic frame: their VLAN id is the controller's to choose.  None for another frame of
+    another VLAN, which is not for a station outside of it.
     """
     if int.from_bytes(frame[12:14], "big") != ETHERTYPE_VLAN:
         return frame
-    if int.from_bytes(frame[14:16], "big") & 0x0FFF:
+    bare = frame[:12] + frame[16:]
+    if int.from_bytes(frame[14:16], "big") & 0x0FFF and not (is_cyclic(bare) or _is_alarm(bare)):
         return None
-    return frame[:12] + frame[16:]
+    return bare
 
 
 def is_cyclic(frame: bytes) -> bool:
@@ -68,6 +71,13 @@ def is_cyclic(frame: bytes) -> bool:
         len(frame) >= 16
         and int.from_bytes(frame[12:14], "big") == ETHERTYPE_PROFINET
         and int.from_bytes(frame[14:16], "big") < FIRST_ACYCLIC_FRAME_ID
+    )
+
+
+def _is_alarm(frame: bytes) -> bool:
+    return (
+        int.from_bytes(frame[12:14], "big") == ETHERTYPE_PROFINET
+        and int.from_bytes(frame[14:16], "big") in ALARM_FRAME_IDS
     )
 
 

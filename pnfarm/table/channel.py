@@ -101,6 +101,7 @@ CPM = Layout(
         Field("port", "i4", "", "station", "where it comes in"),
         Field("frame_id", "u2", "", "station", ""),
         Field("source", "i8", "", "station", "the only sender accepted: MAC as a 48-bit number"),
+        Field("destination", "i8", "", "station", "the address that it consumes at: MAC as a 48-bit number"),
         Field(
             "data_length",
             "u2",

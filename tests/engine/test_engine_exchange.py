@@ -204,9 +204,16 @@ def test_frames_of_nobody_are_counted_as_unknown_and_for_the_station_at_whose_po
 
 @pytest.mark.parametrize(
     ("change", "reason"),
-    [({}, None), ({63: 0x01}, "transfer-status"), ({0: 0xFF}, "stray"), ({0: 0x01}, "stray")],
+    [
+        ({}, None),
+        ({14: 0xCF, 15: 0xFE}, None),  # VLAN 4094
+        ({63: 0x01}, "transfer-status"),
+        ({0: 0xFF}, "stray"),
+        ({0: 0x01}, "stray"),
+        ({5: 0x77}, "stray"),
+    ],
 )
-def test_a_frame_with_a_transfer_status_or_for_a_group_is_not_taken(change, reason):
+def test_a_frame_of_any_vlan_is_taken_unless_it_has_a_transfer_status_or_is_not_for_this_station(change, reason):
     pair = Pair(hold=64)
     pair.farm.image[0].port = pair.farm.cpm[0].port
     pair.run(0.1)

@@ -70,6 +70,20 @@ def test_frames_of_other_interfaces_and_other_stations_are_dropped(wire, raw):
         assert received(elsewhere) == []
 
 
+@pytest.mark.parametrize("vlan", [1, 4, 0x0FFF])
+def test_cyclic_frames_and_alarms_pass_with_any_vlan_id_and_nothing_else_does(wire, raw, vlan):
+    here, _ = wire
+    with (
+        contextlib.closing(open_packet_socket(0x8892, bpf.acyclic_filter(here, here))) as acyclic,
+        contextlib.closing(open_packet_socket(0x8892, bpf.cyclic_filter(here, here))) as cyclic,
+        raw("there") as peer,
+    ):
+        for frame_id in IDS:
+            peer.send(HERE + THERE + struct.pack(">HH", 0x8100, 6 << 13 | vlan) + frame(frame_id)[12:])
+        assert frame_ids(acyclic) == [0xFC01, 0xFE01]
+        assert frame_ids(cyclic) == [i for i in IDS if i < 0xFC00]
+
+
 def test_own_frames_do_not_come_back(wire, raw):
     here, _ = wire
     with (

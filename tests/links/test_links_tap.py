@@ -79,9 +79,10 @@ async def test_tags_and_strangers_are_treated_as_at_a_packet_socket(tun, raw):
         with raw(first.name) as far_end:
             far_end.send(frame(first.mac, 0xFEFD, tag=6 << 13))
             far_end.send(frame(first.mac, 0xFEFD, tag=5))
+            far_end.send(frame(first.mac, 0xFE01, tag=5 << 13 | 4))
             far_end.send(frame(DRIVES[1].mac, 0xFEFD))
-            await until(lambda: link.counters.dropped.total() == 2)
-        assert inbox == [(first.index, frame(first.mac, 0xFEFD))]
+            await until(lambda: link.counters.dropped.total() == 2 and len(inbox) == 2)
+        assert inbox == [(first.index, frame(first.mac, 0xFEFD)), (first.index, frame(first.mac, 0xFE01))]
         assert link.counters.dropped == {"other-vlan": 1, "other-address": 1}
 
 

@@ -54,7 +54,7 @@ class Pair:
             )  # fmt: skip
             self.farm_channels.open_consumer(
                 ConsumerPlan(
-                    port=i + 1, source=controller, frame_id=0xC000, data_hold_factor=hold, iops=[4],
+                    port=i + 1, destination=drive, source=controller, frame_id=0xC000, data_hold_factor=hold, iops=[4],
                     words=[(word_code(STW1), 0), (word_code(NSOLL_A), 2)], **common,
                 )
             )  # fmt: skip
@@ -66,7 +66,8 @@ class Pair:
             )  # fmt: skip
             self.controller_channels.open_consumer(
                 ConsumerPlan(
-                    port=CONTROLLER_PORT, source=drive, frame_id=0x8000 + i, data_hold_factor=hold, iops=[9],
+                    port=CONTROLLER_PORT, destination=controller, source=drive, frame_id=0x8000 + i,
+                    data_hold_factor=hold, iops=[9],
                     words=[(word_code(ZSW1), 3), (word_code(NIST_A), 5), (word_code(ITIST_GLATT), 7)], **common,
                 )
             )  # fmt: skip
