@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.document import (
     DATA_TYPE_OCTETS,
+    Certification,
     ChannelDiagnosis,
     Dap,
     DataItem,
@@ -137,6 +138,7 @@ DAP = st.builds(
     lldp_nod=st.booleans(),
     reset_modes=NUMBERS,
     address_assignment=TOKENS,
+    certification=st.none() | st.builds(Certification, TEXT, TOKENS, TEXT),
     max_record=U32,
     max_input=U16,
     max_output=U16,
