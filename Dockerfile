@@ -1,5 +1,6 @@
 # The farm, its controller and its command line in one image.  `docker build -t pnfarm .`
 #
+# `--build-arg BASE=debian:bookworm-slim@sha256:<digest>` builds on exactly that base image.
 # Builds with BuildKit and with the classic builder alike.  Behind a proxy with a certificate authority of its own:
 # `--build-arg PIP_CERT=<path in the base image>`, `--build-arg PIP_INDEX_URL=...`; neither stays in the image.
 
@@ -12,18 +13,20 @@ RUN apt-get update \
  && apt-get install -y --no-install-recommends ca-certificates python3 python3-venv \
  && rm -rf /var/lib/apt/lists/*
 
-# What pnfarm depends on changes seldom: a layer of its own, made from pyproject.toml alone.
+# What pnfarm depends on changes seldom: a layer of its own.  Every package as locks/ names it, held against its hashes;
+# what makes the wheel stays out of the image.
 WORKDIR /src
-COPY pyproject.toml ./
+COPY locks locks
 RUN python3 -m venv /opt/pnfarm \
- && python3 -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['dependencies'], sep='\n')" \
-      > /tmp/requirements.txt \
- && /opt/pnfarm/bin/pip install --no-cache-dir --disable-pip-version-check -r /tmp/requirements.txt
+ && python3 -m venv /opt/build \
+ && /opt/pnfarm/bin/pip install --no-cache-dir --disable-pip-version-check --require-hashes -r locks/runtime.txt \
+ && /opt/build/bin/pip install --no-cache-dir --disable-pip-version-check --require-hashes -r locks/build.txt
 
-COPY README.md LICENSE ./
+COPY pyproject.toml README.md LICENSE LICENSES.md ./
 COPY pnfarm pnfarm
-RUN /opt/pnfarm/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-deps --wheel-dir /wheels . \
- && /opt/pnfarm/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps /wheels/*.whl \
+RUN /opt/build/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-deps --no-build-isolation --no-index \
+      --wheel-dir /wheels . \
+ && /opt/pnfarm/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps --no-index /wheels/*.whl \
  && /opt/pnfarm/bin/pip uninstall -y --disable-pip-version-check setuptools pip
 
 # The engine's machine code, made once, for any processor of this architecture.  Numba tells stale code by a file's time,
@@ -45,8 +48,13 @@ LABEL org.opencontainers.image.title="pnfarm" \
 RUN apt-get update \
  && apt-get install -y --no-install-recommends python3 \
  && rm -rf /var/lib/apt/lists/* \
- && mkdir -p /rig /var/lib/pnfarm
+ && groupadd --system --gid 8702 pnfarm \
+ && useradd --system --uid 8702 --gid pnfarm --home-dir /var/lib/pnfarm --shell /usr/sbin/nologin pnfarm \
+ && mkdir /rig \
+ && install -d -o pnfarm -g pnfarm -m 0750 /var/lib/pnfarm \
+ && install -d -o pnfarm -g pnfarm -m 2750 /run/pnfarm
 COPY --from=build /opt/pnfarm /opt/pnfarm
+COPY docker /usr/local/bin
 COPY configs /rig/configs
 ENV PATH=/opt/pnfarm/bin:$PATH \
     PYTHONDONTWRITEBYTECODE=1 \
@@ -59,5 +67,8 @@ STOPSIGNAL SIGTERM
 # A farm's engine ticks.  Containers of the other commands have no API: switch it off for them (`--no-healthcheck`).
 HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=3 \
     CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8702/api/v1/readyz', timeout=2)"]
-ENTRYPOINT ["pnfarm"]
+# Nobody is root here.  A farm needs NET_ADMIN and NET_RAW all the same: started as root, the entry point becomes
+# `pnfarm` and keeps these two (compose.yaml shows it).
+USER pnfarm
+ENTRYPOINT ["pnfarm-entry", "pnfarm"]
 CMD ["--help"]

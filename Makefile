@@ -7,8 +7,13 @@ STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 LINT_STAMP := $(VENV)/.installed-lint
 ARGS ?=
+# `make LOCKED=1 test`: what locks/ names, held against its hashes, as CI and the image do; else what fits pyproject.toml
+LOCKED ?=
+LOCK := $(BIN)/python -m pip install --quiet --require-hashes -r locks
+UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
+	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test lint install fuzz bench clean
+.PHONY: demo test lint install fuzz bench lock clean
 
 demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
@@ -30,6 +35,23 @@ bench: $(STAMP)
 
 install: $(STAMP)
 
+ifdef LOCKED
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(STAMP): pyproject.toml locks/ci.txt | $(VENV)/bin/python
+	@echo "Installing pnfarm into ./$(VENV), as locks/ has it ..."
+	$(LOCK)/ci.txt
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(TEST_STAMP): $(STAMP) locks/peers.txt
+	$(LOCK)/peers.txt --no-deps --no-warn-conflicts
+	@touch $@
+
+$(LINT_STAMP): $(STAMP)
+	@touch $@
+else
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip
@@ -50,6 +72,15 @@ $(TEST_STAMP): $(STAMP)
 $(LINT_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --group lint --group test
 	@touch $@
+endif
+
+# Versions and hashes of everything that the image and CI install, for every supported Python, from a plain index.
+lock: | $(VENV)/bin/python
+	$(BIN)/python -m pip install --quiet --group lock
+	$(UV) pyproject.toml -o locks/runtime.txt
+	$(UV) --group build -o locks/build.txt
+	$(UV) pyproject.toml --group build --group lint --group test -o locks/ci.txt
+	echo industriagents-profinet-mcp | $(UV) --no-deps - -o locks/peers.txt
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache

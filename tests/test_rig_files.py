@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import re
 import shutil
 import subprocess
 import sys
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from ipaddress import IPv4Network
 from pathlib import Path
 
@@ -39,8 +42,33 @@ def test_a_service_has_no_right_that_it_does_not_need(name):
     assert "privileged" not in service
     assert "devices" not in service
     assert service["security_opt"] == ["no-new-privileges:true"]
-    wanted = {"farm": {"NET_ADMIN", "NET_RAW"}, "plc": {"NET_RAW"}}
+    # what the entry point gives up root with, and gives up then
+    change = {"SETUID", "SETGID", "SETPCAP"}
+    wanted = {"farm": {"NET_ADMIN", "NET_RAW", *change}, "plc": {"NET_RAW", *change}}
     assert set(service.get("cap_add", ())) == wanted.get(name, set())
+    if name in wanted:
+        assert service["entrypoint"][0] == "pnfarm-entry"
+
+
+def test_the_image_has_a_user_that_is_not_root():
+    lines = (ROOT / "Dockerfile").read_text("utf-8").splitlines()
+    assert [line for line in lines if line.startswith("USER ")] == ["USER pnfarm"]
+    assert 'ENTRYPOINT ["pnfarm-entry", "pnfarm"]' in lines
+
+
+def test_every_stage_stands_on_a_base_image_that_may_be_named_by_its_digest():
+    text = (ROOT / "Dockerfile").read_text("utf-8")
+    assert re.findall(r"^FROM (\S+)", text, re.MULTILINE) == ["${BASE}", "${BASE}"]
+    assert "ARG BASE=debian:bookworm-slim\n" in text
+    assert SERVICES["farm"]["build"]["args"] == {"BASE": "${PNFARM_BASE:-debian:bookworm-slim}"}
+
+
+def test_the_image_installs_nothing_that_no_hash_names():
+    text = (ROOT / "Dockerfile").read_text("utf-8").replace("\\\n", " ")
+    installs = re.findall(r"bin/pip (?:install|wheel) [^&\n]+", text)
+    assert len(installs) == 4
+    for command in installs:
+        assert "--require-hashes" in command or {"--no-deps", "--no-index"} <= set(command.split()), command
 
 
 @pytest.mark.parametrize("name", SERVICES)
@@ -75,20 +103,53 @@ def test_the_rigs_farm_file_is_valid_and_its_addresses_are_free_of_the_container
     assert all(address in SUBNET for address in own)
     assert not any(address in IPv4Network(pool["ip_range"]) for address in own)
     assert SERVICES["farm"]["command"] == ["up", "configs/compose.pnfarm.yml"]
-    assert IPv4Network(COMPOSE["x-pnfarm"]["entrypoint"][2]) == SUBNET
+    assert IPv4Network(COMPOSE["x-pnfarm"]["entrypoint"][3]) == SUBNET
 
 
-def test_one_token_opens_the_api_for_everybody_in_the_rig():
-    default = read(ROOT / "configs" / "compose.pnfarm.yml").api.token
-    asked = f"${{PNFARM_TOKEN:-{default}}}"
-    assert SERVICES["farm"]["environment"]["PNFARM_UP_API_TOKEN"] == asked
-    assert SERVICES["plc"]["environment"]["PNFARM_TOKEN"] == asked
-    assert COMPOSE["configs"]["token"]["content"] == asked
+def test_one_token_opens_the_api_for_everybody_in_the_rig_and_nobody_knows_it_beforehand():
+    api = read(ROOT / "configs" / "compose.pnfarm.yml").api
+    assert (api.token, api.token_file) == (None, "/run/pnfarm/token")
+    assert SERVICES["farm"]["environment"]["PNFARM_UP_API_TOKEN"] == "${PNFARM_TOKEN:-}"
+    for name in ("farm", "plc"):
+        assert SERVICES[name]["environment"]["PNFARM_TOKEN_FILE"] == api.token_file
     prometheus = yaml.safe_load((ROOT / "configs" / "prometheus" / "prometheus.yml").read_text("utf-8"))
     (job,) = prometheus["scrape_configs"]
-    (mounted,) = SERVICES["prometheus"]["configs"]
-    assert job["authorization"]["credentials_file"] == mounted["target"]
+    assert job["authorization"] == {"credentials_file": api.token_file}
     assert job["static_configs"][0]["targets"] == ["farm:8702"]
+    for name, mode in (("farm", ""), ("plc", ":ro"), ("prometheus", ":ro")):
+        assert f"token:/run/pnfarm{mode}" in SERVICES[name]["volumes"]
+        # the group of the image's user, which alone may read it
+        assert SERVICES[name]["group_add"] == ["8702"]
+    assert "groupadd --system --gid 8702 pnfarm" in (ROOT / "Dockerfile").read_text("utf-8")
+
+
+def test_no_service_has_a_secret_that_stands_in_this_repository():
+    for service in SERVICES.values():
+        for name, value in service.get("environment", {}).items():
+            if name.endswith(("TOKEN", "PASSWORD")):
+                assert re.fullmatch(r"\$\{[A-Z_]+:-\}", value), name
+
+
+@pytest.mark.parametrize("chosen", ["", "mine-alone"])
+def test_grafanas_password_is_the_one_chosen_or_one_that_nobody_knows(chosen, tmp_path):
+    shell, option, script = SERVICES["grafana"]["entrypoint"]
+    show = tmp_path / "run.sh"
+    show.write_text('#!/bin/sh\necho "$GF_SECURITY_ADMIN_PASSWORD"\n')
+    show.chmod(0o755)
+    line = script.replace("$$", "$").replace("/run.sh", str(show))
+
+    def started():
+        environment = {"PATH": os.environ["PATH"], "GF_SECURITY_ADMIN_PASSWORD": chosen}
+        return subprocess.run(
+            [shell, option, line], capture_output=True, text=True, check=True, env=environment
+        ).stdout.strip()
+
+    first, second = started(), started()
+    if chosen:
+        assert first == second == chosen
+    else:
+        assert len(first) == 32
+        assert first != second
 
 
 def test_the_image_takes_only_what_the_build_copies():
@@ -123,6 +184,37 @@ def test_a_container_outside_of_the_fieldbus_is_told_so():
     )  # fmt: skip
     assert run.returncode == 4
     assert run.stderr == "this container has no interface in 203.0.113.0/24: put it into the network `fieldbus`\n"
+
+
+def test_the_controllers_health_check_shows_the_token_of_the_file(tmp_path):
+    program = [sys.executable, ROOT / "configs" / "rig" / "all_connected.py"]
+    environment = {"PNFARM_API": "http://127.0.0.1:9", "PNFARM_TOKEN_FILE": str(tmp_path / "token")}
+    run = subprocess.run(program, capture_output=True, text=True, check=False, env=environment)
+    assert run.returncode == 1
+    assert "No such file" in run.stderr
+    asked = []
+
+    class Farm(BaseHTTPRequestHandler):
+        def do_GET(self):
+            asked.append(self.headers.get("Authorization"))
+            body = b'{"drives": [{"name": "a", "ar_state": "DATA"}]}'
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(body)))
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_):
+            pass
+
+    (tmp_path / "token").write_text("a-kept-token\n")
+    with HTTPServer(("127.0.0.1", 0), Farm) as server:
+        thread = threading.Thread(target=server.handle_request)
+        thread.start()
+        environment["PNFARM_API"] = f"http://127.0.0.1:{server.server_address[1]}"
+        run = subprocess.run(program, capture_output=True, text=True, check=False, env=environment)
+        thread.join()
+    assert (run.returncode, run.stdout) == (0, "1 of 1 drives exchange data\n")
+    assert asked == ["Bearer a-kept-token"]
 
 
 def test_the_controllers_health_check_says_in_a_sentence_that_nobody_answers():

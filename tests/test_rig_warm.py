@@ -49,7 +49,12 @@ def test_warming_says_that_compilation_is_switched_off():
 @pytest.mark.slow
 def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
     settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
-    assert python("-m", "pnfarm.engine.warm", **settings).returncode == 0
+    warming = python("-m", "pnfarm.engine.warm", "--progress", **settings)
+    assert warming.returncode == 0
+    # one line for each function, then the sum
+    told = [line.split(" of ") for line in warming.stdout.splitlines()[:-1]]
+    assert [int(done) for done, _ in told] == list(range(1, len(told) + 1))
+    assert {int(functions) for _, functions in told} == {len(told)}
     made = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nb*")}
     assert made
     run = python("-c", FARM, **settings)

@@ -1,6 +1,7 @@
 """Whether every drive of a farm exchanges data with a controller: the health check of the rig's controller.
 
-``PNFARM_API`` and ``PNFARM_TOKEN`` name the farm, as for ``pnfarm inspect``.  Exit code 0: all do; 1: some do not.
+``PNFARM_API`` and ``PNFARM_TOKEN`` or ``PNFARM_TOKEN_FILE`` name the farm, as for ``pnfarm inspect``.  Exit code 0: all
+do; 1: some do not.
 """
 
 from __future__ import annotations
@@ -9,17 +10,23 @@ import json
 import os
 import sys
 import urllib.request
+from pathlib import Path
+
+
+def _kept(name: str | None) -> str:
+    return Path(name).read_text("ascii").strip() if name else ""
 
 
 def main() -> int:
     """Ask once."""
     api = os.environ.get("PNFARM_API", "http://127.0.0.1:8702").rstrip("/")
-    headers = {"Authorization": f"Bearer {os.environ['PNFARM_TOKEN']}"} if "PNFARM_TOKEN" in os.environ else {}
-    request = urllib.request.Request(f"{api}/api/v1/drives", headers=headers)  # noqa: S310 - the farm's own address
     try:
+        token = os.environ.get("PNFARM_TOKEN") or _kept(os.environ.get("PNFARM_TOKEN_FILE"))
+        headers = {"Authorization": f"Bearer {token}"} if token else {}
+        request = urllib.request.Request(f"{api}/api/v1/drives", headers=headers)  # noqa: S310 - the farm's own address
         with urllib.request.urlopen(request, timeout=3) as answer:  # noqa: S310 - as above
             drives = json.load(answer)["drives"]
-    except OSError as exc:  # refused, timed out, or answered with an error
+    except OSError as exc:  # no token's file, refused, timed out, or answered with an error
         sys.stderr.write(f"the farm at {api} does not tell: {exc}\n")
         return 1
     missing = [drive["name"] for drive in drives if drive["ar_state"] != "DATA"]

@@ -1,6 +1,7 @@
 """Who may use the API: an ASGI layer before everything else.
 
-With a token, whoever shows it: ``Authorization: Bearer TOKEN``, or for browsers a cookie, which ``/?token=TOKEN`` sets.
+With a token, whoever shows it: ``Authorization: Bearer TOKEN``, or for browsers a cookie, which ``/?token=TOKEN`` sets
+and the page that ``/`` shows to everybody else (:mod:`pnfarm.api.login`).
 Without one the farm listens on loopback only; then requests must be meant for this machine, so that a web page
 elsewhere cannot reach the farm through the browser of somebody who sits at it: the Host header must name loopback
 (against DNS rebinding), and a request from another origin may change nothing.
@@ -18,6 +19,7 @@ from urllib.parse import parse_qs, urlsplit
 from starlette.requests import Request
 from starlette.responses import RedirectResponse
 
+from pnfarm.api.login import login_page, typed_token
 from pnfarm.api.problems import problem
 
 if TYPE_CHECKING:
@@ -44,6 +46,13 @@ def _same(shown: str, token: str) -> bool:
     return hmac.compare_digest(shown.encode(errors="surrogateescape"), token.encode())
 
 
+def _let_in(token: str) -> Response:
+    """To the page, with a cookie that opens everything which it asks for."""
+    response = RedirectResponse("/", status_code=HTTPStatus.SEE_OTHER)
+    response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
+    return response
+
+
 class Guard:
     """``token`` None: requests meant for loopback only."""
 
@@ -52,17 +61,36 @@ class Guard:
         self._token = token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        refusal = self._judge(Request(scope)) if scope["type"] == "http" else None
+        refusal = await self._judge(Request(scope, receive)) if scope["type"] == "http" else None
         await (refusal or self._app)(scope, receive, send)
 
-    def _judge(self, request: Request) -> Response | None:
+    async def _judge(self, request: Request) -> Response | None:
         origin = request.headers.get("origin")
         host = request.headers.get("host", "")
         if request.method not in SAFE_METHODS and origin is not None and urlsplit(origin).netloc != host:
             return problem(HTTPStatus.FORBIDDEN, f"a page of {origin} may not change this farm", request)
         if self._token is None:
             return self._judge_host(request, host)
-        return self._judge_token(request, self._token)
+        if self._shows(request, self._token):
+            return None
+        if request.scope["path"] == "/":
+            return await self._door(request, self._token)
+        sentence = (
+            "this farm asks for its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
+        )
+        return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers={"WWW-Authenticate": "Bearer"})
+
+    @staticmethod
+    async def _door(request: Request, token: str) -> Response:
+        """What a browser gets that has not shown the token yet."""
+        if request.method == "POST":
+            typed = await typed_token(request)
+            return _let_in(token) if typed and _same(typed, token) else login_page(wrong=True)
+        asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
+        if request.method == "GET" and asked and _same(asked[0], token):
+            # the token leaves the address line, and with it the browser's history
+            return _let_in(token)
+        return login_page()
 
     @staticmethod
     def _judge_host(request: Request, host: str) -> Response | None:
@@ -76,26 +104,14 @@ class Guard:
         return problem(HTTPStatus.FORBIDDEN, sentence, request)
 
     @staticmethod
-    def _judge_token(request: Request, token: str) -> Response | None:
-        path = request.scope["path"]
-        if path in OPEN_PATHS:
-            return None
+    def _shows(request: Request, token: str) -> bool:
+        if request.scope["path"] in OPEN_PATHS:
+            return True
         scheme, _, shown = request.headers.get("authorization", "").partition(" ")
         if scheme.lower() == "bearer" and _same(shown.strip(), token):
-            return None
+            return True
         try:
             cookie = SimpleCookie(request.headers.get("cookie", "")).get(COOKIE)
         except CookieError:
-            cookie = None
-        if cookie is not None and _same(cookie.value, token):
-            return None
-        asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
-        if path == "/" and request.method == "GET" and asked and _same(asked[0], token):
-            # the token leaves the address line, and with it the browser's history
-            response = RedirectResponse("/", status_code=HTTPStatus.SEE_OTHER)
-            response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
-            return response
-        sentence = (
-            "this farm asks for its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
-        )
-        return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers={"WWW-Authenticate": "Bearer"})
+            return False
+        return cookie is not None and _same(cookie.value, token)

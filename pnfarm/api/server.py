@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import secrets
 import socket
 import time
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ from anyio import TASK_STATUS_IGNORED
 
 from pnfarm.api.app import make_app
 from pnfarm.api.problems import TOLD
+from pnfarm.api.token import token_of
 from pnfarm.errors import EnvironmentError_
 
 if TYPE_CHECKING:
@@ -24,10 +24,9 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
     from starlette.types import ASGIApp, Receive, Scope, Send
 
-    from pnfarm.farm.config_model import Api
     from pnfarm.farm.farm import Farm
 
-__all__ = ["listen", "serve", "serve_farm", "token_for"]
+__all__ = ["listen", "serve", "serve_farm"]
 
 #: How long open requests may take once the server shall stop.
 GRACE_SECONDS = 2
@@ -149,16 +148,20 @@ async def serve_farm(
 ) -> None:
     """Serve a running farm as its file's ``api`` section says; returns at once when that is ``off``.
 
-    A farm that listens beyond loopback has a token: the file's, or a new one, which the log tells once.
+    A farm that listens beyond loopback has a token (:mod:`pnfarm.api.token`): the log tells where it lies, or the
+    token itself where it lies in no file.
     """
     section = farm.config.api
     if section is None:
         task_status.started(("", 0))
         return
-    token = token_for(section)
-    app = make_app(farm.core, poke=farm.driver.poke, token=token)
-    # a token of the file is known to whoever needs it
-    told = {"token": token} if token is not None and section.token is None else {}
+    token = token_of(farm.config)
+    app = make_app(farm.core, poke=farm.driver.poke, token=token.value)
+    told: dict[str, str] = {}
+    if token.file is not None:
+        told["token_file"] = str(token.file)
+    elif token.told is not None:
+        told["token"] = token.told
 
     def up(address: tuple[str, int]) -> None:
         host, port = address
@@ -170,10 +173,3 @@ async def serve_farm(
         await _serve(app, listen(section.host, section.port), up)
     finally:
         app.state.context.collector.close()
-
-
-def token_for(section: Api) -> str | None:
-    """The token that clients must show: the file's; beyond loopback a new one if it has none; else None."""
-    if section.token is not None:
-        return section.token
-    return None if section.is_loopback else secrets.token_urlsafe(24)

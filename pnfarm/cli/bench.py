@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import platform
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -32,6 +30,7 @@ from pnfarm.cli.bench_line import (
     wire,
 )
 from pnfarm.errors import ConfigError, InternalError
+from pnfarm.farm.address_space import ENGINE, require_address_space
 from pnfarm.faults.words import did_you_mean
 
 if TYPE_CHECKING:
@@ -341,12 +340,18 @@ def command(
     ] = None,
 ) -> None:
     """Run the benchmarks: the farm's figures beside the floor of this machine."""
+    require_address_space(ENGINE)
     wanted = chosen(names or [])
     from pnfarm.links.sandbox import enter_sandbox
 
-    # compiled beforehand, in a process of its own: a benchmark that compiles measures the compiler
-    subprocess.run([sys.executable, "-m", "pnfarm.engine.warm"], check=True, stdout=subprocess.DEVNULL)
     enter_sandbox()
+    # threads may exist from here on
+    import anyio
+
+    from pnfarm.cli.running import compile_ahead
+
+    # beforehand, in a process of its own: a benchmark that compiles measures the compiler
+    anyio.run(compile_ahead)
     results: list[Result] = []
     for name, figures in wanted.items():
         typer.echo(f"{name}: {(BENCHMARKS[name].run.__doc__ or '').splitlines()[0]}", err=True)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
 
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["FarmClient", "FarmError"]
 
+#: In the environment: a file that holds the token, where neither --token nor PNFARM_TOKEN gives it.
+FILE_VARIABLE = "PNFARM_TOKEN_FILE"
 #: A farm answers in milliseconds; a power cycle or a thousand drives take longer.
 TIMEOUT_SECONDS = 10.0
 
@@ -37,6 +41,18 @@ def _base(address: str) -> str:
     return url if url.endswith("/api/v1") else f"{url}/api/v1"
 
 
+def _kept_token() -> str | None:
+    """What the file holds that PNFARM_TOKEN_FILE names."""
+    name = os.environ.get(FILE_VARIABLE)
+    if not name:
+        return None
+    try:
+        return Path(name).read_text("ascii").strip() or None
+    except (OSError, UnicodeError) as exc:
+        why = (getattr(exc, "strerror", None) or str(exc)).lower()
+        raise ConfigError(f"the token's file {name} ({FILE_VARIABLE}) cannot be read: {why}") from exc
+
+
 class FarmClient:
     """A context manager.  ``address`` is a URL or HOST:PORT; paths are relative to ``/api/v1``."""
 
@@ -44,6 +60,7 @@ class FarmClient:
         import httpx
 
         self.address = address
+        token = token or _kept_token()
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         try:
             # a farm is near; proxies of the environment are for the world outside
@@ -133,7 +150,7 @@ class FarmClient:
         if response.status_code >= 500:
             raise FarmError(f"{detail} (the farm at {self.address})")
         if response.status_code == 401:
-            raise ConfigError("the farm asks for its token: give --token or PNFARM_TOKEN")
+            raise ConfigError("the farm asks for its token: give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE")
         raise ConfigError(detail)
 
     def _stranger(self) -> RemoteError:

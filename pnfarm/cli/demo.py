@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import time
 from ipaddress import IPv4Address
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Annotated, Any
 import typer
 
 from pnfarm.errors import EnvironmentError_
+from pnfarm.farm.address_space import ENGINE, require_address_space
 
 __all__ = ["command"]
 
@@ -59,7 +59,7 @@ def command(
     ] = None,
 ) -> None:
     """Show a farm at work: drives, a controller, faults and recovery.  No root, no PLC."""
-    begin = time.monotonic()
+    require_address_space(ENGINE)
     for file in (json_file, svg_file, pcap):
         _check_writable(file)
     where, why = _enter()
@@ -68,8 +68,11 @@ def command(
     import anyio
 
     from pnfarm.cli.demo_run import Demo
+    from pnfarm.cli.running import compile_ahead
 
-    _compile()
+    anyio.run(compile_ahead)
+    # what is told of times is the farm's and the controller's, not the compiler's
+    begin = time.monotonic()
     if where == "memory":
         text = FILE.format(link="{kind: memory}", groups=_groups(drives), where="mac: auto")
     else:
@@ -164,24 +167,3 @@ def _uncable() -> None:
 
     with Interfaces() as interfaces:
         interfaces.remove_cable(PARENT)
-
-
-def _compile() -> None:
-    """Compile the engine once, with something to look at."""
-    from pnfarm.table.compiled import IS_COMPILED, is_cached
-
-    if not IS_COMPILED or is_cached():
-        return
-    from rich.console import Console
-
-    from pnfarm.engine.warm import warm
-
-    console = Console(stderr=True)
-    message = "Compiling the engine for this processor: once, some ten seconds"
-    if console.is_terminal:
-        with console.status(message):
-            done = warm()
-    else:
-        sys.stderr.write(f"{message} ...\n")
-        done = warm()
-    console.print(f"Compiled in {done.seconds:.0f} s; later starts load it in a moment.")

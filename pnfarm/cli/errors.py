@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import typer
 
 from pnfarm.cli.settings import settings
-from pnfarm.errors import InternalError, PnfarmError
+from pnfarm.errors import EnvironmentError_, InternalError, PnfarmError
+from pnfarm.farm.address_space import is_exhausted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -57,6 +58,8 @@ def _told(error: BaseException) -> tuple[int, str]:
         # a file's or a fault's errors begin with their own place, one line each
         lines = str(error) if hasattr(error, "issues") else f"pnfarm: {error}"
         return error.exit_code, lines
+    if (sentence := is_exhausted(error)) is not None:
+        return EnvironmentError_.exit_code, f"pnfarm: {sentence}"
     kind = "" if isinstance(error, InternalError) else f"{type(error).__name__}: "
     return INTERNAL, f"pnfarm: internal error: {kind}{error} (please report; details with --debug)"
 

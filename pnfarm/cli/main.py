@@ -31,6 +31,7 @@ from pnfarm.cli import (
 )
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.cli.settings import LogFormat, LogLevel, Settings, help_without_command, settings
+from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,6 +72,7 @@ def _options(
     del version
     settings.log_format, settings.log_level, settings.debug = log_format, log_level, debug
     help_without_command(context)
+    require_address_space(COMMAND)
     from pnfarm.cli.logging import configure
 
     configure(as_json=settings.logs_json, level=log_level.value)
@@ -127,6 +129,7 @@ def _global_first(arguments: Sequence[str]) -> list[str]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line; its exit code.  Without ``arguments``, the process's own."""
+    few_threads()
     blank = Settings()
     settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug
     given = _global_first(sys.argv[1:] if arguments is None else arguments)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.settings import Format, settings
+from pnfarm.farm.address_space import ENGINE, require_address_space
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,6 +72,7 @@ def plc(
     from pnfarm.cli.one_device import one_device
     from pnfarm.cli.output import print_json, print_table
 
+    require_address_space(ENGINE)
     if (file is None) == (gsdml is None):
         raise typer.BadParameter("is needed, or --gsdml, and not both", param_hint="FILE")
     if file is not None:
@@ -126,6 +128,7 @@ async def _run(
     async with stop_on_signals() as running:
         try:
             with running:
+                controller.check_rights()  # before a minute of compilation
                 await compile_ahead()
                 await controller.open()
                 opened = True

@@ -7,22 +7,31 @@ import os
 import signal
 import sys
 import time
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
 import anyio
 import structlog
+from anyio.streams.text import TextReceiveStream
 
 from pnfarm.cli.settings import settings
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Iterator
+    from collections.abc import AsyncIterator
     from pathlib import Path
-    from typing import Any
+    from typing import Any, Self
 
-    from anyio.abc import TaskStatus
+    from anyio.abc import ByteReceiveStream, TaskStatus
+    from rich.progress import Progress, TaskID
 
 __all__ = ["compile_ahead", "raise_of_callbacks", "stop_on_signals"]
+
+#: What a first start says.  How long it takes is shown, not promised: it depends on what else the machine does.
+COMPILING = "compiling the engine for this processor; only the first start of a version does"
+#: Between two lines about it, where nobody watches a bar.
+TELL_SECONDS = 5.0
+#: Characters of its errors that are kept.
+KEPT = 4000
 
 logger = structlog.get_logger("pnfarm")
 
@@ -81,7 +90,7 @@ async def raise_of_callbacks() -> AsyncIterator[None]:
 
 
 async def compile_ahead() -> None:
-    """Compile the engine where no earlier start has, and say so: it takes some seconds, once for each version.
+    """Compile the engine where no earlier start has, and show how far it is: about a minute, once for each version.
 
     In a process of its own, so that a signal still ends the program, and before any interface is made.
     """
@@ -90,26 +99,73 @@ async def compile_ahead() -> None:
     if not IS_COMPILED or is_cached() or not _writable(cache_directory()):
         return
     started = time.monotonic()
-    with _announced("compiling the engine for this machine; only the first start takes these seconds"):
-        run = await anyio.run_process([sys.executable, "-m", "pnfarm.engine.warm"], check=False, start_new_session=True)
-    if run.returncode == 0:
+    program = [sys.executable, "-m", "pnfarm.engine.warm", "--progress"]
+    last = ""
+    with _Progress() as progress:
+        async with await anyio.open_process(program, start_new_session=True) as run, anyio.create_task_group() as tasks:
+            assert run.stdout is not None
+            assert run.stderr is not None
+            errors: list[str] = []
+            tasks.start_soon(_keep, run.stderr, errors)
+            async for last in _lines(run.stdout):
+                done, _, functions = last.partition(" of ")
+                if done.isdecimal() and functions.isdecimal():
+                    progress.show(int(done), int(functions))
+            code = await run.wait()
+    if code == 0:
         logger.info("engine compiled", seconds=round(time.monotonic() - started, 1))
     else:
         # the engine compiles itself when it starts, and what is wrong is then told in full
-        logger.warning("engine not compiled ahead", reason=run.stderr.decode(errors="replace").strip()[-500:])
+        logger.warning("engine not compiled ahead", reason="".join(errors).strip()[-500:])
+
+
+async def _lines(stream: ByteReceiveStream) -> AsyncIterator[str]:
+    rest = ""
+    async for text in TextReceiveStream(stream, errors="replace"):
+        *whole, rest = (rest + text).split("\n")
+        for line in whole:
+            yield line
+
+
+async def _keep(stream: ByteReceiveStream, kept: list[str]) -> None:
+    """The last of what a process says, so that it is not stopped by a full pipe."""
+    async for text in TextReceiveStream(stream, errors="replace"):
+        kept[:] = ["".join(kept)[-KEPT:], text]
 
 
 def _writable(directory: Path) -> bool:
     return directory.is_dir() and os.access(directory, os.W_OK)
 
 
-@contextmanager
-def _announced(text: str) -> Iterator[None]:
-    if settings.logs_json or not sys.stderr.isatty():
-        logger.info(text)
-        yield
-        return
-    from rich.console import Console
+class _Progress:
+    """How far the compilation is: a bar on a terminal, else a log line now and then."""
 
-    with Console(stderr=True).status(text):
-        yield
+    def __init__(self) -> None:
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+        self._started = self._told = time.monotonic()
+
+    def __enter__(self) -> Self:
+        if settings.logs_json or not sys.stderr.isatty():
+            logger.info(COMPILING)
+            return self
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+        self._task = self._bar.add_task(COMPILING, total=None)
+        self._bar.start()
+        return self
+
+    def show(self, done: int, functions: int) -> None:
+        now = time.monotonic()
+        if self._bar is not None and self._task is not None:
+            self._bar.update(self._task, completed=done, total=functions)
+        elif now - self._told >= TELL_SECONDS:
+            self._told = now
+            logger.info("compiling", functions=done, of=functions, seconds=round(now - self._started))
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()

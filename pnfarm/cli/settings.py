@@ -77,7 +77,11 @@ ApiOption = Annotated[
 ]
 TokenOption = Annotated[
     str | None,
-    typer.Option("--token", help="The API's bearer token, where it asks for one.", envvar="PNFARM_TOKEN"),
+    typer.Option(
+        "--token",
+        help="The API's bearer token, where it asks for one; PNFARM_TOKEN_FILE names a file that holds it.",
+        envvar="PNFARM_TOKEN",
+    ),
 ]
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.settings import FarmFile, settings
+from pnfarm.farm.address_space import ENGINE, require_address_space
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -177,6 +178,7 @@ def up(
 
     from pnfarm.cli.files import check_impairments, read
 
+    require_address_space(ENGINE)
     given = {
         "api": api,
         "token": token,
@@ -219,17 +221,24 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
         key, flag, variable = _SETTINGS[name]
         source = context.get_parameter_source(name)
         origin = variable if source is not None and source.name == "ENVIRONMENT" else flag
-        if name == "api" and config.api is not None and config.api.token is not None and value != "off":
+        if name == "api" and config.api is not None and value != "off":
             # another place, the same secret
-            config = config.with_overrides({"api": {"listen": value, "token": config.api.token}}, origin)
+            config = config.with_overrides({"api": {"listen": value, **_secret(config)}}, origin)
         elif name == "token":
             listen = "" if config.api is None else f"{_bracketed(config.api.host)}:{config.api.port}"
             if not listen:
                 continue  # without an API nobody asks for a token
-            config = config.with_overrides({"api": {"listen": listen, "token": value}}, origin)
+            config = config.with_overrides({"api": {"listen": listen, **_secret(config), "token": value}}, origin)
         else:
             config = config.with_overrides({key: value}, origin)
     return config
+
+
+def _secret(config: FarmConfig) -> dict[str, str]:
+    """What the file says of the API's token."""
+    section = config.api
+    given = {} if section is None else {"token": section.token, "token_file": section.token_file}
+    return {key: value for key, value in given.items() if value is not None}
 
 
 def _bracketed(host: str) -> str:
@@ -241,10 +250,12 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
 
     from pnfarm.api import serve_farm
     from pnfarm.api.server import listen
+    from pnfarm.api.token import token_of
     from pnfarm.cli.running import compile_ahead, stop_on_signals
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
 
+    token_of(config)  # a file that cannot be made is told before anything else is
     farm = Farm(config, capture=capture)
     if (section := config.api) is not None:
         # a taken port is told while the drives are still silent: another farm may have theirs on the wire
@@ -252,6 +263,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
     async with stop_on_signals() as running:
         try:
             with running:
+                farm.check_rights()  # before a minute of compilation
                 await compile_ahead()
                 if capture is not None:
                     prepare()
@@ -273,6 +285,8 @@ def _say_up(farm: Farm, url: str | None) -> None:
     if settings.logs_json:
         return
     where = f"API {url}" if url else "no API"
+    if url and farm.config.token_path is not None:
+        where += f", its token in {farm.config.token_path}"
     print_line(f"{farm.config.farm}: {counted(len(farm.drives), 'drive')} on {link_words(farm.config)}, {where}")
     if not sys.stdout.isatty():
         return

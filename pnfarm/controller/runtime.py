@@ -22,7 +22,8 @@ from pnfarm.farm.config_model import VethLink as VethSection
 from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import model_of, realtime_settings
 from pnfarm.farm.realtime import RealTimeDriver
-from pnfarm.links.base import PortSpec
+from pnfarm.links.base import PortSpec, unwrap
+from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interface import InterfaceLink
 from pnfarm.links.interfaces import remove_leftovers
 from pnfarm.links.macvlan import MacvlanLink
@@ -151,6 +152,10 @@ class Plc:
             if address not in taken:
                 return IPv4Interface((address, first.network.prefixlen))
         raise ConfigError(f"{first.network} has no address left for the controller; give it one outside of the drives'")
+
+    def check_rights(self) -> None:
+        """Raises :class:`EnvironmentError_` where this process may not do what the controller's link needs."""
+        require_for_link(unwrap(self.link).kind, f"controller {self.section.name}")
 
     async def open(self) -> None:
         """Take the port, start the engine, begin to look for the drives."""

@@ -17,15 +17,20 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numba.core import event
 
 from pnfarm.engine.realtime import run_loop
 from pnfarm.engine.rings import make_ring
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.engine.virtual import run_alone, run_virtual
 from pnfarm.table.columns import allocate, lookup_rebuild
-from pnfarm.table.compiled import IS_COMPILED, cache_directory
+from pnfarm.table.compiled import IS_COMPILED, cache_directory, function_count, mark_cached
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
 
 __all__ = ["Warmed", "main", "warm"]
 
@@ -39,9 +44,43 @@ class Warmed:
     seconds: float
 
 
-def warm() -> Warmed:
-    """Compile, or load what is compiled already, each function that Python calls; those that they call come along."""
+class _Compiled(event.Listener):  # type: ignore[misc]  # numba has no types
+    """Tells how many of this package's functions have been compiled; what is loaded from a cache is not told."""
+
+    def __init__(self, progress: Callable[[int, int], None]) -> None:
+        self._progress = progress
+        self._done: set[str] = set()
+
+    def on_start(self, event: event.Event) -> None:
+        """Nothing is told of what begins."""
+
+    def on_end(self, event: event.Event) -> None:
+        function = event.data["dispatcher"].py_func
+        name = f"{function.__module__}.{function.__qualname__}"
+        if name.startswith("pnfarm.") and name not in self._done:
+            self._done.add(name)
+            self._progress(len(self._done), function_count())
+
+
+def warm(progress: Callable[[int, int], None] | None = None) -> Warmed:
+    """Compile, or load what is compiled already, each function that Python calls; those that they call come along.
+
+    ``progress`` is called with the number of functions compiled so far, and of how many.
+    """
     started = time.monotonic()
+    with contextlib.ExitStack() as stack:
+        if progress is not None:
+            stack.enter_context(event.install_listener("numba:compile", _Compiled(progress)))
+        _call_everything()
+    directory = cache_directory()
+    functions = 0
+    if IS_COMPILED:
+        mark_cached()
+        functions = len(list(directory.rglob("*.nbi")))
+    return Warmed(directory, functions, time.monotonic() - started)
+
+
+def _call_everything() -> None:
     farm = allocate(stations=1, axes=1, channels=1)
     controller = allocate(stations=1, programs=1, channels=1)
     addresses, ports = np.zeros(0, np.int64), np.zeros(0, np.int32)
@@ -56,20 +95,25 @@ def warm() -> Warmed:
     with near, far, contextlib.closing(os.fdopen(wake, "rb", buffering=0)):
         # an end at 1 ns: the clock is past it, so the loop returns before its first tick
         run_loop(farm, make_ring(farm, near, timestamps=False), wake, np.ones(1, np.uint64), 1)
-    directory = cache_directory()
-    functions = len(list(directory.rglob("*.nbi"))) if IS_COMPILED else 0
-    return Warmed(directory, functions, time.monotonic() - started)
 
 
-def main() -> int:
-    """Warm, and say so in one line; 1 when there is nothing to keep, because compilation is switched off."""
+def _say(done: int, functions: int) -> None:
+    sys.stdout.write(f"{done} of {functions}\n")
+    sys.stdout.flush()
+
+
+def main(arguments: Sequence[str] = ()) -> int:
+    """Warm, and say so in one line; 1 when there is nothing to keep, because compilation is switched off.
+
+    With ``--progress`` there is a line ``N of M`` for each function that was compiled, before the last one.
+    """
     if not IS_COMPILED:
         sys.stderr.write("NUMBA_DISABLE_JIT is set, so nothing was compiled: unset it and run this again\n")
         return 1
-    done = warm()
+    done = warm(_say if "--progress" in arguments else None)
     sys.stdout.write(f"{done.functions} compiled functions in {done.directory}, {done.seconds:.1f} s\n")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

@@ -80,6 +80,19 @@ class FarmConfig(FarmSections):
         base = self._path.parent if self._path is not None else Path()
         return base / Path(self.state).expanduser()
 
+    @property
+    def token_path(self) -> Path | None:
+        """The file of the API's token, seen from the farm file's folder; None: the token lies in no file."""
+        section = self.api
+        if section is None:
+            return None
+        if section.token_file is not None:
+            base = self._path.parent if self._path is not None else Path()
+            return base / Path(section.token_file).expanduser()
+        if section.token is not None or section.is_loopback or (state := self.state_directory) is None:
+            return None
+        return state / "api-token"
+
     def with_overrides(self, overrides: Mapping[str, Any], origin: str = "override") -> FarmConfig:
         """The same file with some keys set from outside, checked anew as a whole.
 

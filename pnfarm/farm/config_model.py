@@ -18,6 +18,7 @@ from pydantic import (
     PlainValidator,
     ValidationInfo,
     WithJsonSchema,
+    field_validator,
 )
 
 from pnfarm.farm.config_axis import Load, Motor
@@ -142,8 +143,22 @@ class Api(Section):
         default=None,
         min_length=8,
         max_length=512,
-        description="Bearer token that a client must show; left out, a port beyond loopback gets one at start.",
+        description="Bearer token that a client must show; left out, a port beyond loopback gets one.",
     )
+    token_file: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="File of the token, relative to this file: made at the first start where there is none, and holds "
+        "`token` where that is given. Left out, api-token in the folder of `state`, for a port beyond loopback.",
+    )
+
+    @field_validator("token")
+    @classmethod
+    def _can_be_sent(cls, token: str | None) -> str | None:
+        if token is not None and not all("!" <= letter <= "~" for letter in token):
+            raise problem("has characters that no header can carry", "letters, digits and signs of ASCII, no blanks")
+        return token
 
     @property
     def host(self) -> str:

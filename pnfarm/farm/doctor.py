@@ -18,6 +18,10 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from pnfarm.farm.address_space import ENGINE
+from pnfarm.links import namespace_settings
+from pnfarm.links.capabilities import NET_ADMIN, NET_RAW, effective
+from pnfarm.links.capabilities import remedy as rights_remedy
 from pnfarm.links.packet import RECEIVE_BUFFER
 from pnfarm.links.probe import TRIALS
 from pnfarm.table.compiled import IS_COMPILED, cache_directory, is_cached
@@ -25,8 +29,6 @@ from pnfarm.table.compiled import IS_COMPILED, cache_directory, is_cached
 __all__ = ["Finding", "examine"]
 
 _PR_GET_TIMERSLACK = 30
-_CAP_NET_ADMIN = 12
-_CAP_NET_RAW = 13
 _OLDEST_KERNEL = (4, 20)  # PACKET_IGNORE_OUTGOING
 _PROBE_SECONDS = 30.0
 
@@ -50,7 +52,7 @@ class Finding:
 
 def examine() -> list[Finding]:
     """Every finding, most basic first.  Takes about a second; never raises for a machine that is lacking."""
-    capabilities = _effective_capabilities()
+    mask = effective()
     trials = _try()
     return [
         _python(),
@@ -58,8 +60,8 @@ def examine() -> list[Finding]:
         _package("numpy"),
         _compiler_cache(),
         _kernel(),
-        _capability("CAP_NET_ADMIN", _CAP_NET_ADMIN, capabilities, "macvlan, veth and tap links"),
-        _capability("CAP_NET_RAW", _CAP_NET_RAW, capabilities, "raw Ethernet sockets"),
+        _capability("CAP_NET_ADMIN", NET_ADMIN, mask, "macvlan, veth and tap links"),
+        _capability("CAP_NET_RAW", NET_RAW, mask, "raw Ethernet sockets"),
         *_links(trials),
         _real_time(trials),
         _memory_lock(trials),
@@ -68,6 +70,7 @@ def examine() -> list[Finding]:
         _receive_buffer(),
         _optional_memory(),
         _open_files(),
+        _address_space(),
         _tshark(),
     ]
 
@@ -103,8 +106,8 @@ def _compiler_cache() -> Finding:
     return Finding(
         "compiled engine",
         None,
-        f"not compiled yet: the first start takes some seconds longer ({directory})",
-        "pnfarm demo",
+        f"not compiled yet: the first start does it, in a minute or several ({directory})",
+        f"{sys.executable} -m pnfarm.engine.warm",
     )
 
 
@@ -121,19 +124,10 @@ def _kernel() -> Finding:
     return Finding("kernel", None, f"{release}: made for 4.20 and later", "upgrade the kernel")
 
 
-def _effective_capabilities() -> int:
-    for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
-        if line.startswith("CapEff:"):
-            return int(line.split()[1], 16)
-    return 0
-
-
-def _capability(name: str, number: int, effective: int, needed_for: str) -> Finding:
-    if effective >> number & 1:
+def _capability(name: str, number: int, mask: int, needed_for: str) -> Finding:
+    if mask >> number & 1:
         return Finding(name, True, "effective")
-    python = Path(sys.executable).resolve()
-    remedy = f"run with sudo, or sudo setcap cap_net_admin,cap_net_raw,cap_sys_nice,cap_ipc_lock+ep {python}"
-    return Finding(name, False, f"missing: needed for {needed_for}; `pnfarm demo` works without", remedy)
+    return Finding(name, False, f"missing: needed for {needed_for}; `pnfarm demo` works without", rights_remedy())
 
 
 def _try() -> dict[str, str | None]:
@@ -172,8 +166,7 @@ def _links(trials: dict[str, str | None]) -> list[Finding]:
             "private namespace",
             trials["namespace"],
             "allowed, so `pnfarm demo` runs here",
-            "run as root, or sudo sysctl -w kernel.unprivileged_userns_clone=1 (Debian), "
-            "sudo sysctl -w kernel.apparmor_restrict_unprivileged_userns=0 (Ubuntu)",
+            namespace_settings.remedy(),
         ),
         _trial("macvlan", trials["macvlan"], worked, "sudo modprobe macvlan"),
         _trial("veth", trials["veth"], worked, "sudo modprobe veth bridge"),
@@ -283,6 +276,16 @@ def _open_files() -> Finding:
     if soft == resource.RLIM_INFINITY or soft >= 1024:
         return Finding("open files", True, f"{soft} allowed; a tap link takes one per drive")
     return Finding("open files", None, f"{soft} allowed: a tap link takes one per drive", "ulimit -n 4096")
+
+
+def _address_space() -> Finding:
+    soft, _hard = resource.getrlimit(resource.RLIMIT_AS)
+    if soft == resource.RLIM_INFINITY:
+        return Finding("address space", True, "unlimited")
+    detail = f"limited to {soft >> 20} MB"
+    if soft >= ENGINE:
+        return Finding("address space", True, detail)
+    return Finding("address space", False, f"{detail}: the engine takes {ENGINE >> 20} MB", "ulimit -v unlimited")
 
 
 def _tshark() -> Finding:

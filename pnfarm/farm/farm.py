@@ -34,6 +34,7 @@ from pnfarm.farm.state import FarmState
 from pnfarm.faults.catalogue import KINDS
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.links.base import PortSpec, unwrap
+from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock
@@ -182,6 +183,10 @@ class Farm:
         cleared = self.faults.clear(fault_id, time.monotonic_ns())
         self.driver.poke()
         return cleared
+
+    def check_rights(self) -> None:
+        """Raises :class:`EnvironmentError_` where this process may not do what the farm's link needs."""
+        require_for_link(unwrap(self.link).kind, f"farm {self.config.farm or 'farm'}")
 
     async def open(self) -> None:
         """Make the interfaces, power the drives on, start the engine.  On failure nothing is left behind."""

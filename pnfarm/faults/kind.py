@@ -116,6 +116,9 @@ class ParamSpec:
             "default": self.default,
             "required": self.required,
             "unit": self.unit,
+            "minimum": self.low,
+            "maximum": self.high,
+            "words": list(self.words),
             "allowed": self.allowed,
             "doc": self.doc,
         }

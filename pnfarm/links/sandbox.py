@@ -11,7 +11,6 @@ unshare(2), user_namespaces(7).
 from __future__ import annotations
 
 import ctypes
-import errno
 import fcntl
 import os
 import socket
@@ -21,6 +20,8 @@ from pathlib import Path
 from typing import Literal
 
 from pnfarm.errors import EnvironmentError_, InternalError
+from pnfarm.links.capabilities import SYS_ADMIN, has
+from pnfarm.links.namespace_settings import remedy, why
 
 __all__ = ["Sandbox", "enter_sandbox"]
 
@@ -34,8 +35,6 @@ _MS_PRIVATE = 1 << 18
 _SIOCGIFFLAGS = 0x8913
 _SIOCSIFFLAGS = 0x8914
 _IFF_UP = 0x1
-
-_CAP_SYS_ADMIN = 21
 
 _libc = ctypes.CDLL(None, use_errno=True)
 
@@ -56,7 +55,7 @@ def enter_sandbox() -> Sandbox:
     """
     if len(list(Path("/proc/self/task").iterdir())) > 1:
         raise InternalError("a sandbox must be entered before threads start: enter it before importing the engine")
-    kind: Literal["user", "root"] = "root" if _has_capability(_CAP_SYS_ADMIN) else "user"
+    kind: Literal["user", "root"] = "root" if has(SYS_ADMIN) else "user"
     if kind == "root":
         _unshare(_CLONE_NEWNET | _CLONE_NEWNS)
     else:
@@ -68,30 +67,10 @@ def enter_sandbox() -> Sandbox:
     return Sandbox(kind, notes)
 
 
-def _has_capability(number: int) -> bool:
-    for line in Path("/proc/self/status").read_text(encoding="utf-8", errors="replace").splitlines():
-        if line.startswith("CapEff:"):
-            return bool(int(line.split()[1], 16) >> number & 1)
-    return False
-
-
 def _unshare(flags: int) -> None:
     if _libc.unshare(flags) == 0:
         return
-    code = ctypes.get_errno()
-    remedy = {
-        errno.EPERM: (
-            "this machine forbids ordinary users a namespace of their own: run as root, or allow it with "
-            "`sysctl -w kernel.unprivileged_userns_clone=1` (Debian) or "
-            "`sysctl -w kernel.apparmor_restrict_unprivileged_userns=0` (Ubuntu); in a container: "
-            "`--privileged` or a seccomp profile that lets `unshare` pass"
-        ),
-        errno.ENOSPC: (
-            "too many namespaces exist already: raise `sysctl user.max_user_namespaces` and `user.max_net_namespaces`"
-        ),
-        errno.EINVAL: "this kernel was built without user or network namespaces (CONFIG_USER_NS, CONFIG_NET_NS)",
-    }.get(code, os.strerror(code))
-    raise EnvironmentError_(f"a private network namespace could not be made: {remedy}")
+    raise EnvironmentError_(f"a private network namespace could not be made: {why(ctypes.get_errno())}")
 
 
 def _map_to_root(uid: int, gid: int) -> None:
@@ -106,11 +85,8 @@ def _map_to_root(uid: int, gid: int) -> None:
             "unprivileged user namespaces on this machine"
         ) from exc
     # Ubuntu 24.04 lets the namespace be made and then takes its capabilities away
-    if not _has_capability(_CAP_SYS_ADMIN):
-        raise EnvironmentError_(
-            "the user namespace came without capabilities: run as root, or "
-            "`sysctl -w kernel.apparmor_restrict_unprivileged_userns=0`"
-        )
+    if not has(SYS_ADMIN):
+        raise EnvironmentError_(f"the user namespace came without capabilities: {remedy()}")
 
 
 def _mount(source: bytes, target: bytes, kind: bytes | None, flags: int) -> int:

@@ -9,6 +9,7 @@ place caches as well.  ``NUMBA_DISABLE_JIT=1`` leaves the plain functions in pla
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import sys
@@ -17,6 +18,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import llvmlite.binding
 import numba
 import numpy as np
 
@@ -25,7 +27,7 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 #: Rooms whose files hold compiled functions; all of them go into the digest.
 _COMPILED_ROOMS = ("table", "firmware", "engine")
 
-__all__ = ["IS_COMPILED", "cache_directory", "compiled", "is_cached"]
+__all__ = ["IS_COMPILED", "cache_directory", "compiled", "function_count", "is_cached", "mark_cached"]
 
 
 def _digest() -> str:
@@ -66,12 +68,33 @@ def _prepare() -> bool:
 IS_COMPILED: bool = _prepare()
 
 
+def _mark() -> Path:
+    """Stands where all machine code of these sources, this Numba and this kind of processor lies."""
+    processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    return cache_directory() / f"complete-{_digest()}-{processor}"
+
+
 def is_cached() -> bool:
-    """Whether machine code of an earlier run lies ready, so that a start takes no compilation."""
-    directory = cache_directory()
-    return directory.is_dir() and any(directory.rglob("*.nbi"))
+    """Whether the machine code lies ready, all of it, so that a start takes no compilation."""
+    return _mark().exists()
+
+
+def mark_cached() -> None:
+    """Say that everything was compiled; where the folder cannot be written there is nothing to say it of."""
+    with contextlib.suppress(OSError):
+        _mark().touch()
+
+
+_functions = 0
+
+
+def function_count() -> int:
+    """How many compiled functions the modules hold that were imported until now."""
+    return _functions
 
 
 def compiled(function: _F) -> _F:
     """Compile on first call, without the interpreter's lock, and keep the machine code."""
+    global _functions  # noqa: PLW0603 - a count of what this decorator was given
+    _functions += 1
     return cast("_F", numba.njit(function, nogil=True, cache=True, error_model="numpy"))

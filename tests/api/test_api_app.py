@@ -10,8 +10,6 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from pnfarm import __version__
 from pnfarm.api.schemas import Problem, Ready, Version
-from pnfarm.api.server import token_for
-from pnfarm.farm.config_model import Api
 
 TOKEN = "a-long-secret"  # a test's, nobody's
 
@@ -88,7 +86,7 @@ def test_page_of_another_origin_changes_nothing(still):
     assert still.post("/api/v1/reset", headers={"Origin": "http://127.0.0.1:8702"}).status_code == 200
 
 
-@pytest.mark.parametrize("path", ["/api/v1/drives", "/api/v1/version", "/api/v1/events", "/metrics", "/", "/nothing"])
+@pytest.mark.parametrize("path", ["/api/v1/drives", "/api/v1/version", "/api/v1/events", "/metrics", "/nothing"])
 def test_guarded_farm_asks_for_its_token(guarded, path):
     response = guarded.get(path, base="http://farm.example")
     assert_problem(response, 401, "Bearer")
@@ -117,17 +115,33 @@ def test_browser_brings_the_token_once_and_has_a_cookie_then(guarded):
     assert "SameSite=strict" in cookie
     pair = cookie.partition(";")[0]
     assert guarded.get("/api/v1/drives", base="http://farm.example", headers={"Cookie": pair}).status_code == 200
-    assert guarded.get("/?token=another", base="http://farm.example").status_code == 401
+    assert "set-cookie" not in guarded.get("/?token=another", base="http://farm.example").headers
 
 
-def test_farm_beyond_loopback_gets_a_token():
-    assert token_for(Api.model_validate({"listen": "127.0.0.1:8702"})) is None
-    assert token_for(Api.model_validate({"listen": "127.0.0.1:8702", "token": TOKEN})) == TOKEN
-    assert token_for(Api.model_validate({"listen": "0.0.0.0:8702", "token": TOKEN})) == TOKEN
-    first, second = (token_for(Api.model_validate({"listen": "0.0.0.0:8702"})) for _ in range(2))
-    assert first is not None
-    assert len(first) >= 24
-    assert first != second
+def test_the_page_of_a_guarded_farm_asks_for_the_token_and_tells_nothing(guarded):
+    page = guarded.get("/", base="http://farm.example")
+    assert page.status_code == 200
+    assert "asks for its token" in page.text
+    assert guarded.line.farm.name not in page.text.replace("pnfarm", "")
+    assert "<script" not in page.text
+    assert "default-src 'none'" in page.headers["content-security-policy"]
+    assert guarded.get("/?token=another").status_code == 200
+    assert "set-cookie" not in page.headers
+
+
+def test_a_token_that_is_typed_opens_the_farm_and_another_does_not(guarded):
+    form = {"Content-Type": "application/x-www-form-urlencoded"}
+    opened = guarded.request("POST", "/", content=f"token={TOKEN}", headers=form)
+    assert (opened.status_code, opened.headers["location"]) == (303, "/")
+    pair = opened.headers["set-cookie"].partition(";")[0]
+    assert "connect-src" in guarded.get("/", headers={"Cookie": pair}).headers["content-security-policy"]
+    for body in (b"token=another-one", b"token=", b"", b"\xff\xfe", b"token=" + b"x" * 100_000, b"token=%ff"):
+        refused = guarded.request("POST", "/", content=body, headers=form)
+        assert refused.status_code == 403
+        assert "That is not its token." in refused.text
+        assert "set-cookie" not in refused.headers
+    elsewhere = {**form, "Origin": "http://evil.example"}
+    assert_problem(guarded.request("POST", "/", content=f"token={TOKEN}", headers=elsewhere), 403, "evil.example")
 
 
 # description, page, metrics

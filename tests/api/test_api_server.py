@@ -173,10 +173,11 @@ def test_page_streams_and_faults_work_on_a_guarded_farm():
     anyio.run(main)
 
 
-def farm_like(world, section):
+def farm_like(world, section, token_path=None):
     """What serving needs of a running farm."""
     driver = SimpleNamespace(poke=lambda: world.line.farm.service(world.line.world.now))
-    return SimpleNamespace(core=world.line.farm, log=world.line.log, driver=driver, config=SimpleNamespace(api=section))
+    config = SimpleNamespace(api=section, token_path=token_path)
+    return SimpleNamespace(core=world.line.farm, log=world.line.log, driver=driver, config=config)
 
 
 def test_farm_is_served_as_its_file_says_and_its_new_token_is_told_once():
@@ -198,6 +199,30 @@ def test_farm_is_served_as_its_file_says_and_its_new_token_is_told_once():
                 assert (await client.get("/metrics")).status_code == 401
                 shown = {"Authorization": f"Bearer {told.data['token']}"}
                 assert (await client.get("/metrics", headers=shown)).status_code == 200
+            group.cancel_scope.cancel()
+
+    anyio.run(main)
+
+
+def test_a_token_that_lies_in_a_file_is_told_by_its_place(tmp_path):
+    world = ApiWorld(1, controller=False)
+    section = Api.model_validate({"listen": "0.0.0.0:0"})
+    kept = tmp_path / "state" / "api-token"
+
+    async def main():
+        async with anyio.create_task_group() as group:
+
+            async def run(*, task_status):
+                await serve_farm(farm_like(world, section, kept), task_status=task_status)
+
+            _, port = await group.start(run)
+            (told,) = [entry for entry in world.line.log.entries() if entry.event == "api listening"]
+            assert told.data["token_file"] == str(kept)
+            assert "token" not in told.data
+            async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{port}") as client:
+                shown = {"Authorization": f"Bearer {kept.read_text().strip()}"}
+                assert (await client.get("/metrics", headers=shown)).status_code == 200
+                assert (await client.get("/metrics")).status_code == 401
             group.cancel_scope.cancel()
 
     anyio.run(main)

@@ -589,6 +589,20 @@ def test_the_token_is_shown_to_the_farm(ask, farm, monkeypatch):
     assert [shown for *_, shown in farm.asked] == ["Bearer secret-1", "Bearer secret-2"]
 
 
+def test_the_token_of_a_file_is_shown_where_none_is_given(ask, farm, monkeypatch, tmp_path):
+    farm.answer("GET", "faults", {"faults": []})
+    kept = tmp_path / "token"
+    kept.write_text("of-the-file\n")
+    monkeypatch.setenv("PNFARM_TOKEN_FILE", str(kept))
+    assert ask("fault", "list").code == 0
+    assert ask("fault", "list", "--token", "of-the-line").code == 0
+    assert [asked[3] for asked in farm.asked] == ["Bearer of-the-file", "Bearer of-the-line"]
+    kept.unlink()
+    found = ask("fault", "list")
+    assert found.code == 2
+    assert f"the token's file {kept} (PNFARM_TOKEN_FILE) cannot be read: no such file" in found.err
+
+
 def test_a_proxy_of_the_environment_does_not_stand_before_the_farm(ask, farm, monkeypatch):
     monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:1")
     farm.answer("GET", "faults", {"faults": []})

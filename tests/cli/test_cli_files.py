@@ -135,6 +135,14 @@ def test_another_address_keeps_the_files_token_and_another_token_the_files_addre
     assert (config.api.listen, config.api.token) == (("127.0.0.1", 8702), "another-secret")
 
 
+def test_another_address_or_token_keeps_the_tokens_file():
+    text = FARM + "api: {listen: '127.0.0.1:8702', token_file: key}\n"
+    config = overridden(text, {"api": "0.0.0.0:9000"})
+    assert (config.api.listen, config.api.token_file) == (("0.0.0.0", 9000), "key")
+    config = overridden(text, {"token": "another-secret"})
+    assert (config.api.token, config.api.token_file) == ("another-secret", "key")
+
+
 @pytest.mark.parametrize(
     ("sources", "origin"), [({}, "--parent"), ({"parent": "ENVIRONMENT"}, "PNFARM_UP_LINK_PARENT")]
 )

@@ -347,7 +347,9 @@ def test_scan_of_an_interface_that_is_not_there(network, process):
     assert "none0" in found.err
 
 
-def test_without_privileges_scan_and_up_say_what_is_missing(solo_file, network, process):
+def test_without_privileges_scan_up_and_plc_say_what_is_missing_before_they_compile(
+    solo_file, network, process, tmp_path
+):
     if os.geteuid() != 0 or shutil.which("setpriv") is None:
         pytest.skip("needs root and setpriv (util-linux), to give privileges up")
     network("link", "add", "bare0", "type", "veth", "peer", "name", "bare1")
@@ -355,15 +357,20 @@ def test_without_privileges_scan_and_up_say_what_is_missing(solo_file, network, 
 
     def without(*line: str) -> subprocess.CompletedProcess[str]:
         drop = ["setpriv", "--bounding-set=-all", "--inh-caps=-all", *process.command(*line)]
-        return subprocess.run(drop, check=False, capture_output=True, text=True, timeout=120)
+        empty = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+        return subprocess.run(drop, check=False, capture_output=True, text=True, timeout=120, env=empty)
 
     try:
         scan, up = without("scan", "--interface", "bare0"), without("up", str(solo_file))
+        plc = without("plc", str(solo_file), "--interface", "bare0")
     finally:
         network("link", "del", "bare0")
-    assert (scan.returncode, up.returncode) == (4, 4)
+    assert (scan.returncode, up.returncode, plc.returncode) == (4, 4, 4)
     assert "CAP_NET_RAW" in scan.stderr
-    assert "CAP_NET_ADMIN" in up.stderr
+    assert up.stderr.startswith("pnfarm: farm solo lacks CAP_NET_ADMIN (it makes network interfaces) and CAP_NET_RAW")
+    assert plc.stderr.startswith("pnfarm: controller plc lacks CAP_NET_RAW")
+    assert "compiling" not in up.stderr + plc.stderr
+    assert not list((tmp_path / "cache").rglob("*.nbi"))
 
 
 def in_a_terminal(arguments: list[str], seconds: float, number: int) -> tuple[int, str]:

@@ -171,10 +171,7 @@ class Engine:
         shutil.rmtree(tree)
         self.docker("import", archive, BASE)
         archive.unlink()
-        arguments = [f"PIP_CERT={AUTHORITIES}"]
-        arguments += [f"{name}={os.environ[name]}" for name in ("PIP_INDEX_URL",) if name in os.environ]
-        options = [word for argument in arguments for word in ("--build-arg", argument)]
-        self.docker("build", "--network=host", *options, "-t", "pnfarm:local", ".", timeout=1200)
+        self.build_image()
         context = self.folder / "prometheus"
         context.mkdir()
         (context / "Dockerfile").write_text(PROMETHEUS, "utf-8")
@@ -184,3 +181,11 @@ class Engine:
             if "prom/prometheus" in line
         )
         self.docker("build", "--network=host", "-t", tag, context, timeout=1200)
+
+    def build_image(self, *, base=None, tag="pnfarm:local"):
+        """pnfarm's image by its Dockerfile, on ``base`` or on what the Dockerfile names."""
+        arguments = [f"PIP_CERT={AUTHORITIES}"]
+        arguments += [f"{name}={os.environ[name]}" for name in ("PIP_INDEX_URL",) if name in os.environ]
+        arguments += [] if base is None else [f"BASE={base}"]
+        options = [word for argument in arguments for word in ("--build-arg", argument)]
+        self.docker("build", "--network=host", *options, "-t", tag, ".", timeout=1200)

@@ -24,7 +24,8 @@ pytestmark = [
     pytest.mark.skipif(os.environ.get("PNFARM_DOCKER") != "1", reason="asked for with PNFARM_DOCKER=1: takes minutes"),
 ]
 SERVICES = ("farm", "plc", "prometheus")
-TOKEN = "pnfarm-local-rig"
+#: Where the farm keeps the token that it makes at its first start, and the group that may read it.
+TOKEN_FILE, GROUP = "/run/pnfarm/token", "8702"
 FARM = "http://127.0.0.1:8702"
 PROMETHEUS = "http://127.0.0.1:9090"
 DRIVES = [f"axis-{number:02}" for number in range(1, 9)]
@@ -59,6 +60,7 @@ class Rig:
         self.engine = engine
         self._files = [word for name in ("compose.yaml", *files) for word in ("-f", name)]
         self._environment = environment or {}
+        self.token = ""
 
     def compose(self, *arguments, timeout=240):
         for name, value in self._environment.items():
@@ -68,12 +70,13 @@ class Rig:
 
     def up(self):
         self.compose("up", "-d", "--no-build", "--wait", "--wait-timeout", "120", *SERVICES)
+        self.token = self.compose("exec", "-T", "farm", "cat", TOKEN_FILE).strip()
 
     def down(self):
         self.compose("down", "-v", "--timeout", "20")
 
     def farm(self, path, *, method="GET", body=None):
-        status, text = self.engine.ask(f"{FARM}/api/v1/{path}", method=method, token=TOKEN, body=body)
+        status, text = self.engine.ask(f"{FARM}/api/v1/{path}", method=method, token=self.token, body=body)
         assert status < 400, text
         return json.loads(text) if text else None
 
@@ -121,12 +124,50 @@ def test_once_the_rig_is_up_every_drive_is_run_by_the_controller(rig):
     assert 100 <= received <= 160
 
 
-def test_containers_have_the_rights_that_are_written_and_no_others(rig):
+def test_containers_run_as_a_user_with_the_rights_that_are_written_and_no_others(rig):
     for service, rights in (("farm", NET_ADMIN | NET_RAW), ("plc", NET_RAW)):
         status = rig.compose("exec", "-T", service, "cat", "/proc/1/status")
         lines = dict(line.split(":\t", 1) for line in status.splitlines() if ":\t" in line)
-        assert int(lines["CapEff"], 16) == int(lines["CapBnd"], 16) == rights
+        for kind in ("CapEff", "CapPrm", "CapInh", "CapAmb", "CapBnd"):
+            assert int(lines[kind], 16) == rights, kind
         assert lines["NoNewPrivs"] == "1"
+        assert lines["Uid"].split() == [GROUP] * 4
+        assert lines["Gid"].split() == [GROUP] * 4
+
+
+def test_the_image_is_no_roots_and_says_what_its_root_needs(rig):
+    def run(*options, command):
+        image = ("--entrypoint", "pnfarm-entry", "pnfarm:local", *command)
+        return rig.engine.docker("run", "--rm", "--network=none", "--no-healthcheck", *options, *image)
+
+    user = run(command=("id", "-u"))
+    assert user.strip() == GROUP
+    # with an engine's usual rights the entry point changes the user by itself
+    assert run("--user", "0", command=("id", "-u")).strip() == GROUP
+    with pytest.raises(AssertionError, match=r"(?s): 4\n.*add SETGID, SETUID and SETPCAP"):
+        run("--user", "0", "--cap-drop=ALL", command=("id", "-u"))
+
+
+def test_the_base_image_may_be_named_by_its_digest(rig):
+    digest = rig.engine.docker("inspect", "-f", "{{.Id}}", "debian:bookworm-slim").strip()
+    assert digest.startswith("sha256:")
+    rig.engine.build_image(base=digest, tag="pnfarm:by-digest")
+    layers = [
+        rig.engine.docker("inspect", "-f", "{{json .RootFS.Layers}}", image)
+        for image in ("pnfarm:local", "pnfarm:by-digest")
+    ]
+    assert layers[0] == layers[1]
+
+
+def test_the_token_was_made_at_the_first_start_and_its_group_alone_may_read_it(rig):
+    assert len(rig.token) >= 24
+    what = rig.compose("exec", "-T", "farm", "stat", "-c", "%a %u %g", TOKEN_FILE)
+    assert what.split() == ["640", GROUP, GROUP]
+    told = [line for line in rig.compose("logs", "farm").splitlines() if "api listening" in line]
+    assert told
+    assert all(TOKEN_FILE in line and rig.token not in line for line in told)
+    # the command line in the container finds it
+    assert rig.compose("exec", "-T", "farm", "pnfarm", "fault", "list").strip() == "no fault waits or is in force"
 
 
 def test_the_engine_was_compiled_when_the_image_was_built(rig):
@@ -203,6 +244,7 @@ def test_a_killed_farm_comes_back_and_its_drives_with_it(rig):
 
     eventually(restarted)
     rig.compose("up", "-d", "--no-build", "--no-recreate", "--wait", "--wait-timeout", "60", *SERVICES)
+    # the token is the one of the first start
     eventually(lambda: rig.working() == DRIVES)
 
 

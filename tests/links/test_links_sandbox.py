@@ -181,7 +181,7 @@ def test_the_doctor_tells_a_machine_without_rights(monkeypatch):
     refused = dict.fromkeys(TRIALS, "Operation not permitted") | {
         "veth": "not tried: no private namespace to try it in"
     }
-    monkeypatch.setattr(doctor, "_effective_capabilities", lambda: 0)
+    monkeypatch.setattr(doctor, "effective", lambda: 0)
     monkeypatch.setattr(doctor, "_try", lambda: refused)
     monkeypatch.setattr(doctor.shutil, "which", lambda _: None)
     by_name = {finding.name: finding for finding in examine()}

@@ -1,0 +1,93 @@
+"""The token that clients of a farm show: given, kept in a file, or made.
+
+A farm that listens beyond loopback always has one.  Where the farm file names a ``token_file``, or the farm has a
+state folder, the token is made at the first start and lies in that file from then on, so that Prometheus and scripts
+keep theirs over a restart.  Only its owner may read the file; in a folder with the set-group-id bit, which hands its
+group to what is made in it, that group may, too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import stat
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import EnvironmentError_
+from pnfarm.farm.regular_file import read_regular
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pnfarm.farm.config import FarmConfig
+
+__all__ = ["FarmToken", "token_of"]
+
+#: Octets of a token file that are read; a token has at most 512.
+MOST = 4096
+_NEW = 24
+
+
+@dataclass(frozen=True, slots=True)
+class FarmToken:
+    """``value`` None: nobody is asked.  ``file`` is where it lies; ``told`` is a new one that lies nowhere."""
+
+    value: str | None = None
+    file: Path | None = None
+    told: str | None = None
+
+
+def token_of(config: FarmConfig) -> FarmToken:
+    """The token of a farm's API; makes it, and its file, where there is none yet.
+
+    Raises :class:`EnvironmentError_` for a file that cannot be read or written, or that holds no token.
+    """
+    section = config.api
+    if section is None:
+        return FarmToken()
+    file = config.token_path
+    if file is None:
+        if section.token is not None or section.is_loopback:
+            return FarmToken(section.token)
+        made = secrets.token_urlsafe(_NEW)
+        return FarmToken(made, told=made)
+    try:
+        kept = _read(file)
+        value = section.token or kept or secrets.token_urlsafe(_NEW)
+        if value != kept:
+            _write(file, value)
+    except OSError as exc:
+        why = (exc.strerror or str(exc)).lower()
+        raise EnvironmentError_(f"the token's file {file}: {why}; give api: another token_file, or a token") from exc
+    return FarmToken(value, file)
+
+
+def _read(file: Path) -> str | None:
+    try:
+        text = read_regular(file, MOST).decode("ascii", "replace").strip()
+    except FileNotFoundError:
+        return None
+    if not 8 <= len(text) <= 512 or not all("!" <= letter <= "~" for letter in text):
+        raise EnvironmentError_(
+            f"the token's file {file} holds no token: 8 to 512 visible characters in one line; remove it for a new one"
+        )
+    return text
+
+
+def _write(file: Path, value: str) -> None:
+    """As a whole or not at all: whoever reads at the same time gets the old one or the new one."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    shared = file.parent.stat().st_mode & stat.S_ISGID
+    fresh = file.with_name(f".{file.name}.{os.getpid()}")
+    fd = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    try:
+        with os.fdopen(fd, "w", encoding="ascii") as out:
+            os.fchmod(fd, 0o640 if shared else 0o600)
+            out.write(f"{value}\n")
+        fresh.replace(file)
+    except BaseException:
+        with contextlib.suppress(FileNotFoundError):
+            fresh.unlink()
+        raise

@@ -1,0 +1,117 @@
+"""The first start: how far the compilation is, told as it is, and not counted as anybody's start."""
+
+from __future__ import annotations
+
+import sys
+
+import anyio
+import pytest
+import structlog
+
+from pnfarm.cli import demo, running
+from pnfarm.table import compiled
+
+
+@pytest.fixture
+def uncompiled(monkeypatch, tmp_path):
+    """A machine whose cache is empty, and whose compiler is a script of the test."""
+    monkeypatch.setattr(compiled, "IS_COMPILED", True)
+    monkeypatch.setattr(compiled, "is_cached", lambda: False)
+    monkeypatch.setattr(compiled, "cache_directory", lambda: tmp_path)
+    monkeypatch.setattr(running.settings, "log_format", "json")
+
+    def compiler(body):
+        script = tmp_path / "compiler"
+        script.write_text(f"#!/bin/sh\n{body}\n")
+        script.chmod(0o755)
+        monkeypatch.setattr(running.sys, "executable", str(script))
+        with structlog.testing.capture_logs() as lines:
+            anyio.run(running.compile_ahead)
+        return lines
+
+    return compiler
+
+
+def test_how_many_functions_of_how_many_is_told_now_and_then(uncompiled, monkeypatch):
+    monkeypatch.setattr(running, "TELL_SECONDS", 0.0)
+    lines = uncompiled('echo "$@" > "$0.asked"; echo "1 of 3"; echo "2 of 3"; echo "3 of 3"; echo "3 in /x, 1.0 s"')
+    assert lines[0]["event"] == running.COMPILING
+    told = [(line["functions"], line["of"]) for line in lines if line["event"] == "compiling"]
+    assert told == [(1, 3), (2, 3), (3, 3)]
+    assert lines[-1]["event"] == "engine compiled"
+
+
+def test_no_time_is_promised(uncompiled):
+    lines = uncompiled('echo "3 of 3"')
+    assert not any(character.isdigit() for character in running.COMPILING)
+    assert "compiling" not in [line["event"] for line in lines]  # too soon for a line of its own
+
+
+def test_a_compiler_that_fails_at_length_is_told_with_its_last_words(uncompiled):
+    lines = uncompiled("head -c 1000000 /dev/zero | tr '\\0' x >&2; echo 'the last word' >&2; exit 1")
+    assert lines[-1]["event"] == "engine not compiled ahead"
+    assert lines[-1]["reason"].endswith("the last word")
+    assert len(lines[-1]["reason"]) <= 500
+
+
+def test_on_a_terminal_a_bar_shows_it(uncompiled, monkeypatch, capsys):
+    monkeypatch.setattr(running.settings, "log_format", None)
+    monkeypatch.setattr(running.sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    lines = uncompiled('echo "226 of 227"')
+    assert [line["event"] for line in lines] == ["engine compiled"]
+    assert "compiling the engine" in capsys.readouterr().err
+
+
+def test_the_demo_counts_from_after_the_compilation(monkeypatch):
+    clock = [5.0]
+    begun = []
+
+    async def compile_ahead():
+        clock[0] = 65.0
+
+    class Demo:
+        def __init__(self, _text, *, begin, **_options):
+            begun.append(begin)
+
+        async def run(self):
+            return {"ok": True}
+
+    monkeypatch.setattr(demo, "_enter", lambda: ("memory", "as the test wants it"))
+    monkeypatch.setattr(demo.time, "monotonic", lambda: clock[0])
+    monkeypatch.setattr(running, "compile_ahead", compile_ahead)
+    monkeypatch.setattr("pnfarm.cli.demo_run.Demo", Demo)
+    demo.command(drives=1, seconds=1.0, json_file=None, svg_file=None, pcap=None)
+    assert begun == [65.0]
+
+
+def test_machine_code_is_ready_only_when_all_of_it_is(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    (tmp_path / "some.function-1.py311.nbi").touch()  # a compilation that was interrupted
+    assert not compiled.is_cached()
+    compiled.mark_cached()
+    assert compiled.is_cached()
+    # other sources, another version, another bounds check
+    monkeypatch.setenv("NUMBA_BOUNDSCHECK", "other")
+    assert not compiled.is_cached()
+
+
+def test_a_cache_that_nobody_may_write_is_no_error(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "none"))
+    compiled.mark_cached()
+    assert not compiled.is_cached()
+
+
+def test_every_compiled_function_is_counted():
+    from numba.core.registry import CPUDispatcher
+
+    import pnfarm.engine.warm  # noqa: F401 - imports every module that has one
+
+    modules = [module for name, module in sys.modules.items() if name.startswith("pnfarm.")]
+    found = {
+        id(value)
+        for module in modules
+        for value in vars(module).values()
+        if isinstance(value, CPUDispatcher) and value.py_func.__module__.startswith("pnfarm.")
+    }
+    assert compiled.function_count() >= len(found) > 200
