@@ -77,9 +77,9 @@ endif
 # Versions and hashes of everything that the image and CI install, for every supported Python, from a plain index.
 lock: | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --group lock
-	$(UV) pyproject.toml -o locks/runtime.txt
-	$(UV) --group build -o locks/build.txt
 	$(UV) pyproject.toml --group build --group lint --group test -o locks/ci.txt
+	$(UV) pyproject.toml -c locks/ci.txt -o locks/runtime.txt
+	$(UV) --group build -c locks/ci.txt -o locks/build.txt
 	echo industriagents-profinet-mcp | $(UV) --no-deps - -o locks/peers.txt
 
 clean:
