@@ -131,6 +131,6 @@ def _parameter(station: DriveStation, wanted: str) -> dict[str, Any]:
         "maximum": parameter.maximum,
         "default": parameter.default,
         "unit": parameter.unit,
-        "writable": parameter.writable,
+        "writable": station.model.writable(wanted),
         "changed": store.changed(parameter),
     }

@@ -18,8 +18,8 @@ __all__ = ["models"]
 #: Sections whose values each have a source of their own.
 _FACTS = (
     "motor", "firmware", "position_units", "factor_group", "control_limits", "communication_loss", "sign_of_life",
-    "following_error", "motion_tasks", "effects", "parameter_access", "parameter_words", "parameter_texts", "lamps",
-    "description_file", "diagnosis", "diagnosis_coding",
+    "following_error", "motion_tasks", "effects", "parameter_access", "parameter_words", "parameter_texts",
+    "address_mode", "lamps", "description_file", "diagnosis", "diagnosis_coding",
 )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.control_limits import apply_control_limits
 from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
 from pnfarm.drives.parameter import Backing, Parameter
-from pnfarm.table.axis import AXIS
+from pnfarm.table.axis import AXIS, FAULT_ACTIONS
 from pnfarm.table.axis_codes import TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.signals import (
     DRV_ACC,
@@ -19,10 +19,12 @@ from pnfarm.table.signals import (
     JOG_SPEED_1,
     JOG_SPEED_2,
     KPC,
+    MDI_ACC,
     MT_FEEDRATE,
     NSOLL_B,
     REF_SPEED,
     SATZANW,
+    SETPOINT_SLOTS,
     TARPOS_A,
     TORQUE_LIMIT_NEGATIVE,
     TORQUE_LIMIT_POSITIVE,
@@ -64,7 +66,7 @@ AT_ONCE = 1e12
 class AxisFields:
     """Writes the axis record of ``handle`` from the drive's stored values and its telegram."""
 
-    __slots__ = ("_handle", "_places", "_selection", "_values")
+    __slots__ = ("_handle", "_places", "_selection", "_values", "_written")
 
     def __init__(self, values: StoredValues, selection: TelegramSelection, handle: AxisHandle) -> None:
         self._values = values
@@ -72,6 +74,8 @@ class AxisFields:
         self._handle = handle
         #: Parameters whose raw number is rounded since the unit changed: PNU -> that number, and the place, rev.
         self._places: dict[int, tuple[int, float]] = {}
+        #: Set points that were written by their PNU: slot -> raw number.
+        self._written: dict[int, int] = {}
 
     @property
     def axis(self) -> Any:
@@ -79,6 +83,10 @@ class AxisFields:
         return self._handle.axis
 
     # from parameters
+
+    def forget(self) -> None:
+        """What parameters wrote of set points is gone."""
+        self._written.clear()
 
     def apply_all(self) -> None:
         """Write every field from the values in force."""
@@ -88,6 +96,7 @@ class AxisFields:
             axis[column.name] = column.default
         for field, value in model.firmware.items():
             setattr(axis, field, value)
+        self._fit_defaults()
         if model.factor_group is not None:
             apply_factor_group(model.factor_group, self._values, axis)
         if model.control_limits is not None:
@@ -95,6 +104,7 @@ class AxisFields:
         for parameter in model.axis_parameters:
             self._apply(parameter)
         self._apply_communication_loss()
+        self._apply_fault_actions()
         if model.sign_of_life is not None:
             axis.life = 1
             axis.life_fault = model.faults[model.sign_of_life.fault].code
@@ -118,6 +128,8 @@ class AxisFields:
             self._apply_scaled("acceleration")
         if model.control_limits is not None and parameter.pnu in model.control_limits.numbers:
             apply_control_limits(model.control_limits, self._values, self._handle.axis)
+        if parameter.pnu in model.fault_actions:
+            self._apply_fault_actions()
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
         if int(self._handle.axis.shows):
@@ -142,6 +154,7 @@ class AxisFields:
         axis.servo_control = XERR in slots and KPC in slots
         axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         axis.feedrate_signal = MT_FEEDRATE in slots
+        axis.spare_acceleration = self.spare(MDI_ACC)
         axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
         axis.parameter_channel = self._selection.frame.parameter_words > 0
         self._apply_shown()
@@ -160,12 +173,39 @@ class AxisFields:
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
             axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
 
-    def bring(self, slot: int) -> None:
-        """A set point that no telegram brings was written by its PNU: it counts from now on."""
+    def spare(self, slot: int) -> int:
+        """What a parameter wrote of a set point whose word of the telegram may be 0; 0 for none."""
+        return self._written.get(slot, 0) if self.falls_back(slot) else 0
+
+    def falls_back(self, slot: int) -> bool:
+        """Whether the telegram in force leaves this set point to its parameter where its own word is 0."""
+        return any(SETPOINT_SLOTS[name] == slot for name in self._selection.telegram.falls_back)
+
+    def bring(self, slot: int, raw: int) -> None:
+        """A set point was written by its PNU: where no telegram brings it, it counts from now on."""
         axis = self._handle.axis
+        self._written[slot] = raw
+        axis.spare_acceleration = self.spare(MDI_ACC)
         axis.home_signals |= _HOME_SIGNALS.get(slot, 0)
         if slot == MT_FEEDRATE:
             axis.feedrate_signal = 1
+
+    def take_over(self, *, ended: bool = False) -> None:
+        """What the telegram made of parameters is theirs (AKD PROFINET manual 5.8: signals change them).
+
+        With ``ended`` the telegram comes no more, and they count again.
+        """
+        brought = self._brought()
+        for parameter in self._values.model.axis_parameters:
+            slot = _CHANGED_BY.get(parameter.argument)
+            if slot not in _HOME_SIGNALS or slot not in brought:
+                continue
+            value = self.changed_by_signal(parameter)
+            if ended:
+                self._handle.axis.home_signals = int(self._handle.axis.home_signals) & ~_HOME_SIGNALS[slot]
+            if value is not None and parameter.allows(value):
+                self._values.current[parameter.pnu] = value
+                self._apply(parameter)
 
     def _prevail(self, parameter: Parameter) -> None:
         """A parameter counts again where its signal came by a PNU: the last one written does."""
@@ -221,6 +261,12 @@ class AxisFields:
         self._handle.axis.loss_fault = code
         self._handle.axis.stop_fault = code if on_stop else 0
 
+    def _apply_fault_actions(self) -> None:
+        """Which faults are ignored: those whose parameter is not 0."""
+        raw = self._values.raw
+        found = [number for pnu, number in self._values.model.fault_actions.items() if raw(pnu)]
+        self._handle.axis.ignored_faults[:] = found + [0] * (FAULT_ACTIONS - len(found))
+
     # and back
 
     def shown(self, parameter: Parameter) -> int:
@@ -240,13 +286,24 @@ class AxisFields:
         if slot is None:
             return None
         axis, value = self._handle.axis, int(self._handle.image.received[slot])
-        if slot in _HOME_SIGNALS and not int(axis.home_signals) & _HOME_SIGNALS[slot]:
-            return None
-        if slot == HOME_MODE:
-            return value & 0xFFFF
-        if slot == HOME_DIST:
-            return self.scaled(parameter, value * float(axis.position_step))
+        if slot in _HOME_SIGNALS:
+            return self._homing_signal(parameter, slot, value)
         return self.scaled(parameter, (value & 0xFFFF) * float(axis.acceleration_step)) if value & 0xFFFF else None
+
+    def _homing_signal(self, parameter: Parameter, slot: int, value: int) -> int | None:
+        """HOME_MODE or HOME_DIST in its parameter's number, None where it does not count.
+
+        While the data of a telegram are not valid, what it brought last stays.
+        """
+        axis, bit = self._handle.axis, _HOME_SIGNALS[slot]
+        if not int(axis.home_signals) & bit:
+            return None
+        distance = value * float(axis.position_step)
+        if slot in self._brought() and not self._handle.controlled:
+            if not int(axis.home_brought) & bit:
+                return None
+            value, distance = int(axis.asked_home_method), float(axis.asked_home_distance)
+        return value & 0xFFFF if slot == HOME_MODE else self.scaled(parameter, distance)
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
         """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""
@@ -258,9 +315,16 @@ class AxisFields:
             return parameter.wrap(round(physical * self.position_units()))
         return parameter.clamp(round(physical / self._factor(parameter)))
 
-    def carry_places(self, units: float) -> None:
+    def _fit_defaults(self) -> None:
+        """Defaults of places are places: their numbers follow the units in force."""
+        units = self._values.model.position_units
+        if units is not None and self.position_units() != units.default:
+            self.carry_places(units.default, written=False)
+
+    def carry_places(self, units: float, *, written: bool = True) -> None:
         """The unit of positions changed from ``units`` to the revolution: places stay, their numbers follow.
 
+        With ``written`` false the places that stand in values and tasks are left alone, which have the unit already.
         AKD PROFINET manual 6.2: a PNU's value is the parameter's value divided by PN.POSSCALE.
         """
         now = self.position_units()
@@ -268,16 +332,19 @@ class AxisFields:
         for parameter in self._values.model.parameters.values():
             if parameter.scale != "position" or not parameter.writable or parameter.backing is Backing.SIGNAL:
                 continue
+            if not written and parameter.pnu in current:
+                continue
             raw = self._values.raw(parameter.pnu)
             number, place = self._places.get(parameter.pnu, (None, 0.0))
             place = place if number == raw else raw / units
             raw = self._numbered(parameter, place * now)
             current[parameter.pnu] = raw
             self._places[parameter.pnu] = (raw, place)
-            for task in self._values.tasks.values():
+            for task in self._values.tasks.values() if written else ():
                 if parameter.pnu in task:
                     task[parameter.pnu] = self._numbered(parameter, task[parameter.pnu] / units * now)
-        self._apply_scaled("position")
+        if written:
+            self._apply_scaled("position")
 
     @staticmethod
     def _numbered(parameter: Parameter, value: float) -> int:
@@ -289,7 +356,7 @@ class AxisFields:
         if units is None:
             return 1.0
         chosen = units.revolution[raw(units.unit)] or raw(units.numerator) / raw(units.denominator)
-        return chosen / raw(units.scaling)
+        return chosen * units.multiple / raw(units.scaling)
 
     def _factor(self, parameter: Parameter) -> float:
         if parameter.scale == "velocity":

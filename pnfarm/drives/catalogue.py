@@ -198,6 +198,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "pulses_enabled": telegram.pulses_enabled,
                 "free_mapping": telegram.free_mapping,
                 "parameter_words": telegram.parameter_words,
+                "falls_back": list(telegram.falls_back),
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),
                 "output": [signal.name if signal else None for signal in telegram.output],
@@ -242,6 +243,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],
                 "cause": fault.cause,
                 "word": fault.word,
+                "action": fault.action,
                 "source": fault.source,
                 "note": fault.note,
             }
@@ -269,6 +271,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "effects": _fact_json(described, "effects"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "parameter_words": _fact_json(described, "parameter_words"),
+        "address_mode": _fact_json(described, "address_mode"),
         "lamps": _fact_json(described, "lamps"),
         "description_file": _fact_json(described, "description_file"),
         "diagnosis": _fact_json(described, "diagnosis"),

@@ -13,7 +13,7 @@ from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
-from pnfarm.table.axis_codes import LIFE_GOOD, RAMP_GENERATED
+from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_RELEASE, LACKS_SUPPLY, LIFE_GOOD, RAMP_GENERATED
 from pnfarm.table.image import LOST_EXPIRED, LOST_NEVER, LOST_STOP
 from pnfarm.table.signals import DRIVE_INPUTS
 
@@ -221,13 +221,26 @@ def _controlled_stop(store: ParameterStore, _parameter: Parameter) -> Sequence[i
 
 
 def _disable_sources(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    """DRV.DISSOURCES (AKD parameter reference): bit 0 software, 1 fault, 4 not started up yet.
+    """DRV.DISSOURCES (AKD parameter reference): what keeps the power stage off, or shall switch it off.
 
-    The hardware enables this drive (bit 2), and no input asks for a controlled stop (bit 5).
+    Bit 0 software, 1 fault, 2 hardware, 3 no supply of power, 4 not started up yet, 5 an input for a controlled stop.
     """
     axis = store.handle.axis
-    software = not store.handle.in_operation
-    return [software | (int(axis.fault_code[0]) != 0) << 1 | (int(axis.state) == 0) << 4]
+    lacks = int(axis.lacked)
+    reasons = (
+        not store.handle.in_operation,
+        int(axis.fault_code[0]) != 0,
+        lacks & LACKS_ENABLE,
+        lacks & LACKS_SUPPLY,
+        int(axis.state) == 0,
+        lacks & LACKS_RELEASE,
+    )
+    return [sum(1 << bit for bit, there in enumerate(reasons) if there)]
+
+
+def _hardware_enable(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+    """DRV.HWENABLE (AKD parameter reference): 1 while the hardware enables the drive."""
+    return [int(not int(store.handle.axis.lacked) & LACKS_ENABLE)]
 
 
 def _digital_input(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
@@ -344,6 +357,7 @@ COMPUTED: dict[str, _Function] = {
     "limit-switch": _limit_switch,
     "software-limits": _software_limits,
     "disable-sources": _disable_sources,
+    "hardware-enable": _hardware_enable,
     "digital-input": _digital_input,
     "torque-allowed": _torque_allowed,
     "mechanical-position": _mechanical_position,

@@ -47,7 +47,7 @@ EFFECTS = {
 def acting_parameters(model: Model) -> frozenset[int]:
     """The PNUs of stored parameters that the model's sections name, so that their values act."""
     numbers: set[int] = {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}
-    numbers.update(model.access.mapping_elements, (entry.pnu for entry in model.consequences))
+    numbers.update(model.access.mapping_elements, (entry.pnu for entry in model.consequences), model.fault_actions)
     if model.motion_tasks is not None:
         numbers.update((model.motion_tasks.number, *model.motion_tasks.contents))
     if model.diagnosis_coding is not None:

@@ -22,6 +22,7 @@ from pnfarm.drives.model_parts import (
     DIAGNOSIS_CODINGS,
     REACTIONS,
     SEND_CLOCKS,
+    AddressMode,
     CommunicationLoss,
     ControlLimits,
     DescriptionFile,
@@ -41,12 +42,12 @@ from pnfarm.drives.model_parts import (
 )
 from pnfarm.drives.motor_kinds import read_motor_kinds
 from pnfarm.drives.parameter import Backing
-from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_parameters
+from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_only_names, read_parameters
 from pnfarm.drives.profiles.profidrive.pkw import PARAMETER_TASKS, ParameterWords
 from pnfarm.drives.telegram import Module, Submodule
 from pnfarm.drives.telegram_tables import check_settings, read_telegrams
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS, FAULT_WORDS, MOTION_TASKS
+from pnfarm.table.axis import AXIS, FAULT_ACTIONS, FAULT_WORDS, MOTION_TASKS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -70,7 +71,18 @@ def _fault_number(text: str, where: str, field: str) -> int:
         raise ConfigError(f"{where}, {field}: {text!r} is not a number, nor two such as 32-1") from None
 
 
-def _faults(path: Path) -> dict[int, Fault]:
+def _fault_action(row: Mapping[str, str], parameters: Mapping[int, Parameter], where: str) -> int:
+    """The PNU of the parameter that says whether a fault is raised, 0 for none."""
+    action = integer(row.get("action", ""), where, "action", 0)
+    parameter = parameters.get(action)
+    if action and (parameter is None or parameter.backing is not Backing.STORED or parameter.elements):
+        raise ConfigError(f"{where}, action: {action} is no plain parameter that is stored")
+    if action and row["kind"] == "warning":
+        raise ConfigError(f"{where}, action: of a fault, not of a warning")
+    return action
+
+
+def _faults(path: Path, parameters: Mapping[int, Parameter]) -> dict[int, Fault]:
     faults: dict[int, Fault] = {}
     for where, row in rows(path):
         number = _fault_number(row["number"], where, "number")
@@ -89,7 +101,12 @@ def _faults(path: Path) -> dict[int, Fault]:
         word = integer(row.get("word", ""), where, "word", 0)
         if not 0 <= word <= 0xFFFF or (word and number >= FAULT_WORDS):
             raise ConfigError(f"{where}, word: {word} does not fit in 16 bits, or its fault is above {FAULT_WORDS - 1}")
-        faults[number] = Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word)
+        faults[number] = Fault(
+            number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word,
+            _fault_action(row, parameters, where),
+        )  # fmt: skip
+    if sum(fault.action > 0 for fault in faults.values()) > FAULT_ACTIONS:
+        raise ConfigError(f"{path}, action: more than {FAULT_ACTIONS} faults have one")
     return faults
 
 
@@ -198,6 +215,9 @@ def _position_units(
         parameter = parameters.get(pnu)
         if parameter is None or parameter.backing is not Backing.STORED or parameter.elements:
             raise ConfigError(f"{where}: {pnu} is no plain parameter that is stored")
+    for key, number in (("default", units.default), ("multiple", units.multiple)):
+        if not isinstance(number, int | float) or number <= 0.0:
+            raise ConfigError(f"{where}.{key}: {number!r} is no number above 0")
     if parameters[units.unit].maximum >= len(units.revolution):
         raise ConfigError(f"{where}.revolution: PNU {units.unit} goes to {parameters[units.unit].maximum}")
     for pnu in (units.scaling, units.numerator, units.denominator):
@@ -251,6 +271,20 @@ def _access(
                 f"{path.parent / 'telegrams.toml'}, signal {signal.number}, shown_as: no parameter {signal.shown_as}"
             )
     return access
+
+
+def _address_mode(
+    facts: Mapping[str, Fact] | None, parameters: Mapping[int, Parameter], where: str
+) -> AddressMode | None:
+    if facts is None:
+        return None
+    mode: AddressMode = _build(AddressMode, facts, where)
+    parameter = parameters.get(mode.parameter)
+    if parameter is None or parameter.backing is not Backing.STORED or not parameter.nonvolatile or parameter.elements:
+        raise ConfigError(f"{where}.parameter: {mode.parameter} is no plain parameter that is stored for good")
+    if not isinstance(mode.dcp, int) or not parameter.allows(mode.dcp):
+        raise ConfigError(f"{where}.dcp: {mode.dcp!r} is no value of {parameter.name}")
+    return mode
 
 
 def _lamps(facts: Mapping[str, Fact] | None, where: str) -> Lamps | None:
@@ -348,6 +382,7 @@ def load_model(folder: Path) -> Model:
     sections |= {
         key: _facts(data, key, path)
         for key in (
+            "address_mode",
             "control_limits",
             "description_file",
             "diagnosis",
@@ -369,7 +404,7 @@ def load_model(folder: Path) -> Model:
     }
     parameters = read_parameters(folder / "parameters.csv")
     signals, telegrams, bits = read_telegrams(folder / "telegrams.toml", required(data, "telegram_module", str(path)))
-    faults = _faults(folder / "faults.csv")
+    faults = _faults(folder / "faults.csv", parameters)
     dap = required(data, "dap", str(path))
     try:
         submodules = tuple(Submodule(input_bytes=0, output_bytes=0, **entry) for entry in dap["submodules"])
@@ -414,6 +449,7 @@ def load_model(folder: Path) -> Model:
         parameter_words=_parameter_words(
             sections.get("parameter_words"), telegrams.values(), f"{path}, parameter_words"
         ),
+        address_mode=_address_mode(sections.get("address_mode"), parameters, f"{path}, address_mode"),
         lamps=_lamps(sections.get("lamps"), f"{path}, lamps"),
         sign_of_life=life,
         following_error=error,
@@ -434,6 +470,7 @@ def load_model(folder: Path) -> Model:
         telegrams=telegrams,
         parameters=parameters,
         parameter_names=names,
+        read_only_names=read_only_names(data.get("parameter_names", {})),
         axis_parameters=axis_parameters(parameters),
         faults=faults,
         facts={f"{section}.{key}": fact for section, facts in sections.items() for key, fact in facts.items()}

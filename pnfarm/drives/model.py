@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.effects import Effect
     from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.model_parts import (
+        AddressMode,
         CommunicationLoss,
         ControlLimits,
         DescriptionFile,
@@ -80,6 +81,7 @@ class Model:
     access: ParameterAccess
     communication_loss: CommunicationLoss
     parameter_words: ParameterWords | None
+    address_mode: AddressMode | None
     lamps: Lamps | None
     sign_of_life: SignOfLife | None
     following_error: FollowingError | None
@@ -102,6 +104,8 @@ class Model:
     telegrams: Mapping[int, Telegram]
     parameters: Mapping[int, Parameter]
     parameter_names: Mapping[str, int]
+    #: Names, in capitals, under which a parameter can only be read.
+    read_only_names: frozenset[str]
     axis_parameters: tuple[Parameter, ...]
     faults: Mapping[int, Fault]
     facts: Mapping[str, Fact]
@@ -143,6 +147,13 @@ class Model:
             )
         return self.parameters[pnu], subindex
 
+    def writable(self, text: str | int) -> bool:
+        """Whether the parameter of :meth:`resolve` can be written, by this number or under this name."""
+        wanted = str(text).strip().upper()
+        name, _, index = wanted.rpartition(".")
+        read_only = wanted in self.read_only_names or (_is_number(index) and name in self.read_only_names)
+        return not read_only and self.resolve(text)[0].writable
+
     def canonical(self, parameter: Parameter) -> Parameter:
         """The parameter that an alias stands for, or itself."""
         return self.parameters[parameter.index] if parameter.backing is Backing.ALIAS else parameter
@@ -166,6 +177,11 @@ class Model:
                 return fault
         known = ", ".join(fault.label for fault in self.faults.values())
         raise ConfigError(f"{self.name} has no fault {text[:60]!r}; it has {known}, their names and causes")
+
+    @property
+    def fault_actions(self) -> Mapping[int, int]:
+        """The parameters that say whether a fault is raised: PNU -> the fault's number."""
+        return {fault.action: fault.number for fault in self.faults.values() if fault.action}
 
     # telegrams
 

@@ -21,6 +21,7 @@ __all__ = [
     "REACTIONS",
     "SEND_CLOCKS",
     "SWITCH_CAUSES",
+    "AddressMode",
     "CommunicationLoss",
     "ControlLimits",
     "DescriptionFile",
@@ -162,8 +163,8 @@ class DescriptionFile:
 class CommunicationLoss:
     """The fault on lost cyclic data, and the parameters that govern it; 0 is a drive without such a parameter.
 
-    A value of 0 of ``action_parameter`` is no fault.  Without ``stop_parameter``, ``on_stop`` says whether the fault is
-    also raised when the controller goes to STOP.
+    A value of 0 of ``action_parameter`` is no fault; a fault with an ``action`` of its own needs none.  Without
+    ``stop_parameter``, ``on_stop`` says whether the fault is also raised when the controller goes to STOP.
     """
 
     fault: int
@@ -171,6 +172,14 @@ class CommunicationLoss:
     stop_parameter: int = 0
     stop_bit: int = 0
     on_stop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class AddressMode:
+    """The PNU that tells where the drive's address comes from, and its value once DCP has set one."""
+
+    parameter: int
+    dcp: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +215,8 @@ class PositionUnits:
     """The PNUs that parameters with the scale ``position`` follow: so many units to a revolution.
 
     The value of ``unit`` picks one of ``revolution``, units to a revolution, where 0 stands for ``numerator`` by
-    ``denominator``; ``scaling`` divides what was picked.
+    ``denominator``; ``multiple`` multiplies what was picked, ``scaling`` divides it.  The defaults of such parameters
+    stand in ``default`` numbers to the revolution.
     """
 
     scaling: int
@@ -214,6 +224,8 @@ class PositionUnits:
     numerator: int
     denominator: int
     revolution: tuple[float, ...]
+    default: float
+    multiple: float = 1.0
 
     @property
     def numbers(self) -> frozenset[int]:
@@ -298,7 +310,8 @@ class DiagnosisCoding:
 class Fault:
     """A fault or warning by its number (:func:`fault_number`).
 
-    ``cause`` is what a fault kind asks for, empty if none raises it.
+    ``cause`` is what a fault kind asks for, empty if none raises it.  ``action`` is the PNU of the parameter that says
+    whether it is raised, 0 for one that always is.
     """
 
     number: int
@@ -310,6 +323,7 @@ class Fault:
     note: str
     #: The word that PNU 945 and the signal FAULT_CODE show, 0 where the manual has none.
     word: int = 0
+    action: int = 0
 
     @property
     def label(self) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-__all__ = ["PER_PITCH", "axis_parameters", "parameter_names", "read_parameters"]
+__all__ = ["PER_PITCH", "axis_parameters", "parameter_names", "read_only_names", "read_parameters"]
 
 _TYPES = {
     "Command": ParameterType.COMMAND,
@@ -263,6 +263,11 @@ def parameter_names(
             names.setdefault(f"{prefix}{pnu:04}".upper(), pnu)
             names.setdefault(f"{prefix}{pnu}".upper(), pnu)
     return names
+
+
+def read_only_names(extra: Mapping[str, Any]) -> frozenset[str]:
+    """Upper-case names under which a parameter can only be read, though it may be written by its number."""
+    return frozenset(name.upper() for name, entry in extra.items() if entry.get("read_only", False))
 
 
 def axis_parameters(parameters: Mapping[int, Parameter], *, linear: bool = False) -> tuple[Parameter, ...]:

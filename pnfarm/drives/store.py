@@ -141,7 +141,8 @@ class ParameterStore:
         target = self.model.canonical(parameter)
         if target.pnu in self.model.access.disabled_only and self.handle.in_operation:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter, subindex)
-        if self._brought(target) is not None:
+        brought = self._brought(target)
+        if brought is not None and not self._axis.falls_back(brought.slot):
             raise refusal(ParameterErrorNumber.NO_OPERATION_PRIORITY, parameter)
         if target.backing is Backing.COMMAND:
             self._execute(target, values[0])
@@ -176,6 +177,8 @@ class ParameterStore:
     def set(self, text: str | int, value: int) -> None:
         """Change one value by number or name."""
         parameter, subindex = self.model.resolve(text)
+        if not self.model.writable(text):
+            raise refusal(ParameterErrorNumber.NOT_CHANGEABLE, parameter, subindex)
         self.write(parameter.pnu, subindex, [value])
 
     def changed(self, parameter: Parameter) -> bool:
@@ -219,6 +222,7 @@ class ParameterStore:
         ``module_ident`` says which of the telegram's modules it is, its first if not given.  Another module than the
         one before brings its settings with it.  Raises :class:`ConfigError` for a number that the model does not know.
         """
+        self._axis.take_over(ended=True)
         if number is None:
             self._selection.unplug()
         else:
@@ -226,6 +230,10 @@ class ParameterStore:
                 self._values.current[pnu] = value
                 self._axis.apply_written(self.model.parameters[pnu])
         self._axis.apply_telegram()
+
+    def channels_closed(self) -> None:
+        """No controller brings a telegram any more: what its signals changed stays changed."""
+        self._axis.take_over(ended=True)
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
         """The signals of the frames, word by word."""
@@ -247,6 +255,7 @@ class ParameterStore:
 
     def power_on(self) -> None:
         """As after a power cycle: the permanent values are in force and on the axis record, no module is plugged."""
+        self._axis.forget()
         self._load()
         self._selection.unplug()
         self.watchdog_ns = 0
@@ -261,6 +270,24 @@ class ParameterStore:
         """The name that was written and made permanent before this power-on, once."""
         name = self._values.take_name()
         return None if name is None else name.decode("ascii")
+
+    def address_set(self) -> None:
+        """DCP set the address: the parameter that tells where it comes from says so from now on, for good."""
+        mode = self.model.address_mode
+        if mode is not None and self._values.keep_at_once(mode.parameter, mode.dcp):
+            self._events.append(NonVolatileSaved())
+
+    def address_forgotten(self) -> None:
+        """The address is the factory's again, and so is that parameter."""
+        mode = self.model.address_mode
+        if mode is not None and self._values.keep_at_once(mode.parameter, None):
+            self._events.append(NonVolatileSaved())
+
+    def commission_address(self) -> None:
+        """An address of the farm file counts as one that DCP set, unless the parameter says otherwise."""
+        mode = self.model.address_mode
+        if mode is not None:
+            self._values.permanent.setdefault(mode.parameter, mode.dcp)
 
     def snapshot(self) -> dict[str, Any]:
         """The permanent values as plain JSON: what the farm keeps for this drive."""
@@ -324,15 +351,16 @@ class ParameterStore:
         target = self.model.canonical(parameter)
         brought = self._brought(target)
         if brought is not None:
-            value = int(self.handle.image.received[brought.slot])
+            value = int(self.handle.image.received[brought.slot]) or self._axis.spare(brought.slot)
             return target.clamp(value) if brought.bits > 8 * target.octets else target.wrap(value)
         if target.backing is Backing.COMMAND:
             return 0
         if target.backing is Backing.COMPUTED:
             return parameter.clamp(COMPUTED[target.argument](self, target)[0])
         if target.backing is Backing.SIGNAL:
-            image = self.handle.image
-            return target.wrap(int((image.received if target.argument == "received" else image.sent)[target.index]))
+            if target.argument == "sent":
+                return target.wrap(int(self.handle.image.sent[target.index]))
+            return target.wrap(int(self.handle.image.received[target.index]) or self._axis.spare(target.index))
         if target.backing is Backing.FIELD:
             shown = self._axis.changed_by_signal(target) if target.writable else self._axis.shown(target)
             return self.raw(target.pnu) if shown is None else shown
@@ -371,11 +399,13 @@ class ParameterStore:
         self._values.current[parameter.pnu] = tuple(text.ljust(parameter.elements, b"\0"))
 
     def _write_signal(self, parameter: Parameter, value: int) -> None:
-        """A set point by its PNU, which no telegram brings now (AKD: MDI_ACC with telegram 352)."""
+        """A set point by its PNU: no telegram brings it now, or its word may be 0 (AKD: MDI_ACC of telegram 352)."""
         bits = 8 * parameter.octets
         value &= (1 << bits) - 1
-        self.handle.image.received[parameter.index] = value - (1 << 32) if value >> 31 else value
-        self._axis.bring(parameter.index)
+        raw = value - (1 << 32) if value >> 31 else value
+        if self._brought(parameter) is None:
+            self.handle.image.received[parameter.index] = raw
+        self._axis.bring(parameter.index, raw)
 
     def _write_telegram(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
         """What the telegram is (PNU 922, 915, 916, the elements of these): not while the axis is in operation.
@@ -434,6 +464,7 @@ class ParameterStore:
             raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter)
 
     def _save(self) -> None:
+        self._axis.take_over()
         self._values.save()
         self._events.append(NonVolatileSaved())
 

@@ -127,6 +127,16 @@ class StoredValues:
 
     # non-volatile memory
 
+    def keep_at_once(self, pnu: int, value: int | None) -> bool:
+        """One value, None for the default, in force and permanent; false when it was so already."""
+        before = (self.current.get(pnu), self.permanent.get(pnu))
+        for values in (self.current, self.permanent):
+            if value is None:
+                values.pop(pnu, None)
+            else:
+                values[pnu] = value
+        return before != (value, value)
+
     def save(self) -> None:
         """What is in force becomes permanent, as far as the drive keeps it."""
         parameters = self.model.parameters
@@ -205,7 +215,7 @@ class StoredValues:
         target = self.model.canonical(parameter)
         if subindex:
             raise refusal(ParameterErrorNumber.ADDRESS_IMPERMISSIBLE, parameter)
-        if not target.nonvolatile:
+        if not target.nonvolatile or not self.model.writable(key):
             raise refusal(ParameterErrorNumber.NOT_CHANGEABLE, parameter, 0)
         values = _as_list(value, parameter)
         if len(values) > max(parameter.elements, 1):

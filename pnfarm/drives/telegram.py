@@ -126,6 +126,7 @@ class Telegram:
     ``opmode`` is the axis's operation mode that comes with the telegram, None where a parameter sets it.
     ``tasks`` says how it brings traversing tasks (``TASKS_*`` of the axis).
     ``pulses_enabled`` is the bit of ZSW2 that says so in this telegram, None where none does.
+    ``falls_back`` names set points whose parameter counts where the telegram's word is 0.
     """
 
     number: int
@@ -144,6 +145,7 @@ class Telegram:
     others: tuple[Module, ...] = ()
     parameter_words: int = 0
     settings: Mapping[int, int] = field(default_factory=dict)
+    falls_back: tuple[str, ...] = ()
 
     @property
     def modules(self) -> tuple[Module, ...]:

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 __all__ = ["check_settings", "read_telegrams"]
 
+#: Set points for which the axis has a place beside that of the telegram.
+FALLING_BACK = ("MDI_ACC",)
+
 
 def _signal(table: Mapping[str, Any], where: str) -> Signal:
     name, direction = required(table, "name", where), required(table, "direction", where)
@@ -121,7 +124,17 @@ def _telegram(
         opmode=table.get("opmode"),
         tasks=_tasks(table.get("tasks", "none"), where),
         pulses_enabled=table.get("pulses_enabled"),
+        falls_back=_falls_back(table, where),
     )
+
+
+def _falls_back(table: Mapping[str, Any], where: str) -> tuple[str, ...]:
+    """Set points whose parameter counts where the telegram's word is 0."""
+    names = tuple(table.get("falls_back", ()))
+    for name in names:
+        if name not in FALLING_BACK or name not in table["output"]:
+            raise ConfigError(f"{where}, falls_back: {name!r} is none of {', '.join(FALLING_BACK)} in its output")
+    return names
 
 
 def _tasks(name: Any, where: str) -> int:

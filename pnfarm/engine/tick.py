@@ -12,7 +12,7 @@ import numpy as np
 
 from pnfarm.engine.impair import impair_received, impair_sent
 from pnfarm.firmware.axis_program import step_program
-from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.parameter_words import exchange
 from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step

@@ -163,7 +163,7 @@ class InstalledModel:
                 what = f"{self.name} has no such parameter{hint}"
                 complaints.append((key, what, f"a name or number of `pnfarm models {self.name}`"))
                 continue
-            if not parameter.writable:
+            if not self.model.writable(key):
                 complaints.append((key, f"{parameter.name} can only be read", "a parameter that can be written"))
                 continue
             raw = raw_number(parameter, value)

@@ -23,7 +23,7 @@ from pnfarm.faults.manager import FaultManager
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.faults.target import Connection, Evidence, ReadyRule, Way
 from pnfarm.faults.words import FaultError
-from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties
 from pnfarm.table.axis import FAULT_SLOTS, WARNING_SLOTS
@@ -349,6 +349,9 @@ class StationTarget(CmTarget, MachineTarget):
 
     def fault_stands(self, fault: Fault) -> bool:
         return any(int(code) & NUMBER_MASK == fault.number for code in self._station.handle.axis.fault_code)
+
+    def ignores_fault(self, fault: Fault) -> bool:
+        return any(int(number) == fault.number for number in self._station.handle.axis.ignored_faults)
 
     def fault_count(self, fault: Fault) -> int:
         return self._station.fault_counts.get(fault.number, 0)

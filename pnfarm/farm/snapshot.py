@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.model_parts import fault_label
 from pnfarm.faults.manager import RunState
-from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.channel import DISCARDS

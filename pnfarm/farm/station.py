@@ -147,6 +147,8 @@ class DriveStation:
         identity = self.model.identity
         self.store = ParameterStore(self.model, self.handle)
         self.store.restore(kept.get("drive"))
+        if self.config.ip is not None and "ip" not in kept:
+            self.store.commission_address()
         self.store.commission({key: self._raw(key, value) for key, value in self.config.params.items()})
         self.store.commission_tasks(self.config.motion_tasks)
         self.store.power_on()
@@ -418,6 +420,7 @@ class DriveStation:
                     self.cm.station_name = name
                 case IpSet(interface) if interface is not None:
                     self.rpc.set_address(interface.ip)
+                    self.store.address_set()
                 case SignalBegan():
                     self.signalled_ns = now
                 case AbortRequired(reason):
@@ -437,6 +440,10 @@ class DriveStation:
         if Stored.APPLICATION in reset.clears:
             self.store.restore(None)
             self.store.power_on()
+        if self.dcp.address is not None:
+            self.store.address_set()
+        elif Stored.COMMUNICATION in reset.clears:
+            self.store.address_forgotten()
         if Stored.IDENTIFICATION in reset.clears:
             self.records.im.texts.clear()
         if Stored.MANAGEMENT in reset.clears:

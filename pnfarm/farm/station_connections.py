@@ -215,6 +215,8 @@ class StationConnections:
 
     def close(self, key: int) -> None:
         self._station.parameter_records.reset(key)
+        if key in self._station.ars and self._station.ars[key].feeds:
+            self._station.store.channels_closed()
         ar = self._station.channels.close(key)
         if ar is not None:
             self._station.traffic.channels_closed(ar)

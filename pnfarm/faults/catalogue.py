@@ -318,7 +318,7 @@ _ALL = (
         {
             "missing": ParamSpec(
                 "word",
-                "The hardware enable (ENPO of a Moog MSD), or the power supply of the DC link.",
+                "The hardware enable (ENPO of a Moog MSD, DRV.HWENABLE of an AKD), or the power supply of the DC link.",
                 default="enable",
                 words={"enable": 0, "supply": 1},
             )

@@ -73,6 +73,9 @@ class DriveFaultEffect(ShownEffect):
             self._raise(now)
         elif stands:
             self._stood = True
+        elif self.target.ignores_fault(self._fault):
+            # nothing comes of it
+            self.finished = True
         elif self._stood or self.target.fault_count(self._fault) > self._count:
             if seen >= (self.spec.count or 1):
                 self.finished = True

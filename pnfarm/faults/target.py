@@ -362,6 +362,10 @@ class FaultTarget(Protocol):
         """Whether it is active in the drive."""
         ...
 
+    def ignores_fault(self, fault: Fault) -> bool:
+        """Whether the drive does not raise it, because a parameter of its own says so."""
+        ...
+
     def fault_count(self, fault: Fault) -> int:
         """How often it has begun a fault situation."""
         ...

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.causes import NUMBER_MASK, ignored
+from pnfarm.firmware.supply import mains
 from pnfarm.table.axis import COMMANDS, FAULT_SITUATIONS, FAULT_SLOTS, WARNING_SLOTS
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
@@ -32,10 +34,6 @@ from pnfarm.table.axis_codes import (
 from pnfarm.table.compiled import compiled
 
 __all__ = ["acknowledge", "raise_fault", "take_commands"]
-
-#: Where a fault's reaction stands in its code as raised.
-REACTION_SHIFT = 24
-NUMBER_MASK = 0xFFFFFF
 
 
 @compiled
@@ -71,9 +69,9 @@ def _move_down(axis: Any) -> None:
 
 @compiled
 def raise_fault(axis: Any, code: int, now: int) -> None:
-    """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once."""
+    """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once, an ignored one none."""
     number = code & NUMBER_MASK
-    if number == 0:
+    if number == 0 or ignored(axis, number):
         return
     for i in range(FAULT_SLOTS):
         present = axis.fault_code[i]
@@ -113,6 +111,14 @@ def _release(axis: Any, number: int) -> None:
 
 
 @compiled
+def _raise_held(axis: Any, now: int) -> None:
+    """Causes that are there are faults, also when the drive was off or ignored them."""
+    for i in range(FAULT_SLOTS):
+        if axis.fault_held[i] != 0:
+            raise_fault(axis, int(axis.fault_held[i]), now)
+
+
+@compiled
 def _into_history(axis: Any) -> None:
     """The active situation becomes the newest acknowledged one."""
     if not axis.fault_stays:
@@ -145,7 +151,7 @@ def acknowledge(axis: Any) -> bool:
     if axis.fault_code[0] == 0:
         return False
     for i in range(FAULT_SLOTS):
-        if axis.fault_held[i] != 0:
+        if axis.fault_held[i] != 0 and not ignored(axis, int(axis.fault_held[i])):
             return False
     _into_history(axis)
     return True
@@ -184,7 +190,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.brake_asked = 0
     axis.brake_open = 0
     axis.brake_left = 0.0
-    axis.bus_voltage = axis.bus_nominal
+    axis.bus_voltage = max(float(axis.bus_voltage), mains(axis))
     axis.foldback_used[:] = 0.0
     axis.following_error = 0.0
     axis.profile_velocity = 0.0
@@ -222,9 +228,6 @@ def _power_on(axis: Any, now: int) -> None:
     axis.fault_kept = _situations(axis)
     axis.fault_changes = 0
     axis.life_sent = 0
-    for i in range(FAULT_SLOTS):
-        if axis.fault_held[i] != 0:
-            raise_fault(axis, axis.fault_held[i], now)
 
 
 @compiled
@@ -276,3 +279,4 @@ def take_commands(axis: Any, now: int) -> None:
         else:
             _take_motion_command(axis, code, argument)
         axis.command_tail = (axis.command_tail + 1) & 0xFFFFFFFF
+    _raise_held(axis, now)

@@ -4,6 +4,8 @@ All of it changes the set of events that :func:`pnfarm.firmware.state_machine.ad
 
 * A drive without its hardware enable or with a DC link that is too low coasts to S1 and stays there (Moog MSD manual,
   table 10.7, transitions 1, 8 and 16), as does one whose encoder is parked.
+* An input for a controlled stop brakes it along the quick stop ramp and keeps it in S1 (AKD PROFINET manual 5.8.1 and
+  5.6; AKD parameter reference, DIN1.MODE 13).
 * S3 may be reached by STW1.3 as by STW1.0 (AKD PROFINET manual 7.1.4), and OFF in operation may know no ramp (Moog MSD
   manual, table 10.7, transition 6).
 * S1 may be left with STW1.0 set (transition 2), and S3 only when the enable rose (transition 4 with P-0144 = 0): STW1.0
@@ -31,6 +33,8 @@ from pnfarm.firmware.state_machine import (
 )
 from pnfarm.table.axis_codes import (
     LACKS_ENABLE,
+    LACKS_RELEASE,
+    LACKS_SUPPLY,
     QUICK_STOP_COAST,
     QUICK_STOP_CURRENT,
     QUICK_STOP_PROFILE,
@@ -50,14 +54,19 @@ RAMP_STOP = 1  # ``stop``
 
 @compiled
 def take_hindrances(axis: Any) -> None:
-    """Once in each step, before the events: the edges of the hardware enable and of the enable by STW1."""
+    """Once in each step, before the events: what the drive lacks, edges of the hardware enable and of that by STW1.
+
+    Everything that shows hardware enable, stop inputs and supply goes by ``lacked``.
+    """
     lacks = int(axis.hindrances)
+    if axis.stop_input:
+        lacks |= LACKS_RELEASE
     if axis.enable_acknowledges and int(axis.lacked) & ~lacks & LACKS_ENABLE:
         acknowledge(axis)
     axis.lacked = lacks
     if (int(axis.stw1) & ENABLE_BITS) != ENABLE_BITS or axis.state < 2 or axis.state > 3:
         axis.enable_rose = 0
-    elif (int(axis.motion_seen) & ENABLE_BITS) != ENABLE_BITS:
+    elif int(axis.stw1_changed) & ENABLE_BITS:
         axis.enable_rose = 1
 
 
@@ -94,8 +103,11 @@ def with_hindrances(axis: Any, held: int, stw1: int, faulty: int) -> int:
         held = (held | 1 << ON) & ~(1 << OFF | 1 << ENABLE)
     if axis.off_at_once and axis.state == 5 and axis.stop == RAMP_STOP:
         held |= 1 << DISABLE
-    if axis.hindrances or parked(axis):
+    if int(axis.lacked) & (LACKS_ENABLE | LACKS_SUPPLY) or parked(axis):
         held |= 1 << COAST
+        held &= ~(1 << READY)
+    if int(axis.lacked) & LACKS_RELEASE:
+        held |= 1 << QUICK
         held &= ~(1 << READY)
     return _with_quick_stop(axis, held)
 
@@ -121,4 +133,4 @@ def at_once(axis: Any) -> bool:
 @compiled
 def enabled_by_hardware(axis: Any) -> bool:
     """Whether hardware enable and safe stop let the drive run: ZSW1.14 of Moog MSD manual, table 10.8."""
-    return not torque_free(axis) and not int(axis.hindrances) & LACKS_ENABLE
+    return not torque_free(axis) and not int(axis.lacked) & LACKS_ENABLE

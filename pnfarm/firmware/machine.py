@@ -11,6 +11,7 @@ from typing import Any
 from pnfarm.firmware.direction import shaft_sign
 from pnfarm.table.axis import CAMS, USED_INPUTS
 from pnfarm.table.axis_codes import (
+    INPUT_CONTROLLED_STOP,
     INPUT_HOME_SWITCH,
     INPUT_LIMIT_HIGH,
     INPUT_LIMIT_LOW,
@@ -27,7 +28,7 @@ __all__ = ["hold_at_stops", "take_switches"]
 
 @compiled
 def take_switches(axis: Any) -> None:
-    """What the place of the axis and faults press, and which of the inputs is the home switch."""
+    """What the place of the axis and faults press, and what the inputs are used for."""
     place = shaft_sign(axis) * axis.position
     limits = int(axis.fault_limits)
     if axis.machine & MACHINE_SWITCH_LOW and place <= axis.switch_low:
@@ -41,6 +42,7 @@ def take_switches(axis: Any) -> None:
                 inputs |= int(axis.cam_inputs[i])
     axis.digital_inputs = inputs
     axis.home_switch = 0
+    axis.stop_input = 0
     for i in range(USED_INPUTS):
         mode = int(axis.input_modes[i])
         if mode == 0:
@@ -48,6 +50,8 @@ def take_switches(axis: Any) -> None:
         active = (inputs >> i & 1) != int(axis.input_inverted[i])
         if mode == INPUT_HOME_SWITCH and active:
             axis.home_switch = 1
+        elif mode == INPUT_CONTROLLED_STOP and active:
+            axis.stop_input = 1
         # a limit switch opens where it is pressed
         elif mode == INPUT_LIMIT_LOW and not active:
             limits |= 0x1

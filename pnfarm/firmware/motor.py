@@ -26,6 +26,7 @@ from pnfarm.firmware.direction import shaft_sign
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.foldback import folds, step_foldback, watch_foldback
 from pnfarm.firmware.machine import hold_at_stops
+from pnfarm.firmware.supply import bus_below, mains
 from pnfarm.firmware.torque_limits import limited_torque
 from pnfarm.firmware.travel import fastest
 from pnfarm.table.compiled import compiled
@@ -214,16 +215,20 @@ def _read_encoder(axis: Any, seconds: float) -> None:
 
 @compiled
 def _step_bus(axis: Any, omega: float, seconds: float) -> None:
-    """The DC link gives what motor and drive take, and takes what a braking motor gives back."""
+    """The DC link gives what motor and drive take, and takes what a braking motor gives back.
+
+    Without mains it discharges.
+    """
+    lowest = mains(axis)
     if axis.bus_capacitance <= 0.0 or axis.bus_voltage <= 0.0:
-        axis.bus_voltage = axis.bus_nominal
+        axis.bus_voltage = lowest
         return
     power = axis.torque * omega + PHASES * axis.winding_resistance * axis.current * axis.current + axis.bus_load
     square = axis.bus_voltage * axis.bus_voltage - 2.0 * power * seconds / axis.bus_capacitance
     voltage = sqrt(square) if square > 0.0 else 0.0
     if axis.bus_brake > 0.0 and voltage > axis.bus_brake:
         voltage = axis.bus_brake
-    axis.bus_voltage = max(voltage, float(axis.bus_nominal))
+    axis.bus_voltage = max(voltage, lowest)
 
 
 @compiled
@@ -276,7 +281,5 @@ def watch_motor(axis: Any, now: int) -> None:
         raise_fault(axis, axis.overload_fault, now)
     if axis.bus_limit > 0.0 and axis.bus_voltage > axis.bus_limit:
         raise_fault(axis, axis.overvoltage_fault, now)
-    # without DC link data its voltage is 0, and below nothing
-    low = 0.0 < axis.bus_voltage < axis.undervoltage_limit
-    if low and (axis.state >= 4 or not axis.undervoltage_mode):
+    if bus_below(axis, axis.undervoltage_limit) and (axis.state >= 4 or not axis.undervoltage_mode):
         raise_fault(axis, axis.undervoltage_fault, now)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.position_status import limits_reached
+from pnfarm.firmware.supply import bus_below
 from pnfarm.table.axis import WARNING_SLOTS
 from pnfarm.table.compiled import compiled
 
@@ -48,7 +49,7 @@ def _tell_own(axis: Any, told: int) -> int:
     for i in range(2):
         if axis.foldback_limit[i] < axis.foldback_warning_level:
             count = _tell(axis, count, int(axis.foldback_warning[i]))
-    if 0.0 < axis.bus_voltage < axis.bus_levels[0]:
+    if bus_below(axis, axis.bus_levels[0]):
         count = _tell(axis, count, int(axis.bus_warning[0]))
     elif 0.0 < axis.bus_levels[1] < axis.bus_voltage:
         count = _tell(axis, count, int(axis.bus_warning[1]))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.causes import cause_held
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
-from pnfarm.table.axis import FAULT_SLOTS
-from pnfarm.table.axis_codes import MDI_SELECTED, TASKS_TABLE
+from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_RELEASE, MDI_SELECTED, TASKS_TABLE
 from pnfarm.table.axis_readings import REACHED_NO_MOTION, REACHED_TASK_ACTIVE
 from pnfarm.table.compiled import compiled
 
@@ -173,22 +172,22 @@ def limits_reached(axis: Any) -> int:
 @compiled
 def torque_free(axis: Any) -> bool:
     """Whether safe torque off is requested: the cause of its fault is there."""
-    if axis.sto_fault == 0:
-        return False
-    off = False
-    for i in range(FAULT_SLOTS):
-        off = off or int(axis.fault_held[i]) & NUMBER_MASK == axis.sto_fault
-    return off
+    return cause_held(axis, int(axis.sto_fault))
 
 
 @compiled
 def drive_inputs(axis: Any) -> int:
     """DRIVE_INPUTS (AKD PROFINET manual 5.8.1).
 
-    Bits 0 to 3 are limits by software and by switch.  Bits 4 and 5 stay 0: the hardware enables the drive, and no input
-    asks for a controlled stop.  Bit 6 is STO.STATE, which is 1 while torque is allowed (AKD parameter reference).
+    Bits 0 to 3 are limits by software and by switch, bits 4 and 5 those of DRV.DISSOURCES for the hardware disable and
+    an input that asks for a controlled stop.  Bit 6 is STO.STATE, 1 while torque is allowed (AKD parameter reference).
     """
     word = limits_reached(axis) | (int(axis.limit_switch) & 0x3) << 2
+    lacks = int(axis.lacked)
+    if lacks & LACKS_ENABLE:
+        word |= 0x10
+    if lacks & LACKS_RELEASE:
+        word |= 0x20
     if axis.sto_fault != 0 and not torque_free(axis):
         word |= 0x40
     return word

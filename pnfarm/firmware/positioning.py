@@ -297,14 +297,14 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
     if not stw1 & REJECT_BIT or (axis.mdi_rejects and axis.task == TASK_MDI and not axis.mdi):
         held |= 1 << REJECT
     held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
-    begins = axis.motion == FOLLOWING or not axis.interpolation_by_edge or not axis.motion_seen & START_BIT
+    begins = axis.motion == FOLLOWING or not axis.interpolation_by_edge or axis.stw1_changed & START_BIT != 0
     held |= 1 << (FOLLOW if follows(axis) and begins else UNFOLLOW)
     ready = not interpolates(axis) and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT)
     if axis.asked and ready and _can_start(axis):
         held |= 1 << START
     if axis.motion_seen & HOME_BIT and not stw1 & HOME_BIT:
         held |= 1 << HOME_OFF
-    rises = not axis.home_by_edge or not axis.motion_seen & HOME_BIT
+    rises = not axis.home_by_edge or axis.stw1_changed & HOME_BIT != 0
     if axis.home_command or (stw1 & HOME_BIT and not axis.home_seen and rises):
         held |= 1 << HOME
     if axis.jog == JOG_NONE:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import ceil, floor
 from typing import Any
 
-from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.causes import NUMBER_MASK, cause_held
 from pnfarm.table.axis import FAULT_SLOTS
 from pnfarm.table.axis_codes import EDGE_FALLING, MARK_NONE, MARK_PROBE_1, MARK_ZERO, SENSOR_PARKING
 from pnfarm.table.compiled import compiled
@@ -40,11 +40,7 @@ def encoder_faulty(axis: Any) -> bool:
 @compiled
 def cause_stays(axis: Any) -> bool:
     """Whether the encoder cannot be read now."""
-    number = int(axis.sensor_fault) & NUMBER_MASK
-    found = False
-    for i in range(FAULT_SLOTS):
-        found = found or (number != 0 and (int(axis.fault_held[i]) & NUMBER_MASK) == number)
-    return found
+    return cause_held(axis, int(axis.sensor_fault))
 
 
 @compiled

@@ -135,10 +135,13 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
         # a drive that another one controls does not hear its controller
         word = 0
     elif axis.setpoints == SETPOINTS_HELD:
-        # the other bits are not taken over; an edge of bit 7 is none either
-        axis.stw1_seen = word
+        # the other bits are not taken over; an edge of one of them is none, not even when bit 10 returns
+        if valid:
+            axis.stw1_seen = word
+        axis.stw1_changed = 0
         return
-    if word & FAULT_ACKNOWLEDGE and (axis.acknowledges_by_level or not axis.stw1_seen & FAULT_ACKNOWLEDGE):
+    axis.stw1_changed = word ^ axis.stw1_seen
+    if word & FAULT_ACKNOWLEDGE and (axis.acknowledges_by_level or axis.stw1_changed & FAULT_ACKNOWLEDGE):
         acknowledge(axis)
     axis.stw1_seen = word
     axis.stw1 = word

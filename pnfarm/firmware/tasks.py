@@ -118,10 +118,18 @@ def _take_homing(axis: Any, image: Any, step: float) -> None:
     """How homing would go: by the telegram's own signals, where it has them (AKD PROFINET manual 5.11.7, 5.11.8)."""
     axis.asked_home_method = axis.home_method
     axis.asked_home_distance = axis.home_distance
+    axis.home_brought = axis.home_signals
     if axis.home_signals & 0x1:
         axis.asked_home_method = image.received[HOME_MODE] & 0xFFFF
     if axis.home_signals & 0x2:
         axis.asked_home_distance = image.received[HOME_DIST] * step
+
+
+@compiled
+def _acceleration(axis: Any, image: Any) -> int:
+    """MDI_ACC; of a telegram that leaves it 0 what its PNU has, where the model says so (AKD: telegram 352)."""
+    word = int(image.received[MDI_ACC]) & 0xFFFF
+    return word or int(axis.spare_acceleration)
 
 
 @compiled
@@ -151,9 +159,12 @@ def _take_data(axis: Any, image: Any, step: float) -> None:
         velocity &= 0xFFFFFFFF
     # a negative one is no velocity of a task
     axis.asked_velocity = velocity * axis.task_velocity_step
-    up = ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration)
-    down = ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration)
-    axis.asked_acceleration = _ramp(axis, int(image.received[MDI_ACC])) * up
+    if axis.task_ramps_scaled:
+        up = down = axis.acceleration_step
+    else:
+        up = ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration)
+        down = ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration)
+    axis.asked_acceleration = _ramp(axis, _acceleration(axis, image)) * up
     axis.asked_deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
     axis.asked_backwards = 1 if axis.stw1 & BACKWARDS else 0
 
@@ -230,8 +241,13 @@ def _select(axis: Any, image: Any) -> None:
 def take_task(axis: Any, image: Any) -> None:
     """The signals of this step in physical units; ``asked`` is set on the edge that starts a task."""
     axis.asked = 0
+    if not image.valid:
+        # what the telegram brought last goes with the telegram, not with the data
+        axis.home_brought = int(axis.home_brought) & int(axis.home_signals)
     if axis.setpoints == SETPOINTS_HELD:
-        # nothing of the telegram is taken over: what was asked for last stays
+        # nothing of the telegram is taken over: what was asked for last stays, and edges are none
+        if image.valid:
+            axis.pos_stw2 = image.received[POS_STW2] & 0xFFFF
         _take_command(axis)
         return
     axis.jog = JOG_NONE
@@ -247,8 +263,7 @@ def take_task(axis: Any, image: Any) -> None:
         axis.task_new = 0
         return
     axis.jog = _jog_asked(axis, axis.stw1)
-    changed = (axis.stw1 ^ axis.motion_seen) & START_BIT
-    if changed and (axis.stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
+    if axis.stw1_changed & START_BIT and (axis.stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
         axis.asked = 1
     axis.override = axis.speed_override
     axis.asked_base = axis.relative_base

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.own_warnings import warned
 from pnfarm.firmware.position_status import (
     actual_task,

@@ -17,7 +17,7 @@ from pnfarm import __version__
 from pnfarm.drives.model_parts import fault_label
 from pnfarm.farm.snapshot import ar_state
 from pnfarm.faults.catalogue import KINDS
-from pnfarm.firmware.faults import NUMBER_MASK
+from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import Family, Histogram, Values
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
 from pnfarm.protocols.profinet.ar import CmdevState

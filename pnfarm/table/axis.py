@@ -15,12 +15,14 @@ from pnfarm.table.axis_readings import READINGS
 from pnfarm.table.layout import Field, Layout
 from pnfarm.table.signals import SHOWN
 
-__all__ = ["AXIS", "COMMANDS", "FAULT_SITUATIONS", "FAULT_SLOTS", "FAULT_WORDS", "WARNING_SLOTS"]
+__all__ = ["AXIS", "COMMANDS", "FAULT_ACTIONS", "FAULT_SITUATIONS", "FAULT_SLOTS", "FAULT_WORDS", "WARNING_SLOTS"]
 
 #: Faults of one situation, and situations kept (AKD PROFINET manual 5.14: eight of eight).
 FAULT_SLOTS = 8
 WARNING_SLOTS = 8
 FAULT_SITUATIONS = 8
+#: Faults that a parameter each may keep from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and seven more).
+FAULT_ACTIONS = 8
 #: Fault numbers whose word in the signal FAULT_CODE is the manual's own: 0 to 127.
 FAULT_WORDS = 128
 #: Pieces of the jerk time.
@@ -106,6 +108,9 @@ AXIS = Layout(
             "parameter",
             "1 = the buffer begins with the newest situation, 0 = with the active one",
         ),
+        Field(
+            "ignored_faults", "u4", "", "parameter", "numbers of faults that are not raised, 0 = none", (FAULT_ACTIONS,)
+        ),
         Field("jog_velocity", "f8", "rpm", "parameter", "jogging set points 1 and 2 (PNU 1004, 1005)", (2,)),
         Field("jog_acceleration", "f8", "rpm/s", "parameter", "PNU 1006; 0 = as acceleration"),
         Field("jog_deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
@@ -127,6 +132,7 @@ AXIS = Layout(
         Field("zsw1", "u2", "", "firmware", "status word 1"),
         Field("stw1", "u2", "", "firmware", "control word 1 in force (with bit 10 honoured)"),
         Field("stw1_seen", "u2", "", "firmware", "control word 1 as it came in last, for edges"),
+        Field("stw1_changed", "u2", "", "firmware", "bits that differ from that in the word that is taken over now"),
         Field("ramp_up", "f8", "rpm/s", "firmware", "acceleration in force: DRV_ACC of the telegram, or DRV.ACC"),
         Field("ramp_down", "f8", "rpm/s", "firmware", "deceleration in force: DRV_DEC of the telegram, or DRV.DEC"),
         Field("setpoint", "f8", "rpm", "firmware", "velocity that the controller asks for"),
@@ -193,6 +199,8 @@ AXIS = Layout(
         ),
         Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_*"),
         Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
+        Field("task_ramps_scaled", "u1", "", "parameter", "1 = a task's ramps count in acceleration_step"),
+        Field("spare_acceleration", "u2", "", "parameter", "MDI_ACC where the telegram's is 0, 0 = none"),
         Field("task_velocity_unsigned", "u1", "", "parameter", "1 = a task's velocity in the telegram has no sign"),
         Field(
             "real_time_jog", "u1", "", "parameter", "STW1.12 jogs with the data of the task: REAL_TIME_JOG_*, 0 = not"
@@ -241,6 +249,7 @@ AXIS = Layout(
         Field("over_ns", "i8", "ns", "firmware", "since when a chained task waits for its dwell, 0 = it runs"),
         Field("asked_home_method", "u2", "", "firmware", "how homing goes: of the telegram, or home_method"),
         Field("asked_home_distance", "f8", "rev", "firmware", "alike, or home_distance"),
+        Field("home_brought", "u1", "", "firmware", "which of these are of the telegram, as home_signals"),
         Field("home_switch", "u1", "", "firmware", "1 = a digital input that is used as home switch is on"),
         Field("home_way", "f8", "", "firmware", "direction of the search, 1 forwards, -1 backwards"),
         Field("home_start", "f8", "rev", "firmware", "where homing began"),
@@ -350,7 +359,8 @@ AXIS = Layout(
         Field("bus_location", "u2", "", "parameter", "the controller as control_location"),
         Field("reference_source", "u2", "", "parameter", "whose set points count; the controller's with bus_source"),
         Field("bus_source", "u2", "", "parameter", "the controller as reference_source"),
-        Field("lacked", "u1", "", "firmware", "hindrances at the last step"),
+        Field("lacked", "u1", "", "firmware", "what the drive lacks, by faults and inputs: LACKS_*"),
+        Field("stop_input", "u1", "", "firmware", "1 = an input that is used for controlled stops is on"),
         Field("enable_rose", "u1", "", "firmware", "1 = STW1.0 and 3 rose since the drive got ready"),
         Field("generator", "u1", "", "firmware", "profile generator: 0 at rest, 1 up, 2 constant, 3 down"),
         Field("generator_speed", "f8", "rpm", "firmware", "its speed at the last step"),

@@ -52,9 +52,10 @@ PROFILE_VELOCITY = 2  # run at ``task_velocity``, which may be negative
 STATUS_PROFILE = 0
 STATUS_MOOG = 1  # Moog MSD manual, tables 10.8, 10.9, 10.16 and 10.17; the last two with ``profile_mode`` 1 or 3
 
-# What the drive lacks although nothing is broken (``hindrances``), bit by bit.
-LACKS_ENABLE = 1  # the hardware enable (ENPO)
-LACKS_SUPPLY = 2  # the DC link is too low
+# What the drive lacks although nothing is broken (``hindrances``, ``lacked``), bit by bit.
+LACKS_ENABLE = 1  # the hardware enable (Moog MSD: ENPO; AKD: DRV.HWENABLE)
+LACKS_SUPPLY = 2  # the mains of the DC link
+LACKS_RELEASE = 4  # an input asks for a controlled stop
 
 # What a quick stop does (``quick_stop_option``; Moog MSD manual, table 10.3, codes + 1).
 QUICK_STOP_PROFILE = 0  # PROFIdrive: along the quick stop ramp, then off
@@ -118,6 +119,7 @@ MACHINE_CAMS = 0x10
 
 # Use of a digital input (``input_modes``): DINx.MODE of the AKD parameter reference.
 INPUT_HOME_SWITCH = 11
+INPUT_CONTROLLED_STOP = 13
 INPUT_LIMIT_HIGH = 18
 INPUT_LIMIT_LOW = 19
 

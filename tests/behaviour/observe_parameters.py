@@ -13,6 +13,8 @@ MODE = {"akd-profinet": (2135, BYTE, 2), "akd-profinet-2012": (930, WORD, 2), "m
 JOG_SPEED = 1004
 #: PNU 925 of the E1, and its default.
 TOLERANCE = 925
+#: PL.FB of the AKD.
+POSITION = 2294
 
 
 @observes("mode-change", {"at-once": (None, True), "disabled-only": (0x11, False)})
@@ -76,3 +78,12 @@ def fault_history(name: str, behaviour: str) -> object:
     assert any(plc.buffer())
     plc.power_cycle()
     return any(plc.buffer())
+
+
+@observes("position-parameters", {"thousandths": 65536, "literal": 66})
+def position_parameters(name: str, behaviour: str) -> object:
+    """PL.FB a revolution from the home position."""
+    plc = Plc(name, behaviour, 1)
+    plc.axis.position = 1.0
+    plc.run(0.01)
+    return plc.read(POSITION)

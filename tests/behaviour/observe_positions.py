@@ -258,3 +258,12 @@ def home_after_power_on(name: str, behaviour: str) -> object:
     assert plc["ZSW1"] & HOMED
     plc.power_cycle()
     return bool(plc["ZSW1"] & HOMED)
+
+
+@observes("task-ramps", {"scaled": 3900.0, "fixed": 39 * 50_000_000 / 65536})
+def task_ramps(name: str, behaviour: str) -> object:
+    """The acceleration of a task, rpm/s, with PNU 1008 = 100."""
+    plc = task_plc(name, behaviour)
+    assert plc.change(1008, 0x42, 100) is None
+    assert start(plc, 5.0)
+    return float(plc.axis.task_acceleration)

@@ -74,7 +74,7 @@ def test_a_slowest_cycle_alarms_and_diagnosis_come_from_data(folder: Path) -> No
             "",
             r"send_clocks: \[4, 32\] are not some of",
         ),
-        ("date = { value = 20261121", "date = { value = 20261321", "", r"date: 20261321 is no day such as"),
+        ("date = { value = 20261124", "date = { value = 20261321", "", r"date: 20261321 is no day such as"),
         ('family = { value = "AKD (virtual, pnfarm)"', 'family = { value = ""', "", r"family: '' is no text"),
         ("family = {", "kin = {", "", r"description_file: .*kin"),
         (ALARMS, ALARMS, '\n[diagnosis]\n702 = { value = 256, source = "x" }\n', r"needs limits\.alarms"),

@@ -326,7 +326,7 @@ def disturb(store: ParameterStore) -> None:
     axis.fault_counter, axis.fault_changes, axis.fault_kept = 3, 5, 1
     axis.warnings[:] = 0x11
     axis.limit_switch, axis.digital_inputs, axis.life_failed, axis.life_count = 3, 0x7F, 1, 20
-    axis.hindrances = 3
+    axis.hindrances, axis.lacked = 3, 7
     axis.foldback_fault_level = 0.5
     image.sent[:], image.received[:] = 0x0155, 0x02AA
     store.network = _Elsewhere()

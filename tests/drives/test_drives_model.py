@@ -284,10 +284,11 @@ def test_akd_telegrams_have_the_lengths_of_the_manual(number: int, output_bytes:
     assert model("akd-profinet").telegram_by_module(telegram.module.ident) is telegram
 
 
-def test_akd_telegram_352_leaves_its_eighth_word_empty() -> None:
-    telegram = model("akd-profinet").telegrams[352]
-    assert telegram.output_words[7] == WORD_NONE
-    assert telegram.output_words[8] == word_code(SETPOINT_SLOTS["MDI_DEC"])
+def test_akd_telegram_352_has_mdi_acc_where_telegrams_9_and_353_have_it() -> None:
+    telegrams = model("akd-profinet").telegrams
+    assert telegrams[352].output_words[7] == telegrams[9].output_words[7] == word_code(SETPOINT_SLOTS["MDI_ACC"])
+    assert telegrams[352].output_words == telegrams[353].output_words[:12]
+    assert "assumed" in telegrams[352].note
 
 
 def test_the_module_in_slot_1_is_shaped_as_a_captured_profidrive_device(shared: Path) -> None:
@@ -424,7 +425,13 @@ def folder(tmp_path: Path) -> Path:
         ("faults.csv", "fault,quick-stop", "fault,prayer", r"reaction"),
         ("faults.csv", "702,Fieldbus communication lost,fault", "702,Fieldbus communication lost,mood", r"kind"),
         ("faults.csv", "702,Fieldbus", "703,Fieldbus", r"communication_loss"),
-        ("model.toml", "action_parameter = { value = 2605", "action_parameter = { value = 9", r"parameter that is not"),
+        ("faults.csv", "assumed: controlled stop,2605", "assumed: controlled stop,9", r"action: 9 is no plain"),
+        ("faults.csv", 'as 154",', 'as 154",2605', r"action: of a fault, not of a warning"),
+        ("model.toml", "stop_parameter = { value = 2158", "stop_parameter = { value = 9", r"parameter that is not"),
+        ("model.toml", "parameter = { value = 2606", "parameter = { value = 1", r"address_mode\.parameter: 1 is no"),
+        ("model.toml", "dcp = { value = 1", "dcp = { value = -1", r"address_mode\.dcp: -1 is no value of IP\.MODE"),
+        ("model.toml", "default = { value = 65536.0", "default = { value = 0.0", r"units\.default: 0\.0 is no"),
+        ("telegrams.toml", 'falls_back = ["MDI_ACC"]', 'falls_back = ["MDI_DEC"]', r"falls_back: 'MDI_DEC' is none of"),
         (
             "model.toml",
             "[communication_loss]",

@@ -30,7 +30,7 @@ from pnfarm.table.image import IMAGE
 
 AKD = model("akd-profinet")
 #: One revolution by PN.POSSCALE and UNIT.PROTARY as they come.
-REVOLUTION = 2**32 / 1000
+REVOLUTION = 65536
 
 
 def store(kept=None):
@@ -230,7 +230,7 @@ def test_tasks_of_a_commissioning_tool_are_there_at_power_on_and_can_be_loaded_a
     assert (axis.mt_next[8], axis.mt_dwell_ns[8]) == (7, 250_000_000)
     drive.set("MT.NUM", 7)
     drive.set("MT.LOAD", 1)
-    assert drive.get("MT.P") == pytest.approx(2 * 2**32 / 500, abs=1)
+    assert drive.get("MT.P") == 4 * REVOLUTION
     drive.set("MT.CLEAR", 7)
     assert list(axis.mt_flags.nonzero()[0]) == [8]
     drive.power_on()
@@ -239,14 +239,14 @@ def test_tasks_of_a_commissioning_tool_are_there_at_power_on_and_can_be_loaded_a
 
 def test_a_task_of_a_commissioning_tool_goes_further_than_the_32_bits_of_mt_p_tell():
     drive = ParameterStore(AKD, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
-    drive.commission_tasks([MotionTask(1, 4000.0, 99_999.0, 30_000.0, 30_000.0)])
+    drive.commission_tasks([MotionTask(1, 40_000.0, 99_999.0, 30_000.0, 30_000.0)])
     drive.power_on()
     axis = drive.handle.axis
-    assert (axis.mt_position[1], axis.mt_velocity[1]) == (4000.0, 99_999.0)
+    assert (axis.mt_position[1], axis.mt_velocity[1]) == (40_000.0, 99_999.0)
     drive.set("MT.NUM", 1)
     drive.set("MT.LOAD", 1)
     assert drive.get("MT.V") == 12_000_000
-    drive.set("MT.P", 4_294_967)
+    drive.set("MT.P", REVOLUTION)
     drive.set("MT.SET", 1)
     assert axis.mt_position[1] == pytest.approx(1.0, abs=1e-6)
 

@@ -243,10 +243,11 @@ def test_actual_values_come_from_the_axis(akd: Drive) -> None:
 
 def test_positions_follow_posscale_and_unit_and_wrap(akd: Drive) -> None:
     akd.axis.position = 2.0
-    assert akd.store.get("PL.FB") == round(2 * 2**32 / 1000)
+    assert akd.store.get("PL.FB") == 2 * 65536
     akd.store.set("PN.POSSCALE", 1_000_000)
-    assert akd.store.get("PL.FB") == round(2 * 2**32 / 1e6)
-    akd.store.set("PN.POSSCALE", 1)
+    assert akd.store.get("PL.FB") == round(2 * 65.536)
+    akd.store.set("PN.POSSCALE", 1000)
+    akd.store.set("UNIT.PROTARY", 0)
     akd.axis.position = 0.75
     assert akd.store.get("PL.FB") == -(2**30)
     for unit, counts in ((2, 360), (4, 65536), (3, 5), (1, 6)):
@@ -275,8 +276,9 @@ def test_fault_702_follows_its_two_parameters(akd: Drive) -> None:
     assert (akd.axis.loss_fault & 0xFFFFFF, akd.axis.stop_fault) == (702, 0)
     akd.store.set("FBUS.PARAM02", 3)
     assert akd.axis.stop_fault & 0xFFFFFF == 702
-    akd.store.set("FAULT702.ACTION", 0)
-    assert (akd.axis.loss_fault, akd.axis.stop_fault) == (0, 0)
+    assert 702 not in akd.axis.ignored_faults
+    akd.store.set("FAULT702.ACTION", 1)
+    assert 702 in akd.axis.ignored_faults
 
 
 def test_without_its_parameters_the_fault_on_lost_data_is_the_models(akd: Drive) -> None:
@@ -325,14 +327,26 @@ def test_every_signal_with_a_pnu_shows_its_slot(drive: Drive) -> None:
 def test_a_set_point_that_the_cyclic_channel_brings_is_not_for_parameters(akd: Drive) -> None:
     akd.store.plug_telegram(352)
     akd.image.valid = 1
-    refused(E.NO_OPERATION_PRIORITY, lambda: akd.store.write(1, 0, [0x47F]))
-    akd.store.write(36, 0, [5])
-    assert akd.image.received[MDI_ACC] == 5
+    for pnu in (1, 37):
+        refused(E.NO_OPERATION_PRIORITY, lambda pnu=pnu: akd.store.write(pnu, 0, [0x47F]))
     akd.image.valid = 0
     akd.store.write(1, 0, [0x470])
     assert akd.image.received[STW1] == 0x470
     akd.store.write(34, 0, [-2])
     assert akd.image.received[MDI_TARPOS] == -2
+
+
+def test_akd_5_11_7_pnu_36_counts_where_word_8_of_telegram_352_is_0(akd: Drive) -> None:
+    akd.store.plug_telegram(352)
+    akd.image.valid = 1
+    akd.store.write(36, 0, [5])
+    assert (akd.store.read(36), akd.axis.spare_acceleration) == ([5], 5)
+    assert akd.image.received[MDI_ACC] == 0, "the word is the telegram's"
+    akd.image.received[MDI_ACC] = 9
+    assert akd.store.read(36) == [9]
+    akd.store.plug_telegram(9)
+    assert akd.axis.spare_acceleration == 0, "where the word has a signal in the table it counts, be it 0"
+    refused(E.NO_OPERATION_PRIORITY, lambda: akd.store.write(36, 0, [7]))
 
 
 # faults
@@ -387,7 +401,6 @@ def test_clearing_faults_and_setting_the_position_go_through_the_command_ring(ak
     akd.store.write(2111, 0, [1])
     akd.store.write(2112, 0, [1])
     akd.store.set("UNIT.PROTARY", 2)
-    akd.store.set("PN.POSSCALE", 1)
     akd.store.set("HOME.P", -90)
     akd.store.set("HOME.SET", 1)
     assert [int(c) for c in akd.axis.command[:3]] == [

@@ -106,7 +106,7 @@ def test_5_10_1_telegram_7_starts_motion_tasks_of_the_drive_over_frames():
     line = VirtualLine(telegram=7, params="{DRV.OPMODE: 2, HOME.MODE: 0}", program="{kind: constant, speed_rpm: 0}")
     line.enable()
     drive, plc = line.farm.stations[0], line.plc.columns
-    for name, value in (("MT.NUM", 7), ("MT.P", round(2.0 * 2**32 / 1000)), ("MT.V", 600_000), ("MT.SET", 1)):
+    for name, value in (("MT.NUM", 7), ("MT.P", 2 * 65536), ("MT.V", 600_000), ("MT.SET", 1)):
         drive.store.set(name, value)
     drive.store.set("HOME.MOVE", 1)
     plc.image[0].sent[SATZANW] = 7

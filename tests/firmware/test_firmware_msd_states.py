@@ -98,6 +98,16 @@ def test_p_0144_at_0_asks_for_the_edge_of_the_enable() -> None:
     assert (bench.faults(), bench.state) == ([], 3)
 
 
+def test_p_0144_at_0_an_edge_while_bit_10_is_0_does_not_start_the_drive_when_bit_10_returns() -> None:
+    bench = ready()
+    bench.send(3, STW1=RUN & ~0x0400)
+    bench.send(20, STW1=RUN)
+    assert bench.state == 3, "STW1.0 is taken over, the edge of the enable was none"
+    bench.send(2, STW1=ON)
+    bench.send(2, STW1=RUN)
+    assert bench.state == 4
+
+
 def test_p_0144_at_0_takes_the_edge_of_stw1_0_alone_too() -> None:
     """8.2.1, note: technology objects that leave bit 3 set start the drive with 0x047E and 0x047F."""
     bench = MsdBench(3)

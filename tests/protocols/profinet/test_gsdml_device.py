@@ -69,7 +69,7 @@ LIMITS = {
 }
 #: What each model's file says, as a digest: a file that says something else needs another date (see the test).
 DIGESTS = {
-    "GSDML-V2.35-pnfarm-akd-profinet-20261123.xml": "2a3b4afcd91fb44a",
+    "GSDML-V2.35-pnfarm-akd-profinet-20261124.xml": "216032423c9d06d9",
     "GSDML-V2.35-pnfarm-moog-msd-20261123.xml": "50ceae05115fd579",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261123.xml": "ecdd92587f58fa9a",
     "GSDML-V2.35-pnfarm-hiwin-e1-20261123.xml": "7803ba846ebccf42",

@@ -1,0 +1,33 @@
+"""Causes of faults that are there now, and whether the drive makes a fault of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.axis import FAULT_ACTIONS, FAULT_SLOTS
+from pnfarm.table.compiled import compiled
+
+__all__ = ["NUMBER_MASK", "cause_held", "ignored"]
+
+#: The number in a fault as it is raised (number | reaction << 24).
+NUMBER_MASK = 0xFFFFFF
+
+
+@compiled
+def cause_held(axis: Any, code: int) -> bool:
+    """Whether the cause of the fault ``code`` is there; of none it never is."""
+    number = code & NUMBER_MASK
+    held = False
+    for i in range(FAULT_SLOTS):
+        held = held or (number != 0 and (int(axis.fault_held[i]) & NUMBER_MASK) == number)
+    return held
+
+
+@compiled
+def ignored(axis: Any, code: int) -> bool:
+    """Whether a parameter keeps this fault from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and its kin)."""
+    number = code & NUMBER_MASK
+    for i in range(FAULT_ACTIONS):
+        if int(axis.ignored_faults[i]) == number:
+            return number != 0
+    return False

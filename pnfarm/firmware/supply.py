@@ -1,0 +1,31 @@
+"""The DC link's supply: whether the mains hold its voltage up.
+
+The mains are away while the drive lacks its supply, and while the cause of its undervoltage fault is there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.causes import cause_held
+from pnfarm.table.axis_codes import LACKS_SUPPLY
+from pnfarm.table.compiled import compiled
+
+__all__ = ["bus_below", "mains"]
+
+
+@compiled
+def _supplied(axis: Any) -> bool:
+    return not int(axis.hindrances) & LACKS_SUPPLY and not cause_held(axis, int(axis.undervoltage_fault))
+
+
+@compiled
+def mains(axis: Any) -> float:
+    """The voltage below which the mains do not let the DC link fall, V."""
+    return float(axis.bus_nominal) if _supplied(axis) else 0.0
+
+
+@compiled
+def bus_below(axis: Any, level: float) -> bool:
+    """Whether the DC link's voltage is below ``level``, V; one that is fed and has none is not known."""
+    return axis.bus_voltage < level and (axis.bus_voltage > 0.0 or not _supplied(axis))
