@@ -262,7 +262,8 @@ def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tup
     for location in wrong:
         match location:
             case ("drives", int(number), "params" | "load" | "motor" | "behaviour" as section, str(key), *_):
-                rest["drives"][number][section].pop(key, None)
+                # a group without a model has lost what only a model could judge
+                rest["drives"][number].get(section, {}).pop(key, None)
             case ("drives", int(number), str(key), *_) if key not in _ESSENTIAL:
                 _drop(rest["drives"][number], key)
                 if key == "limits":

@@ -9,15 +9,19 @@ from pydantic import AfterValidator, Field
 
 from pnfarm.drives.motor_kinds import axis_value
 from pnfarm.farm.config_cycle import format_duration
-from pnfarm.farm.config_issue import problem
+from pnfarm.farm.config_issue import problem, shown
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import Duration
+from pnfarm.table.axis import AXIS
+from pnfarm.table.axis_codes import FASTEST_RPM
 
-__all__ = ["Load", "Motor", "apply_axis"]
+__all__ = ["MOST_PLACE", "Load", "Motor", "apply_axis", "axis_complaints"]
 
 #: Steps of controllers and motor, ns: 16 kHz, and the engine's own longest.
 SHORTEST_STEP_NS = 62_500
 LONGEST_STEP_NS = 1_000_000
+#: The farthest place of a machine, revolutions or mm.
+MOST_PLACE = 1e6
 
 
 def _within_bounds(value: int) -> int:
@@ -29,22 +33,53 @@ def _within_bounds(value: int) -> int:
 Step = Annotated[Duration, AfterValidator(_within_bounds)]
 
 
+def _none_or_from(least: float) -> AfterValidator:
+    """Zero, which means none, or a number that such a part can have."""
+
+    def check(value: float | None) -> float | None:
+        if value is not None and 0.0 < value < least:
+            raise problem(f"is {shown(value)}", f"0, or a number from {least:g} on")
+        return value
+
+    return AfterValidator(check)
+
+
+# What servo drives, their motors and machines can have, with room to spare on both sides.  Beyond these numbers an axis
+# would not be a faster or a heavier one: it would be arithmetic.
+Friction = Annotated[float | None, Field(ge=0, le=1e6)]
+Amperes = Annotated[float | None, Field(ge=1e-3, le=1e5)]
+BrakeTime = Annotated[float | None, Field(ge=0, le=3600)]
+Ohms = Annotated[float | None, Field(ge=0, le=1e4), _none_or_from(1e-6)]
+Henries = Annotated[float | None, Field(ge=0, le=100), _none_or_from(1e-9)]
+Volts = Annotated[float | None, Field(ge=0, le=1e4), _none_or_from(1.0)]
+Steps = Annotated[float | None, Field(ge=0, le=1e12), _none_or_from(1.0)]
+
+
 class Load(Section):
     """What hangs on the shaft, or on the forcer of a linear motor; what is behind a gear counts as it is felt there."""
 
     inertia: float | None = Field(
-        default=None, gt=0, description="Motor and load, kg m^2 (linear motor: kg); left out, the model's."
+        default=None, ge=1e-9, le=1e6, description="Motor and load, kg m^2 (linear motor: kg); left out, the model's."
     )
-    friction: float | None = Field(default=None, ge=0, description="Dry friction, N m (linear motor: N).")
-    damping: float | None = Field(default=None, ge=0, description="Viscous friction, N m s/rad (linear motor: N s/m).")
+    friction: Friction = Field(default=None, description="Dry friction, N m (linear motor: N).")
+    damping: Friction = Field(default=None, description="Viscous friction, N m s/rad (linear motor: N s/m).")
     torque: float = Field(
-        default=0.0, description="Torque that the machine puts on the shaft, N m (linear motor: N), signed."
+        default=0.0,
+        ge=-1e6,
+        le=1e6,
+        description="Torque that the machine puts on the shaft, N m (linear motor: N), signed.",
     )
-    gear: float = Field(default=1.0, gt=0, description="Revolutions of the motor to one of what it drives.")
-    driven_inertia: float = Field(default=0.0, ge=0, description="Behind the gear, kg m^2, beside `inertia`.")
-    lead: float | None = Field(default=None, gt=0, description="Way of a spindle or belt in one revolution, mm.")
-    mass: float = Field(default=0.0, ge=0, description="What spindle, belt or linear motor move beside `inertia`, kg.")
-    force: float = Field(default=0.0, description="Force against its forward motion, such as a weight's, N, signed.")
+    gear: float = Field(default=1.0, ge=1e-4, le=1e5, description="Revolutions of the motor to one of what it drives.")
+    driven_inertia: float = Field(default=0.0, ge=0, le=1e9, description="Behind the gear, kg m^2, beside `inertia`.")
+    lead: float | None = Field(
+        default=None, ge=1e-3, le=1e5, description="Way of a spindle or belt in one revolution, mm."
+    )
+    mass: float = Field(
+        default=0.0, ge=0, le=1e6, description="What spindle, belt or linear motor move beside `inertia`, kg."
+    )
+    force: float = Field(
+        default=0.0, ge=-1e7, le=1e7, description="Force against its forward motion, such as a weight's, N, signed."
+    )
 
     def referred_inertia(self, pitch: float) -> float:
         """kg m^2 that the motor feels of what is behind gear and spindle; ``pitch`` of a linear motor, mm, else 0."""
@@ -75,37 +110,73 @@ class Motor(Section):
         "the model's usual one.",
     )
     pitch: float | None = Field(
-        default=None, gt=0, description="Of a linear motor, mm: what a revolution is elsewhere; left out, the model's."
+        default=None,
+        ge=0.1,
+        le=1e4,
+        description="Of a linear motor, mm: what a revolution is elsewhere; left out, the model's.",
     )
-    torque_constant: float | None = Field(default=None, gt=0, description="N m per ampere (linear motor: N).")
+    torque_constant: float | None = Field(
+        default=None, ge=1e-5, le=1e4, description="N m per ampere (linear motor: N)."
+    )
     rated_torque: float | None = Field(
-        default=None, gt=0, description="N m (linear motor: N); 100 % of torque limits that are percentages."
+        default=None, ge=1e-4, le=1e6, description="N m (linear motor: N); 100 % of torque limits that are percentages."
     )
-    peak_current: float | None = Field(default=None, gt=0, description="A; 100 % of the current signals (DRV.IPEAK).")
-    continuous_current: float | None = Field(default=None, gt=0, description="A that the motor bears for ever.")
+    peak_current: Amperes = Field(default=None, description="A; 100 % of the current signals (DRV.IPEAK).")
+    continuous_current: Amperes = Field(default=None, description="A that the motor bears for ever.")
     thermal_time: float | None = Field(
-        default=None, ge=0, description="Thermal time constant, s; 0: it stays cool, and no current is folded back."
+        default=None,
+        ge=0,
+        le=1e6,
+        description="Thermal time constant, s; 0: it stays cool, and no current is folded back.",
     )
     velocity_time_constant: float | None = Field(
-        default=None, gt=0, description="What the speed controller is tuned for: its closed loop, s."
+        default=None, ge=1e-5, le=60, description="What the speed controller is tuned for: its closed loop, s."
     )
-    current_time_constant: float | None = Field(default=None, ge=0, description="Closed current loop, s.")
+    current_time_constant: float | None = Field(default=None, ge=0, le=10, description="Closed current loop, s.")
     max_velocity: float | None = Field(
-        default=None, gt=0, description="Limit of the velocity command, rpm (linear motor: mm/s)."
+        default=None, ge=1e-2, le=1e6, description="Limit of the velocity command, rpm (linear motor: mm/s)."
     )
-    resistance: float | None = Field(default=None, ge=0, description="Winding of one phase, ohm.")
-    inductance: float | None = Field(default=None, ge=0, description="Winding of one phase, H.")
-    bus_voltage: float | None = Field(default=None, ge=0, description="DC link, V; 0: voltage limits nothing.")
+    resistance: Ohms = Field(default=None, description="Winding of one phase, ohm.")
+    inductance: Henries = Field(default=None, description="Winding of one phase, H.")
+    bus_voltage: Volts = Field(default=None, description="DC link, V; 0: voltage limits nothing.")
     braking_resistor: bool = Field(default=True, description="Whether one holds the DC link while the motor brakes.")
-    encoder_steps: float | None = Field(
-        default=None, ge=0, description="To one revolution (linear motor: mm); 0: infinitely many."
-    )
-    holding_brake: float | None = Field(default=None, ge=0, description="Torque of the holding brake, N m; 0: none.")
-    brake_release: float | None = Field(default=None, ge=0, description="Until it is open, s.")
-    brake_apply: float | None = Field(default=None, ge=0, description="Until it holds, s.")
+    encoder_steps: Steps = Field(default=None, description="To one revolution (linear motor: mm); 0: infinitely many.")
+    holding_brake: Friction = Field(default=None, description="Torque of the holding brake, N m; 0: none.")
+    brake_release: BrakeTime = Field(default=None, description="Until it is open, s.")
+    brake_apply: BrakeTime = Field(default=None, description="Until it holds, s.")
     step_ns: Step | None = Field(
         default=None, alias="step", description="Longest step of controllers and motor, 62.5us to 1ms."
     )
+
+
+#: What the numbers may make together, in the units of the axis record: a linear motor's become revolutions by its
+#: pitch, what is behind a gear counts as the motor feels it.  Field: lowest, highest, the section that makes it.
+_TOGETHER: dict[str, tuple[float, float, str]] = {
+    "inertia": (1e-12, 1e6, "load"),
+    "load_torque": (-1e7, 1e7, "load"),
+    "max_velocity": (1e-3, FASTEST_RPM, "motor"),
+}
+#: Places of the machine on the shaft, revolutions.
+FARTHEST = 1e9
+
+
+def axis_complaints(axis: Any, load: Load, motor: Motor, pitch: float) -> list[tuple[str, str, str]]:
+    """What the numbers of a farm file make together that no axis can have: section, what is wrong, what is allowed.
+
+    ``axis`` is a record with the model's own values, which is written to.
+    """
+    apply_axis(axis, load, motor, pitch)
+    complaints = []
+    for field, (low, high, section) in _TOGETHER.items():
+        value = float(axis[field])
+        if not low <= value <= high:
+            unit = AXIS.fields[field].unit
+            what = f"makes the motor's {field.replace('_', ' ')} {value:g} {unit}"
+            complaints.append((section, what, f"{low:g} to {high:g} {unit} in all"))
+    if abs(load.revolutions(pitch)) * MOST_PLACE > FARTHEST:
+        what = f"makes {load.revolutions(pitch):g} revolutions of the motor to one unit of the machine"
+        complaints.append(("load", what, f"at most {FARTHEST / MOST_PLACE:g}"))
+    return complaints
 
 
 def apply_axis(axis: Any, load: Load, motor: Motor, pitch: float) -> None:

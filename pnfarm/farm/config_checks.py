@@ -120,6 +120,8 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
             report((*at, "load"), "has a mass or a force, but nothing that moves them straight", "`lead`, in mm")
     elif group.load.lead is not None or group.load.gear != 1.0 or group.load.driven_inertia:
         report((*at, "load"), "has a gear or a spindle behind a linear motor", "`mass` and `force`")
+    for key, what, allowed in model.axis_complaints(group.load, group.motor):
+        report((*at, key), what, allowed)
     _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
 
 

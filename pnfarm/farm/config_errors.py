@@ -7,13 +7,13 @@ from typing import Any, Literal
 
 import annotated_types
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from pnfarm.farm.config_issue import Location, did_you_mean, shown
 
 if typing.TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pydantic.fields import FieldInfo
 
 __all__ = ["explain", "strip_tags"]
 
@@ -208,7 +208,7 @@ def _bounds(field: FieldInfo | None) -> str:
     if field is None:
         return ""
     low = high = ""
-    for rule in field.metadata:
+    for rule in _rules(field):
         match rule:
             case annotated_types.Ge(ge=bound):
                 low = f" from {bound}"
@@ -219,3 +219,14 @@ def _bounds(field: FieldInfo | None) -> str:
             case _:
                 pass
     return low + high
+
+
+def _rules(field: FieldInfo) -> list[Any]:
+    """A key's own rules, and those of the values in its list."""
+    rules = list(field.metadata)
+    pending: list[Any] = [field.annotation]
+    while pending:
+        inner = typing.get_args(pending.pop())
+        rules += [rule for part in inner if isinstance(part, FieldInfo) for rule in part.metadata]
+        pending += inner
+    return rules

@@ -12,15 +12,18 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.drives import catalogue as drives
 from pnfarm.drives.factor_group import float_bits
-from pnfarm.drives.motor_kinds import ROTARY
+from pnfarm.drives.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameter import Form, Parameter, ParameterError
 from pnfarm.errors import ConfigError
+from pnfarm.farm.config_axis import axis_complaints
 from pnfarm.farm.config_issue import did_you_mean, shown
+from pnfarm.table.axis import AXIS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.drives.model import Model
+    from pnfarm.farm.config_axis import Load, Motor
 
 __all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue", "raw_number"]
 
@@ -106,6 +109,10 @@ class ModelFacts(Protocol):
 
     def moves_straight(self, kind: str | None) -> bool:
         """Whether a motor of this kind is a linear one."""
+        ...
+
+    def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
+        """What ``load`` and ``motor`` of a group make together that no axis can have."""
         ...
 
 
@@ -209,6 +216,14 @@ class InstalledModel:
     def moves_straight(self, kind: str | None) -> bool:
         found = self.model.motor_kinds.get(kind or ROTARY)
         return found is not None and found.pitch > 0.0
+
+    def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
+        if self.motor_complaints(motor.kind, motor.pitch):
+            return []
+        model = with_motor(self.model, motor.kind, motor.pitch)
+        axis = AXIS.allocate(1)[0]
+        model.apply_motor(axis)
+        return axis_complaints(axis, load, motor, model.pitch)
 
     def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
         try:

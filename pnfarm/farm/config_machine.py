@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, Field
 
+from pnfarm.farm.config_axis import MOST_PLACE
 from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.table.axis import CAMS
@@ -36,14 +37,16 @@ def _forwards(ends: list[float]) -> list[float]:
     return ends
 
 
-Ends = Annotated[list[float | None], Field(min_length=2, max_length=2), AfterValidator(_around_the_start)]
+#: Where something of the machine may stand, revolutions or mm.
+Place = Annotated[float, Field(ge=-MOST_PLACE, le=MOST_PLACE)]
+Ends = Annotated[list[Place | None], Field(min_length=2, max_length=2), AfterValidator(_around_the_start)]
 
 
 class Cam(Section):
     """A cam of the machine, and the digital input that its switch is wired to."""
 
     input: int = Field(ge=0, le=31, description="Digital input of the drive that it puts on, from 0.")
-    between: Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_forwards)] = Field(
+    between: Annotated[list[Place], Field(min_length=2, max_length=2), AfterValidator(_forwards)] = Field(
         description="Where it begins and where it ends."
     )
 

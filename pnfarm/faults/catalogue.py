@@ -30,7 +30,7 @@ _HELD = frozenset({"for", "cycles"})
 _ALL_WAYS: tuple[Way, ...] = ("both", "in", "out")
 _OUT: tuple[Way, ...] = ("out",)
 
-_ANY_LOAD: dict[str, Any] = {"low": -1e9, "high": 1e9}
+_ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
 
 _HOLD = ParamSpec(
     "yes or no", "The cause stays: the fault cannot be acknowledged until this is cleared.", default=False

@@ -29,6 +29,7 @@ from pnfarm.firmware.machine import hold_at_stops
 from pnfarm.firmware.supply import bus_below, mains
 from pnfarm.firmware.torque_limits import limited_torque
 from pnfarm.firmware.travel import fastest
+from pnfarm.table.axis_codes import FASTEST_RPM
 from pnfarm.table.compiled import compiled
 
 __all__ = ["brake_holds", "motor_step_ns", "step_motor", "torque_controlled", "watch_motor"]
@@ -249,6 +250,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
         speed = _controlled(axis, omega, _encoder_noise(axis), seconds)
     else:
         speed = _coast(axis, omega, seconds)
+    speed = min(max(speed, -FASTEST_RPM * RPM_TO_RAD), FASTEST_RPM * RPM_TO_RAD)
     following = speed / RPM_TO_RAD
     axis.position += 0.5 * (velocity + following) * seconds / 60.0
     axis.velocity = following

@@ -1,5 +1,9 @@
 """What the numbers in columns of the axis mean: commands, methods, modes, states."""
 
+#: No shaft turns faster, whatever drives it, rpm: several times what the fastest spindles do.  Where a load outruns
+#: every brake, speed and place stay numbers.
+FASTEST_RPM = 1e6
+
 # Bits of the controller's words that several parts of the firmware look at.
 CONTROL_BY_PLC = 0x0400  # STW1.10: without it nothing of the controller's words is taken over
 MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15; AKTSATZ.15 tells of it

@@ -184,7 +184,7 @@ WRONG = [
     ("mac: auto", "mac: 01:0e:cf:00:00:00", 10, "drives[0].mac", "a multicast address", "unicast"),
     ("mac: auto", "mac: 00:00:00:00:00:00", 10, "drives[0].mac", "zeros", "auto"),
     ("mac: auto", "mac: 02:ff:ff:ff:ff:fe", 10, "drives[0].mac", "up into multicast", "lower"),
-    ("inertia: 2.0e-4", "inertia: 0", 11, "drives[0].load.inertia", "is 0", "above 0"),
+    ("inertia: 2.0e-4", "inertia: 0", 11, "drives[0].load.inertia", "is 0", "from 1e-09 to 1000000.0"),
     ("inertia: 2.0e-4", "mass: 5", 11, "drives[0].load", "has a mass or a force", "`lead`, in mm"),
     ("inertia: 2.0e-4", "inertia: .inf", 11, "drives[0].load.inertia", "is inf", "finite"),
     ("inertia: 2.0e-4", "inertai: 2.0e-4", 11, "drives[0].load.inertai", "did you mean inertia?", "friction"),

@@ -8,7 +8,9 @@ from hand_line import HandLine
 
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterRequest, emit_request
 from pnfarm.errors import ConfigError
+from pnfarm.faults.words import FaultError
 from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.table.axis_codes import FASTEST_RPM
 
 CYCLE = 0.016
 FAULT, WARNING = 0x0008, 0x0080
@@ -483,3 +485,23 @@ def test_a_limit_switch_stops_an_axis_in_position_mode_in_its_direction_and_lets
     line.clear(fault.id)
     line.run(0.1)
     assert store.get("HWLS.POSSTATE") == 0
+
+
+@pytest.mark.parametrize("torque", [1e6, -1e6])
+def test_a_load_that_outruns_every_brake_leaves_speed_and_place_numbers_and_the_farm_at_work(torque):
+    line = FaultLine(load="{inertia: 1.0e-6, friction: 0, damping: 0}")
+    line.connect()
+    line.add("load", params={"torque": torque})
+    line.run(20.0)
+    axis = line.farm.columns.axis[0]
+    assert abs(float(axis.velocity)) == FASTEST_RPM
+    assert abs(float(axis.position)) < FASTEST_RPM
+    line.clear()
+    line.run(1.0)
+    assert line.plc.all_connected
+
+
+def test_a_load_beyond_all_machines_is_refused():
+    line = FaultLine()
+    with pytest.raises(FaultError, match=r"params\.torque"):
+        line.add("load", params={"torque": 1e9})

@@ -39,6 +39,9 @@ class Model:
     def motor_complaints(self, kind, pitch):
         return []
 
+    def axis_complaints(self, load, motor):
+        return []
+
     def identity_complaints(self, identity):
         return [(key, "is no identity", "vendor") for key in identity if key != "vendor"]
 
