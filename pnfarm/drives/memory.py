@@ -8,6 +8,8 @@ from __future__ import annotations
 import copy
 from typing import Any, Protocol
 
+from pnfarm.errors import EnvironmentError_
+
 __all__ = ["NonVolatile", "VolatileMemory"]
 
 
@@ -22,6 +24,10 @@ class NonVolatile(Protocol):
         """Replace what is kept for this station."""
         ...
 
+    def damaged(self, detail: str) -> EnvironmentError_:
+        """What to raise for values that no drive wrote; names where they are kept."""
+        ...
+
 
 class VolatileMemory:
     """A :class:`NonVolatile` that lives as long as the process."""
@@ -34,3 +40,6 @@ class VolatileMemory:
 
     def save(self, station: str, values: dict[str, Any]) -> None:
         self._kept[station] = copy.deepcopy(values)
+
+    def damaged(self, detail: str) -> EnvironmentError_:
+        return EnvironmentError_(f"the drives' memory is damaged: {detail}")

@@ -102,7 +102,7 @@ class FarmState:
             try:
                 values[key] = _from_json(json.loads(text))
             except (ValueError, TypeError, RecursionError) as error:
-                raise self._damaged(f"the value {key!r} of station {station!r} is no JSON ({error})") from error
+                raise self.damaged(f"the value {key!r} of station {station!r} is no JSON ({error})") from error
         return values
 
     def save(self, station: str, values: dict[str, Any]) -> None:
@@ -128,7 +128,7 @@ class FarmState:
         # reads only, until the file has shown that it is sound and ours
         (report,) = run("PRAGMA quick_check(1)").fetchone()
         if report != "ok":
-            raise self._damaged(report)
+            raise self.damaged(report)
         (application,) = run("PRAGMA application_id").fetchone()
         (version,) = run("PRAGMA user_version").fetchone()
         (tables,) = run("SELECT count(*) FROM sqlite_master").fetchone()
@@ -176,12 +176,13 @@ class FarmState:
         except sqlite3.ProgrammingError as error:
             raise EnvironmentError_(f"cannot {verb} the drives' memory {self.file}: it is closed already") from error
         except sqlite3.DatabaseError as error:
-            raise self._damaged(str(error)) from error
+            raise self.damaged(str(error)) from error
         except OSError as error:
             place = self.file.parent if self.file is not None else None
             raise EnvironmentError_(f"cannot {verb} the state folder {place}: {error.strerror}") from error
 
-    def _damaged(self, detail: str) -> EnvironmentError_:
+    def damaged(self, detail: str) -> EnvironmentError_:
+        """What to raise for a memory that cannot be used as it is."""
         return EnvironmentError_(
             f"the drives' memory {self.file} is damaged: {detail}; it was left as it is - "
             "restore a copy, or move it away and the drives start as from the factory"

@@ -26,6 +26,7 @@ from pnfarm.farm.config_known import raw_number
 from pnfarm.farm.connect_budget import ConnectBudget
 from pnfarm.farm.factory_reset import clear_memory
 from pnfarm.farm.fault_memory import active_of, history_of, restore_history
+from pnfarm.farm.kept_values import KeptValueError, check_kept
 from pnfarm.farm.record_memory import record_word, records_of
 from pnfarm.farm.station_address import StationAddress
 from pnfarm.farm.station_channels import ArChannels, StationChannels, channel_rows
@@ -143,10 +144,14 @@ class DriveStation:
         """The machines as they are after power-on, with what non-volatile memory holds."""
         mac = self.port.mac
         kept = self._services.memory.load(self.configured_name) or {}
+        try:
+            check_kept(kept)
+        except KeptValueError as exc:
+            raise self._services.memory.damaged(f"of drive {self.configured_name}, {exc}") from exc
         self._kept = dict(kept)
         identity = self.model.identity
         self.store = ParameterStore(self.model, self.handle)
-        self.store.restore(kept.get("drive"))
+        self._left_out = self.store.restore(kept.get("drive"))
         if self.config.ip is not None and "ip" not in kept:
             self.store.commission_address()
         self.store.commission({key: self._raw(key, value) for key, value in self.config.params.items()})
@@ -278,7 +283,9 @@ class DriveStation:
     def start(self, now: int) -> None:
         """The drive came on the wire."""
         self.addressing.link_up(now)
-        self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)
+        left_out = [*self._left_out, *self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)]
+        if left_out:
+            self.note(now, "memory not taken", level="warning", count=len(left_out), first=left_out[0])
 
     def power_off(self, now: int) -> None:
         """Cut the supply: channels close, nothing is answered any more."""

@@ -260,12 +260,17 @@ class PhysicalDevice:
         mute = any(isinstance(sub, AdjustPeerToPeerBoundary) and sub.boundary & 1 for sub in value.blocks)
         self.mute_ports = self.mute_ports | {subslot} if mute else self.mute_ports - {subslot}
 
-    def restore(self, written: Mapping[tuple[int, int, int], bytes], now: int) -> None:
-        """Take back what was kept over a power cycle; what the device has no place for is left out."""
+    def restore(self, written: Mapping[tuple[int, int, int], bytes], now: int) -> list[str]:
+        """Take back what was kept over a power cycle.
+
+        Returns a sentence for each record that the device has no place for; it is left out.
+        """
+        left_out = []
         for (slot, subslot, index), data in written.items():
             found = self._submodules.get((slot, subslot))
-            if found is not None:
-                self._write(found.api, slot, subslot, index, data, now)
+            if found is None or self._write(found.api, slot, subslot, index, data, now) is not None:
+                left_out.append(f"kept record 0x{index:04X} of slot {slot} subslot 0x{subslot:04X} has no place here")
+        return left_out
 
     def forget(self, now: int) -> None:
         """A reset to factory settings: nothing is wanted of the ports any more."""

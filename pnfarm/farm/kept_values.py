@@ -1,0 +1,148 @@
+"""What a drive's non-volatile memory may hold: the shape of each value, checked before a drive boots with it.
+
+A memory of another shape was written by something else, or by hand.  It is refused as a whole and left as it is: a
+drive that booted with half of it would write the other half away with its next save.  Keys that are not known here are
+kept as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import EnvironmentError_
+from pnfarm.farm.config_issue import shown
+from pnfarm.protocols.profinet.dcp_rules import check_ip_suite
+from pnfarm.protocols.profinet.mib_view import SystemText
+from pnfarm.protocols.profinet.wire.names import check_station_name
+from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["KeptValueError", "check_kept"]
+
+_U16, _U32 = 0xFFFF, 0xFFFF_FFFF
+#: Octets of a record, and characters of a text that a manager writes.
+_MOST_OCTETS, _MOST_TEXT = 4096, 255
+#: Parts of a record's key: slot, subslot, index.
+_RECORD_PARTS = 3
+#: DNS servers of DCP's full IP suite; FSHelloMode, interval, retry and delay.
+_DNS_SERVERS, _HELLO_PARTS = 4, 4
+
+#: Whether a value has its shape.
+_Check = Callable[[Any], bool]
+
+
+class KeptValueError(EnvironmentError_):
+    """A drive's memory holds what no drive wrote."""
+
+
+def _is_number(value: Any, high: int, low: int = 0) -> bool:
+    return type(value) is int and low <= value <= high
+
+
+def _is_address(value: Any) -> bool:
+    try:
+        return isinstance(value, str) and bool(IPv4Address(value))
+    except AddressValueError:
+        return False
+
+
+def _is_own_address(value: Any) -> bool:
+    if value == "":
+        return True
+    try:
+        interface = IPv4Interface(value) if isinstance(value, str) else None
+    except (AddressValueError, NetmaskValueError, ValueError):
+        return False
+    return interface is not None and check_ip_suite(interface.ip, interface.netmask, IPv4Address(0)) is None
+
+
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str) and (value == "" or check_station_name(value) is None)
+
+
+def _is_records(value: Any) -> bool:
+    return isinstance(value, dict) and all(
+        isinstance(key, str) and _is_record_key(key) and isinstance(data, bytes) and len(data) <= _MOST_OCTETS
+        for key, data in value.items()
+    )
+
+
+def _is_record_key(key: str) -> bool:
+    parts = key.split(".")
+    return len(parts) == _RECORD_PARTS and all(
+        part.isascii() and part.isdigit() and len(part) <= len(str(_U16)) and int(part) <= _U16 for part in parts
+    )
+
+
+def _is_drive(value: Any) -> bool:
+    if not isinstance(value, dict) or not isinstance(value.get("parameters"), dict):
+        return False
+    tasks = value.get("motion_tasks", {})
+    return (
+        isinstance(value.get("model", ""), str)
+        and all(isinstance(key, str) and _is_raw(raw) for key, raw in value["parameters"].items())
+        and isinstance(tasks, dict)
+        and all(
+            isinstance(number, str)
+            and number.isascii()
+            and number.isdigit()
+            and isinstance(task, dict)
+            and all(isinstance(key, str) and _is_raw(raw) for key, raw in task.items())
+            for number, task in tasks.items()
+        )
+    )
+
+
+def _is_raw(value: Any) -> bool:
+    """One raw number, or those of an array's elements."""
+    numbers = value if isinstance(value, list) else [value]
+    return all(_is_number(number, _U32, -(1 << 31)) for number in numbers)
+
+
+#: Key of the memory -> its check, and what stands there.
+_SHAPES: Mapping[str, tuple[_Check, str]] = {
+    "name": (_is_name, "a station name, or an empty text"),
+    "ip": (_is_own_address, "an address such as 10.77.0.11/24, or an empty text"),
+    "gateway": (lambda value: value == "" or _is_address(value), "an address such as 10.77.0.1, or an empty text"),
+    "dns": (
+        lambda value: isinstance(value, list) and len(value) == _DNS_SERVERS and all(map(_is_address, value)),
+        "four addresses",
+    ),
+    "hello": (
+        lambda value: (
+            isinstance(value, list) and len(value) == _HELLO_PARTS and all(_is_number(part, _U32) for part in value)
+        ),
+        "four numbers: mode, interval, retries and delay",
+    ),
+    "im": (_is_records, "octets by slot.subslot.index"),
+    "pdev": (_is_records, "octets by slot.subslot.index"),
+    "snmp": (
+        lambda value: (
+            isinstance(value, dict)
+            and value.keys() <= SystemText.__members__.keys()
+            and all(isinstance(text, str) and len(text) <= _MOST_TEXT for text in value.values())
+        ),
+        "texts by " + ", ".join(SystemText.__members__),
+    ),
+    "faults": (
+        lambda value: (
+            isinstance(value, list)
+            and len(value) <= FAULT_SITUATIONS * FAULT_SLOTS
+            and all(_is_number(number, _U32) for number in value)
+        ),
+        f"up to {FAULT_SITUATIONS * FAULT_SLOTS} fault numbers",
+    ),
+    "drive": (_is_drive, "`parameters`, numbers by PNU, and perhaps `motion_tasks`"),
+}
+
+
+def check_kept(values: Mapping[str, Any]) -> None:
+    """Raises :class:`KeptValueError` that names the first key of another shape and what stands there."""
+    for key, value in values.items():
+        shape = _SHAPES.get(key)
+        if shape is not None and not shape[0](value):
+            raise KeptValueError(f"{key!r} is {shown(value)}, and not {shape[1]}")
