@@ -126,6 +126,10 @@ class Drive(_Model):
         description="The network interface's lamps by name, on, off or how they flash; none where the manual has none."
     )
     signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
+    realism: dict[str, float | list[float]] = Field(
+        description="What makes it less than ideal, with units in the names: noise, latency, boot time, drift; empty for "
+        "nothing."
+    )
     faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
     events: list[dict[str, Any]] = Field(
         default_factory=list,

@@ -19,7 +19,7 @@ __all__ = ["models"]
 _FACTS = (
     "motor", "firmware", "position_units", "factor_group", "control_limits", "communication_loss", "sign_of_life",
     "following_error", "motion_tasks", "effects", "parameter_access", "parameter_words", "parameter_texts",
-    "address_mode", "lamps", "description_file", "diagnosis", "diagnosis_coding",
+    "address_mode", "lamps", "description_file", "diagnosis", "diagnosis_coding", "realism",
 )  # fmt: skip
 
 

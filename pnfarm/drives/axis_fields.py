@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.control_limits import apply_control_limits
 from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
+from pnfarm.drives.measured import deviation
 from pnfarm.drives.parameter import Backing, Parameter
 from pnfarm.table.axis import AXIS, FAULT_ACTIONS
 from pnfarm.table.axis_codes import TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
@@ -273,6 +274,7 @@ class AxisFields:
         """A field as the raw number of the parameter that shows it."""
         field = getattr(self._handle.axis, parameter.argument)
         physical = float(field[parameter.index] if parameter.index >= 0 else field)
+        physical += deviation(self._handle.axis, parameter.argument)
         if parameter.argument in PLACES:
             physical -= float(self._handle.axis.origin)
         return self.scaled(parameter, physical)

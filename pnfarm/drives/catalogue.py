@@ -277,4 +277,5 @@ def as_json(described: Model) -> dict[str, Any]:
         "diagnosis": _fact_json(described, "diagnosis"),
         "diagnosis_coding": _fact_json(described, "diagnosis_coding"),
         "behaviour": [_point_json(point) for point in described.behaviour],
+        "realism": _fact_json(described, "realism"),
     }

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.factor_group import float_bits
+from pnfarm.drives.measured import deviation
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
@@ -253,31 +254,35 @@ def _torque_allowed(store: ParameterStore, _parameter: Parameter) -> Sequence[in
     return [int(store.handle.image.sent[DRIVE_INPUTS]) >> 6 & 1]
 
 
+def _measured(store: ParameterStore, field: str) -> float:
+    """A field of the axis record as the drive measures it."""
+    axis = store.handle.axis
+    return float(axis[field]) + deviation(axis, field)
+
+
 def _mechanical_position(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     """FB1.MECHPOS (AKD parameter reference): the angle of the shaft, 2^32 to the revolution."""
-    return [int(float(store.handle.axis.position) % 1.0 * 2**32) & 0xFFFFFFFF]
+    return [int(_measured(store, "position") % 1.0 * 2**32) & 0xFFFFFFFF]
 
 
 def _shaft_position(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
     """The feedback's own position, which no homing moves."""
-    return [store.scaled(parameter, float(store.handle.axis.position))]
+    return [store.scaled(parameter, _measured(store, "position"))]
 
 
 def _velocity_error(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    axis = store.handle.axis
-    return [store.scaled(parameter, float(axis.ramp) - float(axis.velocity))]
+    return [store.scaled(parameter, float(store.handle.axis.ramp) - _measured(store, "velocity"))]
 
 
 def _position_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     """The following error in position units, as a float32 (Moog MSD manual, table 10.14, P-0414)."""
-    axis = store.handle.axis
-    return [float_bits(float(axis.following_error) / float(axis.position_step))]
+    return [float_bits(_measured(store, "following_error") / float(store.handle.axis.position_step))]
 
 
 def _speed_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
     """What the speed controller sees, in speed units, as a float32 (table 10.13, P-0417)."""
     axis = store.handle.axis
-    return [float_bits(float(axis.speed_reference - axis.velocity) / float(axis.velocity_step))]
+    return [float_bits((float(axis.speed_reference) - _measured(store, "velocity")) / float(axis.velocity_step))]
 
 
 def _foldback_level(store: ParameterStore, parameter: Parameter) -> Sequence[int]:

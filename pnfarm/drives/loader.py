@@ -44,6 +44,7 @@ from pnfarm.drives.motor_kinds import read_motor_kinds
 from pnfarm.drives.parameter import Backing
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_only_names, read_parameters
 from pnfarm.drives.profiles.profidrive.pkw import PARAMETER_TASKS, ParameterWords
+from pnfarm.drives.realism import read_realism
 from pnfarm.drives.telegram import Module, Submodule
 from pnfarm.drives.telegram_tables import check_settings, read_telegrams
 from pnfarm.errors import ConfigError
@@ -395,6 +396,7 @@ def load_model(folder: Path) -> Model:
             "parameter_texts",
             "position_units",
             "parameter_words",
+            "realism",
             "sign_of_life",
         )
         if key in data
@@ -462,6 +464,7 @@ def load_model(folder: Path) -> Model:
         description_file=_description_file(sections.get("description_file"), f"{path}, description_file"),
         diagnoses=_diagnoses(sections.get("diagnosis", {}), faults, limits, f"{path}, diagnosis"),
         diagnosis_coding=_diagnosis_coding(sections.get("diagnosis_coding"), parameters, f"{path}, diagnosis_coding"),
+        realism=read_realism(sections.get("realism"), f"{path}, realism"),
         motor=_axis_values(sections["motor"], "station", f"{path}, motor"),
         firmware=_axis_values(sections["firmware"], "parameter", f"{path}, firmware"),
         dap=dap_module,

@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         SignOfLife,
     )
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
+    from pnfarm.drives.realism import Realism
     from pnfarm.drives.telegram import Module, Signal, Submodule, Telegram
 
 __all__ = ["Model", "submodule_json"]
@@ -96,6 +97,7 @@ class Model:
     #: Faults that are reported as diagnosis: fault -> ChannelErrorType.
     diagnoses: Mapping[int, int]
     diagnosis_coding: DiagnosisCoding | None
+    realism: Realism
     motor: Mapping[str, float]
     firmware: Mapping[str, float]
     dap: Module

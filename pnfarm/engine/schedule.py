@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pnfarm.errors import InternalError
+from pnfarm.firmware.drive_clock import true_duration
 from pnfarm.table.channel import FRAME_SLOT, IDLE, IOXS_GOOD, MAX_IOPS, MAX_WORDS, STATUS_GOOD
 from pnfarm.table.columns import Columns, lookup_rebuild
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
@@ -30,7 +31,8 @@ class ProviderPlan:
 
     ``words``: (code, offset) of each telegram word; ``iops``: own provider status octets that follow the
     process image; ``constants``: (offset, octet) of everything that never changes (IOCS, IOPS of modules without data).
-    ``tag`` is the 802.1Q tag's control information.
+    ``tag`` is the 802.1Q tag's control information, ``drift`` that of the clock by which it sends
+    (:mod:`pnfarm.firmware.drive_clock`).
     """
 
     image: int
@@ -46,6 +48,7 @@ class ProviderPlan:
     constants: Sequence[tuple[int, int]] = ()
     phase: int = 0
     tag: int = RT_TAG
+    drift: float = 0.0
 
     @property
     def cycle_ns(self) -> int:
@@ -58,6 +61,7 @@ class ConsumerPlan:
 
     ``feeds``: the station's set points come from here; with two controllers on one drive only one of them brings them.
     ``zeroes``: bad data are zero in the process image (Moog MSD manual 16), which otherwise keeps the last good ones.
+    ``drift``: of the clock that measures the data hold time.
     """
 
     image: int
@@ -73,6 +77,7 @@ class ConsumerPlan:
     iops: Sequence[int]
     feeds: bool = True
     zeroes: bool = False
+    drift: float = 0.0
 
     @property
     def cycle_ns(self) -> int:
@@ -173,6 +178,8 @@ class ChannelTable:
         row.data_offset = start
         row.cycle_ns = plan.cycle_ns
         row.counter_step = plan.send_clock_factor * plan.reduction_ratio
+        row.slipped_ns = 0.0
+        row.slip_ns = plan.cycle_ns - true_duration(plan.cycle_ns, plan.drift) if plan.drift else 0.0
         row.phase_ns = (plan.phase % plan.reduction_ratio) * plan.send_clock_factor * UNIT_NS
         row.words = len(plan.words)
         for i, (code, offset) in enumerate(plan.words):
@@ -212,7 +219,7 @@ class ChannelTable:
         row.zeroes = int(plan.zeroes)
         row.generation = (int(row.generation) + 1) & 0xFFFFFFFF
         row.cycle_ns = plan.cycle_ns
-        row.hold_ns = plan.cycle_ns * plan.data_hold_factor
+        row.hold_ns = round(true_duration(plan.cycle_ns * plan.data_hold_factor, plan.drift))
         row.impairment = 0
         row.received = 0
         row.discarded[:] = 0

@@ -13,6 +13,7 @@ import numpy as np
 from pnfarm.engine.impair import impair_received, impair_sent
 from pnfarm.firmware.axis_program import step_program
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.firmware.drive_clock import drive_time
 from pnfarm.firmware.parameter_words import exchange
 from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
@@ -287,11 +288,14 @@ def run_firmware(columns: Columns, now: int) -> None:
         axis = columns.axis[number]
         if axis.firmware == 0:
             continue
+        own = now
+        if axis.clock_drift != 0.0:
+            own = drive_time(axis, now)
         if axis.life and axis.powered:
             count_life(axis, columns.image[number])
-        if axis.parameter_channel and exchange(columns.image[number], now):
+        if axis.parameter_channel and exchange(columns.image[number], own):
             emit(engine, events, PARAMETER_TASK, number, now, int(columns.image[number].parameter_task))
-        if now - axis.last_ns < axis.step_ns:
+        if own - axis.last_ns < axis.step_ns:
             continue
         state = axis.state
         faults = _faults(axis)
@@ -299,16 +303,16 @@ def run_firmware(columns: Columns, now: int) -> None:
         fault_ends = axis.fault_ends
         reacted = axis.reacted
         warning = axis.warning_code
-        step(axis, columns.image[number], now)
+        step(axis, columns.image[number], own)
         if axis.state != state:
             emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.state))
         if axis.fault_ends != fault_ends and faults:
-            emit(engine, events, FAULTS_CLEARED, number, now, now - fault_ns)
+            emit(engine, events, FAULTS_CLEARED, number, now, own - fault_ns)
             faults = 0
         for i in range(faults, _faults(axis)):
             emit(engine, events, FAULT_RAISED, number, now, int(axis.fault_code[i]) & NUMBER_MASK)
         if axis.reacted and not reacted and axis.fault_ns != 0:
-            emit(engine, events, FAULT_REACTED, number, now, now - axis.fault_ns)
+            emit(engine, events, FAULT_REACTED, number, now, own - axis.fault_ns)
         if axis.warning_code != warning:
             emit(engine, events, WARNING_CHANGED, number, now, int(axis.warning_code))
     for number in range(engine.program_rows):
@@ -344,6 +348,17 @@ def _pack(provider: Any, image: Any, frame: Any) -> None:
 
 
 @compiled
+def _go_on(provider: Any, cycles: int) -> None:
+    """The next frame is due so many cycles later, by the provider's own clock."""
+    provider.next_ns += cycles * provider.cycle_ns
+    if provider.slip_ns != 0.0:
+        slipped = provider.slipped_ns + cycles * provider.slip_ns
+        whole = int(slipped)
+        provider.next_ns -= whole
+        provider.slipped_ns = slipped - whole
+
+
+@compiled
 def transmit(columns: Columns, now: int) -> int:
     """Fill every frame that is due; their rows stand in ``tx_row``, the count is returned."""
     engine = columns.engine[0]
@@ -368,10 +383,10 @@ def transmit(columns: Columns, now: int) -> int:
         if late >= provider.cycle_ns:
             skipped = late // provider.cycle_ns
             provider.late += skipped
-            provider.next_ns += skipped * provider.cycle_ns
+            _go_on(provider, skipped)
             provider.counter = (int(provider.counter) + skipped * int(provider.counter_step)) & 0xFFFF
             overrun = True
-        provider.next_ns += provider.cycle_ns
+        _go_on(provider, 1)
         provider.counter = (int(provider.counter) + int(provider.counter_step)) & 0xFFFF
         provider.state = RUN
         frame = columns.frames[number]

@@ -245,7 +245,7 @@ def _without_model(group: dict[str, Any], model: str) -> None:
     """A group whose model nobody knows still has names and addresses: keep those, and ask nothing of the model."""
     group["model"] = model
     group["limits"] = "lax"
-    for key in ("params", "identity", "telegram", "cycle", "behaviour"):
+    for key in ("params", "identity", "realism", "telegram", "cycle", "behaviour"):
         group.pop(key, None)
 
 

@@ -122,6 +122,8 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
         report((*at, "load"), "has a gear or a spindle behind a linear motor", "`mass` and `force`")
     for key, what, allowed in model.axis_complaints(group.load, group.motor):
         report((*at, key), what, allowed)
+    for place, what, allowed in model.realism_complaints(group.realism):
+        report((*at, "realism", *place), what, allowed)
     _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
 
 

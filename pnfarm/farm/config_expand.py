@@ -21,8 +21,10 @@ from pnfarm.farm.config_model import (
     FarmSections,
     Impairment,
     Load,
+    MemoryLink,
     Motor,
 )
+from pnfarm.farm.config_realism import Realism
 from pnfarm.farm.config_tasks import drive_task
 from pnfarm.farm.config_values import expand_name
 from pnfarm.wire.mac import mac_from_int, mac_to_int
@@ -44,6 +46,7 @@ class DriveConfig:
     ``index`` counts through the farm from 0; ``group`` is the entry of ``drives:`` that it comes from.
     ``model`` is the name under which the model is listed, also where the file has an alias.
     ``cycle_ns`` is None where the controller's counts, ``telegram`` where the file leaves it to the model.
+    ``realism_by_source``: what ``realism`` says nothing of is on where a source gives the model's figure.
     For a foreign device (a file without ``farm:``) ``mac`` means nothing: the controller finds it by name.
     """
 
@@ -66,6 +69,8 @@ class DriveConfig:
     hello: bool = False
     motion_tasks: tuple[MotionTask, ...] = ()
     behaviour: Mapping[str, str] = field(default_factory=dict)
+    realism: Realism = field(default_factory=Realism)
+    realism_by_source: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +159,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
     if own is not None:
         taken.add(own)
     tried: dict[str, int] = {}
+    real_link = sections.link is not None and not isinstance(sections.link, MemoryLink)
     index = 0
     for number, group in enumerate(sections.drives):
         model = known.model(group.model)
@@ -179,6 +185,8 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 hello=group.hello,
                 motion_tasks=tuple(drive_task(task) for task in group.motion_tasks),
                 behaviour=group.behaviour,
+                realism=group.realism,
+                realism_by_source=real_link and group.limits == "strict",
             )
             index += 1
 

@@ -17,6 +17,7 @@ from pnfarm.drives.parameter import Form, Parameter, ParameterError
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_axis import axis_complaints
 from pnfarm.farm.config_issue import did_you_mean, shown
+from pnfarm.farm.realism import missing_figures
 from pnfarm.table.axis import AXIS
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_axis import Load, Motor
+    from pnfarm.farm.config_realism import Realism
 
 __all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue", "raw_number"]
 
@@ -113,6 +115,10 @@ class ModelFacts(Protocol):
 
     def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
         """What ``load`` and ``motor`` of a group make together that no axis can have."""
+        ...
+
+    def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
+        """What is wrong with the ``realism`` of a group: keys, what, and what is allowed."""
         ...
 
 
@@ -224,6 +230,10 @@ class InstalledModel:
         axis = AXIS.allocate(1)[0]
         model.apply_motor(axis)
         return axis_complaints(axis, load, motor, model.pitch)
+
+    def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
+        what = f"is on, but {self.name} has no figure for it"
+        return [(place, what, "a figure, or off") for place in missing_figures(realism, self.model)]
 
     def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
         try:

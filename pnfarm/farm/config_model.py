@@ -25,6 +25,7 @@ from pnfarm.farm.config_axis import Load, Motor
 from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR, format_duration
 from pnfarm.farm.config_issue import did_you_mean, problem, shown
 from pnfarm.farm.config_machine import Machine
+from pnfarm.farm.config_realism import DriveRealism, Realism
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_tasks import Task
 from pnfarm.farm.config_values import (
@@ -288,6 +289,11 @@ class DriveGroup(Section):
         default="strict", description="strict: refuse what the manual denies; lax: for load tests."
     )
     identity: Identity = Field(default_factory=dict)
+    realism: DriveRealism = Field(
+        default_factory=Realism,
+        description="What makes the drives less than ideal; `on`: all that the model has, `off`: nothing. Left out, on a "
+        "real link and with strict limits what a source gives a figure for (`pnfarm models MODEL`), else nothing.",
+    )
     params: dict[str, Scalar] = Field(
         default_factory=dict,
         description="Parameters at power-on, by the manual's name or by number: whole numbers as on the wire; a number "

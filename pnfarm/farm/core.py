@@ -17,6 +17,7 @@ from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.config_axis import apply_axis
 from pnfarm.farm.config_machine import apply_machine
 from pnfarm.farm.fault_log import log_fault
+from pnfarm.farm.realism import imperfections
 from pnfarm.farm.station import DriveStation, StationServices
 from pnfarm.farm.station_channels import channel_rows
 from pnfarm.links.base import unwrap
@@ -146,11 +147,13 @@ class FarmCore:
             model.apply_motor(axis)
             apply_axis(axis, config.load, config.motor, model.pitch)
             apply_machine(axis, config.machine, config.load, model.pitch)
+            flaws = imperfections(config.realism, model, config.name, by_source=config.realism_by_source)
+            flaws.apply(axis)
             axis.step_ns = 4_000_000
             image.port = port.index
             uuids = uuid_source(seed + port.mac)
             services = StationServices(self.channels, self.impairments, memory, log, uuids, lldp)
-            station = DriveStation(config, model, index, port, AxisHandle(axis, image), services)
+            station = DriveStation(config, model, index, port, AxisHandle(axis, image), services, flaws)
             axis.powered = 1
             axis.firmware = FIRMWARE_PROFIDRIVE
             self.stations.append(station)
@@ -170,8 +173,9 @@ class FarmCore:
         for axis in self.columns.axis[: len(self.stations)]:
             axis.last_ns = now
             axis.boot_ns = now
+            axis.clock_start_ns = now
         for station in self.stations:
-            station.start(now)
+            station.boot(now)
             self.settle(station, now)
 
     def stop(self, now: int) -> None:
@@ -357,7 +361,7 @@ class FarmCore:
             case engine_row.WARNING_CHANGED:
                 self.log.record(when, name, "warning", number=value)
             case engine_row.PARAMETER_TASK:
-                station.parameter_words.take(value)
+                station.parameter_words.take(value, now)
             case _:
                 return None
         return station

@@ -69,13 +69,20 @@ class _HeldChannel(ParameterChannel):
     def reset(self, client: int = 0) -> None:
         self.inner.reset(client)
 
-    def write_request(self, data: bytes, client: int = 0) -> None:
-        self.inner.write_request(data, client)
+    def next_deadline(self) -> int | None:
+        return self.inner.next_deadline()
 
-    def read_response(self, maximum: int = 0xFFFF, client: int = 0) -> bytes | None:
+    def handle_timeout(self, now: int) -> None:
+        self.inner.handle_timeout(now)
+
+    def write_request(self, data: bytes, client: int = 0, now: int = 0) -> bool:
+        return self.inner.write_request(data, client, now)
+
+    def read_response(self, maximum: int = 0xFFFF, client: int = 0, now: int = 0) -> bytes | None:
+        self.inner.handle_timeout(now)
         if self.inner.pending(client) and self._asked():
             return None
-        return self.inner.read_response(maximum, client)
+        return self.inner.read_response(maximum, client, now)
 
 
 class StationTarget(CmTarget, MachineTarget):

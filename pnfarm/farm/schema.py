@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.farm.config_known import Known, catalogue
 from pnfarm.farm.config_model import DEFAULT_LISTEN, OFF, FarmSections
+from pnfarm.farm.config_realism import SWITCH
 
 if TYPE_CHECKING:
     from pnfarm.farm.config_known import ModelFacts
@@ -60,6 +61,10 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
     address = {"type": "string", "examples": [DEFAULT_LISTEN]}
     properties["api"]["anyOf"] = [switch_off, address, {"$ref": "#/$defs/Api"}]
     sections["ControllerSection"]["properties"]["reconnect"]["anyOf"] = [switch_off, {"$ref": "#/$defs/Reconnect"}]
+    for section, key in (("DriveGroup", "realism"), ("Realism", "noise"), ("Realism", "boot_time")):
+        field = sections[section]["properties"][key]
+        kinds = [SWITCH, {"$ref": field.pop("$ref")}]
+        field["anyOf"] = kinds if key != "boot_time" else [*kinds, {"type": "string", "examples": ["8s"]}]
     sections["DriveGroup"]["properties"]["model"]["examples"] = list(known.models)
     sections["DriveGroup"]["allOf"] = [_behaviour_of(model) for name in known.models if (model := known.model(name))]
     if known.fault_kinds is not None:

@@ -177,6 +177,7 @@ def drive_snapshot(
         "signalling": powered and station.dcp.signalling,
         "lamps": _lamps(station, machine_state),
         "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
+        "realism": station.flaws.shown(),
         "faults_injected": list(injected.get(station.configured_name, ())),
     }
 

@@ -5,7 +5,8 @@ the frames.  What it decides itself is what lies between the machines:
 
 * an address that DCP set goes to the IP host and into non-volatile memory;
 * an AR that was connected opens rows of the channel tables, one that ended closes them;
-* the engine's word that a data hold timer ran out aborts the AR.
+* the engine's word that a data hold timer ran out aborts the AR;
+* a drive that takes its time to boot hears and says nothing until it is over.
 """
 
 from __future__ import annotations
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.schedule import ChannelTable
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.event_log import EventLog
+    from pnfarm.farm.realism import Imperfections
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
@@ -112,9 +114,19 @@ class DriveStation:
     """See the module's head.  ``index`` is the row of axis and image."""
 
     def __init__(
-        self, config: DriveConfig, model: Model, index: int, port: Port, handle: AxisHandle, services: StationServices
+        self,
+        config: DriveConfig,
+        model: Model,
+        index: int,
+        port: Port,
+        handle: AxisHandle,
+        services: StationServices,
+        flaws: Imperfections,
     ) -> None:
         self.config = config
+        #: What makes it less than ideal.
+        self.flaws = flaws
+        self._latency = flaws.latency()
         self.model = model
         self.index = index
         self.port = port
@@ -125,7 +137,7 @@ class DriveStation:
         self.dropped: dict[str, int] = {}
         self.fault_counts: dict[int, int] = {}
         rows = channel_rows(model.limits.io_controllers)
-        self.channels = StationChannels(index, port, services.channels, services.impairments, rows)
+        self.channels = StationChannels(index, port, services.channels, services.impairments, rows, flaws.drift)
         self.signalled_ns: int | None = None
         #: A reset that restarts the drive was ordered, and its answer is still to go out.
         self._reboot_due = False
@@ -135,6 +147,8 @@ class DriveStation:
         self._calls: dict[int, int] = {}
         self._kept: dict[str, Any] = {}
         self._booted_ns: int | None = None
+        #: When a drive that boots comes on the wire.
+        self._answers_ns: int | None = None
         self._build()
         restore_history(handle.axis, self._kept.get("faults", ()))
 
@@ -160,8 +174,10 @@ class DriveStation:
         self._take_written_name(kept)
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
-        self.parameter_records = ParameterRecords(self.store, slot, api, strict=self.config.strict)
-        self.parameter_words = StationParameterWords(self.store)
+        self.parameter_records = ParameterRecords(
+            self.store, slot, api, strict=self.config.strict, latency=self._latency
+        )
+        self.parameter_words = StationParameterWords(self.store, self._latency)
         self.addressing = StationAddress(
             mac,
             DcpIdentity(
@@ -271,6 +287,11 @@ class DriveStation:
         return bool(self.handle.axis.powered)
 
     @property
+    def on_the_wire(self) -> bool:
+        """Whether it hears and speaks: powered, and done with booting."""
+        return self.powered and self._answers_ns is None
+
+    @property
     def booted_ns(self) -> int:
         """When it was powered on last."""
         return int(self.handle.axis.boot_ns) if self._booted_ns is None else self._booted_ns
@@ -280,8 +301,16 @@ class DriveStation:
         """The address as in an ARP packet, empty for none."""
         return self.addressing.own_ip
 
-    def start(self, now: int) -> None:
+    def boot(self, now: int) -> None:
+        """The drive was powered on: it comes on the wire at once, or when it is done with booting."""
+        if self.flaws.answer_ns:
+            self._answers_ns = now + self.flaws.answer_ns
+        else:
+            self._start(now)
+
+    def _start(self, now: int) -> None:
         """The drive came on the wire."""
+        self._answers_ns = None
         self.addressing.link_up(now)
         left_out = [*self._left_out, *self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)]
         if left_out:
@@ -294,6 +323,7 @@ class DriveStation:
         if self.dcp.signalling:
             self.note(now, "signal ends")
         self.handle.axis.powered = 0
+        self._answers_ns = None
         self.note(now, "power off")
 
     def power_on(self, now: int) -> None:
@@ -310,7 +340,7 @@ class DriveStation:
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
         self.note(now, "power on")
-        self.start(now)
+        self.boot(now)
 
     def power_cycle(self, now: int) -> None:
         self.power_off(now)
@@ -320,7 +350,7 @@ class DriveStation:
 
     def receive(self, data: bytes, now: int) -> None:
         """One acyclic frame of this port."""
-        if not self.powered:
+        if not self.on_the_wire:
             return
         self.traffic.frame_received(data)
         try:
@@ -346,7 +376,7 @@ class DriveStation:
 
     def hear_neighbour(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
         """An LLDP frame that was parsed once for all drives, or why it is none; whether anything is to be done now."""
-        return self.powered and self.neighbours.hear(frame, parsed, now)
+        return self.on_the_wire and self.neighbours.hear(frame, parsed, now)
 
     def passed_over(self, reason: str) -> bool:
         """Count a frame that was for others; always False."""
@@ -368,22 +398,33 @@ class DriveStation:
     def next_deadline(self) -> int | None:
         if not self.powered:
             return None
+        if self._answers_ns is not None:
+            return self._answers_ns
         deadlines = [machine.next_deadline() for machine in self._machines]
         deadlines.append(self.connections.next_deadline())
+        deadlines.append(self.parameter_records.next_deadline())
+        deadlines.append(self.parameter_words.next_deadline())
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
         if not self.powered:
             return
+        if self._answers_ns is not None:
+            if now < self._answers_ns:
+                return
+            self._start(now)
+            self.note(now, "booted", after_seconds=self.flaws.answer_ns / 1e9)
         for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
         self.connections.handle_timeout(now)
+        self.parameter_records.handle_timeout(now)
+        self.parameter_words.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
         """Carry events between the machines until nothing moves; the frames to send."""
-        if not self.powered:
+        if not self.on_the_wire:
             return []
         # what is due becomes events here, and not only when the frames are fetched, behind the loop
         self.dcp.handle_timeout(now)

@@ -64,14 +64,24 @@ def _feeds(ar: ArChannels, set_points: Container[tuple[int, int]]) -> bool:
 class StationChannels:
     """Opens and closes the rows of a station's ARs.
 
-    ``index`` is its process image, ``rows`` its share of each table, ``closed`` what went before.
+    ``index`` is its process image, ``rows`` its share of each table, ``drift`` that of the drive's clock, ``closed`` what
+    went before.
     """
 
-    def __init__(self, index: int, port: Port, channels: ChannelTable, impairments: ImpairmentTable, rows: int) -> None:
+    def __init__(
+        self,
+        index: int,
+        port: Port,
+        channels: ChannelTable,
+        impairments: ImpairmentTable,
+        rows: int,
+        drift: float = 0.0,
+    ) -> None:
         self.ars: dict[int, ArChannels] = {}
         self.closed = ClosedChannels()
         self._index = index
         self._rows = rows
+        self._drift = drift
         self._port = port
         self._channels = channels
         self._impairments = impairments
@@ -143,6 +153,7 @@ class StationChannels:
                 # a controller that leaves every phase at 1 has its drives' frames spread all the same
                 phase=cr.phase - 1 if cr.phase > 1 else self._index,
                 tag=cr.tag_header,
+                drift=self._drift,
             )
         )
         ar.providers.append((row, cr))
@@ -165,6 +176,7 @@ class StationChannels:
                 iops=layout.iops,
                 feeds=ar.feeds,
                 zeroes=True,
+                drift=self._drift,
             )
         )
         ar.consumers.append((row, cr))

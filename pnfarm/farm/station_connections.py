@@ -220,16 +220,19 @@ class StationConnections:
         ar = self._station.channels.close(key)
         if ar is not None:
             self._station.traffic.channels_closed(ar)
-        if ar is not None and not self._station.channels.any_cyclic:
-            self._station.handle.axis.step_ns = SLOWEST_STEP_NS
+        if ar is None:
+            return
+        if ar.feeds or not self._station.channels.any_cyclic:
             self._station.parameter_words.reset()
+        if not self._station.channels.any_cyclic:
+            self._station.handle.axis.step_ns = SLOWEST_STEP_NS
 
     def _lost(self, key: int) -> None:
         """An established connection ended without a release: the drive's own fault, unless it has it already."""
         ar = self._station.ars.get(key)
+        self.close(key)
         if ar is None:
             return
-        self.close(key)
         code = int(self._station.handle.axis.loss_fault)
         # with two controllers on one drive, only the loss of the one that feeds it is the drive's; a drive that waits
         # for telegrams for a time of its own finds out by itself

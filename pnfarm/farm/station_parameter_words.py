@@ -8,6 +8,8 @@ from pnfarm.drives.profiles.profidrive.pkw import PKW_OCTETS
 from pnfarm.drives.profiles.profidrive.pkw_channel import PkwChannel
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.drives.store import ParameterStore
 
 __all__ = ["StationParameterWords"]
@@ -17,25 +19,58 @@ class StationParameterWords:
     """Answers the tasks that the engine tells of; a drive without such a channel is never told of one.
 
     In the image the eight octets are one number with a sign, so that the engine sees all of an answer or nothing.
+
+    ``latency`` gives the time that the drive works on a new task, ns, None for no time.  Until it is over the answer is
+    "no response" (Moog MSD manual, table 8.18, identifier 0; that the drive sends it meanwhile is assumed), and the
+    engine tells of no other task.
     """
 
-    def __init__(self, store: ParameterStore) -> None:
+    def __init__(self, store: ParameterStore, latency: Callable[[], int] | None = None) -> None:
         words = store.model.parameter_words
         self._channel = None if words is None else PkwChannel(store, words)
+        self._latency = latency
         self._image = store.handle.image
+        self._working: tuple[int, int] | None = None
         self.reset()
 
     def reset(self) -> None:
         """The connection is gone, or the drive was switched on: nothing is answered yet."""
+        self._working = None
         if self._channel is not None:
             self._channel.reset()
             self._image.parameter_answer = 0
             self._image.parameter_repeats = 0
+            # the engine waits for no answer to what was told before
+            self._image.parameter_answered = self._image.parameter_task
 
-    def take(self, task: int) -> None:
+    def next_deadline(self) -> int | None:
+        """When the task at hand is to be carried out."""
+        return None if self._working is None else self._working[0]
+
+    def handle_timeout(self, now: int) -> None:
+        """Carry out the task whose time is over."""
+        if self._working is not None and self._working[0] <= now:
+            _, task = self._working
+            self._working = None
+            self._answer(task)
+
+    def take(self, task: int, now: int) -> None:
         """A task as it stands in the set points, new or once more."""
-        if self._channel is not None:
-            answer = self._channel.answer(task.to_bytes(PKW_OCTETS, "big", signed=True))
-            self._image.parameter_answer = int.from_bytes(answer, "big", signed=True)
-            self._image.parameter_repeats = self._channel.repeats
-            self._image.parameter_answered = task
+        if self._channel is None or self._working is not None:
+            return
+        new = task != int(self._image.parameter_answered)
+        latency = self._latency() if new and task and self._latency is not None else 0
+        if latency > 0:
+            self._image.parameter_answer = 0
+            self._image.parameter_repeats = 0
+            self._working = (now + latency, task)
+        else:
+            self._answer(task)
+
+    def _answer(self, task: int) -> None:
+        if self._channel is None:
+            return
+        answer = self._channel.answer(task.to_bytes(PKW_OCTETS, "big", signed=True))
+        self._image.parameter_answer = int.from_bytes(answer, "big", signed=True)
+        self._image.parameter_repeats = self._channel.repeats
+        self._image.parameter_answered = task

@@ -127,7 +127,7 @@ def take_cyclic(axis: Any, image: Any, now: int) -> None:
     """Once in each step, before the motor: what new frames bring."""
     if image.filled != axis.frames_told:
         axis.frames_told = image.filled
-        axis.servo_shown = axis.sensor_position
+        axis.servo_shown = axis.sensor_position + axis.position_deviation
     if axis.setpoints == SETPOINTS_NONE or axis.reference_source != axis.bus_source:
         axis.servo_gain = 0.0
         axis.frames_ns = 0

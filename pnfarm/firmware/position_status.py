@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.causes import cause_held
+from pnfarm.firmware.measurement import measured_position, measured_velocity
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
 from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_RELEASE, MDI_SELECTED, TASKS_TABLE
 from pnfarm.table.axis_readings import REACHED_NO_MOTION, REACHED_TASK_ACTIVE
@@ -31,7 +32,7 @@ def _has_task(axis: Any) -> bool:
 
 @compiled
 def standing(axis: Any) -> bool:
-    """Whether the axis is at rest, so that a task may begin: no profile moves it, and the shaft does not turn.
+    """Whether the axis is seen to be at rest: no profile moves it, and the shaft does not turn.
 
     Homing moves it to its end, also where it turns at the mark (AKD PROFINET manual 5.10.3).
     """
@@ -39,7 +40,7 @@ def standing(axis: Any) -> bool:
         return False
     if axis.motion != OUT and axis.profile_velocity != 0.0:
         return False
-    return abs(axis.velocity) <= axis.standstill
+    return abs(measured_velocity(axis)) <= axis.standstill
 
 
 @compiled
@@ -54,7 +55,7 @@ def _at_target(axis: Any) -> bool:
 
     Turned away, by hand or by its load, it is not (HIWIN E1 manual, table 3.5.2.1).
     """
-    return axis.target_reached and abs(axis.target - axis.measured_position) <= axis.target_window
+    return axis.target_reached and abs(axis.target - measured_position(axis)) <= axis.target_window
 
 
 @compiled
@@ -75,7 +76,8 @@ def _rests(axis: Any) -> bool:
 def position_bits(axis: Any) -> int:
     """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
     word = 0
-    if (abs(axis.following_error) <= axis.following_window) != (axis.following_error_bit != 0):
+    near = abs(axis.following_error - axis.position_deviation) <= axis.following_window
+    if near != (axis.following_error_bit != 0):
         word |= 0x0100
     if _reached(axis):
         word |= 0x0400
@@ -110,7 +112,7 @@ def motion_status(axis: Any) -> int:
         word |= 0x0400
     if _at_target(axis):
         word |= 0x0800
-    if axis.motion == TASK and abs(abs(axis.velocity) - abs(axis.task_velocity)) <= axis.target_velocity_window:
+    if axis.motion == TASK and abs(abs(measured_velocity(axis)) - abs(axis.task_velocity)) <= axis.target_velocity_window:
         word |= 0x1000
     return word
 
@@ -136,7 +138,8 @@ def second_position_word(axis: Any) -> int:
         word |= 0x8004
     if not standing(axis):
         # a shaft that does not turn yet, or no more, goes where its profile leads
-        speed = axis.velocity if abs(axis.velocity) > axis.standstill else axis.profile_velocity
+        velocity = measured_velocity(axis)
+        speed = velocity if abs(velocity) > axis.standstill else axis.profile_velocity
         if speed != 0.0:
             word |= 0x0010 if speed > 0.0 else 0x0020
     return word
@@ -161,7 +164,7 @@ def limits_reached(axis: Any) -> int:
     """SWLS.STATE: software limits that the axis has reached, bit 0 the low one, bit 1 the high one."""
     word = 0
     if axis.homed:
-        place = axis.position - axis.origin
+        place = axis.position + axis.position_deviation - axis.origin
         if axis.software_limits & 0x1 and place <= axis.limit_low + axis.target_window:
             word |= 0x1
         if axis.software_limits & 0x2 and place >= axis.limit_high - axis.target_window:

@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from pnfarm.firmware.measurement import measured_position
 from pnfarm.firmware.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
 from pnfarm.firmware.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array
@@ -339,7 +340,7 @@ def _second_value(axis: Any, word: int) -> int:
     if 1 << state & SHOWS_VALUE:
         return signed32(nearest(axis.sensor_value[int(axis.sensor_read) - 1] / step))
     if _sends_absolute(state, word) or axis.sensor_shows:
-        return signed32(nearest(axis.measured_position / step))
+        return signed32(nearest(measured_position(axis) / step))
     return 0
 
 
@@ -372,9 +373,9 @@ def step_sensor(axis: Any, image: Any) -> None:
     if axis.sensor_bits == 0:
         # no sensor interface: positions alone
         if axis.sensor_step > 0.0:
-            image.sent[G1_XIST1] = signed32(nearest(axis.measured_position / axis.sensor_step))
+            image.sent[G1_XIST1] = signed32(nearest(measured_position(axis) / axis.sensor_step))
         if axis.sensor_step_2 > 0.0:
-            image.sent[G1_XIST2] = signed32(nearest(axis.measured_position / axis.sensor_step_2))
+            image.sent[G1_XIST2] = signed32(nearest(measured_position(axis) / axis.sensor_step_2))
         return
     if axis.state == 0:
         axis.sensor_state = START
@@ -396,5 +397,5 @@ def step_sensor(axis: Any, image: Any) -> None:
         image.sent[G1_XIST1] = 0
         image.sent[G1_XIST2] = 0
         return
-    image.sent[G1_XIST1] = signed32(nearest(axis.measured_position / axis.sensor_step)) if axis.sensor_step > 0.0 else 0
+    image.sent[G1_XIST1] = signed32(nearest(measured_position(axis) / axis.sensor_step)) if axis.sensor_step > 0.0 else 0
     image.sent[G1_XIST2] = _second_value(axis, word)

@@ -1,7 +1,7 @@
 """Sign of life: a count from 1 to 15 in bits 12..15 of STW2 and ZSW2 (PROFIdrive 4.2; Moog MSD manual 8.3.2).
 
-The controller counts each frame of set points; the drive counts its own with each frame that it takes, and watches the
-controller's:
+The controller counts each frame of set points; the drive counts its own with each frame that it takes (with each that it
+sends, where its clock drifts against the controller's), and watches the controller's:
 
 * watching begins after 15 frames in sequence, so that a controller without a sign of life is left in peace;
 * a frame whose count does not follow the last one takes the error counter up by ten, every other takes it down by one;
@@ -70,13 +70,17 @@ def count_life(axis: Any, image: Any) -> None:
     """Take the frames since the last call into account; nothing happens without one."""
     frames = (int(image.frames) - int(axis.life_frames)) & 0xFFFFFFFF
     axis.life_frames = image.frames
+    sent = (int(image.filled) - int(axis.life_told)) & 0xFFFFFFFF
+    axis.life_told = image.filled
     if not image.valid:
         forget_life(axis)
         return
+    counted = sent if axis.clock_drift != 0.0 else frames
+    if counted != 0:
+        axis.life_sent = following(int(axis.life_sent), counted)
+        image.sent[ZSW2] = second_status_word(axis)
     if frames == 0:
         return
-    axis.life_sent = following(int(axis.life_sent), frames)
-    image.sent[ZSW2] = second_status_word(axis)
     if axis.life_isochronous:
         return
     seen = (image.received[STW2] >> SHIFT) & 0xF

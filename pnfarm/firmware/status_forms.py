@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.hindrances import enabled_by_hardware
+from pnfarm.firmware.measurement import measured_velocity
 from pnfarm.firmware.motor import torque_controlled
 from pnfarm.firmware.torque_limits import gives_all
 from pnfarm.table.axis_codes import RAMP_GENERATED
@@ -51,22 +52,24 @@ def _as_in_the_profile(axis: Any) -> bool:
 def speed_reached(axis: Any) -> bool:
     """ZSW1.10 in speed control: the speed is reached or exceeded."""
     wanted = axis.jog_speed if axis.jog_sequence else axis.setpoint
+    velocity = measured_velocity(axis)
     if wanted < 0.0:
-        return axis.velocity <= wanted + axis.velocity_window
+        return velocity <= wanted + axis.velocity_window
     if wanted > 0.0:
-        return axis.velocity >= wanted - axis.velocity_window
-    return abs(axis.velocity) <= axis.velocity_window
+        return velocity >= wanted - axis.velocity_window
+    return abs(velocity) <= axis.velocity_window
 
 
 @compiled
 def moog_word(axis: Any, word: int) -> int:
     """ZSW1 by tables 10.8 and 10.16, from the profile's ``word``."""
-    stationary = abs(axis.velocity) <= axis.standstill
+    velocity = measured_velocity(axis)
+    stationary = abs(velocity) <= axis.standstill
     moog = word & PROFILE_BITS
     if _as_in_the_profile(axis):
         moog |= CONTROL
         # in position control, too: the telegrams of this mode bring a speed
-        if not stationary and abs(axis.setpoint - axis.velocity) <= axis.velocity_window:
+        if not stationary and abs(axis.setpoint - velocity) <= axis.velocity_window:
             moog |= REACHED
         return moog
     if axis.control_location == axis.bus_location and axis.state > 0:

@@ -10,6 +10,7 @@ from pnfarm.firmware.hindrances import take_hindrances, with_hindrances
 from pnfarm.firmware.interpolation import take_cyclic
 from pnfarm.firmware.jog import take_jog, take_jog_bits
 from pnfarm.firmware.machine import take_switches
+from pnfarm.firmware.measurement import measure, measured_velocity
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
 from pnfarm.firmware.position_status import position_bits
@@ -55,12 +56,13 @@ LONGEST_NS = 1_000_000_000
 def _speed_bits(axis: Any) -> int:
     """Bits 8 and 10 of ZSW1 in speed control."""
     word = 0
+    velocity = measured_velocity(axis)
     wanted = axis.speed_reference if axis.speed_error_bit == SPEED_ERROR_OF_RAMP else axis.setpoint
-    if axis.speed_error_bit != SPEED_BIT_ZERO and abs(wanted - axis.velocity) <= axis.velocity_window:
+    if axis.speed_error_bit != SPEED_BIT_ZERO and abs(wanted - velocity) <= axis.velocity_window:
         word |= 0x0100  # velocity error within range
     reached = axis.speed_reached_bit == SPEED_REACHED_OR_EXCEEDED and speed_reached(axis)
     if axis.speed_reached_bit == SPEED_REACHED_WINDOW:
-        reached = abs(axis.setpoint - axis.velocity) <= axis.velocity_window
+        reached = abs(axis.setpoint - velocity) <= axis.velocity_window
     if reached:
         word |= 0x0400  # target velocity reached
     return word
@@ -226,6 +228,7 @@ def step(axis: Any, image: Any, now: int) -> None:
 
     _turn(axis, elapsed)
     watch_motor(axis, now)
+    measure(axis)
     watch_warnings(axis)
     take_generator(axis)
     axis.zsw1 = _status_word(axis)

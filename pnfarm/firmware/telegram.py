@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.firmware.measurement import measured_current, measured_position, measured_torque, measured_velocity
 from pnfarm.firmware.own_warnings import warned
 from pnfarm.firmware.position_status import (
     actual_task,
@@ -205,9 +206,10 @@ def _beside(axis: Any, image: Any) -> None:
 def to_actuals(axis: Any, image: Any) -> None:
     """Status words, actual velocity, current, messages and the position signals."""
     image.sent[ZSW1] = axis.zsw1
-    steps = axis.velocity / axis.velocity_step
+    velocity = measured_velocity(axis)
+    steps = velocity / axis.velocity_step
     image.sent[NIST_A] = clamp16(steps)
-    image.sent[NIST_B] = clamp32(axis.velocity / long_step(axis))
+    image.sent[NIST_B] = clamp32(velocity / long_step(axis))
     image.sent[ACT_SPEED] = clamp32(steps)
     if axis.life:
         image.sent[ZSW2] = second_status_word(axis)
@@ -215,18 +217,19 @@ def to_actuals(axis: Any, image: Any) -> None:
     number = int(axis.fault_code[0]) & NUMBER_MASK
     image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
     image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
-    image.sent[ITIST_GLATT] = clamp16(axis.current / axis.peak_current * N2_FULL)
+    current = measured_current(axis)
+    image.sent[ITIST_GLATT] = clamp16(current / axis.peak_current * N2_FULL)
     if axis.torque_step > 0.0:
-        image.sent[ACT_TORQUE] = clamp16(axis.torque / axis.torque_step)
-    image.sent[XIST_A] = signed32(nearest((axis.measured_position - axis.origin) / axis.position_step))
+        image.sent[ACT_TORQUE] = clamp16(measured_torque(axis) / axis.torque_step)
+    image.sent[XIST_A] = signed32(nearest((measured_position(axis) - axis.origin) / axis.position_step))
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
     image.sent[AKTSATZ] = actual_task(axis)
-    image.sent[ACT_CURRENT] = np.int64(np.float32(axis.current).view(np.int32))
+    image.sent[ACT_CURRENT] = np.int64(np.float32(current).view(np.int32))
     image.sent[E_DIGITAL] = int(axis.digital_inputs) & 0xFFFF
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
-    image.sent[XIST_ERROR] = signed32(nearest(axis.following_error / axis.position_step))
+    image.sent[XIST_ERROR] = signed32(nearest((axis.following_error - axis.position_deviation) / axis.position_step))
     if axis.shows:
         _beside(axis, image)

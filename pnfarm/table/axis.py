@@ -514,5 +514,17 @@ AXIS = Layout(
         Field("additive_speed", "f8", "rpm", "parameter", "added to the speed set point in operation"),
         Field("torque_setpoint", "f8", "N m", "firmware", "torque that the controller asks for"),
         Field("speed_reference", "f8", "rpm", "firmware", "ramp, and what is added to it: the set point of the speed"),
+        # what the drive measures, and its clock
+        Field("velocity_noise", "f8", "rpm", "station", "noise of the measured speed, effective value, 0 = none"),
+        Field("current_noise", "f8", "A", "station", "of the measured current, alike"),
+        Field("position_noise", "f8", "rev", "station", "of the measured position, alike"),
+        Field("noise_seed", "i8", "", "station", "begins the sequence of noise, 0 = there is none"),
+        Field("noise_state", "i8", "", "firmware", "where in that sequence it is, 0 = not begun"),
+        Field("velocity_deviation", "f8", "rpm", "firmware", "what noise adds to the measured speed in this step"),
+        Field("current_deviation", "f8", "A", "firmware", "to the measured current, alike"),
+        Field("position_deviation", "f8", "rev", "firmware", "to the measured position, alike"),
+        Field("clock_drift", "f8", "", "station", "how much faster the drive's clock runs: 1e-6 = 1 ppm; 0 = as time does"),
+        Field("clock_start_ns", "i8", "ns", "station", "when it showed the time as it is"),
+        Field("life_told", "u4", "", "firmware", "frames sent that its own sign of life has counted"),
     ],
 )

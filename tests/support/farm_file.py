@@ -42,6 +42,9 @@ class Model:
     def axis_complaints(self, load, motor):
         return []
 
+    def realism_complaints(self, realism):
+        return []
+
     def identity_complaints(self, identity):
         return [(key, "is no identity", "vendor") for key in identity if key != "vendor"]
 

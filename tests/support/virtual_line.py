@@ -22,6 +22,7 @@ drives:
     load: {load}
     machine: {machine}
     behaviour: {behaviour}
+    realism: {realism}
     ip: 10.77.0.11/23
     limits: {limits}
 controller:
@@ -42,7 +43,8 @@ class VirtualLine:
     def __init__(self, drives: int = 1, *, cycle: str = "16ms", limits: str = "strict", watchdog: int = 3,
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
                  memory: VolatileMemory | None = None, params: str = "{}", tasks: str = "[]",
-                 motor: str = "{}", load: str = "{}", machine: str = "{}", behaviour: str = "{}", top: str = "",
+                 motor: str = "{}", load: str = "{}", machine: str = "{}", behaviour: str = "{}", realism: str = "{}",
+                 top: str = "",
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
         text = top + FILE.format(
             drives=drives,
@@ -58,6 +60,7 @@ class VirtualLine:
             load=load,
             machine=machine,
             behaviour=behaviour,
+            realism=realism,
             program=program,
         )
         if not controller:

@@ -24,7 +24,7 @@ from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Sequence
+    from collections.abc import Callable, Container, Sequence
 
     from pnfarm.drives.model import Model
     from pnfarm.drives.store import ParameterStore
@@ -164,12 +164,21 @@ class DriveRecords:
     """The drive's own records (a ``RecordHandler``): base mode parameter access, and nothing else.
 
     They stand at the parameter access point, which is any submodule of the drive's slot in the profile's API; index
-    47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``error`` (a fault kind sets it) refuses every access.
+    47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``latency`` gives the time that the next request takes, ns.
+    ``error`` (a fault kind sets it) refuses every access.
     """
 
-    def __init__(self, store: ParameterStore, slot: int, api: int, *, strict: bool = True) -> None:
+    def __init__(
+        self,
+        store: ParameterStore,
+        slot: int,
+        api: int,
+        *,
+        strict: bool = True,
+        latency: Callable[[], int] | None = None,
+    ) -> None:
         indexes = store.model.access.record_indexes
-        self.channels = {index: ParameterChannel(store, index, strict=strict) for index in indexes}
+        self.channels = {index: ParameterChannel(store, index, strict=strict, latency=latency) for index in indexes}
         self.error: RecordError | None = None
         self._slot = slot
         self._api = api
@@ -178,6 +187,14 @@ class DriveRecords:
         """The connection of this key ended: nobody reads its pending answers any more."""
         for channel in self.channels.values():
             channel.reset(key)
+
+    def next_deadline(self) -> int | None:
+        """When a request is to be carried out."""
+        return min((due for c in self.channels.values() if (due := c.next_deadline()) is not None), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        for channel in self.channels.values():
+            channel.handle_timeout(now)
 
     def _channel(self, api: int, slot: int, index: int) -> ParameterChannel | RecordError:
         if self.error is not None:
@@ -192,22 +209,22 @@ class DriveRecords:
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The pending response of this connection; without one the access is a state conflict."""
-        del subslot, now
+        """The pending response of this connection; without one, or before it is there, the access is a state conflict."""
+        del subslot
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
-        response = channel.read_response(max_length, _client(ar))
+        response = channel.read_response(max_length, _client(ar), now)
         return RecordError(AccessError.STATE_CONFLICT) if response is None else response
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         """Take a parameter request; what is wrong inside it is told by its response."""
-        del subslot, now
+        del subslot
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
         try:
-            channel.write_request(data, _client(ar))
+            taken = channel.write_request(data, _client(ar), now)
         except DecodeError:
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
-        return None
+        return None if taken else RecordError(AccessError.STATE_CONFLICT)

@@ -2,6 +2,10 @@
 
 Record indexes 47 (AKD PROFINET manual 3.6), 0xB02E (local) and 0xB02F (global) lead here; each has its own channel with
 one request of each client at a time (profile 4.1, 8.6): a read while none is pending is a state conflict (0xB5).
+
+A drive may take its time over a request: until it is over, a read of the answer is that state conflict, too (Moog MSD
+manual 9.1: "negative read response", then the data in a later cycle), and so is a second request of the same client
+(assumed: the profile's word for an access that is not possible at the moment).
 """
 
 from __future__ import annotations
@@ -65,18 +69,30 @@ class ParameterChannel:
     the connection that asks, which alone gets the answer; a read without a connection is client 0, and never asked.
     With ``strict`` limits a request holds as many parameters as the drive says, else as many as its field can say.
 
+    ``latency`` gives the time that the next request takes, ns; None is no time.  The request is carried out at its end.
+
     ``busy`` (a fault kind sets it) holds every response back, so that reads meet the state conflict of a drive that is
     still working; clearing it lets the response through.  ``refuse`` (a fault kind sets it) answers every parameter
     with that error.
     """
 
-    __slots__ = ("_local", "_most", "_responses", "_store", "busy", "refuse")
+    __slots__ = ("_latency", "_local", "_most", "_responses", "_store", "_working", "busy", "refuse")
 
-    def __init__(self, store: ParameterStore, index: int = 47, *, strict: bool = True) -> None:
+    def __init__(
+        self,
+        store: ParameterStore,
+        index: int = 47,
+        *,
+        strict: bool = True,
+        latency: Callable[[], int] | None = None,
+    ) -> None:
         self._store = store
         self._most = store.model.limits.max_parameters if strict else MAX_PARAMETERS
         self._local = index == LOCAL
+        self._latency = latency
         self._responses: dict[int, bytes] = {}
+        #: Requests that take their time, one of each client at most: when they are over, and what they ask.
+        self._working: dict[int, tuple[int, ParameterRequest]] = {}
         self.busy = False
         self.refuse: ParameterErrorNumber | None = None
 
@@ -85,23 +101,46 @@ class ParameterChannel:
         return client in self._responses
 
     def reset(self, client: int = 0) -> None:
-        """The connection went down: forget what it asked."""
+        """The connection went down: forget what it asked; what the drive still worked on is not carried out."""
         self._responses.pop(client, None)
+        self._working.pop(client, None)
 
-    def write_request(self, data: bytes, client: int = 0) -> None:
-        """Take a request over and carry it out; it replaces one whose response nobody read.
+    def next_deadline(self) -> int | None:
+        """When a request's time is over."""
+        return min((due for due, _ in self._working.values()), default=None)
 
-        Raises :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is
+    def handle_timeout(self, now: int) -> None:
+        """Carry out the requests whose time is over, in the order in which it ended."""
+        over = sorted((due, client) for client, (due, _) in self._working.items() if due <= now)
+        for _, client in over:
+            _, request = self._working.pop(client)
+            self._responses[client] = emit_response(self._answer(request))
+
+    def write_request(self, data: bytes, client: int = 0, now: int = 0) -> bool:
+        """Take a request over and carry it out, now or after its time; it replaces one whose response nobody read.
+
+        False while the drive works on the last one of this client: the record write is a state conflict (0xB5).  Raises
+        :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is
         refused (0xB1, length error).  Everything else is answered by a response.
         """
+        self.handle_timeout(now)
+        if client in self._working:
+            return False
         request = parse_request(data)
-        self._responses[client] = emit_response(self._answer(request))
+        latency = self._latency() if self._latency is not None else 0
+        if latency > 0:
+            self._responses.pop(client, None)
+            self._working[client] = (now + latency, request)
+        else:
+            self._responses[client] = emit_response(self._answer(request))
+        return True
 
-    def read_response(self, maximum: int = 0xFFFF, client: int = 0) -> bytes | None:
-        """The response, once; None when there is none (record error 0xB5, state conflict).
+    def read_response(self, maximum: int = 0xFFFF, client: int = 0, now: int = 0) -> bytes | None:
+        """The response, once; None when there is none, or not yet (record error 0xB5, state conflict).
 
         A response longer than ``maximum`` octets becomes the error "response too long", if that fits.
         """
+        self.handle_timeout(now)
         if self.busy or client not in self._responses:
             return None
         response = self._responses.pop(client)

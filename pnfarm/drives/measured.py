@@ -1,0 +1,23 @@
+"""What a drive measures of its motor, for parameters that show it: the axis record holds the truth, and what noise adds.
+
+The firmware draws the noise (:mod:`pnfarm.firmware.measurement`); here it is only added.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+__all__ = ["deviation"]
+
+
+def deviation(axis: Any, field: str) -> float:
+    """What the measured value of a field is beside the true one, in the field's unit; 0 for what is not measured."""
+    match field:
+        case "velocity" | "current" | "position":
+            return float(axis[f"{field}_deviation"])
+        case "torque":
+            return float(axis.torque_constant) * float(axis.current_deviation)
+        case "following_error":
+            return -float(axis.position_deviation)
+        case _:
+            return 0.0

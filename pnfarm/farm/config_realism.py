@@ -1,0 +1,211 @@
+"""``realism`` of a drive group: what makes its drives less than ideal, key by key, and the short forms ``on`` and ``off``.
+
+A key that is left out is on where a source gives the model's figure, the drives' limits are strict and the link is
+real; else it is off.  ``on`` takes the model's figure, be it assumed or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
+
+from pnfarm.drives.realism import BOUNDS
+from pnfarm.farm.config_cycle import format_duration
+from pnfarm.farm.config_issue import problem, shown
+from pnfarm.farm.config_section import Section
+from pnfarm.farm.config_values import read_duration
+
+__all__ = ["ALL", "OFF", "ON", "SWITCH", "BootTime", "DriveRealism", "Noise", "Realism"]
+
+ON: Literal["on"] = "on"
+OFF: Literal["off"] = "off"
+#: What the short form ``realism: on`` makes of each key: on, where the model has a figure.
+ALL: Literal["all"] = "all"
+#: The words of the short forms, as editors that read YAML 1.1 write them, too.
+SWITCH: dict[str, Any] = {"enum": [ON, OFF, True, False]}
+
+_DURATION_SCHEMA = {"type": "string", "examples": ["20ms"]}
+
+
+def _switch(value: Any) -> str | None:
+    """``on`` or ``off``, None for anything else."""
+    if value is True or value == ON:
+        return ON
+    return OFF if value is False or value == OFF else None
+
+
+def _number(value: Any, least: float, most: float, unit: str) -> float:
+    allowed = f"a number from {least:g} to {most:g} {unit}, on or off"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise problem(f"is {shown(value)}", allowed)
+    if not isfinite(value) or not least <= value <= most:
+        raise problem(f"is {shown(value)}", allowed)
+    return float(value)
+
+
+def _duration(value: Any, most_ns: int, also: str) -> int:
+    allowed = f"a duration to {format_duration(most_ns)}, such as 20ms{also}"
+    if not isinstance(value, str):
+        raise problem(f"is {shown(value)}", allowed)
+    duration = read_duration(value)
+    if duration > most_ns:
+        raise problem(f"is {value}", allowed)
+    return duration
+
+
+def _ends(value: list[Any], read: Callable[[Any], float]) -> tuple[float, float]:
+    """Both ends of a range."""
+    if len(value) != 2:
+        raise problem(f"has {len(value)} entries", "a list of two, the least and the most")
+    low, high = read(value[0]), read(value[1])
+    if low > high:
+        raise problem("begins above its end", "the least first")
+    return low, high
+
+
+def _amount(name: str, unit: str) -> Callable[[Any], float | str | None]:
+    def read(value: Any) -> float | str | None:
+        word = _switch(value)
+        return value if value is None else word or _number(value, 0.0, BOUNDS[name], unit)
+
+    return read
+
+
+def _read_latency(value: Any) -> tuple[float, float] | str | None:
+    most = int(BOUNDS["parameter_latency_ns"])
+
+    def one(end: Any) -> int:
+        return _duration(end, most, ", a list of two, on or off")
+
+    if value is None or (word := _switch(value)) is not None:
+        return value if value is None else word
+    return _ends(value, one) if isinstance(value, list) else (one(value), one(value))
+
+
+def _read_drift(value: Any) -> tuple[float, float] | str | None:
+    most = BOUNDS["clock_drift"]
+
+    def one(end: Any) -> float:
+        return _number(end, -most, most, "ppm, a list of two")
+
+    if value is None or (word := _switch(value)) is not None:
+        return value if value is None else word
+    return _ends(value, one) if isinstance(value, list) else (one(value), one(value))
+
+
+def _read_time(value: Any) -> int | str | None:
+    if value is None or (word := _switch(value)) is not None:
+        return value if value is None else word
+    return _duration(value, int(BOUNDS["answer_time_ns"]), ", on or off")
+
+
+def _schema(*kinds: dict[str, Any]) -> WithJsonSchema:
+    return WithJsonSchema({"anyOf": [SWITCH, *kinds]})
+
+
+def _amount_schema(name: str) -> WithJsonSchema:
+    return _schema({"type": "number", "minimum": 0, "maximum": BOUNDS[name]})
+
+
+def _range_schema(kind: dict[str, Any]) -> WithJsonSchema:
+    return _schema(kind, {"type": "array", "items": kind, "minItems": 2, "maxItems": 2})
+
+
+class Noise(Section):
+    """What is added to measured values: effective values of a noise that is drawn anew for each firmware step."""
+
+    velocity: Annotated[
+        float | str | None, PlainValidator(_amount("velocity_noise", "rpm")), _amount_schema("velocity_noise")
+    ] = Field(default=None, description="Of the actual velocity, rpm (linear motor: mm/s).")
+    current: Annotated[
+        float | str | None, PlainValidator(_amount("current_noise", "A")), _amount_schema("current_noise")
+    ] = Field(default=None, description="Of the actual current, A; the torque's follows.")
+    position: Annotated[
+        float | str | None, PlainValidator(_amount("position_noise", "rev")), _amount_schema("position_noise")
+    ] = Field(default=None, description="Of the actual position, revolutions (linear motor: mm).")
+
+
+class BootTime(Section):
+    """How long the drive takes from power-on, at the farm's start and after each power cycle."""
+
+    answers: Annotated[int | str | None, PlainValidator(_read_time), _schema(_DURATION_SCHEMA)] = Field(
+        default=None, description="Until it answers on the network."
+    )
+    ready: Annotated[int | str | None, PlainValidator(_read_time), _schema(_DURATION_SCHEMA)] = Field(
+        default=None, description="Until S1; left out, the model's `boot_time_ns`."
+    )
+
+
+def _open_noise(value: Any) -> Any:
+    if (word := _switch(value)) is not None:
+        return {"velocity": word, "current": word, "position": word}
+    if isinstance(value, (dict, Noise)):
+        return value
+    raise problem(f"is {shown(value)}", "on, off, or a mapping such as {velocity: 2.0, current: 0.05}")
+
+
+def _open_boot_time(value: Any) -> Any:
+    if isinstance(value, (dict, BootTime)):
+        return value
+    if _switch(value) is None and not isinstance(value, str):
+        raise problem(f"is {shown(value)}", "a duration such as 8s, on, off, or a mapping such as {answers: 8s}")
+    return {"answers": value, "ready": value}
+
+
+class Realism(Section):
+    """What makes these drives less than ideal; each key is a figure, `on` (the model's own) or `off`."""
+
+    noise: Annotated[Noise, BeforeValidator(_open_noise)] = Field(
+        default_factory=Noise, description="Of measured velocity, current and position."
+    )
+    parameter_latency: Annotated[
+        tuple[float, float] | str | None, PlainValidator(_read_latency), _range_schema(_DURATION_SCHEMA)
+    ] = Field(
+        default=None,
+        description="How long the drive works on a parameter request before its answer can be read; two durations are a "
+        "range of which each request has its own.",
+        examples=["20ms", ["5ms", "40ms"]],
+    )
+    boot_time: Annotated[BootTime, BeforeValidator(_open_boot_time)] = Field(
+        default_factory=BootTime, description="From power-on until it answers and until S1; one duration is both."
+    )
+    clock_drift: Annotated[
+        tuple[float, float] | str | None,
+        PlainValidator(_read_drift),
+        _range_schema({"type": "number", "minimum": -BOUNDS["clock_drift"], "maximum": BOUNDS["clock_drift"]}),
+    ] = Field(
+        default=None,
+        description="How much faster than true the drive's clock runs, ppm; two numbers are a range of which each drive "
+        "has its own.",
+        examples=[30, [-50, 50]],
+    )
+    seed: int = Field(
+        default=1, ge=0, le=(1 << 64) - 1, description="The same seed makes the same run; drives differ by their names."
+    )
+
+
+def _everything() -> Realism:
+    return Realism.model_construct(
+        noise=Noise.model_construct(velocity=ALL, current=ALL, position=ALL),
+        parameter_latency=ALL,
+        boot_time=BootTime.model_construct(answers=ALL, ready=ALL),
+        clock_drift=ALL,
+    )
+
+
+def _open_realism(value: Any) -> Any:
+    match _switch(value):
+        case "on":
+            return _everything()
+        case "off":
+            return {key: OFF for key in ("noise", "parameter_latency", "boot_time", "clock_drift")}
+    if isinstance(value, (dict, Realism)):
+        return value
+    raise problem(f"is {shown(value)}", "on, off, or a mapping such as {noise: on, parameter_latency: 20ms}")
+
+
+#: The key of a drive group.
+DriveRealism = Annotated[Realism, BeforeValidator(_open_realism)]

@@ -1,0 +1,80 @@
+"""What the drive measures of its motor: the truth, and what noise adds to it.
+
+In each step noise is drawn anew for the shaft's speed, its position and the current, of a normal distribution that is
+cut off at 3.5 times its effective value (the sum of four even ones).  It is in what the drive tells: actual values,
+parameters that show them, and bits that compare them with a window.  Controllers, stops, and limits that are faults
+go by the motor itself, so that noise moves nothing and trips nothing.
+
+The sequence is the axis record's own, by ``noise_seed``; a seed of 0 is a drive without noise.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import compiled
+
+__all__ = ["measure", "measured_current", "measured_position", "measured_torque", "measured_velocity"]
+
+#: The linear congruential generator of 48 bits of POSIX's drand48.
+MULTIPLIER = 0x5DEECE66D
+INCREMENT = 0xB
+MASK = 0xFFFF_FFFF_FFFF
+#: Two numbers of 16 bits are taken out of each state, from its upper end, where it is most random.
+UPPER = 32
+LOWER = 16
+HALF = 0xFFFF
+#: The sum of four of them: its mean, and what makes of it a number of variance 1 (one has (2^32 - 1) / 12).
+MEAN = 131070.0
+SCALE = 2.642899792e-05
+
+
+@compiled
+def _next(axis: Any) -> int:
+    """The sum of two even numbers of 16 bits; moves the sequence on."""
+    state = (int(axis.noise_state) * MULTIPLIER + INCREMENT) & MASK
+    axis.noise_state = state
+    return (state >> UPPER & HALF) + (state >> LOWER & HALF)
+
+
+@compiled
+def _normal(axis: Any) -> float:
+    """A number of mean 0 and variance 1."""
+    return (_next(axis) + _next(axis) - MEAN) * SCALE
+
+
+@compiled
+def measure(axis: Any) -> None:
+    """Once in each step, behind the motor: draw what noise adds to each value until the next one."""
+    if axis.noise_seed == 0:
+        return
+    if axis.noise_state == 0:
+        # a state of 0 was never begun: the sequence of a seed begins there
+        axis.noise_state = axis.noise_seed & MASK
+    axis.velocity_deviation = axis.velocity_noise * _normal(axis)
+    axis.current_deviation = axis.current_noise * _normal(axis)
+    axis.position_deviation = axis.position_noise * _normal(axis)
+
+
+@compiled
+def measured_velocity(axis: Any) -> float:
+    """The shaft's speed as the drive measures it, rpm."""
+    return axis.velocity + axis.velocity_deviation
+
+
+@compiled
+def measured_current(axis: Any) -> float:
+    """The torque-building current, alike, A."""
+    return axis.current + axis.current_deviation
+
+
+@compiled
+def measured_torque(axis: Any) -> float:
+    """The torque, which the drive computes from the current, N m."""
+    return axis.torque + axis.torque_constant * axis.current_deviation
+
+
+@compiled
+def measured_position(axis: Any) -> float:
+    """The shaft's position as the encoder tells it, rev."""
+    return axis.measured_position + axis.position_deviation

@@ -1,0 +1,96 @@
+"""Noise of measured values: in what the drive tells, by the same sequence for the same seed; the motor knows nothing."""
+
+from __future__ import annotations
+
+import statistics
+
+import numpy as np
+import pytest
+from bench_axis import VELOCITY_STEP, BenchAxis
+
+from pnfarm.table.signals import ACT_CURRENT, ITIST_GLATT, NIST_A, NIST_B, XIST_A, XIST_ERROR, ZSW1
+
+TARGET = 0x0100
+REACHED = 0x0400
+ENABLED = 0x047F
+
+
+def noisy(*, seed: int = 7, velocity: float = 0.0, current: float = 0.0, position: float = 0.0) -> BenchAxis:
+    """A drive that runs at 60 rpm, with this noise."""
+    bench = BenchAxis()
+    for word in (0x0406, 0x0407, 0x040F):
+        bench.write(word)
+    bench.axis.velocity_noise = velocity
+    bench.axis.current_noise = current
+    bench.axis.position_noise = position
+    bench.axis.noise_seed = seed
+    bench.write(ENABLED, 60.0, run=500)
+    return bench
+
+
+def seen(bench: BenchAxis, slot: int, steps: int) -> list[int]:
+    found = []
+    for _ in range(steps):
+        bench.run(1)
+        found.append(int(bench.image.sent[slot]))
+    return found
+
+
+def signed(words: list[int]) -> list[int]:
+    return [word - 0x10000 if word & 0x8000 else word for word in words]
+
+
+def test_noise_has_the_effective_value_that_was_asked_for_and_no_mean():
+    bench = noisy(velocity=2.0)
+    speeds = [word * VELOCITY_STEP for word in seen(bench, NIST_A, 4000)]
+    assert statistics.fmean(speeds) == pytest.approx(float(bench.axis.velocity), abs=0.15)
+    assert statistics.pstdev(speeds) == pytest.approx(2.0, rel=0.05)
+    assert max(abs(speed - 60.0) for speed in speeds) < 3.5 * 2.0 + 1.0
+
+
+def test_neighbouring_values_of_noise_have_nothing_to_do_with_each_other():
+    speeds = np.array(seen(noisy(velocity=2.0), NIST_A, 4000), float)
+    speeds -= speeds.mean()
+    for lag in (1, 2, 3, 4):
+        assert abs(float((speeds[lag:] * speeds[:-lag]).mean() / speeds.var())) < 0.06, lag
+
+
+def test_noise_of_the_speed_is_in_every_form_of_it_and_hunts_in_the_bits_that_compare_it():
+    bench = noisy(velocity=1.83)
+    words = {int(bench.image.sent[ZSW1]) & (TARGET | REACHED) for _ in range(400) if bench.run(1) is None}
+    assert words == {0, TARGET | REACHED}
+    assert len(set(seen(bench, NIST_B, 50))) > 40
+    assert float(bench.axis.velocity) == pytest.approx(60.0, abs=0.3), "the motor runs as before"
+
+
+def test_noise_of_the_current_and_of_the_position_is_in_their_signals():
+    bench = noisy(current=0.1, position=1e-3)
+    assert statistics.pstdev(signed(seen(bench, ITIST_GLATT, 2000))) == pytest.approx(0.1 / 9.0 * 16384.0, rel=0.1)
+    currents = np.array(seen(bench, ACT_CURRENT, 500), np.int32).view(np.float32)
+    assert float(currents.std()) == pytest.approx(0.1, rel=0.15)
+    # a thousandth of a revolution is 65 steps, in the position and in the deviation
+    assert statistics.pstdev(np.diff(seen(bench, XIST_A, 2000)).tolist()) == pytest.approx(65.5 * 2**0.5, rel=0.1)
+    assert statistics.pstdev(seen(bench, XIST_ERROR, 2000)) == pytest.approx(65.5, rel=0.1)
+
+
+def test_noise_moves_no_motor():
+    quiet, loud = noisy(seed=0), noisy(velocity=50.0, current=2.0, position=0.01)
+    for bench in (quiet, loud):
+        bench.write(ENABLED, 1000.0, run=300)
+        bench.write(ENABLED, -200.0, run=300)
+        bench.write(0x0400, run=300)
+    for field in ("position", "velocity", "current", "torque", "state", "following_error", "speed_integral"):
+        assert quiet.axis[field] == loud.axis[field], field
+
+
+def test_the_same_seed_is_the_same_noise_and_another_seed_another():
+    first, again, other = noisy(velocity=2.0), noisy(velocity=2.0), noisy(seed=8, velocity=2.0)
+    shown = [seen(bench, NIST_A, 100) for bench in (first, again, other)]
+    assert shown[0] == shown[1]
+    assert shown[0] != shown[2]
+
+
+def test_without_noise_nothing_is_drawn():
+    bench = noisy(seed=0, velocity=2.0)
+    assert len(set(seen(bench, NIST_A, 100))) <= 2
+    assert int(bench.axis.noise_state) == 0
