@@ -127,8 +127,7 @@ class Drive(_Model):
     )
     signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
     realism: dict[str, float | list[float]] = Field(
-        description="What makes it less than ideal, with units in the names: noise, latency, boot time, drift; empty for "
-        "nothing."
+        description="What makes it less than ideal, with units in the names: noise, latency, boot time, drift."
     )
     faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
     events: list[dict[str, Any]] = Field(

@@ -1,4 +1,4 @@
-"""What a drive measures of its motor, for parameters that show it: the axis record holds the truth, and what noise adds.
+"""What a drive measures of its motor, for parameters that show it: the truth, and what noise adds.
 
 The firmware draws the noise (:mod:`pnfarm.firmware.measurement`); here it is only added.
 """

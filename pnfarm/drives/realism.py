@@ -1,4 +1,4 @@
-"""How a real drive of a model departs from an ideal one: noise, slow answers, the time it boots, the drift of its clock.
+"""How a real drive of a model departs from an ideal one: noise, slow answers, boot time, drift of its clock.
 
 A model gives what is known of it in the section ``[realism]`` of its ``model.toml``, each value with its source.
 """

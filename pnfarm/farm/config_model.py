@@ -291,8 +291,8 @@ class DriveGroup(Section):
     identity: Identity = Field(default_factory=dict)
     realism: DriveRealism = Field(
         default_factory=Realism,
-        description="What makes the drives less than ideal; `on`: all that the model has, `off`: nothing. Left out, on a "
-        "real link and with strict limits what a source gives a figure for (`pnfarm models MODEL`), else nothing.",
+        description="What makes the drives less than ideal; `on`: all that the model has, `off`: nothing. Left out, "
+        "what a source gives a figure for (`pnfarm models MODEL`) on a real link and with strict limits, else nothing.",
     )
     params: dict[str, Scalar] = Field(
         default_factory=dict,

@@ -1,4 +1,4 @@
-"""``realism`` of a drive group: what makes its drives less than ideal, key by key, and the short forms ``on`` and ``off``.
+"""``realism`` of a drive group: what makes its drives less than ideal, key by key, and its short forms.
 
 A key that is left out is on where a source gives the model's figure, the drives' limits are strict and the link is
 real; else it is off.  ``on`` takes the model's figure, be it assumed or not.
@@ -6,9 +6,8 @@ real; else it is off.  ``on`` takes the model's figure, be it assumed or not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import isfinite
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
@@ -17,6 +16,9 @@ from pnfarm.farm.config_cycle import format_duration
 from pnfarm.farm.config_issue import problem, shown
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import read_duration
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 __all__ = ["ALL", "OFF", "ON", "SWITCH", "BootTime", "DriveRealism", "Noise", "Realism"]
 
@@ -152,7 +154,8 @@ def _open_boot_time(value: Any) -> Any:
         return value
     if _switch(value) is None and not isinstance(value, str):
         raise problem(f"is {shown(value)}", "a duration such as 8s, on, off, or a mapping such as {answers: 8s}")
-    return {"answers": value, "ready": value}
+    both = _read_time(value)
+    return BootTime.model_construct(answers=both, ready=both)
 
 
 class Realism(Section):
@@ -165,8 +168,8 @@ class Realism(Section):
         tuple[float, float] | str | None, PlainValidator(_read_latency), _range_schema(_DURATION_SCHEMA)
     ] = Field(
         default=None,
-        description="How long the drive works on a parameter request before its answer can be read; two durations are a "
-        "range of which each request has its own.",
+        description="How long the drive works on a parameter request before its answer can be read; two durations are "
+        "a range of which each request has its own.",
         examples=["20ms", ["5ms", "40ms"]],
     )
     boot_time: Annotated[BootTime, BeforeValidator(_open_boot_time)] = Field(
@@ -178,8 +181,8 @@ class Realism(Section):
         _range_schema({"type": "number", "minimum": -BOUNDS["clock_drift"], "maximum": BOUNDS["clock_drift"]}),
     ] = Field(
         default=None,
-        description="How much faster than true the drive's clock runs, ppm; two numbers are a range of which each drive "
-        "has its own.",
+        description="How much faster than true the drive's clock runs, ppm; two numbers are a range of which each "
+        "drive has its own.",
         examples=[30, [-50, 50]],
     )
     seed: int = Field(
@@ -201,7 +204,7 @@ def _open_realism(value: Any) -> Any:
         case "on":
             return _everything()
         case "off":
-            return {key: OFF for key in ("noise", "parameter_latency", "boot_time", "clock_drift")}
+            return dict.fromkeys(("noise", "parameter_latency", "boot_time", "clock_drift"), OFF)
     if isinstance(value, (dict, Realism)):
         return value
     raise problem(f"is {shown(value)}", "on, off, or a mapping such as {noise: on, parameter_latency: 20ms}")

@@ -1,4 +1,4 @@
-"""What a drive of the farm has of its model's realism, and of its farm file's: figures for its row, its station, its seed."""
+"""What a drive of the farm has of its model's realism and of its farm file's."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Imperfections:
 
 
 def asked_for(section: Realism) -> Iterator[tuple[tuple[str, ...], str, Any]]:
-    """Each figure: its place in the section, its name in the model, and what the farm file says of it (None: nothing)."""
+    """Each figure: its place in the section, its name in the model, what the farm file says of it (None: nothing)."""
     yield ("noise", "velocity"), "velocity_noise", section.noise.velocity
     yield ("noise", "current"), "current_noise", section.noise.current
     yield ("noise", "position"), "position_noise", section.noise.position

@@ -112,7 +112,10 @@ def motion_status(axis: Any) -> int:
         word |= 0x0400
     if _at_target(axis):
         word |= 0x0800
-    if axis.motion == TASK and abs(abs(measured_velocity(axis)) - abs(axis.task_velocity)) <= axis.target_velocity_window:
+    if (
+        axis.motion == TASK
+        and abs(abs(measured_velocity(axis)) - abs(axis.task_velocity)) <= axis.target_velocity_window
+    ):
         word |= 0x1000
     return word
 

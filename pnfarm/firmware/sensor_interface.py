@@ -397,5 +397,7 @@ def step_sensor(axis: Any, image: Any) -> None:
         image.sent[G1_XIST1] = 0
         image.sent[G1_XIST2] = 0
         return
-    image.sent[G1_XIST1] = signed32(nearest(measured_position(axis) / axis.sensor_step)) if axis.sensor_step > 0.0 else 0
+    image.sent[G1_XIST1] = (
+        signed32(nearest(measured_position(axis) / axis.sensor_step)) if axis.sensor_step > 0.0 else 0
+    )
     image.sent[G1_XIST2] = _second_value(axis, word)

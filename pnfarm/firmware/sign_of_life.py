@@ -1,7 +1,7 @@
 """Sign of life: a count from 1 to 15 in bits 12..15 of STW2 and ZSW2 (PROFIdrive 4.2; Moog MSD manual 8.3.2).
 
-The controller counts each frame of set points; the drive counts its own with each frame that it takes (with each that it
-sends, where its clock drifts against the controller's), and watches the controller's:
+The controller counts each frame of set points; the drive counts its own with each frame that it takes (where its clock
+drifts against the controller's, with each that it sends), and watches the controller's:
 
 * watching begins after 15 frames in sequence, so that a controller without a sign of life is left in peace;
 * a frame whose count does not follow the last one takes the error counter up by ten, every other takes it down by one;

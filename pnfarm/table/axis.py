@@ -523,7 +523,9 @@ AXIS = Layout(
         Field("velocity_deviation", "f8", "rpm", "firmware", "what noise adds to the measured speed in this step"),
         Field("current_deviation", "f8", "A", "firmware", "to the measured current, alike"),
         Field("position_deviation", "f8", "rev", "firmware", "to the measured position, alike"),
-        Field("clock_drift", "f8", "", "station", "how much faster the drive's clock runs: 1e-6 = 1 ppm; 0 = as time does"),
+        Field(
+            "clock_drift", "f8", "", "station", "how much faster the drive's clock runs: 1e-6 = 1 ppm; 0 = as time does"
+        ),
         Field("clock_start_ns", "i8", "ns", "station", "when it showed the time as it is"),
         Field("life_told", "u4", "", "firmware", "frames sent that its own sign of life has counted"),
     ],

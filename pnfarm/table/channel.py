@@ -66,7 +66,9 @@ PPM = Layout(
         Field("data_offset", "u2", "octets", "station", "first octet of the IO data in the frame"),
         Field("cycle_ns", "i8", "ns", "station", "31,250 ns x send clock factor x reduction ratio"),
         Field("counter_step", "u2", "31.25 us", "station", "send clock factor x reduction ratio"),
-        Field("slip_ns", "f8", "ns", "station", "so much earlier than after a cycle each frame leaves: its clock drifts"),
+        Field(
+            "slip_ns", "f8", "ns", "station", "so much earlier than after a cycle each frame leaves: its clock drifts"
+        ),
         Field("slipped_ns", "f8", "ns", "transmit", "part of a nanosecond that is left of that"),
         Field("phase_ns", "i8", "ns", "station", "offset in the cycle, spreads the farm's frames"),
         Field("words", "u1", "", "station", "telegram words in the frame"),
@@ -119,7 +121,9 @@ CPM = Layout(
         Field("iops_count", "u1", "", "station", "provider status octets"),
         Field("iops_offset", "u2", "octets", "station", "place of each, from the first octet of IO data", (MAX_IOPS,)),
         Field("generation", "u4", "", "station", "counts the row's uses, so that an old event is told from a new one"),
-        Field("hold_ns", "i8", "ns", "station", "data hold time: cycle x data hold factor, by the consumer's own clock"),
+        Field(
+            "hold_ns", "i8", "ns", "station", "data hold time: cycle x data hold factor, by the consumer's own clock"
+        ),
         Field("cycle_ns", "i8", "ns", "station", "cycle that the peer promised"),
         Field("started_ns", "i8", "ns", "station", "when the row became active: the first frame is awaited from here"),
         Field("impairment", "i4", "", "fault", "first impairment on this row + 1, 0 = none"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from virtual_line import VirtualLine
 
@@ -14,7 +16,6 @@ MODELS = [
     ("hiwin-e1", 3, 1),
     ("moog-msd", 2, 1),
 ]
-EPOCH = 1_000_000_000_000
 
 
 def line_of(drift: str, model: str = "akd-profinet", telegram: int = 1, cycle: int = 16, **options) -> VirtualLine:
@@ -50,7 +51,7 @@ def test_the_drives_frames_slide_at_its_own_rate(model, telegram, cycle, ppm):
     assert spent == pytest.approx(cycles * cycle * 1e6 / (1.0 + ppm * 1e-6), abs=2.0)
     # its cycle counter counts on by the cycle, whatever the time
     counters = [int.from_bytes(frame[-4:-2], "big") for _, frame in frames]
-    steps = {(after - before) & 0xFFFF for before, after in zip(counters, counters[1:], strict=False)}
+    steps = {(after - before) & 0xFFFF for before, after in pairwise(counters)}
     assert steps == {cycle * 32}
     grid = {(now - times[0]) % (cycle * 1_000_000) for now in times}
     assert (len(grid) == 1) == (ppm == 0)
@@ -122,7 +123,7 @@ def test_its_sign_of_life_counts_its_own_frames(model, telegram, ppm):
     # at 1000 ppm a frame more, or less, than the controller sends in this time
     counts = [frame[place] >> 4 for _, frame in sent(line, 1.2)]
     assert cr.cycle_ns == 1_000_000
-    assert {(after - before) % 15 for before, after in zip(counts, counts[1:], strict=False)} == {1}
+    assert {(after - before) % 15 for before, after in pairwise(counts)} == {1}
 
 
 def test_durations_that_the_log_tells_are_no_difference_of_two_clocks():

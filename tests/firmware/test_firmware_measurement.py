@@ -1,4 +1,4 @@
-"""Noise of measured values: in what the drive tells, by the same sequence for the same seed; the motor knows nothing."""
+"""Noise of measured values: in what the drive tells, the same for the same seed, and never in the motor."""
 
 from __future__ import annotations
 

@@ -209,7 +209,7 @@ class DriveRecords:
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The pending response of this connection; without one, or before it is there, the access is a state conflict."""
+        """The response of this connection; while there is none, or not yet, the access is a state conflict."""
         del subslot
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
