@@ -64,8 +64,8 @@ def _feeds(ar: ArChannels, set_points: Container[tuple[int, int]]) -> bool:
 class StationChannels:
     """Opens and closes the rows of a station's ARs.
 
-    ``index`` is its process image, ``rows`` its share of each table, ``drift`` that of the drive's clock, ``closed`` what
-    went before.
+    ``index`` is its process image, ``rows`` its share of each table, ``drift`` that of the drive's clock; ``closed`` is
+    what went before.
     """
 
     def __init__(
