@@ -7,6 +7,7 @@ import statistics
 import numpy as np
 import pytest
 from bench_axis import VELOCITY_STEP, BenchAxis
+from msd_bench import MsdBench
 
 from pnfarm.table.signals import ACT_CURRENT, ITIST_GLATT, NIST_A, NIST_B, XIST_A, XIST_ERROR, ZSW1
 
@@ -81,6 +82,22 @@ def test_noise_moves_no_motor():
         bench.write(0x0400, run=300)
     for field in ("position", "velocity", "current", "torque", "state", "following_error", "speed_integral"):
         assert quiet.axis[field] == loud.axis[field], field
+
+
+def test_dynamic_servo_control_counts_from_the_position_that_was_sent_noise_and_all():
+    """XERR is a deviation from G1_XIST1 as the controller has it: the noise in it moves no shaft."""
+    bench = MsdBench(5)
+    bench.axis.position_noise = 0.005
+    bench.axis.noise_seed = 7
+    bench.enable(KPC=50_000)
+    shown, places = set(), []
+    for _ in range(400):
+        bench.send(1, XERR=round(0.1 * 2**20) - bench.see("G1_XIST1"), KPC=50_000)
+        shown.add(bench.see("G1_XIST1"))
+        places.append(float(bench.axis.position))
+    assert len(shown) > 300
+    assert places[-1] == pytest.approx(0.1, abs=1e-4)
+    assert max(places[250:]) - min(places[250:]) < 1e-4
 
 
 def test_the_same_seed_is_the_same_noise_and_another_seed_another():
