@@ -10,6 +10,9 @@ ARGS ?=
 # `make LOCKED=1 test`: what locks/ names, held against its hashes, as CI and the image do; else what fits pyproject.toml
 LOCKED ?=
 LOCK := $(BIN)/python -m pip install --quiet --require-hashes -r locks
+# A foreign GSDML parser; what its package wants besides is for a server that no test starts.  And the package that PI's
+# schema of GSDML files stands in; its program wants an older pydantic, and no test runs it.
+PEERS := "industriagents-profinet-mcp" "uphy-upgen>=1.1,<2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
@@ -63,10 +66,7 @@ $(STAMP): pyproject.toml | $(VENV)/bin/python
 
 $(TEST_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --group test
-	# a foreign GSDML parser; what its package wants besides is for a server that no test starts
-	$(BIN)/python -m pip install --quiet --no-deps --no-warn-conflicts industriagents-profinet-mcp
-	# PI's schema of GSDML files stands in this package; its program wants an older pydantic, and no test runs it
-	$(BIN)/python -m pip install --quiet --no-deps --no-warn-conflicts "uphy-upgen>=1.1,<2"
+	$(BIN)/python -m pip install --quiet --no-deps --no-warn-conflicts $(PEERS)
 	@touch $@
 
 $(LINT_STAMP): $(STAMP)
@@ -80,7 +80,7 @@ lock: | $(VENV)/bin/python
 	$(UV) pyproject.toml --group build --group lint --group test -o locks/ci.txt
 	$(UV) pyproject.toml -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
-	echo industriagents-profinet-mcp | $(UV) --no-deps - -o locks/peers.txt
+	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache

@@ -25,6 +25,7 @@ NOTES = {
     "prometheus-client": "never in one process with scapy",
     "opentelemetry-api": "never in one process with scapy",
     "profinet-py": "a controller in tests, in a process of its own",
+    "uphy-upgen": "a test reads PI's schema of GSDML files in it; it must not go into a commercial product",
 }
 
 HEAD = """# Licenses

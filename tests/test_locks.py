@@ -19,7 +19,7 @@ LOCKS = {
     "runtime.txt": PROJECT["project"]["dependencies"],
     "build.txt": GROUPS["build"],
     "ci.txt": [*PROJECT["project"]["dependencies"], *GROUPS["build"], *GROUPS["test"], *GROUPS["lint"]],
-    "peers.txt": ["industriagents-profinet-mcp"],
+    "peers.txt": ["industriagents-profinet-mcp", "uphy-upgen>=1.1,<2"],
 }
 
 
