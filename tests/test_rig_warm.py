@@ -27,7 +27,7 @@ engine.close()
 
 def python(*arguments, **environment):
     return subprocess.run(
-        [sys.executable, *arguments], capture_output=True, text=True, check=False, timeout=120,
+        [sys.executable, *arguments], capture_output=True, text=True, check=False, timeout=900,
         env={**os.environ, "PYTHONPATH": str(SUPPORT), **environment},
     )  # fmt: skip
 
