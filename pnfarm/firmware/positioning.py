@@ -299,7 +299,12 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
     held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
     begins = axis.motion == FOLLOWING or not axis.interpolation_by_edge or axis.stw1_changed & START_BIT != 0
     held |= 1 << (FOLLOW if follows(axis) and begins else UNFOLLOW)
-    ready = not interpolates(axis) and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT)
+    resumes = axis.motion == INTERMEDIATE_STOP and stw1 & ~int(axis.motion_seen) & PAUSE_BIT != 0
+    ready = (
+        not interpolates(axis)
+        and not (axis.resume_first and resumes)
+        and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT)
+    )
     if axis.asked and ready and _can_start(axis):
         held |= 1 << START
     if axis.motion_seen & HOME_BIT and not stw1 & HOME_BIT:

@@ -8,10 +8,10 @@ from pnfarm.firmware.hindrances import enabled_by_hardware
 from pnfarm.firmware.measurement import measured_velocity
 from pnfarm.firmware.motor import torque_controlled
 from pnfarm.firmware.torque_limits import gives_all
-from pnfarm.table.axis_codes import RAMP_GENERATED
+from pnfarm.table.axis_codes import CONTROL_BY_PLC, RAMP_GENERATED
 from pnfarm.table.compiled import compiled
 
-__all__ = ["moog_second_word", "moog_word", "speed_reached", "take_generator"]
+__all__ = ["control_requested", "moog_second_word", "moog_word", "speed_reached", "take_generator"]
 
 # Bits of ZSW1.
 PROFILE_BITS = 0x01FF  # 0 to 8 are as in the profile
@@ -61,6 +61,12 @@ def speed_reached(axis: Any) -> bool:
 
 
 @compiled
+def control_requested(axis: Any) -> bool:
+    """ZSW1.9: the drive is there to be controlled, or it shows STW1.10."""
+    return axis.state > 0 and (not axis.control_shown or int(axis.stw1_seen) & CONTROL_BY_PLC != 0)
+
+
+@compiled
 def moog_word(axis: Any, word: int) -> int:
     """ZSW1 by tables 10.8 and 10.16, from the profile's ``word``."""
     velocity = measured_velocity(axis)
@@ -72,8 +78,8 @@ def moog_word(axis: Any, word: int) -> int:
         if not stationary and abs(axis.setpoint - velocity) <= axis.velocity_window:
             moog |= REACHED
         return moog
-    if axis.control_location == axis.bus_location and axis.state > 0:
-        moog |= CONTROL
+    if axis.control_location == axis.bus_location:
+        moog |= word & CONTROL
     if axis.opmode == 2:
         moog |= word & POSITION_BITS
     elif axis.opmode == 1 and speed_reached(axis):

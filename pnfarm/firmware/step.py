@@ -20,7 +20,7 @@ from pnfarm.firmware.sensor_interface import step_sensor
 from pnfarm.firmware.service_motion import step_service
 from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
-from pnfarm.firmware.status_forms import moog_word, speed_reached, take_generator
+from pnfarm.firmware.status_forms import control_requested, moog_word, speed_reached, take_generator
 from pnfarm.firmware.tasks import take_task
 from pnfarm.firmware.telegram import from_setpoints, no_setpoints, to_actuals
 from pnfarm.firmware.torque_limits import take_torque_limits
@@ -90,8 +90,8 @@ def _status_word(axis: Any) -> int:
         word |= 0x0040  # switching on inhibited
     if axis.warning_code != 0:
         word |= 0x0080
-    if state > 0:
-        word |= 0x0200  # control requested
+    if control_requested(axis):
+        word |= 0x0200
     if axis.opmode == 2:
         word |= position_bits(axis)
     elif axis.opmode == 1:
@@ -132,7 +132,7 @@ def _control_word(axis: Any, image: Any, now: int) -> None:
     if axis.setpoints == SETPOINTS_NONE:
         # nobody leads the axis: it coasts, or stops as with STW1.0 = 0
         off = image.lost == LOST_STOP and axis.without_run == WITHOUT_RUN_OFF
-        word = axis.stw1 & ~ON if off else 0
+        word = int(axis.stw1) & ~ON if off else 0
     elif axis.control_location != axis.bus_location:
         # a drive that another one controls does not hear its controller
         word = 0

@@ -50,6 +50,7 @@ READINGS = [
     Field("without_run", "u1", "", "parameter", "set points while the controller is in STOP: WITHOUT_RUN_*"),
     Field("setpoints", "u1", "", "firmware", "what the set points are in this step: SETPOINTS_*"),
     Field("acknowledges_by_level", "u1", "", "parameter", "1 = STW1.7 acknowledges while it is set, not with its edge"),
+    Field("control_shown", "u1", "", "parameter", "1 = ZSW1.9 shows STW1.10, not that the drive asks for control"),
     Field("on_by_enable", "u1", "", "parameter", "1 = STW1.3 leads to S3 as STW1.0 does; both lead to S4"),
     Field("off_at_once", "u1", "", "parameter", "1 = STW1.0 = 0 in operation switches off without a ramp"),
     Field("life_isochronous", "u1", "", "parameter", "1 = the controller's sign of life is not watched without IRT"),
@@ -64,6 +65,9 @@ READINGS = [
     Field("following_error_bit", "u1", "", "parameter", "1 = ZSW1.8 in position mode tells a following error"),
     Field("moving_bit", "u1", "", "parameter", "1 = ZSW1.13 tells that the axis moves, not that it stands"),
     Field("relative_base", "u1", "", "parameter", "what a way of the telegram counts from: TASK_FROM_*, or 0"),
+    Field(
+        "resume_first", "u1", "", "parameter", "1 = the task that waits goes before one whose edge comes with STW1.5"
+    ),
     Field("mdi_rejects", "u1", "", "parameter", "1 = a task of MDI ends when MDI is deselected"),
     Field("feedrate_whole", "f8", "", "parameter", "MT_FEEDRATE of 100 %", default=100.0),
     Field("interpolation_by_edge", "u1", "", "parameter", "1 = interpolation begins with the edge of STW1.6"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from open_points import (
+    COUNTS_E1,
     HOME,
     HOMED,
     IN_RANGE,
@@ -13,6 +14,7 @@ from open_points import (
     READY,
     START,
     STOPPED,
+    TAKEN,
     Plc,
     home,
     observes,
@@ -76,6 +78,22 @@ def relative_task(name: str, behaviour: str) -> object:
     plc.wait(1500)
     assert plc["ZSW1"] & (REACHED | STOPPED) == REACHED | STOPPED
     return round(float(plc.axis.position - plc.axis.origin))
+
+
+@observes("resume-with-edge", {"new-task": (True, 2), "waiting-task": (False, 5)})
+def resume_with_edge(name: str, behaviour: str) -> object:
+    """Whether the edge was acknowledged that came with STW1.5, and where the axis comes to rest."""
+    plc = task_plc(name, behaviour)
+    assert start(plc, 5.0)
+    plc.wait(50)
+    plc.put(STW1=READY & ~0x0020, wait=200)
+    assert plc.rpm() == pytest.approx(0.0, abs=1.0)
+    target = "TARPOS_A" if name == "moog-msd" else "MDI_TARPOS"
+    plc.put(wait=1, **{target: 2 * (COUNTS_E1 if name == "hiwin-e1" else 65536)})
+    taken = bool(plc.put(STW1=READY | START) & TAKEN)
+    plc.put(STW1=READY)
+    plc.wait(1500)
+    return taken, round(float(plc.axis.position - plc.axis.origin))
 
 
 @observes("mdi-deselected", {"runs-on": 600, "rejected": 0})

@@ -9,6 +9,7 @@ from pnfarm.protocols.profinet.wire.rtc import DataStatus
 
 #: 600 rpm in each drive's set point: signal and number.
 RPM = 600.0
+CONTROL_REQUESTED = 0x0200
 STATES = {0x40: "S1", 0x01: "S2", 0x03: "S3", 0x07: "S4"}
 #: STW1 while jogging: operation, and bits 4 to 6 at 0.
 JOGGING = 0x040F
@@ -104,10 +105,14 @@ def fault_acknowledge(name: str, behaviour: str) -> object:
     return bool(plc["ZSW1"] & FAULT)
 
 
-@observes("sign-of-life", {"watched": (True, True), "isochronous-only": (False, True)})
+@observes(
+    "sign-of-life",
+    {"watched": (True, True), "isochronous-only": (False, True), "none": (False, False), "sent": (False, True)},
+)
 def sign_of_life(name: str, behaviour: str) -> object:
-    """Whether a count that stops raises a fault, and whether the drive's own goes on."""
-    plc = Plc(name, behaviour, 3, params="{925: 2}")
+    """Whether a count that stops raises a fault, and whether the drive counts itself."""
+    watches = name in {"hiwin-e1", "moog-msd"}
+    plc = Plc(name, behaviour, 3 if watches else 9, params="{925: 2}" if watches else "{}")
     plc.wait(60)
     before = plc["ZSW2"] >> 12
     # no more counting: the frames go on with the same word
@@ -169,3 +174,11 @@ def speed_reached_bit(name: str, behaviour: str) -> object:
     plc.put(**set_point(name, RPM / 6), wait=8)
     assert RPM / 6 + 20 < plc.rpm() < RPM
     return steady, bool(plc["ZSW1"] & REACHED)
+
+
+@observes("control-requested-bit", {"ready": (True, True), "shows-bit-10": (False, True)})
+def control_requested_bit(name: str, behaviour: str) -> object:
+    """ZSW1.9 before STW1.10 is set, and then."""
+    plc = Plc(name, behaviour, SPEED[name])
+    without = bool(plc.put(STW1=0x0006) & CONTROL_REQUESTED)
+    return without, bool(plc.put(STW1=0x0406) & CONTROL_REQUESTED)

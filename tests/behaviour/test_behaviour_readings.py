@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from open_points import OBSERVATIONS
 
+from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
 
 for module in sorted(Path(__file__).parent.glob("observe_*.py")):
@@ -23,11 +25,10 @@ def test_a_drive_does_what_the_reading_in_its_farm_file_says(name, point, readin
     assert seen.look(name, f"{{{point}: {reading}}}") == seen.shows[reading]
 
 
-@pytest.mark.parametrize(("name", "point"), [(name, point.name) for name, point in POINTS])
-def test_a_farm_file_that_chooses_nothing_has_the_default(name, point):
-    (default,) = [each.default for each in model(name).behaviour if each.name == point]
-    seen = OBSERVATIONS[point]
-    assert seen.look(name, "{}") == seen.shows[default]
+@pytest.mark.parametrize("name", sorted(models()))
+def test_a_farm_file_that_chooses_nothing_has_the_defaults(name):
+    defaults = {point.name: point.default for point in model(name).behaviour}
+    assert with_behaviour(model(name), defaults) == replace(model(name), readings=defaults)
 
 
 def test_no_reading_is_without_a_test_and_no_two_of_a_point_show_the_same():
