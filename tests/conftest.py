@@ -16,7 +16,7 @@ settings.load_profile("pnfarm")
 REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
 #: Folders and files whose tests use real time, processes of their own or the kernel's network.
 EXCLUSIVE = (
-    "api/test_api_page.py", "api/test_api_server.py", "cli", "engine/test_engine_realtime.py",
+    "api/test_api_limits.py", "api/test_api_page.py", "api/test_api_server.py", "cli", "engine/test_engine_realtime.py",
     "farm/test_farm_library.py",
     "faults/test_fault_real_link.py", "interop", "links", "test_rig_dashboards.py", "test_rig_files.py",
     "test_rig_warm.py",

@@ -24,6 +24,7 @@ from pnfarm.api.guard import Guard
 from pnfarm.api.modules import add_modules
 from pnfarm.api.problems import Json, install_handlers
 from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
+from pnfarm.api.throttle import Throttle
 from pnfarm.errors import EnvironmentError_
 from pnfarm.metrics import CONTENT_TYPE, FarmCollector
 
@@ -81,6 +82,8 @@ def make_app(
     _add_outside(app, context)
     _describe_problems(app)
     app.add_middleware(Guard, token=token)
+    # outermost: whoever is sent away costs no look at a token either
+    app.add_middleware(Throttle)
     return app
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import anyio
 from starlette.requests import ClientDisconnect
 
+from pnfarm.api.events import Messages
 from pnfarm.api.problems import ClientGoneError, NotFoundError, RequestError, TooLargeError
 from pnfarm.errors import ConfigError
 from pnfarm.farm.snapshot import drive_snapshot
@@ -42,6 +43,7 @@ class ApiContext:
     closing: bool = False
     streams: set[Callable[[], None]] = field(default_factory=set)
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
+    messages: Messages = field(default_factory=Messages)
 
     def station(self, name: str) -> DriveStation:
         """Raises :class:`NotFoundError`."""

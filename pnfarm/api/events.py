@@ -10,6 +10,7 @@ import json
 from typing import TYPE_CHECKING
 
 import anyio
+import anyio.lowlevel
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -17,17 +18,32 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
     from pnfarm.farm.event_log import LogEntry
 
-__all__ = ["event_stream", "message", "start_of"]
+__all__ = ["Messages", "event_stream", "start_of"]
 
 #: A comment now and then tells a proxy that the stream lives.
 ALIVE_SECONDS = 15.0
+#: Entries that leave in one piece, and events that are kept for other streams.
+PIECE = 64
+MESSAGES = 256
 #: How soon a browser tries again.
 RETRY_MILLISECONDS = 2000
 
 
-def message(entry: LogEntry) -> str:
-    """One log entry as an event."""
-    return f"id: {entry.sequence}\ndata: {json.dumps(entry.as_dict(), default=str)}\n\n"
+class Messages:
+    """Log entries as events, each made once for all streams; the last of them are kept."""
+
+    def __init__(self) -> None:
+        self._kept: dict[int, str] = {}
+
+    def of(self, entry: LogEntry) -> str:
+        """The event of an entry of the farm's one log."""
+        found = self._kept.get(entry.sequence)
+        if found is None:
+            found = f"id: {entry.sequence}\ndata: {json.dumps(entry.as_dict(), default=str)}\n\n"
+            self._kept[entry.sequence] = found
+            if len(self._kept) > MESSAGES:
+                del self._kept[next(iter(self._kept))]
+        return found
 
 
 def start_of(context: ApiContext, last_event_id: str | None) -> int:
@@ -35,7 +51,7 @@ def start_of(context: ApiContext, last_event_id: str | None) -> int:
 
     A number that the log has not reached is one of an earlier run of the farm: everything is news then.
     """
-    newest = max((entry.sequence for entry in context.core.log.entries()[-1:]), default=0)
+    newest = context.core.log.newest
     if last_event_id is None or not (last_event_id.isascii() and last_event_id.isdigit()):
         return newest
     wanted = int(last_event_id[:20])
@@ -50,24 +66,26 @@ async def event_stream(
     Without ``follow`` the stream ends with the newest entry that there is.
     """
     wake = anyio.Event()
-    newest = max((entry.sequence for entry in context.core.log.entries()[-1:]), default=0)
+    log = context.core.log
+    newest = log.newest
 
     def tell() -> None:
         wake.set()
 
-    unsubscribe = context.core.log.subscribe(lambda _: tell())
+    unsubscribe = log.subscribe(lambda _: tell())
     context.streams.add(tell)
     try:
         yield f"retry: {RETRY_MILLISECONDS}\n\n"
         if drive is not None:
             # a drive's own ring remembers what the farm's has lost to the events of others
-            oldest = next((entry.sequence for entry in context.core.log.entries(after=after)), 0)
-            kept = [entry for entry in context.core.log.entries(drive, after=after) if entry.sequence < oldest]
+            oldest = next((entry.sequence for entry in log.entries(after=after, most=1)), 0)
+            kept = [entry for entry in log.entries(drive, after=after) if entry.sequence < oldest]
             if kept:
-                yield "".join(message(entry) for entry in kept)
+                yield "".join(context.messages.of(entry) for entry in kept)
         while not context.closing:
             wake = anyio.Event()
-            entries = context.core.log.entries(after=after)
+            # a client takes a piece, and the log goes on meanwhile: what it is too slow for becomes a gap
+            entries = log.entries(after=after, most=PIECE)
             if not follow and (not entries or after >= newest):
                 return
             if not entries:
@@ -80,9 +98,12 @@ async def event_stream(
             if lost > 0:
                 yield f"event: gap\ndata: {json.dumps({'lost': lost})}\n\n"
             after = entries[-1].sequence
-            text = "".join(message(entry) for entry in entries if drive is None or entry.drive == drive)
+            text = "".join(context.messages.of(entry) for entry in entries if drive is None or entry.drive == drive)
             if text:
                 yield text
+            else:
+                # a client of a drive that says nothing is not to keep the loop for the whole log
+                await anyio.lowlevel.checkpoint()
     finally:
         unsubscribe()
         context.streams.discard(tell)

@@ -13,6 +13,7 @@ import uvicorn
 from anyio import TASK_STATUS_IGNORED
 
 from pnfarm.api.app import make_app
+from pnfarm.api.connections import BACKLOG, Connections, connection_limit, protocol_of
 from pnfarm.api.problems import TOLD
 from pnfarm.api.token import token_of
 from pnfarm.errors import EnvironmentError_
@@ -30,7 +31,8 @@ __all__ = ["listen", "serve", "serve_farm"]
 
 #: How long open requests may take once the server shall stop.
 GRACE_SECONDS = 2
-BACKLOG = 128
+#: Octets of a request's head: a browser sends one or two thousand.
+MAX_HEAD = 16_384
 
 
 class _Server(uvicorn.Server):
@@ -72,8 +74,10 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         found = socket.socket(family, kind, protocol)
-    except OSError as exc:
+    except socket.gaierror as exc:
         raise EnvironmentError_(f"{host!r} is no address of this machine ({exc}); give api: HOST:PORT") from exc
+    except OSError as exc:
+        raise EnvironmentError_(f"the API cannot listen on {where}: {exc.strerror}") from exc
     try:
         found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         found.bind(address)
@@ -102,8 +106,12 @@ async def serve(
 
 
 async def _serve(app: FastAPI, found: socket.socket, up: Callable[[tuple[str, int]], None]) -> None:
+    connections = Connections(connection_limit())
     config = uvicorn.Config(
         Contained(app),
+        http=protocol_of(connections),
+        backlog=BACKLOG,
+        h11_max_incomplete_event_size=MAX_HEAD,
         log_config=None,
         access_log=False,
         lifespan="off",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import structlog
@@ -71,10 +72,21 @@ class EventLog:
             subscriber(entry)
         return entry
 
-    def entries(self, drive: str | None = None, *, after: int = 0) -> list[LogEntry]:
-        """Oldest first; of one drive or all, with a sequence number above ``after``."""
-        source = self._farm if drive is None else self._drives.get(drive, ())
-        return [entry for entry in source if entry.sequence > after]
+    @property
+    def newest(self) -> int:
+        """The sequence number of the last entry, 0 before there is one."""
+        return self._sequence
+
+    def entries(self, drive: str | None = None, *, after: int = 0, most: int | None = None) -> list[LogEntry]:
+        """Oldest first; of one drive or all, with a sequence number above ``after``, not more than ``most``."""
+        if drive is not None:
+            return [entry for entry in self._drives.get(drive, ()) if entry.sequence > after][:most]
+        # the farm's numbers have no gaps: what is new is counted from the end
+        start = max(0, len(self._farm) - max(0, self._sequence - after))
+        end = len(self._farm) if most is None else min(len(self._farm), start + most)
+        if start < len(self._farm) // 2:
+            return list(islice(self._farm, start, end))
+        return [self._farm[place] for place in range(start, end)]
 
     def subscribe(self, subscriber: Callable[[LogEntry], None]) -> Callable[[], None]:
         """Call ``subscriber`` for each new entry; the returned function ends that."""

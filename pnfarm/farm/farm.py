@@ -29,6 +29,7 @@ from pnfarm.farm.config_model import VethLink as VethSection
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.fault_targets import add_impairments, attach_faults
+from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
 from pnfarm.faults.catalogue import KINDS
@@ -192,6 +193,7 @@ class Farm:
         """Make the interfaces, power the drives on, start the engine.  On failure nothing is left behind."""
         if not self.drives:
             raise ConfigError("the farm has no drives")
+        raise_file_limit()
         self._lock.acquire()
         try:
             self._make_capture()

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 __all__ = ["Carriers"]
 
 
+#: Until a change that the link refused is tried again.
+AGAIN_SECONDS = 0.5
+
+
 class Carriers:
     """Pulls and plugs cables; several faults may hold one cable out.
 
@@ -67,11 +71,18 @@ class Carriers:
         raise InternalError("a memory link waited for something when its carrier changed")
 
     async def _run(self, port: int, drive: str) -> None:
+        told = False
         try:
             while (wanted := self._pulled[port] > 0) != self.is_off(port):
-                await self._link.set_carrier(port, not wanted)
-                self._off[port] = wanted
-        except PnfarmError as exc:
-            self._failed(drive, str(exc))
+                try:
+                    await self._link.set_carrier(port, not wanted)
+                except (PnfarmError, OSError) as exc:
+                    # tried again: a machine that was short of something is not to keep a drive off the wire for ever
+                    if not told:
+                        self._failed(drive, str(exc))
+                        told = True
+                    await asyncio.sleep(AGAIN_SECONDS)
+                else:
+                    self._off[port] = wanted
         finally:
             del self._tasks[port]

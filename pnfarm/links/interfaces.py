@@ -110,7 +110,10 @@ class Interfaces:
     """An open rtnetlink socket; a context manager, for one thread."""
 
     def __init__(self) -> None:
-        self._route: Any = IPRoute()
+        try:
+            self._route: Any = IPRoute()
+        except OSError as exc:
+            raise EnvironmentError_(f"the kernel cannot be asked about interfaces: {exc.strerror}") from exc
 
     def __enter__(self) -> Self:
         return self

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
@@ -13,6 +12,7 @@ from pnfarm.links.interfaces import Interfaces, to_its_end
 from pnfarm.links.packet import PacketSockets
 
 if TYPE_CHECKING:
+    import socket
     from collections.abc import Sequence
 
 __all__ = ["PacketLink"]
@@ -67,12 +67,10 @@ class PacketLink(ABC):
         indexes = list(self._ports)
         for step in range(min(count, len(indexes))):
             port = self._ports[indexes[(self._looked_at + step) % len(indexes)]]
-            try:
-                socket.if_indextoname(port.index)
-            except OSError as exc:
+            if not self._sockets.has_interface(port.index):
                 raise EnvironmentError_(
                     f"interface {port.name} was removed under the running farm, or its parent was: start the farm again"
-                ) from exc
+                )
         self._looked_at += count
 
     def send(self, port_index: int, frame: bytes) -> None:

@@ -19,6 +19,7 @@ import asyncio
 import contextlib
 import ctypes
 import errno
+import fcntl
 import os
 import socket
 import struct
@@ -49,6 +50,7 @@ __all__ = ["BATCH", "MULTICAST_GROUPS", "PacketSockets", "open_packet_socket"]
 _SOL_PACKET = 263
 _PACKET_ADD_MEMBERSHIP = 1
 _PACKET_STATISTICS = 6
+_SIOCGIFNAME = 0x8910  # linux/sockios.h
 _PACKET_IGNORE_OUTGOING = 23
 _PACKET_MR_MULTICAST = 0
 _SO_RCVBUFFORCE = 33
@@ -134,6 +136,10 @@ def open_packet_socket(
     return sock
 
 
+#: Errors of a read that has nothing to give now: the next one may.
+_NOTHING_NOW = frozenset({errno.EAGAIN, errno.EINTR, errno.ENETDOWN, errno.ENOBUFS, errno.ENOMEM})
+
+
 class _BatchReader:
     """``recvmmsg`` into fixed slots; one per socket."""
 
@@ -158,7 +164,7 @@ class _BatchReader:
         count = _libc.recvmmsg(self._fd, self._headers, self._batch, socket.MSG_DONTWAIT, None)
         if count < 0:
             code = ctypes.get_errno()
-            if code in {errno.EAGAIN, errno.EINTR, errno.ENETDOWN}:
+            if code in _NOTHING_NOW:
                 return []
             raise OSError(code, os.strerror(code))
         data, names = memoryview(self._data), memoryview(self._names)
@@ -288,6 +294,17 @@ class PacketSockets:
     def set_mac(self, index: int, mac: bytes) -> None:
         """The port's address is this now."""
         self._macs[index] = mac
+
+    def has_interface(self, index: int) -> bool:
+        """Whether the kernel still has this interface; asked by an open socket, so that it takes no further file."""
+        if self._sender is None:
+            return False
+        try:
+            fcntl.ioctl(self._sender, _SIOCGIFNAME, struct.pack("16si20x", b"", index))
+        except OSError as exc:
+            # whatever else the kernel is short of, it says nothing about the interface
+            return exc.errno not in {errno.ENODEV, errno.ENXIO}
+        return True
 
     def send(self, port_index: int, frame: bytes) -> None:
         """Send now or count why not."""

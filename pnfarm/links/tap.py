@@ -47,6 +47,7 @@ _TUNSETCARRIER = 0x400454E2
 _IFF_TAP = 0x0002
 _IFF_NO_PI = 0x1000
 
+_MAY_USE = "run as a user who may read and write it"
 _BATCH = 32
 _FRAME = 2048
 
@@ -248,10 +249,9 @@ def _open_tap(name: str, station: str) -> int:
             "(in a container: pass the device with `--device /dev/net/tun`)"
         ) from exc
     except OSError as exc:
-        raise EnvironmentError_(
-            f"tap for {station}: {_TUN_DEVICE} cannot be opened ({exc.strerror}): "
-            "run as a user who may read and write it"
-        ) from exc
+        few = exc.errno in {errno.EMFILE, errno.ENFILE}
+        what = "every TAP is an open file, raise their limit (`ulimit -n`)" if few else _MAY_USE
+        raise EnvironmentError_(f"tap for {station}: {_TUN_DEVICE} cannot be opened ({exc.strerror}): {what}") from exc
     try:
         fcntl.ioctl(fd, _TUNSETIFF, struct.pack("16sH22x", name.encode(), _IFF_TAP | _IFF_NO_PI))
     except OSError as exc:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from types import SimpleNamespace
 
 import pytest
 from api_world import ApiWorld, assert_problem
@@ -68,8 +67,7 @@ def test_a_drives_stream_begins_with_what_its_own_ring_kept():
     log.record(0, "axis-01", "news")
 
     async def first(count: int) -> str:
-        context = SimpleNamespace(core=world.line.farm, streams=set(), closing=False)
-        stream = event_stream(context, 0, "axis-01")
+        stream = event_stream(world.context, 0, "axis-01")
         try:
             return "".join([await anext(stream) for _ in range(count)])
         finally:

@@ -1,6 +1,7 @@
 """Faults on frames and links, as the controller sees them."""
 
 import asyncio
+import errno
 
 import pytest
 from fault_line import FaultLine
@@ -331,3 +332,43 @@ def test_carrier_changes_of_a_real_link_follow_each_other_and_a_refusal_is_told(
         assert told == [("axis-02", "no such port")]
 
     asyncio.run(scenario())
+
+
+def test_a_cable_that_the_machine_could_not_plug_is_plugged_as_soon_as_it_can():
+    from pnfarm.faults import carrier
+
+    class ShortOfFiles:
+        inner = None
+
+        def __init__(self):
+            self.files, self.up = True, True
+
+        async def set_carrier(self, _port, up):
+            await asyncio.sleep(0)
+            if not self.files:
+                raise OSError(errno.EMFILE, "Too many open files")
+            self.up = up
+
+    async def scenario():
+        told = []
+        link = ShortOfFiles()
+        carriers = carrier.Carriers(link, lambda drive, reason: told.append((drive, reason)))
+        carriers.pull(1, "axis-01")
+        await asyncio.sleep(0.01)
+        assert not link.up
+        link.files = False
+        carriers.plug(1, "axis-01")
+        await asyncio.sleep(0.05)
+        assert (link.up, len(told)) == (False, 1)
+        link.files = True
+        async with asyncio.timeout(5):
+            while not link.up:  # noqa: ASYNC110  # the link has no event for it
+                await asyncio.sleep(0.02)
+        assert not carriers.is_off(1)
+        assert told == [("axis-01", "[Errno 24] Too many open files")]
+
+    before, carrier.AGAIN_SECONDS = carrier.AGAIN_SECONDS, 0.02
+    try:
+        asyncio.run(scenario())
+    finally:
+        carrier.AGAIN_SECONDS = before

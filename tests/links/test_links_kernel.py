@@ -2,7 +2,9 @@
 
 import asyncio
 import contextlib
+import errno
 import re
+import resource
 import socket
 import struct
 import time
@@ -11,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
+from pnfarm.farm.files import open_files
 from pnfarm.links.base import BROADCAST, MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, EngineLink, Link, PortSpec
 from pnfarm.links.interface import InterfaceLink
 from pnfarm.links.interfaces import remove_leftovers
@@ -111,6 +114,33 @@ async def test_drives_are_interfaces_with_the_wanted_addresses_and_go_with_the_l
             assert "alias pnfarm:line-1:axis-" in shown
     assert names(ip) == before
     await link.close()  # twice does nothing
+
+
+def take_every_file(held):
+    """Open files until there is none left; how that was told."""
+    while True:
+        try:
+            held.enter_context(socket.socket())
+        except OSError as exc:
+            return exc
+
+
+async def test_a_process_without_files_does_not_take_its_interfaces_for_removed(link_on_wire, ip):
+    link, _ = link_on_wire
+    async with opened(link, specs(2)) as ports:
+        link.check()
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        with contextlib.ExitStack() as held:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (open_files() + 8, hard))
+            try:
+                taken = take_every_file(held)
+                assert taken.errno == errno.EMFILE
+                link.check()
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        ip("link", "del", ports[0].name)
+        with pytest.raises(EnvironmentError_, match=f"interface {ports[0].name} was removed"):
+            link.check()
 
 
 async def test_the_kernel_has_no_voice_at_a_drives_interface(link_on_wire, ip, raw):

@@ -1,0 +1,80 @@
+"""What all requests together may cost: an ASGI layer around the application.
+
+A request that finds too many others at work is told to come again.  An answer of megabytes leaves in pieces, each when
+the client has read the one before, so that what a slow client holds is the answer alone, and no copy of it.
+"""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+
+from starlette.requests import Request
+
+from pnfarm.api.problems import problem
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+__all__ = ["MOST_REQUESTS", "MOST_STREAMS", "PIECE", "Throttle"]
+
+#: Requests that are answered at once, and event streams that are open beside them.
+MOST_REQUESTS = 32
+MOST_STREAMS = 64
+#: Octets of an answer that leave at once.
+PIECE = 65_536
+#: When a client that was sent away may come again.
+AGAIN_SECONDS = 1
+EVENTS = "/api/v1/events"
+
+
+class Throttle:
+    """See the module's head."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+        self._requests = 0
+        self._streams = 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+        elif scope["path"] == EVENTS:
+            if self._streams >= MOST_STREAMS:
+                await _refuse(scope, receive, send, f"{MOST_STREAMS} event streams are open, the most that a farm has")
+                return
+            self._streams += 1
+            try:
+                await self._app(scope, receive, send)
+            finally:
+                self._streams -= 1
+        else:
+            if self._requests >= MOST_REQUESTS:
+                await _refuse(scope, receive, send, f"{MOST_REQUESTS} requests are being answered; try again")
+                return
+            self._requests += 1
+            try:
+                await self._app(scope, receive, _in_pieces(send))
+            finally:
+                self._requests -= 1
+
+
+async def _refuse(scope: Scope, receive: Receive, send: Send, sentence: str) -> None:
+    headers = {"Retry-After": str(AGAIN_SECONDS)}
+    response = problem(HTTPStatus.SERVICE_UNAVAILABLE, sentence, Request(scope), headers=headers)
+    await response(scope, receive, send)
+
+
+def _in_pieces(send: Send) -> Send:
+    async def send_in_pieces(message: Message) -> None:
+        body = message.get("body", b"")
+        if message["type"] != "http.response.body" or len(body) <= PIECE:
+            await send(message)
+            return
+        whole = memoryview(body)
+        for start in range(0, len(whole), PIECE):
+            last = start + PIECE >= len(whole)
+            more = message.get("more_body", False) if last else True
+            await send({**message, "body": bytes(whole[start : start + PIECE]), "more_body": more})
+
+    return send_in_pieces
