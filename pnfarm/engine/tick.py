@@ -185,12 +185,16 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
 
 
 @compiled
-def _stray(columns: Columns, port: int) -> None:
-    """Count a frame that belongs to no channel for the station at whose port it came in."""
+def _stray(columns: Columns, port: int, frame: Any) -> None:
+    """Count a frame that belongs to no channel for the station at whose port it came in.
+
+    A bridge floods frames for others, which are none of its business.
+    """
     images = columns.image
     for i in range(len(images)):
         if images[i].port == port:
-            images[i].strays += 1
+            if frame[0] & 1 or _address(frame, 0) == images[i].mac:
+                images[i].strays += 1
             return
 
 
@@ -210,7 +214,7 @@ def receive(columns: Columns, count: int) -> None:
         start = HEADER
         if length < HEADER + 2 + TRAILER or length > frame.shape[0]:
             engine.malformed += 1
-            _stray(columns, columns.rx_port[i])
+            _stray(columns, columns.rx_port[i], frame)
             continue
         kind = (int(frame[12]) << 8) | int(frame[13])
         if kind == 0x8100 and length >= HEADER + 4 + 2 + TRAILER:
@@ -218,14 +222,14 @@ def receive(columns: Columns, count: int) -> None:
             kind = (int(frame[16]) << 8) | int(frame[17])
         if kind != 0x8892:
             engine.malformed += 1
-            _stray(columns, columns.rx_port[i])
+            _stray(columns, columns.rx_port[i], frame)
             continue
         frame_id = (int(frame[start]) << 8) | int(frame[start + 1])
         number = lookup_find(table, consumers, columns.rx_port[i], frame_id)
         if number < 0 or _address(frame, 0) != consumers[number].destination:
-            # a group's frames (multicast communication) are nobody's here, and others' may be flooded to a port
+            # a group's frames (multicast communication) are nobody's here, and those for others are theirs
             engine.unknown += 1
-            _stray(columns, columns.rx_port[i])
+            _stray(columns, columns.rx_port[i], frame)
             continue
         _take(engine, events, images, impairments, number, consumers[number], frame, length, start, columns.rx_ns[i])
 

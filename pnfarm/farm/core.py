@@ -151,6 +151,7 @@ class FarmCore:
             flaws.apply(axis)
             axis.step_ns = 4_000_000
             image.port = port.index
+            image.mac = int.from_bytes(port.mac, "big")
             uuids = uuid_source(seed + port.mac)
             services = StationServices(self.channels, self.impairments, memory, log, uuids, lldp)
             station = DriveStation(config, model, index, port, AxisHandle(axis, image), services, flaws)

@@ -37,7 +37,10 @@ IMAGE = Layout(
         ),
         Field("good", "u1", "", "station", "1 = own IOPS is GOOD"),
         Field("port", "u4", "", "station", "the station's port, as frames that come in name it; 0 = none"),
-        Field("strays", "i8", "frames", "receive", "cyclic frames at this port that belong to no channel"),
+        Field("mac", "i8", "", "station", "the station's address: MAC as a 48-bit number"),
+        Field(
+            "strays", "i8", "frames", "receive", "cyclic frames to this station or a group that belong to no channel"
+        ),
         # the parameter channel: eight octets as one number, so that neither side ever sees half of them
         Field("parameter_task", "i8", "", "firmware", "the task that was told last"),
         Field("parameter_told_ns", "i8", "ns", "firmware", "when it was told"),

@@ -194,7 +194,7 @@ def test_a_frame_that_is_not_as_agreed_is_counted_and_dropped(change, reason):
 
 def test_frames_of_nobody_are_counted_as_unknown_and_for_the_station_at_whose_port_they_came():
     pair = Pair()
-    pair.farm.image[0].port = pair.farm.cpm[0].port
+    pair.farm.image[0].port, pair.farm.image[0].mac = pair.farm.cpm[0].port, pair.farm.cpm[0].destination
     pair.run(0.1)
     pair.controller.frames[0][18] = 0xC1
     pair.run(0.01)
@@ -210,12 +210,12 @@ def test_frames_of_nobody_are_counted_as_unknown_and_for_the_station_at_whose_po
         ({63: 0x01}, "transfer-status"),
         ({0: 0xFF}, "stray"),
         ({0: 0x01}, "stray"),
-        ({5: 0x77}, "stray"),
+        ({5: 0x77}, "of another"),
     ],
 )
 def test_a_frame_of_any_vlan_is_taken_unless_it_has_a_transfer_status_or_is_not_for_this_station(change, reason):
     pair = Pair(hold=64)
-    pair.farm.image[0].port = pair.farm.cpm[0].port
+    pair.farm.image[0].port, pair.farm.image[0].mac = pair.farm.cpm[0].port, pair.farm.cpm[0].destination
     pair.run(0.1)
     farm = pair.farm
     farm.rx_frames[0][:64] = pair.controller.frames[0][:64]
@@ -223,10 +223,11 @@ def test_a_frame_of_any_vlan_is_taken_unless_it_has_a_transfer_status_or_is_not_
     for place, octet in change.items():
         farm.rx_frames[0][place] = octet
     farm.rx_length[0], farm.rx_port[0], farm.rx_ns[0] = 64, farm.cpm[0].port, pair.now
-    before = int(farm.cpm[0].received)
+    before, unknown = int(farm.cpm[0].received), int(farm.engine[0].unknown)
     receive(farm, 1)
     assert int(farm.cpm[0].received) == before + (reason is None)
     assert int(farm.cpm[0].discarded[5]) == (reason == "transfer-status")
+    assert int(farm.engine[0].unknown) - unknown == (reason in {"stray", "of another"})
     assert int(farm.image[0].strays) == (reason == "stray")
 
 

@@ -252,11 +252,15 @@ async def test_cyclic_frames_go_to_the_engines_socket_alone(link_on_wire, raw):
             wire.send(frame(ports[1].mac, 0x8001))
             wire.send(frame(ports[1].mac, 0xFC01))
             await inbox.wait_for(1)
-            data, address = engine.recvfrom(2048)
-            assert data == frame(ports[1].mac, 0x8001)
-            assert address[0] == ports[1].name
-            with pytest.raises(BlockingIOError):
-                engine.recv(2048)
+            taken = []
+            with contextlib.suppress(BlockingIOError):
+                while len(taken) < 9:
+                    taken.append(engine.recvfrom(2048))
+            # a bridge that does not know the address yet floods the frame, and the engine sees that it is not for there
+            assert {data for data, _ in taken} == {frame(ports[1].mac, 0x8001)}
+            names = [address[0] for _, address in taken]
+            assert names.count(ports[1].name) == 1
+            assert names.count(ports[0].name) <= (link.kind == "veth")
             assert [data for _, data, _ in inbox.frames] == [frame(ports[1].mac, 0xFC01)]
             # and the engine sends through it with the index in the address
             engine.sendto(frame(PLC, 0x8002, source=ports[0].mac), (ports[0].name, 0))

@@ -73,7 +73,7 @@ def test_without_a_connection_only_the_implicit_read_goes_out() -> None:
     ("change", "sentence"),
     [
         (lambda s, p: (s, p[:30]), "malformed"),
-        (lambda s, p: (s, p + b"\x00"), "malformed"),
+        (lambda s, p: (s, p + bytes(4)), "malformed"),
         (lambda s, p: (s, p[:6] + b"\xff\xff" + p[8:]), "another record"),
     ],
 )
