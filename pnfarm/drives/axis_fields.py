@@ -10,7 +10,14 @@ from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
 from pnfarm.drives.measured import deviation
 from pnfarm.drives.parameter import Backing, Parameter
 from pnfarm.table.axis import AXIS, FAULT_ACTIONS
-from pnfarm.table.axis_codes import TASKS_TABLE, TASKS_TARPOS, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis_codes import (
+    RAMP_GENERATED,
+    TASKS_TABLE,
+    TASKS_TARPOS,
+    VELOCITY_NSOLL_A,
+    VELOCITY_NSOLL_B,
+    VELOCITY_REF_SPEED,
+)
 from pnfarm.table.signals import (
     DRV_ACC,
     DRV_DEC,
@@ -67,7 +74,7 @@ AT_ONCE = 1e12
 class AxisFields:
     """Writes the axis record of ``handle`` from the drive's stored values and its telegram."""
 
-    __slots__ = ("_handle", "_places", "_selection", "_values", "_written")
+    __slots__ = ("_generator_set", "_handle", "_places", "_selection", "_values", "_written")
 
     def __init__(self, values: StoredValues, selection: TelegramSelection, handle: AxisHandle) -> None:
         self._values = values
@@ -77,6 +84,8 @@ class AxisFields:
         self._places: dict[int, tuple[int, float]] = {}
         #: Set points that were written by their PNU: slot -> raw number.
         self._written: dict[int, int] = {}
+        #: How often a parameter set what becomes of velocity set points.
+        self._generator_set = 0
 
     @property
     def axis(self) -> Any:
@@ -201,7 +210,7 @@ class AxisFields:
             slot = _CHANGED_BY.get(parameter.argument)
             if slot not in _HOME_SIGNALS or slot not in brought:
                 continue
-            value = self.changed_by_signal(parameter)
+            value = self.changed_meanwhile(parameter)
             if ended:
                 self._handle.axis.home_signals = int(self._handle.axis.home_signals) & ~_HOME_SIGNALS[slot]
             if value is not None and parameter.allows(value):
@@ -248,6 +257,9 @@ class AxisFields:
             for index, raw in enumerate(self._values.array(parameter)):
                 field[index] = self.physical(parameter, raw)
             return
+        if parameter.argument == "ramp_generator":
+            self._generator_set += 1
+            self._handle.axis.ramp_generator_set = self._generator_set
         value = self.physical(parameter, self._values.raw(parameter.pnu))
         if parameter.index >= 0:
             getattr(self._handle.axis, parameter.argument)[parameter.index] = value
@@ -279,11 +291,14 @@ class AxisFields:
             physical -= float(self._handle.axis.origin)
         return self.scaled(parameter, physical)
 
-    def changed_by_signal(self, parameter: Parameter) -> int | None:
-        """What a signal made of a parameter that can be written, None where none does.
+    def changed_meanwhile(self, parameter: Parameter) -> int | None:
+        """What a signal or homing made of a parameter that can be written, None where neither does.
 
         A ramp of zero is none (:func:`pnfarm.firmware.telegram.from_setpoints`).
         """
+        if parameter.argument == "ramp_generator":
+            left = int(self._handle.axis.ramp_generator_left)
+            return self.scaled(parameter, RAMP_GENERATED) if left == self._generator_set + 1 else None
         slot = _CHANGED_BY.get(parameter.argument)
         if slot is None:
             return None

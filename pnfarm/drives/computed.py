@@ -7,6 +7,7 @@ are those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing num
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import inf, isfinite
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.factor_group import float_bits
@@ -38,6 +39,8 @@ LIFE_WARNING = 0x0010
 ENCODER_HEADER = 0x5111
 ENCODER_TYPE = 0x80000000
 ENCODER_LINEAR = 0x00000001
+#: Revolutions that an encoder says to know which never forgets one: those of a usual one of 12 bits.
+EVERY_REVOLUTION = 4096
 #: ``opmode``.
 VELOCITY_MODE = 1
 
@@ -112,10 +115,13 @@ def _encoder_format(store: ParameterStore, parameter: Parameter) -> Sequence[int
     revolutions.  A drive without a sensor interface has the steps of its motor's encoder.
     """
     axis, pitch = store.handle.axis, store.model.pitch
+    # one that keeps the home position without power is absolute
+    turns = inf if axis.home_stays else float(axis.sensor_revolutions)
     step = float(axis.sensor_step) or (1.0 / float(axis.encoder_steps) if axis.encoder_steps else 0.0)
     if pitch > 0.0:
         return _fill([ENCODER_HEADER, ENCODER_TYPE | ENCODER_LINEAR, round(step * pitch * 1e6)], parameter)
-    return _fill([ENCODER_HEADER, ENCODER_TYPE, round(1.0 / step) if step else 0, 0, 0, 1], parameter)
+    known = round(turns) if isfinite(turns) else EVERY_REVOLUTION
+    return _fill([ENCODER_HEADER, ENCODER_TYPE, round(1.0 / step) if step else 0, 0, 0, known], parameter)
 
 
 def _firmware(model: Model) -> tuple[int, int, int]:

@@ -362,7 +362,7 @@ class ParameterStore:
                 return target.wrap(int(self.handle.image.sent[target.index]))
             return target.wrap(int(self.handle.image.received[target.index]) or self._axis.spare(target.index))
         if target.backing is Backing.FIELD:
-            shown = self._axis.changed_by_signal(target) if target.writable else self._axis.shown(target)
+            shown = self._axis.changed_meanwhile(target) if target.writable else self._axis.shown(target)
             return self.raw(target.pnu) if shown is None else shown
         return self.raw(target.pnu)
 

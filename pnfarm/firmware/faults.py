@@ -8,6 +8,7 @@ situation has the first places until another one begins.
 
 from __future__ import annotations
 
+from math import floor, inf
 from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, ignored
@@ -178,6 +179,22 @@ def _raise_warning(axis: Any, number: int) -> None:
 
 
 @compiled
+def _count_from_here(axis: Any) -> None:
+    """What an encoder that is not absolute over all revolutions counts when it is switched on (PROFIdrive 4.2, 6.3.6).
+
+    One that knows its angle counts on from that, an incremental one from 0; positions count as it does.
+    """
+    known = axis.sensor_revolutions
+    if known == inf or axis.home_stays:
+        return
+    if known > 0.0:
+        axis.sensor_zero = floor(axis.position / known) * known
+    else:
+        axis.sensor_zero = axis.position
+    axis.origin = axis.sensor_zero
+
+
+@compiled
 def _power_on(axis: Any, now: int) -> None:
     axis.state = 0
     axis.stop = 0
@@ -199,6 +216,8 @@ def _power_on(axis: Any, now: int) -> None:
     axis.acknowledged = 0
     if not axis.home_stays:
         axis.homed = 0
+    axis.ramp_generator_left = 0
+    _count_from_here(axis)
     axis.pos_stw2 = 0
     axis.target_reached = 0
     axis.task_command = 0

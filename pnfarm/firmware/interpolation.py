@@ -17,12 +17,20 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
-from pnfarm.table.axis_codes import RAMP_PASSED_BY
+from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import KPC, XERR, XSOLL_A
 
-__all__ = ["begin_interpolation", "follows", "interpolates", "servo_command", "step_interpolation", "take_cyclic"]
+__all__ = [
+    "begin_interpolation",
+    "follows",
+    "generator_in_force",
+    "interpolates",
+    "servo_command",
+    "step_interpolation",
+    "take_cyclic",
+]
 
 ENABLING = 0x0070  # STW1.4 to 6
 #: A pause between two frames that is no cycle, ns.
@@ -47,9 +55,16 @@ def follows(axis: Any) -> bool:
 
 
 @compiled
+def generator_in_force(axis: Any) -> int:
+    """``ramp_generator``, or what homing made of it (Moog MSD manual 12.1) since it was set last."""
+    left = axis.ramp_generator_left != 0 and axis.ramp_generator_left == axis.ramp_generator_set + 1
+    return RAMP_GENERATED if left else int(axis.ramp_generator)
+
+
+@compiled
 def interpolates(axis: Any) -> bool:
     """Whether the axis is in a mode where positions of each cycle lead it."""
-    return axis.opmode == POSITION_MODE and axis.ramp_generator == RAMP_PASSED_BY and not axis.servo_control
+    return axis.opmode == POSITION_MODE and generator_in_force(axis) == RAMP_PASSED_BY and not axis.servo_control
 
 
 @compiled

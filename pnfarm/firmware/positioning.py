@@ -19,6 +19,7 @@ Positions here are the shaft's; ``origin`` is where the machine's zero lies on i
 
 from __future__ import annotations
 
+from math import floor
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.firmware.tasks import select_task
 from pnfarm.firmware.transitions import as_array
-from pnfarm.firmware.travel import at_limit_switch, fastest, take_ramps, within_limits
+from pnfarm.firmware.travel import at_limit_switch, fastest, position_number, take_ramps, within_limits
 from pnfarm.table.axis_codes import (
     CONFIG_RISING_EDGE,
     JOG_MINUS,
@@ -159,6 +160,9 @@ HOME_BIT = 0x0800  # STW1.11
 
 #: rpm of one rev/s.
 RPM = 60.0
+#: Numbers of a position of 32 bits.
+ROUND = 4294967296.0
+HALF_ROUND = 2147483648.0
 
 _NEXT = as_array(TRANSITIONS, STATES, EVENTS)
 _PRIORITY = np.array(PRIORITY, np.int64)
@@ -198,7 +202,16 @@ def _asked_target(axis: Any) -> float:
             return axis.position + axis.asked_position
         has_task = axis.motion in (TASK, INTERMEDIATE_STOP)
         return (axis.target if has_task else axis.commanded_position) + axis.asked_position
-    return axis.origin + axis.asked_position
+    return axis.origin + _rounds(axis) + axis.asked_position
+
+
+@compiled
+def _rounds(axis: Any) -> float:
+    """How far XIST_A has counted round its 32 bits, rev: an absolute target is the number that it shows there."""
+    if axis.targets_counted_on:
+        return 0.0
+    rounds = floor((position_number(axis, axis.measured_position) + HALF_ROUND) / ROUND)
+    return rounds * ROUND * axis.position_step
 
 
 @compiled
@@ -216,6 +229,7 @@ def _start_task(axis: Any) -> None:
     axis.task = axis.asked_task
     axis.over_ns = 0
     axis.task_endless = axis.asked_endless
+    axis.task_relative = axis.asked_relative
     axis.task_backwards = axis.asked_backwards
     axis.task_top = _fastest_there(axis, axis.asked_velocity)
     take_ramps(axis, axis.task_top, axis.asked_acceleration, axis.asked_deceleration)
@@ -363,6 +377,9 @@ def _advance(axis: Any, held: int) -> int:
         elif event == HOME:
             if axis.motion == FOLLOWING:
                 begin_profile(axis)
+            if interpolates(axis):
+                # Moog MSD manual 12.1: the profile generator takes over
+                axis.ramp_generator_left = axis.ramp_generator_set + 1
             start_homing(axis)
         elif event == FOLLOW:
             begin_interpolation(axis)
@@ -440,6 +457,8 @@ def take_motion(axis: Any, now: int) -> None:
         step_homing(axis)
     if axis.motion != HOMING:
         axis.home_held = 0.0
+        if not axis.homing_ends_interpolation:
+            axis.ramp_generator_left = 0
     if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
         raise_fault(axis, axis.following_fault, now)
     if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:

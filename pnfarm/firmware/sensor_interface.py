@@ -329,6 +329,12 @@ def _sends_absolute(state: int, word: int) -> bool:
 
 
 @compiled
+def _count(axis: Any, place: float, step: float) -> int:
+    """What the encoder's count is at a place on the shaft."""
+    return signed32(nearest((place - axis.sensor_zero) / step))
+
+
+@compiled
 def _second_value(axis: Any, word: int) -> int:
     """G1_XIST2: an error's code before a value that is read, before the absolute position."""
     step = axis.sensor_step_2 if axis.sensor_step_2 > 0.0 else axis.sensor_step
@@ -338,9 +344,9 @@ def _second_value(axis: Any, word: int) -> int:
     if state == ACKNOWLEDGING or step <= 0.0:
         return 0
     if 1 << state & SHOWS_VALUE:
-        return signed32(nearest(axis.sensor_value[int(axis.sensor_read) - 1] / step))
+        return _count(axis, axis.sensor_value[int(axis.sensor_read) - 1], step)
     if _sends_absolute(state, word) or axis.sensor_shows:
-        return signed32(nearest(measured_position(axis) / step))
+        return _count(axis, measured_position(axis), step)
     return 0
 
 
@@ -373,9 +379,9 @@ def step_sensor(axis: Any, image: Any) -> None:
     if axis.sensor_bits == 0:
         # no sensor interface: positions alone
         if axis.sensor_step > 0.0:
-            image.sent[G1_XIST1] = signed32(nearest(measured_position(axis) / axis.sensor_step))
+            image.sent[G1_XIST1] = _count(axis, measured_position(axis), axis.sensor_step)
         if axis.sensor_step_2 > 0.0:
-            image.sent[G1_XIST2] = signed32(nearest(measured_position(axis) / axis.sensor_step_2))
+            image.sent[G1_XIST2] = _count(axis, measured_position(axis), axis.sensor_step_2)
         return
     if axis.state == 0:
         axis.sensor_state = START
@@ -397,7 +403,6 @@ def step_sensor(axis: Any, image: Any) -> None:
         image.sent[G1_XIST1] = 0
         image.sent[G1_XIST2] = 0
         return
-    image.sent[G1_XIST1] = (
-        signed32(nearest(measured_position(axis) / axis.sensor_step)) if axis.sensor_step > 0.0 else 0
-    )
+    step = axis.sensor_step
+    image.sent[G1_XIST1] = _count(axis, measured_position(axis), step) if step > 0.0 else 0
     image.sent[G1_XIST2] = _second_value(axis, word)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.hindrances import enabled_by_hardware
+from pnfarm.firmware.interpolation import generator_in_force
 from pnfarm.firmware.measurement import measured_velocity
 from pnfarm.firmware.motor import torque_controlled
 from pnfarm.firmware.torque_limits import gives_all
@@ -95,7 +96,7 @@ def moog_word(axis: Any, word: int) -> int:
 def take_generator(axis: Any) -> None:
     """Once in each step, behind the motor: what the profile generator did."""
     speed = axis.profile_velocity if axis.opmode == 2 else axis.ramp
-    working = axis.state >= 4 and axis.ramp_generator == RAMP_GENERATED and not torque_controlled(axis)
+    working = axis.state >= 4 and generator_in_force(axis) == RAMP_GENERATED and not torque_controlled(axis)
     before = abs(axis.generator_speed)
     axis.generator_speed = speed
     change = abs(speed) - before

@@ -64,8 +64,10 @@ ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8
 HERE = 0x0002  # POS_STW2.1
 
-#: A task runs, the axis jogs (``motion``; the table of :mod:`pnfarm.firmware.positioning`).
+#: A task runs, or waits in an intermediate stop, the axis jogs (``motion``; the table of
+#: :mod:`pnfarm.firmware.positioning`).
 MOTION_TASK = 2
+TASK_WAITS = 3
 MOTION_JOG = 6
 #: DRV.OPMODE of position mode.
 POSITION_MODE = 2
@@ -212,6 +214,17 @@ def _take_target(axis: Any, image: Any, step: float) -> None:
 
 
 @compiled
+def _set_reference(axis: Any) -> None:
+    """The place where the axis is becomes the reference point; what an absolute task leads to is a number there."""
+    before = axis.origin
+    axis.origin = axis.position - axis.home_position
+    axis.homed = 1
+    runs = axis.motion in (MOTION_TASK, TASK_WAITS) and not axis.task_endless
+    if runs and not axis.task_relative and not axis.reference_keeps_place:
+        axis.target += axis.origin - before
+
+
+@compiled
 def _select(axis: Any, image: Any) -> None:
     """Which task begins: that of the telegram's data, one of the drive's own, or the one of a command."""
     if axis.task_form == TASKS_POS_STW:
@@ -220,8 +233,7 @@ def _select(axis: Any, image: Any) -> None:
         axis.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
         word = image.received[POS_STW2] & 0xFFFF
         if word & ~axis.pos_stw2 & HERE:
-            axis.origin = axis.position - axis.home_position
-            axis.homed = 1
+            _set_reference(axis)
         axis.pos_stw2 = word
     elif axis.task_form == TASKS_MDI:
         axis.asked_relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1

@@ -18,6 +18,7 @@ from pnfarm.firmware.position_status import (
 )
 from pnfarm.firmware.sign_of_life import second_status_word
 from pnfarm.firmware.torque_limits import torque_limited
+from pnfarm.firmware.travel import position_number
 from pnfarm.table.axis import FAULT_WORDS
 from pnfarm.table.axis_codes import VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
@@ -221,7 +222,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[ITIST_GLATT] = clamp16(current / axis.peak_current * N2_FULL)
     if axis.torque_step > 0.0:
         image.sent[ACT_TORQUE] = clamp16(measured_torque(axis) / axis.torque_step)
-    image.sent[XIST_A] = signed32(nearest((measured_position(axis) - axis.origin) / axis.position_step))
+    image.sent[XIST_A] = signed32(position_number(axis, measured_position(axis)))
     axis.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
     image.sent[AKTSATZ] = actual_task(axis)

@@ -6,7 +6,13 @@ from typing import Any
 
 from pnfarm.table.compiled import compiled
 
-__all__ = ["at_limit_switch", "fastest", "take_ramps", "within_limits"]
+__all__ = ["at_limit_switch", "fastest", "position_number", "take_ramps", "within_limits"]
+
+
+@compiled
+def position_number(axis: Any, place: float) -> int:
+    """A place on the shaft in position steps; XIST_A is what fits of it in 32 bits."""
+    return round((place - axis.origin) / axis.position_step)
 
 
 @compiled

@@ -285,3 +285,50 @@ def task_ramps(name: str, behaviour: str) -> object:
     assert plc.change(1008, 0x42, 100) is None
     assert start(plc, 5.0)
     return float(plc.axis.task_acceleration)
+
+
+# numbers of positions
+
+
+def arrive(plc: Plc) -> None:
+    plc.wait_for(lambda: plc["ZSW1"] & (REACHED | STOPPED) == REACHED | STOPPED, 10_000)
+
+
+@observes("reference-point-in-a-task", {"number": (10, 13), "place": (7, 10)})
+def reference_point_in_a_task(name: str, behaviour: str) -> object:
+    """XIST_A where a task to 10 revolutions ends, and how far the shaft turned; the reference point comes after 3."""
+    plc = Plc(name, behaviour, 111)
+    plc.switch_on(operation=READY)
+    plc.put(POS_STW1=0x8100, OVERRIDE=0x4000)
+    assert start(plc, 10.0, 120.0)
+    plc.wait_for(lambda: plc.axis.position >= 3.0)
+    plc.put(POS_STW2=0x0002, wait=1)
+    arrive(plc)
+    return round(plc["XIST_A"] / COUNTS_E1), round(float(plc.axis.position))
+
+
+@observes("targets-behind-a-wrap", {"as-shown": 412, "counted-on": -100})
+def targets_behind_a_wrap(name: str, behaviour: str) -> object:
+    """Where an absolute task to -100 revolutions leads to from 400, which XIST_A shows as -112."""
+    plc = task_plc(name, behaviour)
+    for target, relative in ((200.0, True), (200.0, True), (-100.0, False)):
+        assert start(plc, target, 5000.0, relative=relative)
+        arrive(plc)
+    return round(float(plc.axis.position))
+
+
+@observes("interpolation-behind-homing", {"back": (1, 0, 1, True), "stays": (1, 0, 0, False)})
+def interpolation_behind_homing(name: str, behaviour: str) -> object:
+    """P-0301 before homing, in it and behind it, and whether positions of each cycle lead the axis then."""
+    plc = Plc(name, behaviour, 8)
+    plc.switch_on(operation=READY)
+    plc.put(STW1=READY | START, XSOLL_A=0)
+    found = [plc.read(301)]
+    plc.put(STW1=READY | START | HOME)
+    found.append(plc.read(301))
+    plc.wait_for(lambda: plc["ZSW1"] & HOMED)
+    plc.put(STW1=READY | START)
+    found.append(plc.read(301))
+    for cycle in range(200):
+        plc.put(XSOLL_A=round(cycle * 0.005 * 65536), wait=1)
+    return *found, abs(plc["XIST_A"] / 65536 - 1.0) < 0.05

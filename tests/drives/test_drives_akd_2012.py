@@ -178,7 +178,7 @@ def test_what_5_6_does_not_list_is_the_profiles_and_can_be_left_out(name: str) -
     assert with_behaviour(listed, {}) == described
     drive = new_drive(name)
     assert drive.store.read(925) == [65535]
-    assert drive.store.read(979, 0, 7) == [0x5111, 0x80000000, 1 << 20, 0, 0, 1, 0]
+    assert drive.store.read(979, 0, 7) == [0x5111, 0x80000000, 1 << 20, 0, 0, 4096, 0]
     drive.store.write(925, 0, [5])
     assert drive.store.read(925) == [5], "masters write it, and nothing is watched"
 

@@ -291,6 +291,69 @@ def test_table_3_13_1_the_place_becomes_the_reference_point_with_the_edge():
     assert plc.rev == pytest.approx(1.0, abs=0.001), "a level sets nothing anew"
 
 
+@pytest.mark.parametrize("pause", [False, True])
+def test_table_3_13_1_a_task_ends_where_its_number_is_behind_a_new_reference_point(pause):
+    """In the run, or in its intermediate stop: MDI_TARPOS counts from the reference point."""
+    plc = E1Plc(111)
+    plc.task(10.0)
+    assert plc.go()
+    plc.wait(300)
+    if pause:
+        plc.put(STW1=RUN & ~0x0020, wait=300)
+    before = plc.rev
+    assert 2.0 < before < 5.0
+    plc.put(POS_STW2=0x0002)
+    assert plc.bit(HOMED)
+    plc.put(STW1=RUN)
+    plc.arrive()
+    plc.wait(50)
+    assert plc.rev == pytest.approx(10.0, abs=0.001)
+    assert float(plc.axis.position) == pytest.approx(10.0 + before, abs=0.05)
+
+
+def test_table_3_13_1_a_relative_task_keeps_its_way_behind_a_new_reference_point():
+    plc = E1Plc(111)
+    plc.task(4.0, relative=True)
+    assert plc.go()
+    plc.wait(200)
+    plc.put(POS_STW2=0x0002)
+    plc.arrive()
+    assert float(plc.axis.position) == pytest.approx(4.0, abs=0.001)
+
+
+# -- numbers of 32 bits (3.1) ------------------------------------------------------------------------------------------
+
+
+@BOTH
+def test_3_1_an_absolute_task_leads_to_where_xist_a_shows_its_number(telegram):
+    """XIST_A is an Int32: of 2^23 increments it counts round after 256 revolutions."""
+    plc = E1Plc(telegram)
+    for _ in range(2):
+        plc.task(200.0, 5000.0, relative=True)
+        assert plc.go()
+        plc.arrive()
+    assert plc.rev == pytest.approx(-112.0, abs=0.001), "400 less 512"
+    for target, place in ((-100.0, 412.0), (-150.0, 362.0), (0.0, 512.0)):
+        plc.task(target, 5000.0)
+        assert plc.go()
+        plc.arrive()
+        assert plc.rev == pytest.approx(target, abs=0.001)
+        assert float(plc.axis.position) == pytest.approx(place, abs=0.001)
+
+
+def test_3_1_within_32_bits_a_target_far_behind_is_not_reached_by_counting_round():
+    plc = E1Plc(9)
+    plc.task(200.0, 5000.0)
+    assert plc.go()
+    plc.arrive()
+    plc.task(-200.0, 5000.0)
+    assert plc.go()
+    plc.wait(500)
+    assert plc.rpm < -1000.0
+    plc.arrive(10_000)
+    assert float(plc.axis.position) == pytest.approx(-200.0, abs=0.001)
+
+
 def test_table_3_16_1_enable_ready_and_pulses_follow_the_state():
     """Bits 11, 12, 13; 8 is always 1; 1, 6 and 7 without limit and warnings."""
     plc = HandPlc("hiwin-e1", 111)
@@ -441,6 +504,7 @@ def test_a_power_cycle_forgets_the_home_position_and_keeps_the_parameters(telegr
     plc.put(STW1=0x0400)
     assert not plc.bit(HOMED)
     assert plc.axis.jog_velocity[0] == 300.0
+    assert 0.0 <= plc.rev < 1.0, "the encoder knows its angle alone: assumed"
     plc.switch_on(operation=RUN)
 
 

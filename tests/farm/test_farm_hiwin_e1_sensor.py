@@ -132,3 +132,43 @@ def test_without_control_by_the_plc_the_encoder_is_asked_for_nothing(plc):
     turn(plc, 60.0, 300)
     plc.put(STW1=RUN & ~0x0400)
     assert ask(plc, 0x0001 | SEARCH) == 0
+
+
+# -- without power (PNU 979) -------------------------------------------------------------------------------------------
+
+
+def power_cycle(plc: HandPlc) -> None:
+    plc.inject("power-cycle", off="200ms")
+    plc.run(0.5)
+    plc.connect()
+    plc.wait_for(lambda: plc.axis.state == 1)
+    plc.put(STW1=0x0400)
+
+
+def test_an_encoder_of_one_revolution_forgets_those_that_it_counted_without_power(plc):
+    """PNU 979 subindex 5: one determinable revolution (profile 4.1, 6.3.4)."""
+    turn(plc, 300.0, 730)
+    counted = plc["G1_XIST1"]
+    assert counted > 3 * COUNTS
+    assert plc.store.read(979, 5) == [1]
+    power_cycle(plc)
+    assert plc["G1_XIST1"] == pytest.approx(counted % COUNTS, abs=COUNTS / 1000)
+    assert plc["G1_XIST1"] < COUNTS
+    # a mark is where the count comes round, as before
+    plc.switch_on(operation=RUN)
+    ask(plc, 0x0001 | SEARCH)
+    turn(plc, 60.0, 1200)
+    assert plc["G1_ZSW"] == 0x0010
+    ask(plc, 0x0001 | READ)
+    assert plc["G1_XIST2"] == COUNTS
+
+
+def test_an_incremental_scale_counts_from_0_when_it_is_switched_on():
+    plc = HandPlc("hiwin-e1", 3, motor="{kind: linear}")
+    plc.switch_on(operation=RUN)
+    plc.put(NSOLL_B=round(0.2 * 0x40000000), wait=300)
+    plc.put(NSOLL_B=0, wait=200)
+    assert plc["G1_XIST1"] > 1_000_000, "of 0.1 um"
+    assert plc.store.read(979, 5) == [0]
+    power_cycle(plc)
+    assert abs(plc["G1_XIST1"]) <= 1

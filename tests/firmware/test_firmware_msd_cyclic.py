@@ -345,6 +345,46 @@ def test_12_1_homing_is_done_by_the_profile_generator_in_the_interpolating_mode_
     assert bench.place == pytest.approx(0.495, abs=0.02)
 
 
+def test_12_1_p_0301_is_the_profile_generating_mode_while_homing_runs() -> None:
+    bench = follower()
+    assert bench.store.get("P-0301") == 1
+    bench.send(1, STW1=TASKS | START | HOME)
+    assert bench.store.get("P-0301") == 0
+    bench.until(lambda: bench.zsw1 & HOMED, 3000)
+    bench.run(5)
+    assert bench.store.get("P-0301") == 1, "what was before: assumed"
+
+
+def test_12_1_homing_that_is_ended_gives_the_interpolating_mode_back() -> None:
+    bench = follower()
+    bench.send(20, STW1=TASKS | START | HOME)
+    assert bench.store.get("P-0301") == 0
+    bench.send(5, STW1=TASKS | START)
+    assert bench.store.get("P-0301") == 1
+
+
+def test_12_1_homing_in_the_profile_generating_mode_changes_nothing() -> None:
+    bench = positioner()
+    assert bench.store.get("P-0301") == 0
+    bench.send(5, STW1=TASKS | HOME)
+    assert (bench.store.get("P-0301"), bench.axis.ramp_generator_left) == (0, 0)
+
+
+def test_12_1_a_p_0301_that_is_written_counts_from_then_on() -> None:
+    """With the reading that homing leaves the profile generating mode for good."""
+    bench = follower()
+    bench.axis.homing_ends_interpolation = 1
+    bench.send(1, STW1=TASKS | START | HOME)
+    bench.until(lambda: bench.zsw1 & HOMED, 3000)
+    bench.send(5, STW1=TASKS | START)
+    assert bench.store.get("P-0301") == 0
+    bench.store.set("P-0301", 1)
+    assert bench.store.get("P-0301") == 1
+    for cycle in range(100):
+        bench.send(1, XSOLL_A=round(cycle * 0.005 * REV))
+    assert bench.place == pytest.approx(0.495, abs=0.02)
+
+
 # 10.8, telegram 5: dynamic servo control
 
 
