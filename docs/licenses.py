@@ -66,8 +66,28 @@ def sections() -> dict[str, list[str]]:
     }
 
 
+#: Words of a classifier or a free text that name one licence of SPDX's list; "BSD" alone names none.
+_SPDX = {
+    "Apache 2.0": "Apache-2.0",
+    "Apache Software License": "Apache-2.0",
+    "BSD 2-Clause License": "BSD-2-Clause",
+    "ISC License": "ISC",
+    "ISC License (ISCL)": "ISC",
+    "MIT License": "MIT",
+    "Mozilla Public License 2.0 (MPL 2.0)": "MPL-2.0",
+}
+
+
 def terms(name: str) -> str:
-    """What an installed package's metadata says; raises PackageNotFoundError."""
+    """What an installed package's metadata says, by SPDX's name where it has one; raises PackageNotFoundError.
+
+    One version's archives may word it in several ways: as classifier, as text or as SPDX's expression.
+    """
+    stated = _stated(name)
+    return _SPDX.get(stated, stated)
+
+
+def _stated(name: str) -> str:
     found = importlib.metadata.metadata(name)
     if expression := found.get("License-Expression"):
         return str(expression)

@@ -199,6 +199,14 @@ def hang_up(port):
         with socket.create_connection(("127.0.0.1", port)) as peer:
             peer.sendall(b"POST /api/v1/faults HTTP/1.1\\r\\nHost: localhost\\r\\n"
                          b"Content-Type: application/json\\r\\nContent-Length: 60000\\r\\n\\r\\n" + b"x" * 30000)
+            # hung up, and the server has seen it when it closes its side
+            peer.shutdown(socket.SHUT_WR)
+            while peer.recv(65536):
+                pass
+    with socket.create_connection(("127.0.0.1", port)) as peer:
+        peer.sendall(b"GET /health HTTP/1.1\\r\\nHost: localhost\\r\\nConnection: close\\r\\n\\r\\n")
+        while peer.recv(65536):
+            pass
 
 async def main():
     async with anyio.create_task_group() as group:
@@ -206,7 +214,6 @@ async def main():
             await serve(world.app, "127.0.0.1", 0, task_status=task_status)
         host, port = await group.start(run)
         await anyio.to_thread.run_sync(hang_up, port)
-        # leaving ends every request that is open
         group.cancel_scope.cancel()
 anyio.run(main)
 """
