@@ -17,6 +17,8 @@ import manual_coverage
 import model_pages
 
 from pnfarm.controller import session
+from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS
+from pnfarm.farm.config_lists import MAX_OCTETS
 from pnfarm.farm.schema import farm_schema
 from pnfarm.firmware import positioning, sensor_interface, state_machine
 from pnfarm.protocols.ip import claim
@@ -183,7 +185,40 @@ def farm_file() -> str:
             meaning = " ".join(str(field.get("description", "")).split())
             lines.append(f"| `{key}` | {words} | {default} | {meaning} |")
         lines.append("")
-    return "\n".join(lines)
+    return "\n".join([*lines, *parameter_lists()])
+
+
+def parameter_lists() -> list[str]:
+    """The section about the CSV files of ``parameter_lists``."""
+    return [
+        "## Parameter lists",
+        "",
+        "A manual may leave a drive's parameters to another book: HIWIN's tells how every Pt parameter is reached",
+        "(Pt100 is PNU 0x2100), but describes only a few. `parameter_lists` names a CSV file with the others, one for",
+        "each model:",
+        "",
+        "    parameter_lists: {hiwin-e1: e1-parameters.csv}",
+        "",
+        "The file has a header and a row for each parameter:",
+        "",
+        "    number,type,min,max,default,unit,note",
+        "    Pt200,uint16,0,100,40,%,as the book says",
+        "    Pt300..Pt3FF,,,,,,a run of parameters that are alike",
+        "",
+        "Listed parameters are kept: the drives store them within their limits and give them back, without effect.",
+        "Parameters that the model has cannot be listed. `params` of a drive sets values of both kinds.",
+        "`pnfarm validate` tells what is wrong in a list by file, line and column; `pnfarm models MODEL --farm FILE`",
+        "shows the model with the list. A list is read when the farm starts.",
+        "",
+        "The columns stand in any order, and only `number` must be there. The separator is a comma or a semicolon. The",
+        f"text is UTF-8, at most {MAX_OCTETS >> 20} MiB, and makes at most {MAX_PARAMETERS} parameters. Empty lines",
+        "and lines that begin with `#` are skipped.",
+        "",
+        "| column | a cell holds |",
+        "|---|---|",
+        *(f"| `{column}` | {meaning} |" for column, meaning in COLUMNS.items()),
+        "",
+    ]
 
 
 PAGES = {

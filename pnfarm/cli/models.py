@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,12 +14,14 @@ from pnfarm.cli.settings import Format, FormatOption
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pnfarm.drives.model import Model
+
 __all__ = ["models"]
 
 #: Sections whose values each have a source of their own.
 _FACTS = (
     "motor", "firmware", "position_units", "factor_group", "control_limits", "communication_loss", "sign_of_life",
-    "following_error", "motion_tasks", "effects", "parameter_access", "parameter_words", "parameter_texts",
+    "following_error", "motion_tasks", "effects", "numbering", "parameter_access", "parameter_words", "parameter_texts",
     "address_mode", "lamps", "description_file", "diagnosis", "diagnosis_coding", "realism",
 )  # fmt: skip
 
@@ -37,6 +40,14 @@ def models(
             show_default=False,
         ),
     ] = None,
+    farm: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Farm file whose `parameter_lists` adds parameters to the model.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """List the drive models, or print one with the source of each of its values."""
     from pnfarm.drives import catalogue
@@ -45,9 +56,11 @@ def models(
     if model is None:
         if parameters is not None:
             raise ConfigError("--parameters wants a model: pnfarm models MODEL --parameters GLOB")
+        if farm is not None:
+            raise ConfigError("--farm wants a model: pnfarm models MODEL --farm FILE")
         _list(output)
         return
-    found = catalogue.as_json(catalogue.model(model))
+    found = catalogue.as_json(catalogue.model(model) if farm is None else _model_in(farm, model))
     if parameters is not None:
         found["parameters"] = [row for row in found["parameters"] if _matches(row, parameters)]
         if not found["parameters"]:
@@ -62,9 +75,21 @@ def models(
         _print(found)
 
 
+def _model_in(farm: Path, name: str) -> Model:
+    """A model with the parameters that a farm file's list adds to it."""
+    from pnfarm.cli.files import read
+    from pnfarm.drives import catalogue
+
+    plain = catalogue.model(name)
+    facts = read(farm).known.model(plain.name)
+    return (facts.described if facts is not None else None) or plain
+
+
 def _matches(row: dict[str, Any], glob: str) -> bool:
     wanted = glob.upper()
-    return any(fnmatchcase(text.upper(), wanted) for text in (row["name"], str(row["pnu"]), row["effect"]))
+    return any(
+        fnmatchcase(text.upper(), wanted) for text in (row["name"], row["number"], str(row["pnu"]), row["effect"])
+    )
 
 
 def _print_parameters(rows: list[dict[str, Any]]) -> None:

@@ -141,6 +141,7 @@ def _others_json(telegram: Telegram) -> list[dict[str, Any]]:
 def _parameter_json(described: Model, parameter: Parameter) -> dict[str, Any]:
     return {
         "pnu": parameter.pnu,
+        "number": described.numbering.name(parameter.pnu),
         "name": parameter.name,
         "type": parameter.type.name.lower() if parameter.form is Form.INTEGER else parameter.form.value,
         "signed": parameter.signed,
@@ -269,6 +270,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "parameter_texts": _fact_json(described, "parameter_texts"),
         "consequences": [{**asdict(entry), "subindexes": list(entry.subindexes)} for entry in described.consequences],
         "effects": _fact_json(described, "effects"),
+        "numbering": _fact_json(described, "numbering"),
         "parameter_access": _fact_json(described, "parameter_access"),
         "parameter_words": _fact_json(described, "parameter_words"),
         "address_mode": _fact_json(described, "address_mode"),

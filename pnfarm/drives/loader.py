@@ -41,6 +41,7 @@ from pnfarm.drives.model_parts import (
     fault_number,
 )
 from pnfarm.drives.motor_kinds import read_motor_kinds
+from pnfarm.drives.numbering import Numbering, check_numbering
 from pnfarm.drives.parameter import Backing
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_only_names, read_parameters
 from pnfarm.drives.profiles.profidrive.pkw import PARAMETER_TASKS, ParameterWords
@@ -393,6 +394,7 @@ def load_model(folder: Path) -> Model:
             "following_error",
             "lamps",
             "motion_tasks",
+            "numbering",
             "parameter_texts",
             "position_units",
             "parameter_words",
@@ -415,7 +417,9 @@ def load_model(folder: Path) -> Model:
         )
     except (KeyError, TypeError) as exc:
         raise ConfigError(f"{path}, dap: {exc}") from exc
-    names = parameter_names(parameters, data.get("parameter_names", {}), data.get("parameter_prefix", ""), path)
+    where = f"{path}, numbering"
+    numbering = check_numbering(_build(Numbering, sections.get("numbering", {}), where), where)
+    names = parameter_names(parameters, data.get("parameter_names", {}), numbering, path)
     limits = _limits(sections["limits"], f"{path}, limits")
     check_settings(telegrams, parameters, path)
     loss = _communication_loss(sections["communication_loss"], faults, parameters, f"{path}, communication_loss")
@@ -473,6 +477,7 @@ def load_model(folder: Path) -> Model:
         telegrams=telegrams,
         parameters=parameters,
         parameter_names=names,
+        numbering=numbering,
         read_only_names=read_only_names(data.get("parameter_names", {})),
         axis_parameters=axis_parameters(parameters),
         faults=faults,

@@ -6,12 +6,12 @@ A model is immutable and shared by all drives of its kind.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from string import hexdigits
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.model_identity import override_identity
 from pnfarm.drives.model_parts import MESSAGE_CAUSES, SWITCH_CAUSES
+from pnfarm.drives.numbering import Numbering, read_number
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
@@ -52,15 +52,6 @@ __all__ = ["Model", "submodule_json"]
 def _is_number(text: str) -> bool:
     """Whether these are digits, and not more than a number of the drive's has."""
     return text.isascii() and text.isdigit() and len(text) <= 20
-
-
-def _number(text: str) -> int | None:
-    """A PNU, in decimal or as some manuals print it (HIWIN E1: 0x2317); None for anything else."""
-    if _is_number(text):
-        return int(text)
-    digits = text.removeprefix("0x")
-    plain = text != digits and 0 < len(digits) <= 4 and all(digit in hexdigits for digit in digits)
-    return int(digits, 16) if plain else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +104,8 @@ class Model:
     facts: Mapping[str, Fact]
     #: Motors that a farm file may choose instead of the usual one, which turns.
     motor_kinds: Mapping[str, MotorKind]
+    #: How the maker writes the numbers of parameters.
+    numbering: Numbering = field(default_factory=Numbering)
     #: PNU -> what it is to the drive, where its row would say otherwise.
     effects: Mapping[int, Effect] = field(default_factory=dict)
     #: What the manual leaves open, and of that the readings that a farm file chose; the others have their defaults.
@@ -136,7 +129,7 @@ class Model:
         pnu, subindex = self.parameter_names.get(wanted.upper()), 0
         if pnu is None:
             number, _, index = wanted.partition(".")
-            if (found := _number(number)) is not None and (not index or _is_number(index)):
+            if (found := read_number(number)) is not None and (not index or _is_number(index)):
                 pnu, subindex = found, int(index or 0)
             else:
                 name, _, index = wanted.rpartition(".")

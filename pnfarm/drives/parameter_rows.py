@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from pnfarm.drives.numbering import Numbering
+
 __all__ = ["PER_PITCH", "axis_parameters", "parameter_names", "read_only_names", "read_parameters"]
 
 _TYPES = {
@@ -241,11 +243,11 @@ def read_parameters(path: Path) -> dict[int, Parameter]:
 
 
 def parameter_names(
-    parameters: Mapping[int, Parameter], extra: Mapping[str, Any], prefix: str, path: Path
+    parameters: Mapping[int, Parameter], extra: Mapping[str, Any], numbering: Numbering, path: Path
 ) -> dict[str, int]:
     """Upper-case names to PNU: the first row of a name, then names without ``_32``, then names without a row.
 
-    With a ``prefix`` the numbers behind it are names too, in four digits or without zeros in front (P-0925, P-925).
+    The numbers as the maker writes them are names too, with and without zeros in front (P-0925, P-925).
     """
     names: dict[str, int] = {}
     for parameter in parameters.values():
@@ -258,10 +260,9 @@ def parameter_names(
         if pnu not in parameters:
             raise ConfigError(f"{path}, parameter_names.{name}: there is no parameter {pnu}")
         names.setdefault(name.upper(), pnu)
-    if prefix:
-        for pnu in parameters:
-            names.setdefault(f"{prefix}{pnu:04}".upper(), pnu)
-            names.setdefault(f"{prefix}{pnu}".upper(), pnu)
+    for pnu in parameters:
+        for name in numbering.names(pnu):
+            names.setdefault(name.upper(), pnu)
     return names
 
 

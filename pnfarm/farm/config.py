@@ -23,6 +23,7 @@ from pnfarm.farm.config_errors import explain
 from pnfarm.farm.config_expand import Clock, DriveConfig, clock_of, controller_mac, expand_sections
 from pnfarm.farm.config_issue import FarmFileError, FileIssue, Location, few_hints, field_path, shown
 from pnfarm.farm.config_known import Known, catalogue
+from pnfarm.farm.config_lists import with_lists
 from pnfarm.farm.config_model import FAULT_KINDS, DriveGroup, FarmSections
 from pnfarm.farm.regular_file import read_regular
 from pnfarm.farm.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
@@ -196,6 +197,8 @@ def _build(
         report(("drives",), "is missing", "a list of groups, each with name and model")
     config = None
     context = {FAULT_KINDS: known.fault_kinds}
+    folder = path.parent if path is not None else Path()
+    in_lists: list[FileIssue] = []
     try:
         config = FarmConfig.model_validate(values, context=context)
     except ValidationError as error:
@@ -205,6 +208,7 @@ def _build(
         wrong = [found["loc"] for found in errors]
         rest, moved = _set_aside(values, wrong, next(iter(known.models)))
         partial = _Partial.model_validate(rest, context=context)
+        known, in_lists = with_lists(partial.parameter_lists, folder, known, report)
         check(
             partial,
             known,
@@ -212,7 +216,9 @@ def _build(
             hangs_together=not _says_nothing_of_links(wrong),
         )
     else:
+        known, in_lists = with_lists(config.parameter_lists, folder, known, report)
         check(config, known, report)
+    issues += in_lists
     if issues or config is None:
         raise FarmFileError(issues)
     return config.adopted(path, values, document, known)
@@ -275,6 +281,8 @@ def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tup
                 lost_groups.add(number)
             case ("controller", str(key), *_):
                 _drop(rest["controller"], key)
+            case ("parameter_lists", str(key), *_):
+                rest["parameter_lists"].pop(key, None)
             case (key, *_):
                 rest.pop(str(key), None)
             case _:

@@ -32,6 +32,7 @@ from pnfarm.wire.mac import mac_from_int, mac_to_int
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from pnfarm.drives.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
     from pnfarm.farm.config_known import Known, ModelFacts
     from pnfarm.farm.config_machine import Machine
@@ -44,7 +45,8 @@ class DriveConfig:
     """One drive as the farm file wants it.
 
     ``index`` counts through the farm from 0; ``group`` is the entry of ``drives:`` that it comes from.
-    ``model`` is the name under which the model is listed, also where the file has an alias.
+    ``model`` is the name under which the model is listed, also where the file has an alias; ``listed`` is that model
+    with the parameters of the farm file's list, None where the file has no list for it.
     ``cycle_ns`` is None where the controller's counts, ``telegram`` where the file leaves it to the model.
     ``realism_by_source``: what ``realism`` says nothing of is on where a source gives the model's figure.
     For a foreign device (a file without ``farm:``) ``mac`` means nothing: the controller finds it by name.
@@ -71,6 +73,7 @@ class DriveConfig:
     behaviour: Mapping[str, str] = field(default_factory=dict)
     realism: Realism = field(default_factory=Realism)
     realism_by_source: bool = False
+    listed: Model | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +190,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 behaviour=group.behaviour,
                 realism=group.realism,
                 realism_by_source=real_link and group.limits == "strict",
+                listed=model.described if model is not None and model.name in known.listed else None,
             )
             index += 1
 

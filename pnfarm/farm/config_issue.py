@@ -47,10 +47,14 @@ class FileIssue:
 
 
 class FarmFileError(ConfigError):
-    """A farm file with everything that is wrong in it, in the file's order, one line each."""
+    """A farm file, and the files that it names, with everything that is wrong, file by file, one line each."""
 
     def __init__(self, issues: Iterable[FileIssue]) -> None:
-        self.issues: Sequence[FileIssue] = tuple(sorted(issues, key=lambda issue: (issue.line, issue.column)))
+        found = list(issues)
+        files = {path: place for place, path in enumerate(dict.fromkeys(issue.path for issue in found))}
+        self.issues: Sequence[FileIssue] = tuple(
+            sorted(found, key=lambda issue: (files[issue.path], issue.line, issue.column))
+        )
         super().__init__("\n".join(map(str, self.issues)))
 
 

@@ -6,7 +6,7 @@ the models of :mod:`pnfarm.drives.catalogue`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,6 +14,7 @@ from pnfarm.drives import catalogue as drives
 from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameter import Form, Parameter, ParameterError
+from pnfarm.drives.parameter_list import read_parameter_list
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_axis import axis_complaints
 from pnfarm.farm.config_issue import did_you_mean, shown
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.drives.model import Model
+    from pnfarm.drives.parameter_list import ListProblem
     from pnfarm.farm.config_axis import Load, Motor
     from pnfarm.farm.config_realism import Realism
 
@@ -119,6 +121,15 @@ class ModelFacts(Protocol):
 
     def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
         """What is wrong with the ``realism`` of a group: keys, what, and what is allowed."""
+        ...
+
+    def with_list(self, text: str, file: str) -> tuple[ModelFacts, list[ListProblem]]:
+        """The model with the parameters of a list (the text of a ``file``), and what is wrong in the list."""
+        ...
+
+    @property
+    def described(self) -> Model | None:
+        """The model itself, None where there is no more of it than these facts."""
         ...
 
 
@@ -235,6 +246,14 @@ class InstalledModel:
         what = f"is on, but {self.name} has no figure for it"
         return [(place, what, "a figure, or off") for place in missing_figures(realism, self.model)]
 
+    def with_list(self, text: str, file: str) -> tuple[ModelFacts, list[ListProblem]]:
+        model, problems = read_parameter_list(text, self.model, file)
+        return InstalledModel(model), problems
+
+    @property
+    def described(self) -> Model:
+        return self.model
+
     def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
         try:
             self.model.with_identity(identity)
@@ -247,16 +266,19 @@ class InstalledModel:
 class Known:
     """The words that are known: model names, how to get a model by name or alias, and the kinds of faults.
 
-    ``fault_kinds=None`` leaves the kinds unchecked, for callers that have no fault catalogue at hand.
+    ``fault_kinds=None`` leaves the kinds unchecked, for callers that have no fault catalogue at hand.  ``listed`` are
+    the models to which the farm file adds a list of parameters, by name.
     """
 
     models: tuple[str, ...]
     find: Callable[[str], ModelFacts | None]
     fault_kinds: frozenset[str] | None = None
+    listed: Mapping[str, ModelFacts] = field(default_factory=dict)
 
     def model(self, name: str) -> ModelFacts | None:
         """The model of this name or alias, None if there is none."""
-        return self.find(name)
+        found = self.find(name)
+        return None if found is None else self.listed.get(found.name, found)
 
 
 def _find(name: str) -> ModelFacts | None:

@@ -265,6 +265,7 @@ class Impairment(Section):
     cycles: int | None = Field(default=None, ge=1, description="Cycles, then it ends.")
 
 
+ParameterLists = dict[str, Annotated[str, Field(min_length=1, max_length=4096)]]
 Identity = Annotated[dict[str, Any], Field(description="What the drive says it is, where it is not the model's own.")]
 
 
@@ -497,6 +498,12 @@ class FarmSections(Section):
     realtime: Realtime = Field(default_factory=Realtime)
     lldp: bool = Field(
         default=True, description="Whether the drives, and the controller, tell their neighbours who they are (LLDP)."
+    )
+    parameter_lists: ParameterLists = Field(
+        default_factory=dict,
+        description="Parameters that a model's manual does not describe, for all drives of the model: model: CSV file, "
+        "relative to this file. The drives keep them without effect.",
+        examples=[{"hiwin-e1": "e1-parameters.csv"}],
     )
     drives: list[DriveGroup] = Field(
         default_factory=list,

@@ -59,8 +59,9 @@ __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 
 
 def model_of(config: DriveConfig) -> Model:
-    """A drive's model with the motor, the behaviour and the identity that the farm file gives it."""
-    described = with_motor(model_by_name(config.model), config.motor.kind, config.motor.pitch)
+    """A drive's model with the list of parameters, the motor, the behaviour and the identity of the farm file."""
+    described = model_by_name(config.model) if config.listed is None else config.listed
+    described = with_motor(described, config.motor.kind, config.motor.pitch)
     return with_behaviour(described, config.behaviour).with_identity(config.identity)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -68,3 +69,43 @@ def test_a_glob_without_a_parameter_or_without_a_model_is_refused() -> None:
         print_models("akd-profinet", Format.TABLE, parameters="NO.SUCH")
     with pytest.raises(ConfigError, match="--parameters wants a model"):
         print_models(None, Format.TABLE, parameters="*")
+
+
+# -- a farm file's list of parameters
+
+E1 = Path(__file__).resolve().parents[2] / "configs" / "e1-parameters.pnfarm.yml"
+
+
+def test_a_model_is_shown_with_the_parameters_of_a_farm_files_list(pnfarm) -> None:
+    found = pnfarm("models", "e1", "--farm", E1, "--parameters", "Pt20*", "--format", "json")
+    assert found.code == 0, found.err
+    rows = {row["name"]: row for row in json.loads(found.out)}
+    assert len(rows) == 16
+    gear = rows["Pt20E"]
+    assert (gear["pnu"], gear["number"], gear["type"], gear["effect"]) == (0x220E, "Pt20E", "dword", "kept")
+    assert (gear["source"], rows["Pt20F"]["source"]) == ("e1-parameters.csv:4", "e1-parameters.csv:6")
+    plain = pnfarm("models", "e1", "--parameters", "Pt20*")
+    assert plain.code == 2
+    assert "has no parameter 'Pt20*'" in plain.err
+
+
+def test_a_model_without_a_list_in_the_farm_file_is_shown_as_it_is(pnfarm) -> None:
+    found = pnfarm("models", "moog-msd", "--farm", E1, "--format", "json")
+    assert len(json.loads(found.out)["parameters"]) == len(model("moog-msd").parameters)
+
+
+def test_a_farm_file_wants_a_model_and_a_list_without_mistakes(pnfarm, tmp_path) -> None:
+    found = pnfarm("models", "--farm", E1)
+    assert found.code == 2
+    assert "--farm wants a model" in found.err
+    (tmp_path / "e1-parameters.csv").write_text("number\nPt20G\n")
+    (tmp_path / "a.yml").write_text(E1.read_text().replace("Pt20E: 8388608, Pt210: 1, ", ""))
+    for line in (("models", "e1", "--farm"), ("validate",)):
+        found = pnfarm(*line, tmp_path / "a.yml")
+        assert found.code == 2
+        assert f"{tmp_path / 'e1-parameters.csv'}:2: number: 'Pt20G' is not the number of a parameter" in found.err
+
+
+def test_parameters_are_found_by_the_number_as_the_maker_writes_it(pnfarm) -> None:
+    (row,) = json.loads(pnfarm("models", "moog-msd", "--parameters", "p-0965", "--format", "json").out)
+    assert row["pnu"] == 965

@@ -12,6 +12,7 @@ from manuals import manual_text
 
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.effects import Effect, effect_of
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber, ParameterType
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterValues, emit_request, parse_response
@@ -232,13 +233,45 @@ def test_4_1_what_the_table_does_not_list_is_the_profiles_and_can_be_left_out(e1
     assert {965, 61000} & listed.parameters.keys() == set()
 
 
-def test_4_2_the_number_of_a_pt_parameter_is_its_own_plus_2000h(manual: str) -> None:
-    own = {p.name: p.pnu for p in E1.parameters.values() if p.name.startswith("Pt")}
-    for name, pnu in own.items():
-        assert pnu == int(name.removeprefix("Pt"), 16) + 0x2000
+#: Every Pt parameter that the manual names, by section.
+PT_PARAMETERS = {
+    "4.2": ("Pt100",),
+    "6.1": ("Pt317", "Pt386"),
+    "6.2": ("Pt316", "Pt385"),
+    "6.3": ("Pt402", "Pt403", "Pt483", "Pt484"),
+    "6.4": ("Pt30A", "Pt538"),
+    "6.5": ("Pt001",),
+    "6.6.1": ("Pt534", "Pt537"),
+    "6.8": ("Pt533", "Pt585"),
+}
+
+
+def test_4_2_every_pt_parameter_of_the_manual_is_accessible_by_its_number_plus_2000h(e1: Drive) -> None:
+    for section, names in PT_PARAMETERS.items():
+        for name in names:
+            parameter = E1.resolve(name)[0]
+            assert parameter.pnu == 0x2000 + int(name.removeprefix("Pt"), 16)
+            assert section in parameter.source
+            (value,) = e1.store.read(parameter.pnu)
+            e1.store.write(parameter.pnu, 0, [parameter.maximum])
+            assert e1.store.read(parameter.pnu) == [parameter.maximum]
+            assert parameter.allows(value)
+
+
+def test_4_2_no_other_pt_parameter_is_named(manual: str) -> None:
+    named = {name for names in PT_PARAMETERS.values() for name in names}
+    assert set(re.findall(r"Pt[0-9A-F]{3}\b", manual)) == named
+    assert {p.name for p in E1.parameters.values() if 0x2000 <= p.pnu <= 0x2FFF} == named
     tables = re.findall(r"^Pt No\.\tPt(\w+)\tPNU Number\t0x(\w+)", manual, re.MULTILINE)
-    assert {f"Pt{name}": int(pnu, 16) for name, pnu in tables} | {"Pt001": 0x2001} == own
+    assert len(tables) == 16
     assert all(E1.resolve(f"0x{pnu}") == E1.resolve(f"Pt{name}") for name, pnu in tables), "as the tables print it"
+
+
+def test_4_2_pt100_whose_meaning_stands_in_another_manual_is_kept(e1: Drive) -> None:
+    assert effect_of(E1, E1.parameters[0x2100]) is Effect.KEPT
+    e1.store.set("Pt100", 400)
+    e1.store.power_on()
+    assert e1.store.get(0x2100) == 400
 
 
 def test_6_ranges_defaults_units_and_effect_of_the_pt_parameters(manual: str) -> None:
