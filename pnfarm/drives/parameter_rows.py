@@ -260,9 +260,10 @@ def parameter_names(
         if pnu not in parameters:
             raise ConfigError(f"{path}, parameter_names.{name}: there is no parameter {pnu}")
         names.setdefault(name.upper(), pnu)
-    for pnu in parameters:
-        for name in numbering.names(pnu):
-            names.setdefault(name.upper(), pnu)
+    if numbering.prefix:
+        for pnu in parameters:
+            for name in numbering.names(pnu):
+                names.setdefault(name.upper(), pnu)
     return names
 
 
