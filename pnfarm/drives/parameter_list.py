@@ -97,6 +97,7 @@ class _Reader:
         self.parameters: dict[int, Parameter] = {}
         self.names: dict[str, int] = {}
         self.problems: list[ListProblem] = []
+        self._own = model.parameters.keys() | model.absent.keys()
         self._lines: dict[int, int] = {}
         self._singles: frozenset[int] = frozenset()
 
@@ -119,7 +120,8 @@ class _Reader:
                 self._add(line, row)
         self._singles = frozenset(self._lines)
         for line, row in runs:
-            self._add(line, row)
+            if len(self.problems) < MAX_PROBLEMS:
+                self._add(line, row)
         self.problems.sort(key=lambda problem: problem.line)
 
     def _problem(self, line: int, column: str, what: str, allowed: str) -> None:
@@ -188,10 +190,9 @@ class _Reader:
 
     def _numbers(self, row: dict[str, str]) -> list[int]:
         text = row.get("number", "")
-        own = self.model.parameters.keys() | self.model.absent.keys()
         if _RUN not in text:
             number = self._number(text)
-            if number in own:
+            if number in self._own:
                 what = f"{self.model.name} has {text} itself"
                 raise _CellError("number", what, "parameters that the model does not have; `params` gives values")
             return [number]
@@ -200,7 +201,12 @@ class _Reader:
         if last < first or last - first >= MAX_PARAMETERS:
             what = f"{text[:_SHOWN]!r} is not a run of parameters"
             raise _CellError("number", what, f"the lower number first, at most {MAX_PARAMETERS} numbers")
-        return [number for number in range(first, last + 1) if number not in own and number not in self._singles]
+        left_out = self._own | self._singles
+        numbers = [number for number in range(first, last + 1) if number not in left_out]
+        if not numbers:
+            what = f"{text[:_SHOWN]!r} adds no parameter"
+            raise _CellError("number", what, "a run with a number that neither the model nor another row has")
+        return numbers
 
     def _number(self, text: str) -> int:
         numbering = self.model.numbering

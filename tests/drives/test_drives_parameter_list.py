@@ -168,6 +168,7 @@ def test_defined_parameters_are_told_with_the_listed_ones():
         ("number\nPt200\n8704\n", [(3, "number", "Pt200 stands in line 2 already")]),
         ("number\nPt200..Pt20F\nPt20F..Pt21F\n", [(3, "number", "Pt20F stands in line 2 already")]),
         ("number\nPt20F..Pt200\n", [(2, "number", "'Pt20F..Pt200' is not a run of parameters")]),
+        ("number\nPt316..Pt318\nPt318\n", [(2, "number", "'Pt316..Pt318' adds no parameter")]),
         ("number\nPt200..\n", [(2, "number", "is empty")]),
         ("number\n1..9000\n", [(2, "number", "'1..9000' is not a run of parameters")]),
         ("number,name\nPt200..Pt201,x\n", [(2, "name", "names more than one parameter")]),
@@ -214,6 +215,7 @@ def test_a_list_has_bounds():
     text = "number\n" + "".join(f"{20_000 + n}\n" for n in range(MAX_PARAMETERS + 1))
     assert wrong(text) == [(MAX_PARAMETERS + 2, "number", "makes the list too long")]
     assert len(wrong("number\n" + "x\n" * 10_000)) == MAX_PROBLEMS
+    assert len(wrong("number\n" + "Pt317..Pt317\n" * 10_000)) == MAX_PROBLEMS
     (problem,) = wrong(f"number\n{'9' * 10_000}\n")
     assert len(problem[2]) < 100
 
