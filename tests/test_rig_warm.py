@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from pnfarm.table.compiled import cache_directory
 
 SUPPORT = Path(__file__).resolve().parent / "support"
 #: A farm with its controller in virtual time, and an engine's thread on a socket of no network.
@@ -46,17 +47,61 @@ def test_warming_says_that_compilation_is_switched_off():
     assert "NUMBA_DISABLE_JIT" in run.stderr
 
 
-@pytest.mark.slow
 def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
+    # most of the machine code is there, as after a change in one file
+    python("-m", "pnfarm.engine.warm", NUMBA_DISABLE_JIT="0")
+    shutil.copytree(cache_directory(), tmp_path, dirs_exist_ok=True)
+    for place in tmp_path.glob("table.columns-*"):
+        shutil.rmtree(place)
     settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
     warming = python("-m", "pnfarm.engine.warm", "--progress", **settings)
     assert warming.returncode == 0
-    # one line for each function, then the sum
+    # one line for each function that was compiled, then the sum
     told = [line.split(" of ") for line in warming.stdout.splitlines()[:-1]]
+    assert told
     assert [int(done) for done, _ in told] == list(range(1, len(told) + 1))
-    assert {int(functions) for _, functions in told} == {len(told)}
     made = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nb*")}
-    assert made
+    assert list(tmp_path.glob("table.columns-*/*.nbi"))
     run = python("-c", FARM, **settings)
     assert run.returncode == 0, run.stderr
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nb*")} == made
+
+
+CHANGED = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from pnfarm.table.compiled import compiled
+from {name} import number
+from numba.core import event
+
+@compiled
+def doubled(): return 2 * number()
+
+with event.install_recorder("numba:compile") as recorder:
+    print(doubled())
+print(len(recorder.buffer) // 2)
+"""
+
+
+def test_a_change_in_a_file_compiles_what_depends_on_it_and_a_copy_elsewhere_nothing(tmp_path):
+    settings = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "0"}
+    source = "from pnfarm.table.compiled import compiled\n\n@compiled\ndef number(): return {number}\n"
+    places = [tmp_path / "one" / "place", tmp_path / "other" / "place"]
+    for place in places:
+        place.mkdir(parents=True)
+        (place / "constants.py").write_text(source.format(number=21))
+        (place / "program.py").write_text(CHANGED.format(name="constants"))
+
+    def run(place: Path) -> list[str]:
+        done = python(str(place / "program.py"), str(place), **settings)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.split()
+
+    assert run(places[0]) == ["42", "2"]
+    assert run(places[0]) == ["42", "0"]
+    assert run(places[1]) == ["42", "0"]
+    (places[0] / "constants.py").write_text(source.format(number=4))
+    assert run(places[0]) == ["8", "2"]
+    assert run(places[1]) == ["42", "0"]
+    (places[0] / "program.py").write_text(CHANGED.format(name="constants") + "\n")
+    assert run(places[0]) == ["8", "1"]

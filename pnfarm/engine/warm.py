@@ -27,7 +27,7 @@ from pnfarm.engine.rings import make_ring
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.engine.virtual import run_alone, run_virtual
 from pnfarm.table.columns import allocate, lookup_rebuild
-from pnfarm.table.compiled import IS_COMPILED, cache_directory, function_count, mark_cached
+from pnfarm.table.compiled import IS_COMPILED, cache_directory, function_count, kept_functions, mark_cached
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -76,7 +76,7 @@ def warm(progress: Callable[[int, int], None] | None = None) -> Warmed:
     functions = 0
     if IS_COMPILED:
         mark_cached()
-        functions = len(list(directory.rglob("*.nbi")))
+        functions = kept_functions()
     return Warmed(directory, functions, time.monotonic() - started)
 
 
