@@ -24,6 +24,11 @@ __all__ = ["CmTarget"]
 
 #: Advice, maintenance required, maintenance demanded and fault, in SubmoduleState.
 _DIAGNOSIS_BITS = 0x0078
+#: Alarms from which a controller takes that a submodule is gone, or that it waits for parameters.
+_MOVES = frozenset({
+    AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG, AlarmType.PLUG_WRONG_SUBMODULE,
+    AlarmType.CONTROLLED_BY_SUPERVISOR, AlarmType.RELEASED,
+})  # fmt: skip
 
 
 class CmTarget:
@@ -38,6 +43,8 @@ class CmTarget:
         self._alarm_hooks: list[Callable[[AlarmConfirmed, int], None]] = []
         self._cm = station.cm
         self._boots = 0
+        #: ARs that a fault's alarm told that a submodule came or went.
+        self._misled: dict[ExpectedKey, set[int]] = {}
 
     def _unique(self, key: int) -> int:
         """The key of an AR, other than that of any AR before: a drive that boots begins its keys anew."""
@@ -126,10 +133,20 @@ class CmTarget:
         cm = self._station.cm
         if not any(alarm.place in ar.owned and ar.alarm_cr is not None for ar in cm.ars):
             return None
+        if alarm.alarm_type in _MOVES:
+            owners = (self._unique(ar.key) for ar in cm.ars if alarm.place in ar.owned)
+            self._misled.setdefault(alarm.place, set()).update(owners)
         specifier = cm.diagnosis.alarm_specifier(alarm.place)
         told = cm.alarm(alarm.alarm_type, alarm.place, now, items=alarm.items, specifier=specifier, high=alarm.high)
         self._settle(now)
         return told
+
+    def unalarm(self, alarm: OwnAlarm, now: int) -> None:
+        misled = self._misled.pop(alarm.place, set())
+        for ar in self._station.cm.ars:
+            if self._unique(ar.key) in misled:
+                self._station.cm.come_again(ar.key, alarm.place, now)
+        self._settle(now)
 
     def return_of_submodules(self, last_ns: int, now: int) -> int:
         if self._core.impairments.has(self._station.index, "out", IOPS_BAD):

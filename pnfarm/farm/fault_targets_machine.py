@@ -5,6 +5,7 @@ None of it changes with the drive's control supply.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
@@ -28,8 +29,8 @@ class MachineTarget:
         self._limits: Counter[str] = Counter()
         self._lacks: Counter[str] = Counter()
         self._inputs: Counter[int] = Counter()
-        #: Torque, inertia and friction that faults put on the shaft.
-        self._load = [0.0, 0.0, 0.0]
+        #: Torque, inertia and friction of each load that faults put on the shaft.
+        self._loads: list[tuple[float, float, float]] = []
 
     def reach_limit(self, side: str) -> None:
         self._limits[side] += 1
@@ -67,7 +68,17 @@ class MachineTarget:
     def _put_inputs(self) -> None:
         self._handle.axis.fault_inputs = sum(1 << number for number, count in self._inputs.items() if count)
 
-    def load(self, torque: float, inertia: float, friction: float) -> None:
-        self._load = [had + more for had, more in zip(self._load, (torque, inertia, friction), strict=True)]
+    def put_load(self, torque: float, inertia: float, friction: float) -> None:
+        self._loads.append((torque, inertia, friction))
+        self._put_loads()
+
+    def take_load(self, torque: float, inertia: float, friction: float) -> None:
+        self._loads.remove((torque, inertia, friction))
+        self._put_loads()
+
+    def _put_loads(self) -> None:
+        """Summed anew each time: a running sum of floats would keep a remainder of what is gone."""
         axis = self._handle.axis
-        axis.added_torque, axis.added_inertia, axis.added_friction = self._load
+        axis.added_torque = math.fsum(torque for torque, _, _ in self._loads)
+        axis.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
+        axis.added_friction = math.fsum(friction for _, _, friction in self._loads)

@@ -270,8 +270,8 @@ class StormEffect(Effect):
         return bool(keys)
 
     def end(self, now: int) -> None:
-        del now
         self.target.unlisten(self._hear)
+        self.target.unalarm(self._alarm, now)
 
     def evidence(self) -> Evidence:
         return self._tally.seen
@@ -332,8 +332,9 @@ class UnacknowledgedEffect(Effect):
         self._due = None
 
     def end(self, now: int) -> None:
-        del now
         self._hear_again()
+        if self._alarm is not None:
+            self.target.unalarm(self._alarm, now)
 
     def evidence(self) -> Evidence:
         return self._chance.tally.seen

@@ -57,11 +57,14 @@ class InputEffect(StandingEffect):
 class LoadEffect(StandingEffect):
     """load, stuck-axis: more on the shaft."""
 
+    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
+        super().__init__(spec, target)
+        self._torque, self._inertia, self._friction = (
+            float(self.values[name]) for name in ("torque", "inertia", "friction")
+        )
+
     def put(self) -> None:
-        self._add(1.0)
+        self.target.put_load(self._torque, self._inertia, self._friction)
 
     def take(self) -> None:
-        self._add(-1.0)
-
-    def _add(self, sign: float) -> None:
-        self.target.load(*(sign * float(self.values[name]) for name in ("torque", "inertia", "friction")))
+        self.target.take_load(self._torque, self._inertia, self._friction)

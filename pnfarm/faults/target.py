@@ -311,6 +311,10 @@ class FaultTarget(Protocol):
         """Send it to each AR that owns the place; the alarms' numbers, None when no AR there could be told."""
         ...
 
+    def unalarm(self, alarm: OwnAlarm, now: int) -> None:
+        """Undo :meth:`alarm`: who was told that the submodule came or went is told by a plug how it is."""
+        ...
+
     def return_of_submodules(self, last_ns: int, now: int) -> int:
         """Tell that the IOPS of the submodules with data are GOOD again; how many alarms.
 
@@ -390,8 +394,12 @@ class FaultTarget(Protocol):
         """Undo one :meth:`reach_limit`."""
         ...
 
-    def load(self, torque: float, inertia: float, friction: float) -> None:
-        """Put so much more on the shaft, N m, kg m^2, N m; all that was ever asked for adds up."""
+    def put_load(self, torque: float, inertia: float, friction: float) -> None:
+        """Put so much more on the shaft, N m, kg m^2, N m; the loads that are there add up."""
+        ...
+
+    def take_load(self, torque: float, inertia: float, friction: float) -> None:
+        """Undo one :meth:`put_load` of the same numbers; without any nothing at all is left."""
         ...
 
     def sent_data(self, since: int) -> bool:

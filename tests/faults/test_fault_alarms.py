@@ -85,6 +85,33 @@ def test_a_storm_that_does_not_wait_fills_the_queue_and_counts_what_it_could_not
     assert not seen.confirmed
 
 
+@pytest.mark.parametrize("wait", [True, False])
+@pytest.mark.parametrize(
+    "said", ["pull", "plug", "plug-wrong-submodule", "controlled-by-supervisor", "released", "pull-module"]
+)
+def test_a_storm_that_says_a_submodule_went_or_came_ends_with_how_it_is(line, said, wait):
+    fault = line.add("alarm-storm", params={"type": said, "wait": wait, "interval": "200us"})
+    line.run(0.2)
+    assert fault.evidence().activations > 1
+    line.clear(fault.id)
+    line.run(1.0)
+    assert not line.session().unusable
+    assert (iops(line), line.plc.all_connected, line.losses()) == (0x80, True, 0)
+    line.enable()
+    assert at_rest(line)
+
+
+def test_a_storm_about_a_submodule_that_is_really_missing_leaves_it_missing(line):
+    missing = line.add("module-missing", params={"subslot": 1})
+    storm = line.add("alarm-storm", params={"type": "plug", "subslot": 1}, count=3)
+    line.run(1.0)
+    assert storm.state == "ended"
+    assert [subslot for _, _, subslot in line.session().unusable] == [1]
+    line.clear(missing.id)
+    line.run(1.0)
+    assert not line.session().unusable
+
+
 def test_a_storm_waits_for_a_connection_and_goes_on_with_the_next_one():
     line = FaultLine()
     fault = line.add("alarm-storm", params={"interval": "50ms"})

@@ -420,6 +420,15 @@ def test_loads_add_up_and_each_takes_its_own_away(line):
     assert (axis.added_torque, axis.added_inertia, axis.added_friction) == (-0.25, 0.0, 0.0)
 
 
+def test_loads_that_are_gone_leave_exactly_nothing(line):
+    axis = _turning(line)
+    for name, share in (("one", 0.1), ("two", 0.2), ("three", 0.3)):
+        line.add("load", params={"torque": share, "inertia": share * 1e-4, "friction": share}, as_=name)
+    for name in ("one", "two", "three"):
+        line.clear(name)
+    assert (axis.added_torque, axis.added_inertia, axis.added_friction) == (0.0, 0.0, 0.0)
+
+
 def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_drive_trips_on_the_overload(line):
     axis = _turning(line)
     assert axis.velocity != 0.0

@@ -127,6 +127,10 @@ class AlarmChannel:
         found = self._line(high=high).outstanding
         return None if found is None else (found.handle, found.alarm)
 
+    def is_full(self, *, high: bool) -> bool:
+        """Whether :meth:`notify` takes no more alarms of this priority."""
+        return len(self._line(high=high).queue) >= self._queue_length
+
     # What the owner asks for
 
     def notify(self, alarm: AlarmNotification, now: int) -> int:
@@ -137,7 +141,7 @@ class AlarmChannel:
         if not self._open:
             raise AlarmRefusedError("closed", "the alarm channel is closed")
         line = self._line(high=alarm.high)
-        if len(line.queue) >= self._queue_length:
+        if self.is_full(high=alarm.high):
             raise AlarmRefusedError("queue-full", f"{len(line.queue)} alarms wait already, no more are taken")
         octets, allowed = len(emit_alarm_notification(alarm)), self._settings.max_alarm_data_length
         if octets > allowed:

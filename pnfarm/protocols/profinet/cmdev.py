@@ -337,6 +337,16 @@ class CmDevice:
         self._take_alarms(now)
         return tuple(told)
 
+    def come_again(self, ar_key: int, key: ExpectedKey, now: int) -> None:
+        """Tell one AR that a submodule of its own is plugged, as after a pull, and wait for its parameters.
+
+        Nothing happens when the submodule is not there, or not the AR's.
+        """
+        ar = self._ars[ar_key]
+        if self._modules.come_again(ar, key, now):
+            self._changed(ar)
+        self._take_alarms(now)
+
     def tell_diagnosis(self, now: int) -> bool:
         """Alarms for what has changed in :attr:`diagnosis`, and the ARs' DataStatus; False when nothing has."""
         changes = self.diagnosis.events()
@@ -540,7 +550,7 @@ class CmDevice:
             if isinstance(event, AlarmEnded):
                 self._abort(ar, event.status, now, event.words, by_peer=event.by_peer)
                 continue
-            self._modules.alarm_confirmed(event)
+            self._modules.alarm_confirmed(ar, event, now)
             self._events.append(event)
 
     def _let_alarms_go(self, ar: Ar, now: int) -> None:

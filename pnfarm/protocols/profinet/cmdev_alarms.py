@@ -65,7 +65,7 @@ class AlarmEnded:
 
 @dataclass(slots=True)
 class _Line:
-    """One AR's channel; ``waiting`` are alarms that it does not hear yet."""
+    """One AR's channel; ``waiting`` are alarms that it does not hear yet, or that its queue had no room for then."""
 
     channel: AlarmChannel
     peer: bytes
@@ -129,9 +129,20 @@ class DeviceAlarms:
         if line is None:
             return
         line.hears = True
-        while line.waiting:
-            number, alarm = line.waiting.popleft()
-            self._notify(line, number, alarm, now)
+        self._drain(line, now)
+
+    def _drain(self, line: _Line, now: int) -> None:
+        """Send what waits; what the channel's queue has no room for waits on, behind it in order."""
+        still: deque[tuple[int, AlarmNotification]] = deque()
+        full: set[bool] = set()
+        for number, alarm in line.waiting:
+            if alarm.high not in full and line.channel.is_full(high=alarm.high):
+                full.add(alarm.high)
+            if alarm.high in full:
+                still.append((number, alarm))
+            else:
+                self._notify(line, number, alarm, now)
+        line.waiting = still
 
     def forget_waiting(self, ar_key: int) -> None:
         """What waits is told otherwise: by the ModuleDiffBlock of an ApplicationReady."""
@@ -186,7 +197,7 @@ class DeviceAlarms:
             high=high,
         )
         self._number += 1
-        if line.hears:
+        if line.hears and not any(earlier.high == high for _, earlier in line.waiting):
             return self._notify(line, self._number, alarm, now)
         if len(line.waiting) >= WAITING_MAX:
             self._dropped["alarm-queue-full"] += 1
@@ -258,6 +269,8 @@ class DeviceAlarms:
                 case AlarmAcknowledged(handle, alarm, status):
                     number = line.numbers.pop(handle, 0)
                     self._events.append((key, _confirmed(key, number, alarm, status)))
+                    if line.hears and line.waiting:
+                        self._drain(line, now)
                 case AlarmReceived(alarm):
                     # a controller's alarm: nothing in a drive takes one
                     line.channel.acknowledge(alarm, now, ALARM_NOT_SUPPORTED)

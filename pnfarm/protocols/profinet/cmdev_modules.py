@@ -46,6 +46,8 @@ class _Running:
 
     begin: ParameterBegin = field(default_factory=ParameterBegin)
     plugs: list[Plug] = field(default_factory=list)
+    #: Submodules that came while the alarm channel took no more alarms, and the alarm that is to tell of each.
+    untold: dict[ExpectedKey, AlarmType] = field(default_factory=dict)
 
 
 class Modules:
@@ -142,16 +144,26 @@ class Modules:
     def await_parameters(self, ar: Ar, alarm_type: AlarmType, key: ExpectedKey, now: int) -> None:
         """Tell an AR of a submodule that it has from now on, and wait for the submodule's parameters.
 
-        During start-up there is nothing to tell: ApplicationReady does.
+        During start-up there is nothing to tell: ApplicationReady does.  Without an alarm channel nobody will
+        parametrise what nobody is told of; one that takes no more alarms is tried again when it has room.
         """
-        if ar.state not in _TOLD:
-            return
-        number = self._alarms.tell(ar.key, alarm_type, key, now)
-        if number is None:
-            # nobody will parametrise what nobody was told of
+        if ar.state not in _TOLD or ar.alarm_cr is None:
             return
         ar.pending.add(key)
-        self._running[ar.key].plugs.append(Plug(key, number))
+        running = self._running[ar.key]
+        number = self._alarms.tell(ar.key, alarm_type, key, now)
+        if number is None:
+            running.untold[key] = alarm_type
+        else:
+            running.plugs.append(Plug(key, number))
+
+    def come_again(self, ar: Ar, key: ExpectedKey, now: int) -> bool:
+        """Tell an AR that one of its submodules is plugged, as if it had just come; False when it is not there."""
+        if key not in ar.owned or key not in self.usable(ar):
+            return False
+        self._forget(ar, [key])
+        self.await_parameters(ar, AlarmType.PLUG, key, now)
+        return True
 
     def _forget(self, ar: Ar, keys: Iterable[ExpectedKey]) -> None:
         """Whatever was awaited of these submodules is not any more."""
@@ -159,6 +171,7 @@ class Modules:
         ar.pending -= gone
         running = self._running[ar.key]
         running.plugs = [p for p in running.plugs if p.key not in gone]
+        running.untold = {key: alarm_type for key, alarm_type in running.untold.items() if key not in gone}
 
     # parameters while data flow
 
@@ -186,11 +199,14 @@ class Modules:
                 plug.step(PlugsmEvent.APPLICATION_READY_CNF)
         running.plugs = [p for p in running.plugs if not p.done]
 
-    def alarm_confirmed(self, event: AlarmConfirmed) -> None:
-        """An alarm's AlarmAck came: one of these may have waited for it."""
+    def alarm_confirmed(self, ar: Ar, event: AlarmConfirmed, now: int) -> None:
+        """An alarm's AlarmAck came: a plug may have waited for it, or for its place in the queue."""
         running = self._running[event.ar_key]
         for plug in running.plugs:
             if plug.number == event.number:
                 plug.sequence = event.sequence
                 plug.step(PlugsmEvent.ALARM_ACK if event.status.ok else PlugsmEvent.ALARM_REFUSED)
         running.plugs = [p for p in running.plugs if not p.done]
+        untold, running.untold = running.untold, {}
+        for key, alarm_type in untold.items():
+            self.await_parameters(ar, alarm_type, key, now)

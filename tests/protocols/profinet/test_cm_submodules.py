@@ -515,6 +515,46 @@ def test_more_alarms_than_a_held_channel_keeps_are_counted():
     assert bench.cm.dropped["alarm-queue-full"] == 6
 
 
+def test_alarms_that_a_held_channel_kept_leave_in_order_as_its_queue_has_room():
+    bench, controller = one_controller()
+    controller.prm_begin(TELEGRAM)
+    for number in range(60):
+        bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0, items=(AlarmItem(1, bytes([number])),))
+    controller.prm_end()
+    bench.cm.application_ready(controller.key, 0)
+    controller.confirm_calls()
+    heard = controller.pump()
+    assert [alarm.items[0].data[0] for alarm in heard] == list(range(60))
+    assert bench.cm.dropped["alarm-queue-full"] == 0
+
+
+def test_a_plug_that_finds_the_alarm_queue_full_is_told_when_there_is_room():
+    bench, controller = one_controller()
+    bench.cm.pull(1, 2, 0)
+    controller.pump()
+    while bench.cm.alarm(AlarmType.PROCESS, DAP, 0):
+        pass
+    bench.cm.plug(1, None, 0)
+    assert unusable(bench) == {TELEGRAM}
+    plugs = [alarm for alarm in controller.pump() if alarm.alarm_type == AlarmType.PLUG]
+    assert places(plugs) == [(AlarmType.PLUG, *TELEGRAM)]
+    assert controller.prm_end_plug(plugs[0].sequence_number)[0].ok
+    assert bench.cm.application_ready(controller.key, 0, plugs[0].sequence_number)
+    assert unusable(bench) == frozenset()
+
+
+def test_a_plug_that_was_not_told_yet_is_not_told_once_the_submodule_is_pulled_again():
+    bench, controller = one_controller()
+    bench.cm.pull(1, 2, 0)
+    controller.pump()
+    while bench.cm.alarm(AlarmType.PROCESS, DAP, 0):
+        pass
+    bench.cm.plug(1, None, 0)
+    bench.cm.pull(1, 2, 0)
+    assert AlarmType.PLUG not in {alarm.alarm_type for alarm in controller.pump()}
+    assert unusable(bench) == {TELEGRAM}
+
+
 def test_an_ended_ar_says_so_after_alarms_have_flown():
     bench, controller = one_controller()
     bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0)

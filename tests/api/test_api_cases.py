@@ -1,0 +1,142 @@
+"""Thousands of requests after the API's own description, right and wrong: each is answered, none by a server error."""
+
+from __future__ import annotations
+
+import json
+from random import Random
+from typing import Any
+from urllib.parse import quote
+
+import pytest
+from api_world import ApiWorld, assert_problem
+
+#: Of every operation of the description; there are some twenty.
+CASES = 60
+WORDS = (
+    "", "axis-01", "axis-02", "axis-*", "all", "922", "915.1", "DRV.OPMODE", "MT.NUM", "fault-1", "0", "1", "-1", "65535",
+    "1e9", "nan", "1" * 400, "x" * 400, "%00", "\x00", "..", "../..", "a/b", "ä\u202e\U0001f600", " ", "null", "[]", "'\"<>&",
+)  # fmt: skip
+NUMBERS = (0, 1, 2, -1, 255, 65535, 65536, 2**31, -(2**31), 2**32, 2**63, 2**64, 10**400, 0.5, -0.0, 1e308)
+HEADERS: tuple[dict[str, str], ...] = (
+    {}, {}, {}, {"Content-Type": "text/plain"}, {"Content-Type": ""}, {"Accept": "text/html"}, {"Accept-Encoding": "x"},
+    {"Last-Event-ID": "x"}, {"Last-Event-ID": "9" * 40}, {"Range": "bytes=9-1"}, {"Cookie": "=;="},
+)  # fmt: skip
+BROKEN = (b"", b"{", b"[" * 5000, b"\xff\xfe", b'{"a":1}{"b":2}', b'{"value":', b"null", b"0", b'"\\ud800"', b"NaN")
+
+
+@pytest.fixture(scope="module")
+def described() -> dict[str, Any]:
+    return dict(ApiWorld(1, controller=False).get("/openapi.json").json())
+
+
+@pytest.fixture
+def world() -> ApiWorld:
+    world = ApiWorld(2)
+    world.line.connect()
+    return world
+
+
+def anything(rng: Random, depth: int = 0) -> Any:
+    match rng.randrange(6 if depth < 3 else 4):
+        case 0:
+            return rng.choice(WORDS)
+        case 1:
+            return rng.choice(NUMBERS)
+        case 2:
+            return rng.choice((None, True, False))
+        case 3:
+            return rng.uniform(-1e6, 1e6)
+        case 4:
+            return [anything(rng, depth + 1) for _ in range(rng.randrange(4))]
+    return {rng.choice(WORDS): anything(rng, depth + 1) for _ in range(rng.randrange(4))}
+
+
+def fitting(rng: Random, schema: dict[str, Any], whole: dict[str, Any]) -> Any:
+    """Mostly what the schema describes; every eighth value is anything."""
+    if rng.random() < 0.125:
+        return anything(rng)
+    if "$ref" in schema:
+        return fitting(rng, whole["components"]["schemas"][schema["$ref"].rpartition("/")[2]], whole)
+    if "anyOf" in schema:
+        return fitting(rng, rng.choice(schema["anyOf"]), whole)
+    if "enum" in schema:
+        return rng.choice(schema["enum"])
+    kind = schema.get("type")
+    match rng.choice(kind) if isinstance(kind, list) else kind:
+        case "object":
+            wanted = schema.get("properties", {})
+            return {
+                key: fitting(rng, below, whole)
+                for key, below in wanted.items()
+                if key in schema.get("required", ()) or rng.random() < 0.4
+            }
+        case "array":
+            return [fitting(rng, schema.get("items", {}), whole) for _ in range(rng.randrange(1, 4))]
+        case "integer":
+            return rng.choice([n for n in NUMBERS if isinstance(n, int)])
+        case "number":
+            return rng.choice(NUMBERS)
+        case "boolean":
+            return rng.random() < 0.5
+        case "null":
+            return None
+    return f"{rng.randrange(2000)}ms" if "pattern" in schema else rng.choice(WORDS)
+
+
+def place(rng: Random, path: str, faults: list[str]) -> str:
+    """The path with something in the place of each of its names: mostly what there is."""
+    there = {
+        "{name}": "axis-01",
+        "{pnu}": rng.choice(("922", "DRV.OPMODE", "VL.LIMITP", "3072")),
+        "{slot}": "1",
+        "{fault_id}": rng.choice(faults),
+    }
+    for word, known in there.items():
+        path = path.replace(word, known if rng.random() < 0.75 else quote(rng.choice(WORDS), safe=""))
+    return path
+
+
+def request(
+    rng: Random, method: str, path: str, operation: dict[str, Any], whole: dict[str, Any], faults: list[str]
+) -> dict[str, Any]:
+    options: dict[str, Any] = {"headers": dict(rng.choice(HEADERS))}
+    query = {p["name"]: fitting(rng, p["schema"], whole) for p in operation.get("parameters", ()) if p["in"] == "query"}
+    options["params"] = {key: str(value) for key, value in query.items() if rng.random() < 0.6}
+    if path == "/api/v1/events":
+        # what follows the log ends with its client alone
+        options["params"]["follow"] = "false"
+    if body := operation.get("requestBody"):
+        schema = body["content"]["application/json"]["schema"]
+        broken = rng.random() < 0.1
+        options["content"] = rng.choice(BROKEN) if broken else json.dumps(fitting(rng, schema, whole)).encode()
+        options["headers"].setdefault("Content-Type", "application/json")
+    return {"method": method.upper(), "path": place(rng, path, faults), **options}
+
+
+def test_no_request_after_the_description_is_answered_by_a_server_error(described, world):
+    rng = Random(8702)
+    operations = [
+        (method, path, operation)
+        for path, methods in described["paths"].items()
+        for method, operation in methods.items()
+    ]
+    seen = set()
+    for number in range(CASES * len(operations)):
+        method, path, operation = operations[number % len(operations)]
+        faults = [fault.id for fault in world.faults.list()] or ["fault-1"]
+        asked = request(rng, method, path, operation, described, faults)
+        response = world.request(**asked)
+        assert response.status_code < 500 or path == "/api/v1/readyz", (asked, response.text)
+        if response.status_code >= 400:
+            assert_problem(response, response.status_code)
+        seen.add((method, path, response.status_code // 100))
+        if number % 100 == 99:
+            world.line.run(0.05)
+    # each operation was had, not only refused
+    assert {(method, path) for method, path, kind in seen if kind == 2} == {(m, p) for m, p, _ in operations}
+    world.post("/api/v1/reset")
+    for drive in ("axis-01", "axis-02"):
+        # hands have plugged and pulled, too
+        assert world.put(f"/api/v1/drives/{drive}/modules/1", {"telegram": 1}).status_code == 200
+    back = world.line.world.run(15.0, until=lambda: world.line.plc.all_connected)
+    assert back, (world.line.reasons(), [dict(session.unusable) for session in world.line.plc.sessions])

@@ -1,0 +1,178 @@
+"""Random faults out of the catalogue, and what a drive looks like when none is in force."""
+
+from __future__ import annotations
+
+from random import Random
+from typing import Any
+
+import numpy as np
+from fault_line import FaultLine
+
+from pnfarm.table.program import RUNNING
+from pnfarm.errors import ConfigError
+from pnfarm.farm.station_modules import modules_view
+from pnfarm.faults.catalogue import KINDS
+from pnfarm.faults.kind import FaultKind, ParamSpec
+from pnfarm.table.axis import AXIS
+
+#: Numbers of a load that a small motor survives: what runs away is another test's.
+_LOADS = {"torque": (-1.0, 1.0), "inertia": (0.0, 1e-4), "friction": (0.0, 2.0)}
+#: Fields of the axis that faults write.
+_OF_FAULTS = tuple(field.name for field in AXIS.fields.values() if field.writer == "fault")
+#: A reset ends the faults; the connections come back by themselves, phase by phase of their start-up.
+BACK_SECONDS = 15.0
+#: Then the axis programs acknowledge what the faults left, a buffer of eight at a time.
+RUNNING_SECONDS = 15.0
+#: How each model's line is run.
+LINES: dict[str, dict[str, Any]] = {
+    "akd-profinet": {"cycle": "16ms"},
+    "hiwin-e1": {"cycle": "4ms", "telegram": 3},
+    "moog-msd": {"cycle": "4ms"},
+}
+
+
+def line_of(model: str, drives: int) -> FaultLine:
+    """Drives of one model, connected and in operation."""
+    line = FaultLine(drives, model=model, **LINES[model])
+    line.connect(20.0)
+    line.enable(20.0)
+    return line
+
+
+def back(line: FaultLine) -> None:
+    """Reset, and see every drive exchange data and run again in time."""
+    line.clear()
+    assert line.until(lambda: line.plc.all_connected, BACK_SECONDS), line.reasons()
+    assert line.until(lambda: line.plc.all_running, RUNNING_SECONDS), [
+        (session.plan.name, line.events(session.plan.name)[-6:])
+        for session in line.plc.sessions
+        if line.plc.columns.program[session.index].phase != RUNNING
+    ]
+
+
+def value_of(rng: Random, kind: FaultKind, name: str, spec: ParamSpec, faults: list[Any]) -> Any:
+    """Some value that a parameter of a kind may have."""
+    match spec.type:
+        case "yes or no":
+            return rng.random() < 0.5
+        case "duration":
+            return f"{rng.randint(1, 3000)}ms"
+        case "word":
+            return rng.choice(sorted(spec.words))
+        case "octets":
+            return rng.randbytes(rng.randint(0, 8)).hex()
+        case "fault":
+            return rng.choice(faults)
+    if kind.effect == "load":
+        return rng.uniform(*_LOADS[name])
+    if spec.words and rng.random() < 0.7:
+        return rng.choice(sorted(spec.words))
+    low = -1000 if spec.low is None else int(spec.low)
+    high = 1000 if spec.high is None else int(spec.high)
+    # slots and channels are few: most of a wide range is nobody's
+    return rng.randint(low, min(high, low + 3)) if rng.random() < 0.7 else rng.randint(low, high)
+
+
+def random_fault(rng: Random, kind: FaultKind, drive: str, faults: list[Any]) -> dict[str, Any]:
+    """The fields of one fault of this kind."""
+    fields: dict[str, Any] = {"kind": kind.name, "on": drive}
+    params = {
+        name: value_of(rng, kind, name, spec, faults)
+        for name, spec in kind.params.items()
+        if spec.required or rng.random() < 0.4
+    }
+    if params:
+        fields["params"] = params
+    if "seed" in kind.takes:
+        fields["seed"] = rng.randrange(1 << 30)
+    if "probability" in kind.takes and rng.random() < 0.4:
+        fields["probability"] = rng.uniform(0.05, 1.0)
+    ends = [end for end in ("count", "for", "cycles") if end in kind.takes]
+    if ends and rng.random() < 0.5:
+        end = rng.choice(ends)
+        fields[end] = f"{rng.randint(50, 4000)}ms" if end == "for" else rng.randint(1, 30)
+    if kind.directions and rng.random() < 0.5:
+        fields["direction"] = rng.choice(kind.directions)
+    if rng.random() < 0.3:
+        fields["after"] = f"{rng.randint(1, 2000)}ms"
+    return fields
+
+
+def add(line: FaultLine, fields: dict[str, Any]) -> bool:
+    """Put a fault in force; false where this drive cannot do it."""
+    rest = {key: value for key, value in fields.items() if key not in {"kind", "on"}}
+    try:
+        line.add(fields["kind"], fields["on"], **rest)
+    except ConfigError:
+        return False
+    return True
+
+
+def storm(line: FaultLine, seed: int, count: int, gap: float) -> None:
+    """So many faults on random drives, with up to ``gap`` seconds between two."""
+    rng = Random(seed)
+    kinds = list(KINDS.values())
+    model = line.farm.stations[0].model
+    faults = sorted(fault.number for fault in model.faults.values())
+    added = 0
+    while added < count:
+        drive = rng.choice(line.farm.stations).configured_name
+        added += add(line, random_fault(rng, rng.choice(kinds), drive, faults))
+        line.run(rng.uniform(0.0, gap))
+
+
+def left_behind(line: FaultLine) -> dict[str, Any]:
+    """What faults have left of themselves anywhere; empty when they left nothing."""
+    found: dict[str, Any] = {}
+
+    def look(name: str, value: Any) -> None:
+        if value:
+            found[name] = value
+
+    manager, gate = line.faults, line.farm.link
+    look("faults", [fault.id for fault in manager.list()])
+    look("active", manager.active())
+    look("due", manager.next_deadline())
+    # what no view shows, because nobody but the faults is to see it: looked at here alone
+    look("rules", gate._rules)
+    look("delays", gate._delays)
+    look("held frames", gate._held)
+    look("impairment rows", np.flatnonzero(line.farm.columns.impairment["kind"]).tolist())
+    look("impaired providers", np.flatnonzero(line.farm.columns.ppm["impairment"]).tolist())
+    look("impaired consumers", np.flatnonzero(line.farm.columns.cpm["impairment"]).tolist())
+    for session in line.plc.sessions:
+        look(f"{session.plan.name} unusable for the controller", dict(session.unusable))
+    for station, axis in zip(line.farm.stations, line.farm.columns.axis, strict=False):
+        name = station.configured_name
+        target = manager._targets[name]
+        look(f"{name} runs", manager.of_drive(name))
+        look(f"{name} axis", {field: float(axis[field]) for field in _OF_FAULTS if axis[field]})
+        look(f"{name} without power", not station.powered)
+        look(f"{name} refuses", station.cm.refuse_connect is not None)
+        look(f"{name} delays ready", station.connections.ready_delay_ns != 0)
+        look(f"{name} answers late", station.rpc.late is not None)
+        look(f"{name} diagnosis", list(station.cm.diagnosis))
+        look(f"{name} hooks", [*target._connect_hooks, *target._ready_rules, *target._record_errors])
+        look(f"{name} response hooks", target._response_hooks)
+        look(f"{name} held faults", +target._held)
+        look(f"{name} warnings", target._warnings)
+        look(f"{name} cable", target._carriers.is_pulled(station.port.index))
+        look(f"{name} modules", [m for m in modules_view(station) if m["held"] or m["substitute"]])
+        awaiting = [s for m in modules_view(station) for s in m["submodules"] if s["awaits_parameters"]]
+        look(f"{name} awaits parameters", awaiting)
+    return found
+
+
+def kept(line: FaultLine) -> dict[str, int]:
+    """How many entries each list has that grows with what happens, after a rest."""
+    manager = line.faults
+    return {
+        "faults due": len(manager._due),
+        "entries of the heap": len(manager._heap),
+        "replies kept by drives": sum(len(station.rpc._kept) for station in line.farm.stations),
+        "calls of drives": sum(len(station.client._calls) for station in line.farm.stations),
+        "the controller's connections": len(line.plc.life.by_ar),
+        "the controller's calls": len(line.plc.life.by_call),
+        "drives asked for": len(line.plc._search._asked) + len(line.plc._search._addressed),
+        "channel rows": int(line.farm.columns.ppm["active"].sum() + line.farm.columns.cpm["active"].sum()),
+    }
