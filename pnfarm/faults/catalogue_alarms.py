@@ -63,8 +63,8 @@ ALARM_KINDS = (
     FaultKind(
         "alarm-storm",
         "alarms",
-        "The drive sends one alarm after the other, as fast as the controller acknowledges them, or at a rate.  "
-        + _NEVER_BY_ITSELF,
+        "The drive sends one alarm after the other, as fast as the controller acknowledges them, or at a rate.  A "
+        "submodule that they said came or went is told by a plug when this ends.  " + _NEVER_BY_ITSELF,
         "an alarm; one that finds the alarm queue full is a check without an activation",
         "alarm-storm",
         {

@@ -13,8 +13,9 @@ from api_world import ApiWorld, assert_problem
 #: Of every operation of the description; there are some twenty.
 CASES = 60
 WORDS = (
-    "", "axis-01", "axis-02", "axis-*", "all", "922", "915.1", "DRV.OPMODE", "MT.NUM", "fault-1", "0", "1", "-1", "65535",
-    "1e9", "nan", "1" * 400, "x" * 400, "%00", "\x00", "..", "../..", "a/b", "ä\u202e\U0001f600", " ", "null", "[]", "'\"<>&",
+    "", "axis-01", "axis-02", "axis-*", "all", "922", "915.1", "DRV.OPMODE", "MT.NUM", "fault-1", "0", "1", "-1",
+    "65535", "1e9", "nan", "1" * 400, "x" * 400, "%00", "\x00", "..", "../..", "a/b", "ä\u202e\U0001f600", " ", "null",
+    "[]", "'\"<>&",
 )  # fmt: skip
 NUMBERS = (0, 1, 2, -1, 255, 65535, 65536, 2**31, -(2**31), 2**32, 2**63, 2**64, 10**400, 0.5, -0.0, 1e308)
 HEADERS: tuple[dict[str, str], ...] = (
@@ -107,8 +108,12 @@ def request(
         options["params"]["follow"] = "false"
     if body := operation.get("requestBody"):
         schema = body["content"]["application/json"]["schema"]
-        broken = rng.random() < 0.1
-        options["content"] = rng.choice(BROKEN) if broken else json.dumps(fitting(rng, schema, whole)).encode()
+        value = fitting(rng, schema, whole)
+        if path == "/api/v1/faults" and isinstance(value, dict) and rng.random() < 0.6:
+            # few faults of any fields fit together: the kind alone, and one field more
+            extra = rng.choice(sorted({*value, "kind"} - {"on"}))
+            value = {"kind": value.get("kind"), extra: value.get(extra), "on": rng.choice(("axis-01", "all"))}
+        options["content"] = rng.choice(BROKEN) if rng.random() < 0.1 else json.dumps(value).encode()
         options["headers"].setdefault("Content-Type", "application/json")
     return {"method": method.upper(), "path": place(rng, path, faults), **options}
 

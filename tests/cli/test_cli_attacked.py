@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 import socket
 import time
 import urllib.request
 from contextlib import ExitStack
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -27,6 +29,7 @@ controller:
 API = "http://127.0.0.1:8703"
 HALF = b"GET /api/v1/drives HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 CONNECTIONS = 1300
+FLOOD = 100_000
 
 
 @pytest.fixture
@@ -91,6 +94,60 @@ def test_thirteen_hundred_half_open_connections_cost_no_drive_anything_and_the_a
     assert losses(plc, summary) == {"axis-01": 0, "axis-02": 0}
     assert started.stop() == 0
     assert "Traceback" not in started.err
+
+
+@pytest.fixture
+def stranger(farm, network):
+    """A station more on the farm's bridge: sends frames as fast as it can."""
+    bridge = next(
+        name for name in re.findall(r"^\d+: ([^:@]+)", network("-o", "link", "show", "type", "bridge"), re.MULTILINE)
+    )
+    network("link", "add", "stranger0", "type", "veth", "peer", "name", "stranger1")
+    network("link", "set", "stranger1", "master", bridge)
+    for end in ("stranger0", "stranger1"):
+        network("link", "set", end, "up")
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW) as sock:
+        sock.bind(("stranger0", 0))
+        yield sock
+    network("link", "del", "stranger0")
+
+
+def hostile_frames(drive: bytes, rng: Random) -> list[bytes]:
+    """What a stranger sends to a drive and to everybody: searches, cyclic data, calls, ARP requests, noise."""
+    own, everybody = bytes.fromhex("020000000099"), b"\xff" * 6
+    there, here = bytes([10, 78, 0, 11]), bytes([10, 78, 0, 99])
+    cyclic = [b"\x88\x92" + rng.randrange(0x8000, 0xC000).to_bytes(2, "big") + rng.randbytes(40) for _ in range(64)]
+    address = bytes.fromhex("0806000108000604 0001") + own + here + bytes(6) + there
+    # IPv4 of 228 octets, UDP to the port of PROFINET's endpoint mapper
+    call = bytes.fromhex("0800 450000e4000000004011 0000") + here + there + bytes.fromhex("8900889400d00000")
+    calls = [call + rng.randbytes(200) for _ in range(16)]
+    types = (b"\x88\x92", b"\x08\x00", b"\x08\x06", b"\x88\xcc")
+    noise = [rng.choice(types) + rng.randbytes(1400) for _ in range(16)]
+    # DCP Identify for all
+    search = bytes.fromhex("8892 fefe 0500") + rng.randbytes(4) + bytes.fromhex("00ff0004 ffff0000") + bytes(40)
+    bodies = [*cyclic, *[address] * 8, *calls, *noise]
+    return [bytes.fromhex("010ecf000000") + own + search] * 2 + [
+        to + own + body for body in bodies for to in (drive, everybody)
+    ]
+
+
+def test_a_flood_of_frames_costs_no_drive_its_connection(farm, stranger):
+    started, plc, summary = farm
+    rng = Random(8892)
+    frames = [
+        frame
+        for drive in get("/api/v1/drives")["drives"]
+        for frame in hostile_frames(bytes.fromhex(drive["mac"].replace(":", "")), rng)
+    ]
+    for number in range(FLOOD):
+        stranger.send(frames[number % len(frames)])
+    drives = [get(f"/api/v1/drives/{name}") for name in ("axis-01", "axis-02")]
+    assert [drive["ar_state"] for drive in drives] == ["DATA", "DATA"]
+    assert min(drive["frames_discarded"]["unknown-frame-id"] for drive in drives) > 1000, "the flood has come"
+    assert losses(plc, summary) == {"axis-01": 0, "axis-02": 0}
+    assert started.stop() == 0
+    assert "Traceback" not in started.err
+    assert len(started.err) < 100_000
 
 
 def test_a_farm_without_a_single_file_left_goes_on_and_its_cables_come_back(farm, files):

@@ -7,6 +7,7 @@ import json
 import sqlite3
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
@@ -113,6 +114,28 @@ def test_what_a_drive_writes_has_the_shape_that_it_boots_with(tmp_path: Path) ->
             check_kept(state.load("axis-01") or {})
             station.power_cycle(line.world.now)
             line.farm.settle(station, line.world.now)
+
+
+def test_a_farm_that_dies_between_any_two_writes_comes_back_with_what_was_saved_and_no_more(tmp_path: Path) -> None:
+    rng = Random(64)
+    line = booted(FarmState(tmp_path))
+    saved = {name: line.farm.stations[0].store.get(name) for name in ("DRV.ACC", "DRV.DEC")}
+    for _ in range(40):
+        (station,) = line.farm.stations
+        store = station.store
+        written = {}
+        for _ in range(rng.randrange(1, 6)):
+            name = rng.choice(list(saved))
+            # as the drive rounds it, in its units of acceleration
+            store.set(name, rng.randrange(1_000_000, 9_000_000))
+            written[name] = store.get(name)
+            if rng.random() < 0.4:
+                store.set("DRV.NVSAVE", 1)
+                line.farm.settle(station, line.world.now)
+                saved |= written
+        # nothing is closed: as SIGKILL leaves it, the next one has the file alone
+        line = booted(FarmState(tmp_path))
+        assert {name: line.farm.stations[0].store.get(name) for name in saved} == saved
 
 
 def test_keys_of_a_newer_program_are_kept(tmp_path: Path) -> None:

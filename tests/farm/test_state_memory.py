@@ -115,20 +115,21 @@ while True:
 """
 
 
-def test_a_killed_process_leaves_a_whole_save(tmp_path):
+def test_a_process_killed_again_and_again_leaves_a_whole_save_each_time(tmp_path):
     root = Path(__file__).resolve().parents[2]
-    writer = subprocess.Popen(
-        [sys.executable, "-c", _WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True, cwd=root
-    )
-    with writer:
-        done = [int(writer.stdout.readline()) for _ in range(30)]
-        writer.send_signal(signal.SIGKILL)
-        done += [int(line) for line in writer.stdout.read().splitlines() if line]
-    with FarmState(tmp_path) as state:
-        values = state.load("axis-01")
-    assert len(values) == 50
-    (count,) = set(values.values())
-    assert count in {done[-1], done[-1] + 1}
+    for saves in (1, 2, 5, 13, 40, 100):
+        writer = subprocess.Popen(
+            [sys.executable, "-c", _WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True, cwd=root
+        )
+        with writer:
+            done = [int(writer.stdout.readline()) for _ in range(saves)]
+            writer.send_signal(signal.SIGKILL)
+            done += [int(line) for line in writer.stdout.read().splitlines() if line]
+        with FarmState(tmp_path) as state:
+            values = state.load("axis-01")
+        assert len(values) == 50
+        (count,) = set(values.values())
+        assert count in {done[-1], done[-1] + 1}
 
 
 def damaged(tmp_path, change):

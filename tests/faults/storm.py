@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from fault_line import FaultLine
 
-from pnfarm.table.program import RUNNING
 from pnfarm.errors import ConfigError
 from pnfarm.farm.station_modules import modules_view
 from pnfarm.faults.catalogue import KINDS
 from pnfarm.faults.kind import FaultKind, ParamSpec
 from pnfarm.table.axis import AXIS
+from pnfarm.table.program import RUNNING
 
 #: Numbers of a load that a small motor survives: what runs away is another test's.
 _LOADS = {"torque": (-1.0, 1.0), "inertia": (0.0, 1e-4), "friction": (0.0, 2.0)}

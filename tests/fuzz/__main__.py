@@ -22,9 +22,9 @@ from random import Random
 from typing import NoReturn
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tests" / "support"))
+sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "faults")]
 
-from tests.fuzz import running  # noqa: E402
+from tests.fuzz import running, storms  # noqa: E402
 from tests.fuzz.corpus import gather  # noqa: E402
 from tests.fuzz.machines import MACHINES  # noqa: E402
 from tests.fuzz.machines_more import MORE  # noqa: E402
@@ -197,6 +197,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--list", action="store_true", help="name the targets and stop")
     farm = parser.add_argument_group("a running farm", "A hostile station beside a farm and its controller at work.")
     farm.add_argument("--running", action="store_true", help="this, instead of parsers and machines one by one")
+    farm.add_argument("--storms", action="store_true", help="storms of random faults instead, each with a reset")
     farm.add_argument("--minutes", type=float, default=10.0, help="how long (default %(default)s)")
     farm.add_argument("--drives", type=int, default=4, help="drives of the farm (default %(default)s)")
     farm.add_argument("--mode", choices=("both", "stranger", "impostor"), default="both", help="who is hostile")
@@ -209,6 +210,8 @@ def main() -> int:
     options = arguments()
     if options.running:
         return running.main(options)
+    if options.storms:
+        return storms.main(options)
     run = Run(options)
     if not run.names:
         print(f"no target is named {options.target!r}; --list names them", file=sys.stderr)

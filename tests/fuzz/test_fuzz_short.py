@@ -48,6 +48,12 @@ def test_a_running_farm_stands_a_hostile_station_and_the_same_seed_makes_the_sam
     assert (int(told[0][2]) > 0) == ends, "an impostor is to end some connections, a stranger none"
 
 
+def test_a_storm_of_faults_ends_with_every_drive_back():
+    done = fuzz("--storms", "--episode", "1", "--seed", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.fullmatch(r"episode 1: .*; every drive is back\n", done.stdout)
+
+
 def test_a_finding_is_told_with_its_shots_and_how_to_repeat_it(monkeypatch, capsys):
     """The bound of memory made absurd: the first look finds something."""
     monkeypatch.syspath_prepend(str(ROOT))
