@@ -71,6 +71,10 @@ WHOLE_OVERRIDE = 0x4000
 STATE_BITS = 0x007F
 #: How long STW1.7 stands before the next try of an acknowledgement that did not clear the fault.
 RETRY_NS = 1_000_000_000
+#: A drive that left operation while its controller did not hear it may wait for STW1.3 to rise (Moog MSD, P-0144).
+#: After so long without operation the bit is taken back, and set again after so long.
+EDGE_AFTER_NS = 4_000_000_000
+EDGE_NS = 1_000_000_000
 
 
 @compiled
@@ -198,7 +202,9 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 speed = _speed(program, now)
         else:
             _enter(program, SWITCHING_ON, now)
-            if zsw1 & 0x0002:
+            if zsw1 & 0x0002 and (now - program.phase_ns) % (EDGE_AFTER_NS + EDGE_NS) >= EDGE_AFTER_NS:
+                stw1 = ON
+            elif zsw1 & 0x0002:
                 stw1 = POSITION if program.kind == POSITIONS else RUN
             elif zsw1 & 0x0001:
                 stw1 = ON

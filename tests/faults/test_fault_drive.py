@@ -452,6 +452,21 @@ def test_a_load_that_is_none_is_refused(line, params, words):
         line.add("load", params=params)
 
 
+def test_a_drive_that_left_operation_unseen_and_waits_for_an_edge_is_enabled_again():
+    line = FaultLine(model="moog-msd", cycle="4ms", watchdog=20)
+    line.connect()
+    line.enable()
+    cable, supply = line.add("link-down"), line.add("not-ready")
+    line.run(0.02)
+    line.clear(supply.id)
+    line.clear(cable.id)
+    line.run(0.5)
+    assert line.losses() == 0
+    assert line.seen_zsw1() & 0x0007 == 0x0003, "switched on; P-0144 lets operation begin with an edge"
+    line.enable(10.0)
+    assert line.seen_zsw1() & 0x0004
+
+
 def test_a_shaft_coasts_when_the_supply_goes_and_still_turns_when_it_is_back_soon():
     line = FaultLine(program="{kind: constant, speed_rpm: 1000}", load="{inertia: 1.0e-2, friction: 0, damping: 0.001}")
     line.enable()
