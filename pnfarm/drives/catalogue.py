@@ -22,11 +22,14 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameter import Parameter
     from pnfarm.drives.telegram import Module, Telegram
 
-__all__ = ["MODELS_VARIABLE", "Entry", "as_json", "model", "models"]
+__all__ = ["MODELS_VARIABLE", "SHIPPED_FOLDER", "Entry", "as_json", "model", "models"]
 
-_FOLDER = Path(__file__).resolve().parent / "models"
+#: The models that come with the program, a folder for each product.
+SHIPPED_FOLDER = Path(__file__).resolve().parent / "models"
 #: Environment: further folders with a folder for each model, written as PATH is.
 MODELS_VARIABLE = "PNFARM_MODELS"
+#: Where a model's folder may lie: alone, as a bus of a product, as an edition of that.
+_DEPTHS = ("*/model.toml", "*/*/model.toml", "*/*/*/model.toml")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +45,15 @@ class Entry:
     folder: Path
 
 
+def _folders_in(place: Path) -> list[Path]:
+    return sorted(path.parent for depth in _DEPTHS for path in place.glob(depth))
+
+
 def _folders(further: str) -> list[Path]:
     """The folders of all models; raises :class:`ConfigError` for a named place without any."""
-    found = sorted(path.parent for path in _FOLDER.glob("*/model.toml"))
+    found = _folders_in(SHIPPED_FOLDER)
     for place in filter(None, further.split(os.pathsep)):
-        own = sorted(path.parent for path in Path(place).expanduser().resolve().glob("*/model.toml"))
+        own = _folders_in(Path(place).expanduser().resolve())
         if not own:
             raise ConfigError(f"{MODELS_VARIABLE}: {place} has no folder with a model.toml")
         found += [folder for folder in own if folder not in found]

@@ -366,8 +366,13 @@ def _axis_values(facts: Mapping[str, Fact], writer: str, where: str) -> dict[str
     return {key: fact.value for key, fact in facts.items()}
 
 
+def _nearest(folder: Path, name: str) -> Path:
+    """The file of this name in the model's folder, or else in its bus's or its product's."""
+    return next((path for place in (folder, *folder.parents[:2]) if (path := place / name).exists()), folder / name)
+
+
 def load_model(folder: Path) -> Model:
-    """Read and check a model's folder."""
+    """Read and check a model's folder, and what it shares with other models of its bus and its product."""
     path = folder / "model.toml"
     data = read_toml(path)
     sections = {
@@ -406,9 +411,11 @@ def load_model(folder: Path) -> Model:
     motors = {
         kind: {part: _facts(table, part, path) for part in table} for kind, table in data.get("motors", {}).items()
     }
-    parameters = read_parameters(folder / "parameters.csv")
-    signals, telegrams, bits = read_telegrams(folder / "telegrams.toml", required(data, "telegram_module", str(path)))
-    faults = _faults(folder / "faults.csv", parameters)
+    parameters = read_parameters(_nearest(folder, "parameters.csv"))
+    signals, telegrams, bits = read_telegrams(
+        _nearest(folder, "telegrams.toml"), required(data, "telegram_module", str(path))
+    )
+    faults = _faults(_nearest(folder, "faults.csv"), parameters)
     dap = required(data, "dap", str(path))
     try:
         submodules = tuple(Submodule(input_bytes=0, output_bytes=0, **entry) for entry in dap["submodules"])
@@ -489,7 +496,7 @@ def load_model(folder: Path) -> Model:
             for key, fact in facts.items()
         },
         motor_kinds=motor_kinds,
-        behaviour=read_behaviour(folder / "behaviour.toml", parameters, fixed, section_value),
+        behaviour=read_behaviour(_nearest(folder, "behaviour.toml"), parameters, fixed, section_value),
     )
     effects = check_effects(described, sections.get("effects", {}), f"{path}, effects")
     return with_behaviour(replace(described, effects=effects), {})

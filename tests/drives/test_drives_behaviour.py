@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import pytest
+from model_copy import copy_model, file_of
 
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import as_json, model, models
@@ -38,13 +38,11 @@ SECOND = POINT.replace('name = "first"', 'name = "second"')
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    copy = tmp_path / "model"
-    shutil.copytree(models()["akd-profinet"].folder, copy)
-    return copy
+    return copy_model("akd-profinet", tmp_path / "model")
 
 
 def test_a_reading_sets_fields_defaults_and_values_of_sections(folder: Path) -> None:
-    (folder / "behaviour.toml").write_text(POINT)
+    file_of(folder, "behaviour.toml").write_text(POINT)
     usual = load_model(folder)
     assert (usual.firmware["home_by_edge"], usual.parameters[2135].default) == (0, 1)
     assert usual.access.disabled_only == (2117,)
@@ -57,13 +55,13 @@ def test_a_reading_sets_fields_defaults_and_values_of_sections(folder: Path) -> 
 
 
 def test_a_model_without_the_file_leaves_nothing_open(folder: Path) -> None:
-    (folder / "behaviour.toml").unlink()
+    file_of(folder, "behaviour.toml").unlink()
     assert load_model(folder).behaviour == ()
 
 
 @pytest.mark.parametrize("chosen", [{"second": "otherwise"}, {"first": "any"}])
 def test_a_reading_that_a_model_does_not_have_is_refused(chosen: dict[str, str], folder: Path) -> None:
-    (folder / "behaviour.toml").write_text(POINT)
+    file_of(folder, "behaviour.toml").write_text(POINT)
     with pytest.raises(ConfigError, match=r"has no behaviour (second: otherwise; there are first|first: any; there)"):
         with_behaviour(load_model(folder), chosen)
 
@@ -96,7 +94,7 @@ def test_a_reading_that_a_model_does_not_have_is_refused(chosen: dict[str, str],
 def test_a_mistake_in_the_file_is_told_by_its_place(old: str, new: str, message: str, folder: Path) -> None:
     assert old in POINT
     head, found, tail = POINT.rpartition(old)
-    (folder / "behaviour.toml").write_text(head + new + tail if found else POINT)
+    file_of(folder, "behaviour.toml").write_text(head + new + tail if found else POINT)
     with pytest.raises(ConfigError, match=message):
         load_model(folder)
 
@@ -115,7 +113,7 @@ def test_a_mistake_in_the_file_is_told_by_its_place(old: str, new: str, message:
     ],
 )
 def test_what_readings_set_is_set_once_and_differs(text: str, message: str, folder: Path) -> None:
-    (folder / "behaviour.toml").write_text(text)
+    file_of(folder, "behaviour.toml").write_text(text)
     with pytest.raises(ConfigError, match=message):
         load_model(folder)
 

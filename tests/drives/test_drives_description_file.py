@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from typing import TYPE_CHECKING
 
 import pytest
+from model_copy import copy_model, rewrite
 
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import as_json, model
 from pnfarm.drives.loader import load_model
 from pnfarm.errors import ConfigError
 
@@ -21,16 +21,12 @@ ALARMS = 'alarms = { value = false, source = "5.13"'
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    copy = tmp_path / "model"
-    shutil.copytree(models()["akd-profinet"].folder, copy)
-    return copy
+    return copy_model("akd-profinet", tmp_path / "model")
 
 
 def loaded(folder: Path, old: str, new: str, more: str = "") -> Model:
-    path = folder / "model.toml"
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1) + more, encoding="utf-8")
+    path = rewrite(folder, "model.toml", old, new)
+    path.write_text(path.read_text(encoding="utf-8") + more, encoding="utf-8")
     return load_model(folder)
 
 

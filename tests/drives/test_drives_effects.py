@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 import re
-import shutil
 from functools import cache
 from pathlib import Path
 
 import pytest
 from drives_kit import Running
+from model_copy import copy_model, rewrite
 
 import pnfarm
 from pnfarm.drives.axis_handle import AxisHandle
@@ -394,11 +394,7 @@ def test_json_tells_the_effect_of_every_row(name: str) -> None:
 def test_an_entry_that_departs_from_the_rule_has_a_reason_and_departs(
     old: str, new: str, message: str, tmp_path: Path
 ) -> None:
-    folder = tmp_path / "model"
-    shutil.copytree(models()["akd-profinet"].folder, folder)
-    path = folder / "model.toml"
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new), encoding="utf-8")
+    folder = copy_model("akd-profinet", tmp_path / "model")
+    rewrite(folder, "model.toml", old, new, -1)
     with pytest.raises(ConfigError, match=message):
         load_model(folder)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-import shutil
 from pathlib import Path
 
 import pytest
 from drives_kit import Drive, new_drive
 from manuals import manual_text
+from model_copy import copy_model, rewrite
 
 from pnfarm.drives.behaviour import with_behaviour
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import as_json, model
 from pnfarm.drives.effects import Effect, effect_of
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber, ParameterType
@@ -95,12 +95,8 @@ def test_aliases_and_assumptions_are_told() -> None:
 def test_a_mistake_in_what_only_this_model_says_is_named(
     tmp_path: Path, file: str, old: str, new: str, message: str
 ) -> None:
-    folder = tmp_path / "model"
-    shutil.copytree(models()["hiwin-e1"].folder, folder)
-    path = folder / file
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    folder = copy_model("hiwin-e1", tmp_path / "model")
+    rewrite(folder, file, old, new)
     with pytest.raises(ConfigError, match=message):
         load_model(folder)
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import re
-import shutil
 from math import inf, pi
 from pathlib import Path
 
 import pytest
 from drives_kit import Drive
 from manuals import manual_text
+from model_copy import copy_model, rewrite
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.catalogue import model
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.drives.parameter import ParameterError
@@ -174,11 +174,7 @@ def test_a_motor_that_the_model_does_not_have_is_told(kind: str | None, pitch: f
     ],
 )  # fmt: skip
 def test_a_mistake_in_the_data_of_a_motor_is_named(tmp_path: Path, file: str, old: str, new: str, message: str) -> None:
-    folder = tmp_path / "model"
-    shutil.copytree(models()["hiwin-e1"].folder, folder)
-    path = folder / file
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    folder = copy_model("hiwin-e1", tmp_path / "model")
+    rewrite(folder, file, old, new)
     with pytest.raises(ConfigError, match=message):
         load_model(folder)

@@ -6,13 +6,13 @@ import csv
 import json
 import os
 import re
-import shutil
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from manuals import manual_text
+from model_copy import copy_model, file_of, rewrite
 
 from pnfarm.drives import catalogue
 from pnfarm.drives.catalogue import as_json, model, models
@@ -80,8 +80,7 @@ def test_an_unknown_model_is_refused_with_the_known_ones() -> None:
 
 def beside(place: Path, name: str, aliases: str = "[]") -> Path:
     """A folder with a copy of the AKD under another name."""
-    folder = place / "drive"
-    shutil.copytree(models()["akd-profinet"].folder, folder)
+    folder = copy_model("akd-profinet", place / "drive")
     path = folder / "model.toml"
     text = path.read_text(encoding="utf-8").replace('name = "akd-profinet"', f'name = "{name}"', 1)
     path.write_text(re.sub(r"(?m)^aliases = .*$", f"aliases = {aliases}", text), encoding="utf-8")
@@ -89,8 +88,9 @@ def beside(place: Path, name: str, aliases: str = "[]") -> Path:
 
 
 def test_models_of_further_folders_are_known_like_the_others(tmp_path: Path, monkeypatch) -> None:
-    first, second = beside(tmp_path / "a", "akd-mine", '["mine"]'), beside(tmp_path / "b", "akd-yours")
-    monkeypatch.setenv(catalogue.MODELS_VARIABLE, os.pathsep.join(["", str(first.parent), str(second.parent)]))
+    beside(tmp_path / "a", "akd-mine", '["mine"]')
+    second = beside(tmp_path / "b", "akd-yours")
+    monkeypatch.setenv(catalogue.MODELS_VARIABLE, os.pathsep.join(["", str(tmp_path / "a"), str(tmp_path / "b")]))
     assert model("mine") is model("akd-mine")
     assert models()["akd-yours"].folder == second
     assert model("akd-mine").parameters.keys() == model("akd-profinet").parameters.keys()
@@ -101,7 +101,7 @@ def test_models_of_further_folders_are_known_like_the_others(tmp_path: Path, mon
 
 def test_the_folder_of_the_shipped_models_may_be_named_too(monkeypatch) -> None:
     before = models()
-    monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(before["akd-profinet"].folder.parent))
+    monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(catalogue.SHIPPED_FOLDER))
     assert models() == before
 
 
@@ -158,7 +158,7 @@ def test_akd_has_the_profidrive_parameters_and_the_signals_of_the_manual() -> No
 
 
 def test_akd_parameters_file_keeps_rising_numbers() -> None:
-    path = catalogue.models()["akd-profinet"].folder / "parameters.csv"
+    path = file_of(catalogue.models()["akd-profinet"].folder, "parameters.csv")
     with path.open(encoding="utf-8", newline="") as file:
         sources = {int(row["pnu"]): row["source"] for row in csv.DictReader(file)}
     assert list(sources) == sorted(sources)
@@ -383,9 +383,7 @@ def test_a_wrong_identity_is_refused_by_its_field(overrides: dict[str, object], 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    copy = tmp_path / "model"
-    shutil.copytree(models()["akd-profinet"].folder, copy)
-    return copy
+    return copy_model("akd-profinet", tmp_path / "model")
 
 
 @pytest.mark.parametrize(
@@ -461,17 +459,14 @@ def folder(tmp_path: Path) -> Path:
 def test_a_mistake_in_a_models_file_is_named_by_file_row_and_field(
     folder: Path, file: str, old: str, new: str, message: str
 ) -> None:
-    path = folder / file
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    rewrite(folder, file, old, new)
     with pytest.raises(ConfigError, match=message) as caught:
         load_model(folder)
-    assert str(folder) in str(caught.value)
+    assert str(folder.parents[1]) in str(caught.value)
 
 
 def test_a_missing_file_is_named(folder: Path) -> None:
-    (folder / "faults.csv").unlink()
+    file_of(folder, "faults.csv").unlink()
     with pytest.raises(ConfigError, match=r"faults\.csv"):
         load_model(folder)
 

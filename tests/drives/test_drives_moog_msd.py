@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 from drives_kit import Drive, new_drive
 from manuals import manual_text
+from model_copy import copy_model, rewrite
 
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import as_json, model
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model_parts import fault_label, fault_number
 from pnfarm.drives.parameter import ParameterError
@@ -400,12 +400,8 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
     ],
 )
 def test_a_mistake_in_the_data_is_named(tmp_path: Path, file: str, old: str, new: str, message: str) -> None:
-    folder = tmp_path / "model"
-    shutil.copytree(models()["moog-msd"].folder, folder)
-    path = folder / file
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    folder = copy_model("moog-msd", tmp_path / "model")
+    rewrite(folder, file, old, new)
     with pytest.raises(ConfigError, match=message):
         load_model(folder)
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from model_copy import SHIPPED, copy_model, rewrite
 
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import as_json, model
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.realism import BOUNDS, RANGES, Realism
 from pnfarm.errors import ConfigError
 
 #: A model of a further folder needs none of it.
-SHIPPED = sorted(name for name, entry in models().items() if entry.folder.parent.parent.name == "drives")
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -36,9 +35,7 @@ def test_the_akds_noise_comes_from_its_manual_and_its_maker() -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    copy = tmp_path / "model"
-    shutil.copytree(models()["akd-profinet"].folder, copy)
-    return copy
+    return copy_model("akd-profinet", tmp_path / "model")
 
 
 @pytest.mark.parametrize(
@@ -60,10 +57,7 @@ def folder(tmp_path: Path) -> Path:
     ],
 )  # fmt: skip
 def test_a_wrong_figure_is_named_by_file_section_and_key(folder: Path, old: str, new: str, message: str) -> None:
-    path = folder / "model.toml"
-    text = path.read_text(encoding="utf-8")
-    assert old in text
-    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    path = rewrite(folder, "model.toml", old, new)
     with pytest.raises(ConfigError, match=message) as caught:
         load_model(folder)
     assert str(path) in str(caught.value)
