@@ -17,6 +17,7 @@ from pnfarm.api.connections import BACKLOG, Connections, connection_limit, proto
 from pnfarm.api.problems import TOLD
 from pnfarm.api.token import token_of
 from pnfarm.errors import EnvironmentError_
+from pnfarm.farm.events import ApiListening
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Generator
@@ -174,7 +175,7 @@ async def serve_farm(
     def up(address: tuple[str, int]) -> None:
         host, port = address
         url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-        farm.log.record(time.monotonic_ns(), "", "api listening", url=url, **told)
+        farm.log.record(time.monotonic_ns(), "", ApiListening(url, **told))
         task_status.started(address)
 
     try:

@@ -9,13 +9,15 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.controller import events
 from pnfarm.controller.channels import SessionChannels
+from pnfarm.controller.events import NameGivenTwice, PhaseChanged
 from pnfarm.controller.parameter_words import parameter_answer, put_parameter_task
 from pnfarm.controller.records import READ_LENGTH, RecordJob, RecordPlace
 from pnfarm.controller.search import Duplicate, Outcome, Search
 from pnfarm.controller.session import DeviceSession, SessionState, Sign
 from pnfarm.controller.session_life import SessionLife
-from pnfarm.controller.snapshot import PHASES, snapshot_row
+from pnfarm.controller.snapshot import snapshot_row
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.farm.core import uuid_source
 from pnfarm.protocols.deadlines import Deadlines
@@ -342,16 +344,8 @@ class ControllerCore:
 
     def _settle_lldp(self, lldp: LldpPort, now: int) -> None:
         for event in lldp.events():
-            words = {NeighbourAppeared: "neighbour appeared", NeighbourChanged: "neighbour changed"}
-            neighbour = event.neighbour
-            self.log.record(
-                now,
-                self.name,
-                words.get(type(event), "neighbour gone"),
-                neighbour=neighbour.station_name,
-                neighbour_port=neighbour.port_name,
-                mac=neighbour.mac.hex(":"),
-            )
+            happened = {NeighbourAppeared: events.NeighbourAppeared, NeighbourChanged: events.NeighbourChanged}
+            self.log.record(now, self.name, happened.get(type(event), events.NeighbourGone)(event.neighbour))
         for frame in lldp.to_send(now):
             self.link.send(self.port.index, frame)
 
@@ -365,7 +359,7 @@ class ControllerCore:
             for outcome in self._search.outcomes(event):
                 if isinstance(outcome, Duplicate):
                     name = outcome.session.plan.name
-                    self.log.record(now, name, "name given twice", level="warning", reason=str(outcome))
+                    self.log.record(now, name, NameGivenTwice(str(outcome)))
                 else:
                     self._take_search(outcome, now)
         own = self.dcp_self.events()
@@ -479,7 +473,7 @@ class ControllerCore:
                 self._expired(self.sessions[int(self.columns.cpm[row].image)], row, now)
             elif kind == engine_row.PHASE_CHANGED:
                 session = self.sessions[row]
-                self.log.record(when, session.plan.name, "axis " + PHASES[value & 0xFF], before=PHASES[value >> 8])
+                self.log.record(when, session.plan.name, PhaseChanged(value >> 8, value & 0xFF))
 
     def _expired(self, session: DeviceSession, row: int, now: int) -> None:
         """The data hold timer of a session's consumer ran out; a row that was opened anew since has not expired."""

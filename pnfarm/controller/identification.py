@@ -10,6 +10,7 @@ from collections import deque
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.controller.events import IdentificationDiffers, IdentificationUnread
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.records import parse_im0, parse_im_text
@@ -149,7 +150,7 @@ class IdentificationReader:
                 if number == 0:
                     self._compare(session, known, now)
         if words:
-            self._log.record(now, session.plan.name, "identification unread", level="warning", detail=words)
+            self._log.record(now, session.plan.name, IdentificationUnread(words))
         following = next((n for n in range(number + 1, 5) if known is not None and known.im_supported >> n & 1), None)
         if following is None or job.data is None:
             del self._under_way[session.plan.name]
@@ -165,6 +166,4 @@ class IdentificationReader:
             self._warn(session, "serial number", known.serial_number, plan.serial_number, now)
 
     def _warn(self, session: DeviceSession, what: str, found: str, planned: str, now: int) -> None:
-        self._log.record(
-            now, session.plan.name, "identification differs", level="warning", what=what, found=found, planned=planned
-        )
+        self._log.record(now, session.plan.name, IdentificationDiffers(what, found, planned))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.controller import events
 from pnfarm.controller.identification import IdentificationReader
 from pnfarm.controller.records import RecordJobs
 from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
@@ -159,9 +160,7 @@ class SessionLife:
         self._columns.image[session.index].good = 1
         session.due_ns = now + FIRST_DATA_NS
         self.identification.want(session)
-        self._log.record(
-            now, session.plan.name, "connected", connect_seconds=measures.connect_ns / 1e9, mac=session.mac.hex(":")
-        )
+        self._log.record(now, session.plan.name, events.Connected(measures.connect_ns, session.mac))
 
     def _do_expect_data(self, session: DeviceSession, now: int) -> None:
         """The data hold timer runs from the first frame on: a drive that never sends one is found here."""
@@ -190,8 +189,8 @@ class SessionLife:
             measures.refusals += 1
         if measures.lost_ns is None and measures.connects:
             measures.lost_ns = now
-        event = "connection lost" if established else "connect failed"
-        self._log.record(now, session.plan.name, event, level="warning", reason=reason)
+        event = events.ConnectionBroken(reason) if established else events.ConnectFailed(reason)
+        self._log.record(now, session.plan.name, event)
         self.sign(session, Sign.LOST, now)
 
     def _forget_machine(self, session: DeviceSession, now: int) -> None:
@@ -217,27 +216,18 @@ class SessionLife:
                 self.touch(session)
             case ApplicationReadyReceived(module_diff=deviations):
                 for deviation in deviations:
-                    self._log.record(now, session.plan.name, "module differs", level="warning", detail=deviation.text)
+                    self._log.record(now, session.plan.name, events.ModuleDiffers(deviation.text))
             case AlarmIndicated(alarm=alarm, words=words):
                 session.measures.alarms_received += 1
                 session.measures.last_alarm = words
-                gone = only_disappears(alarm)
-                self._log.record(
-                    now,
-                    session.plan.name,
-                    "alarm",
-                    level="info" if gone else "warning",
-                    detail=words,
-                    priority="high" if alarm.high else "low",
-                )
+                received = events.AlarmReceived(words, high=alarm.high, gone=only_disappears(alarm))
+                self._log.record(now, session.plan.name, received)
             case SubmodulesChanged(unusable=unusable):
                 session.unusable = dict(unusable)
                 self._channels.relay(session, session.unusable)
-                level = "warning" if unusable else "info"
-                self._log.record(now, session.plan.name, "submodules changed", level=level, unusable=session.out_of_use)
+                self._log.record(now, session.plan.name, events.SubmodulesChanged(session.out_of_use))
             case ParametersEnded(reason=reason):
-                level = "warning" if reason else "info"
-                self._log.record(now, session.plan.name, "parameters written anew", level=level, reason=reason)
+                self._log.record(now, session.plan.name, events.ParametersWritten(reason))
             case ArEstablished():
                 self.sign(session, Sign.ESTABLISHED, now)
             case ArFailed(phase=phase, status=status, reason=reason):
@@ -247,7 +237,7 @@ class SessionLife:
                 self._lost(session, reason, now, established=True)
             case ArReleased():
                 self._channels.close(session)
-                self._log.record(now, session.plan.name, "released")
+                self._log.record(now, session.plan.name, events.Released())
                 self.sign(session, Sign.RELEASED, now)
             case RecordRead() | RecordWriteDone():
                 if not self.jobs.take(session, event, now):

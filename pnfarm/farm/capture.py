@@ -13,25 +13,26 @@ import os
 import re
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from pnfarm.engine.capture import ROOM_FACTOR, pack_block
 from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
+from pnfarm.farm.events import CaptureEnded, CaptureFailed, CaptureLostFrames
 from pnfarm.links.bpf_capture import KINDS, atoms_of, capture_filter
 from pnfarm.links.packet_ring import BLOCK, RETIRE_MS, PacketRing
 from pnfarm.links.pcap import interface_description, interface_statistics, section_header
 from pnfarm.links.pcap_files import CaptureFiles
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from pnfarm.links.base import Port
+    from pnfarm.station.events import Event
 
 __all__ = ["CaptureSettings", "FarmCapture", "parse_size", "prepare"]
 
@@ -49,8 +50,8 @@ NICENESS = 5
 _SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)(i?)B?", re.IGNORECASE)
 _POWERS = {"": 0, "k": 1, "m": 2, "g": 3}
 
-#: ``note(event, **data)``: what the capture has to say, for the farm's log.
-Note = Callable[..., None]
+#: What the capture has to say, for the farm's log.
+Note: TypeAlias = "Callable[[Event], None]"
 
 
 def parse_size(text: str, *, minimum: int = MINIMUM_SIZE) -> int:
@@ -194,11 +195,8 @@ class FarmCapture:
             self._files.abandon()
         finally:
             ring.close()
-        told: dict[str, Any] = {"file": str(self.path), "frames": self.frames, "lost": self.lost}
-        if self.failed is not None:
-            self._note("capture failed", level="error", reason=str(self.failed), **told)
-        else:
-            self._note("capture ended", **told)
+        told = str(self.path), self.frames, self.lost
+        self._note(CaptureEnded(*told) if self.failed is None else CaptureFailed(*told, str(self.failed)))
 
     def _record(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
         memory = np.frombuffer(ring.memory, np.uint8)
@@ -216,7 +214,7 @@ class FarmCapture:
                         self._files.write(view[:length])
                 self.lost += ring.lost()
                 if self.lost > told_lost and time.monotonic() - told_at >= TELL_SECONDS:
-                    self._note("capture lost frames", level="warning", lost=self.lost - told_lost)
+                    self._note(CaptureLostFrames(self.lost - told_lost))
                     told_lost, told_at = self.lost, time.monotonic()
                 if end is None and self._stop.is_set():
                     # what came in until now is handed over when its block retires

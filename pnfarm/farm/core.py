@@ -16,6 +16,7 @@ from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, DecodeError, InternalError
 from pnfarm.farm.config_axis import apply_axis
 from pnfarm.farm.config_machine import apply_machine
+from pnfarm.farm.events import EngineEventsLost
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.realism import imperfections
 from pnfarm.farm.station import DriveStation, StationServices
@@ -28,6 +29,15 @@ from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 from pnfarm.protocols.profinet.wire.lldp import parse_lldp
+from pnfarm.station.events import (
+    ControllerModeChanged,
+    FaultRaised,
+    FaultReacted,
+    FaultsCleared,
+    OutputsChanged,
+    StateChanged,
+    WarningChanged,
+)
 from pnfarm.table import engine_row
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.channel import W_START
@@ -137,8 +147,6 @@ class FarmCore:
         #: The last LLDP frame and what it says, or why it says nothing.
         self._lldp: tuple[bytes, Lldpdu | str] = (b"", "short")
         self._tail = 0
-        #: Called with (station, kind, now, value) for each event of the engine, after the station took it.
-        self.listeners: list[Callable[[DriveStation, int, int, int], None]] = []
         self.events_lost = 0
         #: Faults on the drives, once :func:`pnfarm.farm.fault_targets.attach_faults` gave the farm its manager.
         self.faults: FaultManager | None = None
@@ -299,7 +307,7 @@ class FarmCore:
         size = self.columns.events.shape[0]
         if head - self._tail > size:
             self.events_lost += head - self._tail - size
-            self.log.record(now, "", "engine events lost", level="warning", count=head - self._tail - size)
+            self.log.record(now, "", EngineEventsLost(head - self._tail - size))
             self._tail = head - size
             self._catch_up(now)
         touched: dict[int, DriveStation] = {}
@@ -310,10 +318,10 @@ class FarmCore:
             station = self._take(kind, row, when, value, now)
             if station is not None:
                 touched[station.index] = station
-                for listener in self.listeners:
-                    listener(station, kind, when, value)
         for station in touched.values():
             self.settle(station, now)
+            if self.faults is not None:
+                self.faults.touch(station.configured_name)
 
     def _catch_up(self, now: int) -> None:
         """The ring of events ran over: what the rows themselves tell of connections is not lost."""
@@ -337,30 +345,30 @@ class FarmCore:
             if kind == engine_row.FIRST_FRAME:
                 station.connections.first_frame(row, when)
             elif kind == engine_row.EXPIRED:
-                station.connections.expired(row, value, now)
+                station.connections.expired(row, value, now, when)
             elif kind == engine_row.PROVIDER_CHANGED:
-                self.log.record(when, station.configured_name, "controller in run" if value else "controller in stop")
+                self.log.record(when, station.configured_name, ControllerModeChanged(run=bool(value)))
             else:
-                self.log.record(when, station.configured_name, "outputs good" if value else "outputs bad")
+                self.log.record(when, station.configured_name, OutputsChanged(good=bool(value)))
             return station
         station = self.stations[row]
         name = station.configured_name
         match kind:
             case engine_row.STATE_CHANGED:
-                self.log.record(when, name, "state changed", before=f"S{value >> 8}", after=f"S{value & 0xFF}")
+                self.log.record(when, name, StateChanged(value >> 8, value & 0xFF))
             case engine_row.FAULT_RAISED:
                 station.fault_counts[value] = station.fault_counts.get(value, 0) + 1
                 station.fault_diagnosis.raised(value)
                 station.keep_faults(when)
-                self.log.record(when, name, "fault", level="warning", number=value)
+                self.log.record(when, name, FaultRaised(value))
             case engine_row.FAULTS_CLEARED:
                 station.fault_diagnosis.cleared()
                 station.keep_faults(when)
-                self.log.record(when, name, "fault acknowledged", after_seconds=value / 1e9)
+                self.log.record(when, name, FaultsCleared(value))
             case engine_row.FAULT_REACTED:
-                self.log.record(when, name, "controller reacted to fault", after_seconds=value / 1e9)
+                self.log.record(when, name, FaultReacted(value))
             case engine_row.WARNING_CHANGED:
-                self.log.record(when, name, "warning", number=value)
+                self.log.record(when, name, WarningChanged(value))
             case engine_row.PARAMETER_TASK:
                 station.parameter_words.take(value, now)
             case _:

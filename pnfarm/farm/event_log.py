@@ -1,14 +1,14 @@
 """What happened in a farm: one line for every change of a connection, a state, a fault.
 
 The log keeps the last entries of the whole farm and of each drive, tells subscribers (the API's event stream)
-and writes structlog events.
+and writes structlog events.  It alone makes words of the events.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,8 @@ import structlog
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from pnfarm.station.events import Event
 
 __all__ = ["EventLog", "LogEntry"]
 
@@ -34,8 +36,17 @@ class LogEntry:
     now_ns: int
     wall: float
     drive: str
-    event: str
-    data: dict[str, Any] = field(default_factory=dict)
+    what: Event
+
+    @property
+    def event(self) -> str:
+        """What happened, in a few lower-case words."""
+        return self.what.text
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """The values beside it, plain JSON."""
+        return self.what.details()
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
@@ -59,15 +70,15 @@ class EventLog:
         self._drives: dict[str, deque[LogEntry]] = {}
         self._subscribers: list[Callable[[LogEntry], None]] = []
 
-    def record(self, now: int, drive: str, event: str, *, level: str = "info", **data: Any) -> LogEntry:
-        """Append one entry; ``event`` is a few lower-case words, ``data`` plain JSON values."""
+    def record(self, now: int, drive: str, event: Event) -> LogEntry:
+        """Append one entry, and tell everyone who subscribed."""
         self._sequence += 1
-        entry = LogEntry(self._sequence, now, time.time(), drive, event, data)
+        entry = LogEntry(self._sequence, now, time.time(), drive, event)
         self._farm.append(entry)
         if drive:
             self._drives.setdefault(drive, deque(maxlen=DRIVE_ENTRIES)).append(entry)
         if not self.quiet:
-            getattr(logger, level)(event, **({"drive": drive} if drive else {}), **data)
+            getattr(logger, event.level)(event.text, **({"drive": drive} if drive else {}), **event.details())
         for subscriber in list(self._subscribers):
             subscriber(entry)
         return entry

@@ -28,6 +28,7 @@ from pnfarm.farm.config_model import TapLink as TapSection
 from pnfarm.farm.config_model import VethLink as VethSection
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.event_log import EventLog
+from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTimeOptionRefused
 from pnfarm.farm.fault_targets import add_impairments, attach_faults
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.realtime import RealTimeDriver
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.faults.manager import ActiveFault, FaultManager
     from pnfarm.links.base import Link
+    from pnfarm.station.events import Event
 
 #: Up to so many drives the kernel stamps every frame unless the file says otherwise: 5 % of a frame's cost.
 STAMPED_DRIVES = 128
@@ -234,9 +236,9 @@ class Farm:
             return
         loop = asyncio.get_running_loop()
 
-        def note(event: str, **data: Any) -> None:
+        def note(event: Event) -> None:
             def record() -> None:
-                self.log.record(time.monotonic_ns(), "", event, **data)
+                self.log.record(time.monotonic_ns(), "", event)
 
             with contextlib.suppress(RuntimeError):  # the loop is gone: nobody is left to be told
                 loop.call_soon_threadsafe(record)
@@ -248,14 +250,13 @@ class Farm:
         engine = self.driver.engine
         granted = engine.report.granted if engine else []
         refused = engine.report.refused if engine else {}
-        self.log.record(now, "", "farm started", drives=len(self.drives), link=self.link.kind, granted=granted)
+        self.log.record(now, "", FarmStarted(len(self.drives), self.link.kind, tuple(granted)))
         if self.capture is not None:
-            self.log.record(now, "", "capture started", file=str(self.capture.path))
+            self.log.record(now, "", CaptureStarted(str(self.capture.path)))
         asked = self.config.realtime.model_fields_set
         for what, why in refused.items():
             by_default = what.startswith("nice") and "nice" not in asked
-            level = "info" if by_default else "warning"
-            self.log.record(now, "", "real-time option refused", level=level, option=what, reason=why)
+            self.log.record(now, "", RealTimeOptionRefused(what, why, asked=not by_default))
 
     async def close(self) -> None:
         """Stop, tell the controllers, and remove every interface that the farm made."""
@@ -263,7 +264,7 @@ class Farm:
             if self._core is not None and self._driver is not None:
                 now = time.monotonic_ns()
                 self._core.stop(now)
-                self.log.record(now, "", "farm stopped")
+                self.log.record(now, "", FarmStopped())
             if self._driver is not None:
                 await self._driver.close()
         finally:

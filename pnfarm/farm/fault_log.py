@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.farm.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.manager import FaultEnded, FaultStarted
 
 if TYPE_CHECKING:
@@ -17,16 +18,7 @@ def log_fault(log: EventLog, event: FaultEvent) -> None:
     """One line for a fault that started or ended on a drive."""
     match event:
         case FaultStarted(fault_id, kind, drive, now):
-            log.record(now, drive, "fault injected", level="warning", id=fault_id, kind=kind)
+            log.record(now, drive, InjectionBegan(fault_id, kind))
         case FaultEnded(fault_id, kind, drive, now, reason, seen):
-            log.record(
-                now,
-                drive,
-                "injected fault ended",
-                id=fault_id,
-                kind=kind,
-                reason=reason,
-                checks=seen.checks,
-                activations=seen.activations,
-                confirmed=seen.confirmed,
-            )
+            counts = seen.checks, seen.activations, seen.confirmed
+            log.record(now, drive, InjectionEnded(fault_id, kind, reason, *counts))

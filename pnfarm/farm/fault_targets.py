@@ -15,6 +15,7 @@ from pnfarm.drives import catalogue as drive_catalogue
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import ConfigError, InternalError
+from pnfarm.farm.events import CarrierNotChanged
 from pnfarm.farm.fault_targets_cm import CmTarget
 from pnfarm.farm.fault_targets_machine import MachineTarget
 from pnfarm.faults.carrier import Carriers
@@ -434,7 +435,7 @@ def attach_faults(core: FarmCore, clock: Clock) -> FaultManager:
     gate = GatedLink(core.link, clock)
 
     def not_changed(drive: str, reason: str) -> None:
-        core.log.record(clock(), drive, "carrier not changed", level="warning", reason=reason)
+        core.log.record(clock(), drive, CarrierNotChanged(reason))
 
     carriers = Carriers(core.link, not_changed)
     targets = {s.configured_name: StationTarget(core, s, gate, carriers) for s in core.stations}
@@ -442,7 +443,6 @@ def attach_faults(core: FarmCore, clock: Clock) -> FaultManager:
     gate.set_receiver(core.receive)
     core.link = gate
     core.faults = manager
-    core.listeners.append(lambda station, _kind, _when, _value: manager.touch(station.configured_name))
     return manager
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profinet.device import events as happened
 from pnfarm.drives.store import (
     DisplayBlinkRequested,
     FaultHistoryCleared,
@@ -66,6 +67,7 @@ from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESP
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
+from pnfarm.station.events import Booted, MemoryNotTaken, ParametersSaved, PowerLost, PowerReturned
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
@@ -86,6 +88,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
+    from pnfarm.station.events import Event
 
 __all__ = ["DriveStation", "StationServices"]
 
@@ -314,17 +317,17 @@ class DriveStation:
         self.addressing.link_up(now)
         left_out = [*self._left_out, *self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)]
         if left_out:
-            self.note(now, "memory not taken", level="warning", count=len(left_out), first=left_out[0])
+            self.note(now, MemoryNotTaken(len(left_out), left_out[0]))
 
     def power_off(self, now: int) -> None:
         """Cut the supply: channels close, nothing is answered any more."""
         for key in list(self.ars):
             self.connections.close(key)
         if self.dcp.signalling:
-            self.note(now, "signal ends")
+            self.note(now, happened.SignalEnded())
         self.handle.axis.powered = 0
         self._answers_ns = None
-        self.note(now, "power off")
+        self.note(now, PowerLost())
 
     def power_on(self, now: int) -> None:
         """Boot with what non-volatile memory holds."""
@@ -339,7 +342,7 @@ class DriveStation:
         self.handle.image.lost = LOST_NEVER
         self.handle.axis.powered = 1
         self.handle.push_command(CMD_POWER_ON)
-        self.note(now, "power on")
+        self.note(now, PowerReturned())
         self.boot(now)
 
     def power_cycle(self, now: int) -> None:
@@ -413,7 +416,7 @@ class DriveStation:
             if now < self._answers_ns:
                 return
             self._start(now)
-            self.note(now, "booted", after_seconds=self.flaws.answer_ns / 1e9)
+            self.note(now, Booted(self.flaws.answer_ns))
         for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
@@ -500,7 +503,7 @@ class DriveStation:
             self.neighbours.pdev.forget(now)
             self.addressing.forget_records(on=self.config.hello)
         self._reboot_due = self._reboot_due or reset.reboots
-        self.note(now, "factory reset", mode=reset.mode.name.lower(), clears=sorted(reset.clears))
+        self.note(now, happened.FactoryResetDone(reset.mode.name.lower(), tuple(sorted(reset.clears))))
 
     def _pump_ip(self, now: int) -> bool:
         events = self.ip.events()
@@ -583,7 +586,7 @@ class DriveStation:
         for event in events:
             self.snmp_texts[event.which] = event.text
             self.keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
-            self.note(now, "system text set", text=event.text, object=f"sys{event.which.name.capitalize()}")
+            self.note(now, happened.SystemTextSet(event.text, event.which.name.capitalize()))
         return bool(events)
 
     def _pump_neighbours(self, now: int) -> bool:
@@ -591,7 +594,7 @@ class DriveStation:
         if notes:
             self.dcp.aliases = self.neighbours.aliases
         for note in notes:
-            self.note(now, note.event, level=note.level, **note.data)
+            self.note(now, note)
         for check in self.neighbours.checks():
             entry = port_diagnosis(check)
             if isinstance(check, CheckFailed):
@@ -606,10 +609,10 @@ class DriveStation:
             match event:
                 case NonVolatileSaved():
                     self.keep(now, "drive", self.store.snapshot())
-                    self.note(now, "parameters saved")
+                    self.note(now, ParametersSaved())
                 case TelegramChanged(number):
                     self.channels.rewrite(self.store.input_words(), self.store.output_words())
-                    self.note(now, "telegram changed", telegram=number)
+                    self.note(now, happened.TelegramChanged(number))
                 case RebootRequested():
                     self.power_cycle(now)
                 case DisplayBlinkRequested():
@@ -641,9 +644,9 @@ class DriveStation:
             raise ConfigError(f"{self.configured_name}: {key} cannot be {value!r}")
         return raw
 
-    def note(self, now: int, event: str, *, level: str = "info", **data: Any) -> None:
-        """Into the log, under this drive's name."""
-        self._services.log.record(now, self.configured_name, event, level=level, **data)
+    def note(self, now: int, event: Event) -> None:
+        """Something happened to this drive."""
+        self._services.log.record(now, self.configured_name, event)
 
     def keep_faults(self, now: int) -> None:
         """The fault history changed: write it through."""

@@ -10,6 +10,7 @@ from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any, Protocol
 
+from pnfarm.buses.profinet.device import events
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.ip.host import AddressConflict, AddressRefused, AddressSettled, IpHost
 from pnfarm.protocols.profinet.dcp_device import DcpDevice
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.protocols.ip.host import IpEvent
     from pnfarm.protocols.profinet.dcp_rules import DcpDeviceEvent
+    from pnfarm.station.events import Event
 
 __all__ = ["Note", "StationAddress"]
 
@@ -43,7 +45,7 @@ _MOST_HELLOS = 15
 class Note(Protocol):
     """Writes one entry of the drive's event log."""
 
-    def __call__(self, now: int, event: str, *, level: str = "info", **data: Any) -> None: ...
+    def __call__(self, now: int, event: Event, /) -> None: ...
 
 
 class StationAddress:
@@ -103,18 +105,18 @@ class StationAddress:
         match event:
             case NameSet(name, permanent):
                 self._keep(now, "name", name if permanent else "")
-                self._note(now, "name set", name=name, permanent=permanent)
+                self._note(now, events.NameSet(name, permanent))
             case IpSet(interface, gateway, permanent, dns):
                 if (interface, gateway) != (self.ip.wanted, self.ip.gateway):
                     self.set_address(interface, gateway, now)
                 self._keep(now, "ip", str(interface) if interface and permanent else "")
                 self._keep(now, "gateway", str(gateway) if gateway and permanent else "")
                 self._keep(now, "dns", [str(ip) for ip in dns] if permanent and dns != NO_DNS else None)
-                self._note(now, "address set", ip=str(interface or ""), permanent=permanent)
+                self._note(now, events.AddressSet(interface, permanent))
             case SignalBegan():
-                self._note(now, "signal begins")
+                self._note(now, events.SignalBegan())
             case SignalEnded():
-                self._note(now, "signal ends")
+                self._note(now, events.SignalEnded())
             case _:
                 pass
 
@@ -125,13 +127,13 @@ class StationAddress:
         try:
             hello = parse_fsu_data_adjust(data).hello
         except DecodeError as exc:
-            self._note(now, "fast start-up record not understood", level="warning", reason=exc.reason)
+            self._note(now, events.FastStartUpNotUnderstood(exc.reason))
             return
         if hello is not None:
             value = [hello.mode, hello.interval_ms, hello.retry, hello.delay_ms]
             self.dcp.hello_settings = _hello(value, on=False)
             self._keep(now, "hello", value)
-            self._note(now, "hello set", mode=self.dcp.hello_settings.mode.name.lower().replace("_", " "))
+            self._note(now, events.HelloSet(self.dcp.hello_settings.mode.name.lower().replace("_", " ")))
 
     def forget_records(self, *, on: bool) -> None:
         """The interface's records are gone: Hello is as the farm file says (``on``)."""
@@ -144,13 +146,13 @@ class StationAddress:
         match event:
             case AddressConflict(ip, mac) if mac != self.conflict_mac:
                 self.dcp.ip_conflict, self.conflict_mac = True, mac
-                self._note(now, "address conflict", level="warning", ip=str(ip), mac=mac.hex(":"))
+                self._note(now, events.AddressConflict(ip, mac))
             case AddressRefused(ip, mac):
                 self.dcp.ip_conflict, self.dcp.ip_in_use, self.conflict_mac = True, False, mac
-                self._note(now, "address not used", level="warning", ip=str(ip), mac=mac.hex(":"))
+                self._note(now, events.AddressNotUsed(ip, mac))
             case AddressSettled(ip):
                 self._no_conflict()
-                self._note(now, "address conflict over", ip=str(ip))
+                self._note(now, events.AddressConflictOver(ip))
             case _:
                 pass
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.device import events as happened
 from pnfarm.farm.record_memory import record_word
 from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
-from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.events import (
     AlarmConfirmed,
     ApplicationReadyConfirmed,
@@ -27,8 +27,7 @@ from pnfarm.protocols.profinet.events import (
     RecordWritten,
     SubmodulesChanged,
 )
-from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
-from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
+from pnfarm.station.events import WatchdogExpired
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 
 if TYPE_CHECKING:
@@ -86,12 +85,10 @@ class StationConnections:
             case ArConnected():
                 self._connected(event, now)
             case ConnectRefused(ip, status, detail):
-                self._station.note(
-                    now, "connect refused", level="warning", ip=str(ip), status=str(status), detail=detail
-                )
+                self._station.note(now, happened.ConnectRefused(ip, status, detail))
             case PrmEndReceived(key, sequence):
                 if self.ready_delay_ns is None:
-                    self._station.note(now, "application ready withheld")
+                    self._station.note(now, happened.ApplicationReadyWithheld())
                 elif self.ready_delay_ns == 0:
                     self._station.cm.application_ready(key, now, sequence)
                 else:
@@ -99,15 +96,8 @@ class StationConnections:
             case SubmodulesChanged():
                 self._submodules_changed(event, now)
             case AlarmConfirmed():
-                self._station.note(
-                    now,
-                    "alarm acknowledged",
-                    level="info" if event.status.ok else "warning",
-                    alarm=alarm_type_words(event.alarm_type),
-                    slot=event.slot,
-                    subslot=event.subslot,
-                    status=describe_status(event.status),
-                )
+                place = event.slot, event.subslot
+                self._station.note(now, happened.AlarmAcknowledged(event.alarm_type, *place, event.status))
             case ApplicationReadyConfirmed():
                 pass
             case ArEstablished(key):
@@ -115,21 +105,18 @@ class StationConnections:
                 if ar is not None and not ar.established:
                     ar.established = True
                     self.connects += 1
-                    self._station.note(now, "ar established", controller=ar.initiator, cycle_seconds=ar.cycle_ns / 1e9)
+                    self._station.note(now, happened.ArEstablished(ar.initiator, ar.cycle_ns))
             case ArAborted(key, code1, code2, reason, by_peer):
                 self._lost(key)
                 self.aborts[reason] = self.aborts.get(reason, 0) + 1
-                self._station.note(
-                    now, "ar aborted", level="warning", reason=reason, code1=code1, code2=code2, by_controller=by_peer
-                )
+                self._station.note(now, happened.ArAborted(reason, code1, code2, by_peer))
             case ArReleased(key):
                 self.close(key)
-                self._station.note(now, "ar released")
+                self._station.note(now, happened.ArReleased())
             case DiagnosisChanged(change):
                 self._diagnosis_changed(change, now)
             case RecordWritten(_, api, slot, subslot, index, data):
-                place = {"api": api, "slot": slot, "subslot": subslot, "index": index}
-                self._station.note(now, "record written", level="debug", octets=len(data), **place)
+                self._station.note(now, happened.RecordWritten(len(data), api, slot, subslot, index))
                 self._station.addressing.record_written(index, data, now)
                 if self._station.neighbours.pdev.handles(slot, subslot, index):
                     self._station.keep(
@@ -149,14 +136,10 @@ class StationConnections:
         self._tell_problem(event.ar_key)
         fastest_ns = min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers)
         self._station.handle.axis.step_ns = _step_ns(fastest_ns)
+        telegram = self._station.store.telegram_number
         self._station.note(
             now,
-            "ar connected",
-            controller=event.initiator_name,
-            ip=str(event.initiator_ip),
-            telegram=self._station.store.telegram_number,
-            cycle_seconds=ar.cycle_ns / 1e9,
-            watchdog_seconds=ar.watchdog_ns / 1e9,
+            happened.ArConnected(event.initiator_name, event.initiator_ip, telegram, ar.cycle_ns, ar.watchdog_ns),
         )
 
     def _follow_telegram(self) -> None:
@@ -172,17 +155,7 @@ class StationConnections:
         for key in self._station.ars:
             self._tell_problem(key)
         appears = isinstance(change, DiagnosisAppeared)
-        self._station.note(
-            now,
-            "diagnosis appears" if appears else "diagnosis disappears",
-            level="warning" if appears else "info",
-            slot=entry.slot,
-            subslot=entry.subslot,
-            channel=entry.channel,
-            diagnosis=describe_error_type(entry.error_type, entry.ext_error_type, entry.api)
-            if entry.channel_coded
-            else f"USI 0x{entry.usi:04X} {entry.data.hex(' ', 2).upper()}".rstrip(),
-        )
+        self._station.note(now, happened.DiagnosisAppeared(entry) if appears else happened.DiagnosisDisappeared(entry))
 
     def _tell_problem(self, key: int) -> None:
         """In the DataStatus: is there a fault in one of the AR's submodules?"""
@@ -211,7 +184,7 @@ class StationConnections:
         self._tell_problem(key)
         if event.starting and not unusable:
             return
-        self._station.note(now, "submodules changed", unusable=[f"{s}.0x{u:04X}" for _, s, u in sorted(unusable)])
+        self._station.note(now, happened.SubmodulesChanged(frozenset(unusable)))
 
     def close(self, key: int) -> None:
         self._station.parameter_records.reset(key)
@@ -247,10 +220,10 @@ class StationConnections:
         if key is not None:
             self._station.cm.data_received(key, now)
 
-    def expired(self, row: int, silent_ns: int, now: int) -> None:
-        """The data hold timer of this consumer ran out."""
+    def expired(self, row: int, silent_ns: int, now: int, when: int | None = None) -> None:
+        """The data hold timer of this consumer ran out, at ``when`` if that is not now."""
         key = self._station.channels.of_consumer(row)
         if key is not None:
             self.watchdog_expirations += 1
-            self._station.note(now, "watchdog expired", level="warning", silent_seconds=silent_ns / 1e9)
+            self._station.note(now if when is None else when, WatchdogExpired(silent_ns))
             self._station.cm.watchdog_expired(key, now)

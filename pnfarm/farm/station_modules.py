@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profinet.device.events import ModulePlugged, ModulePulled
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.description import ModuleDescription
 
@@ -73,7 +74,7 @@ def pull_module(station: DriveStation, slot: int, subslot: int | None, now: int)
             f"slot {slot} of {station.configured_name} has no submodule in subslot 0x{subslot:04X}; it has {allowed}"
         )
     station.cm.pull(slot, subslot, now)
-    station.note(now, "module pulled", slot=slot, subslot=subslot)
+    station.note(now, ModulePulled(slot, subslot))
 
 
 def plug_module(
@@ -111,7 +112,7 @@ def plug_module(
     station.cm.plug(slot, module, now, substitute=substitute)
     there = plugged.module(slot)
     assert there is not None
-    station.note(now, "module plugged", slot=slot, module_ident=f"0x{there.module_ident:08X}", substitute=substitute)
+    station.note(now, ModulePlugged(slot, there.module_ident, substitute))
     return True
 
 

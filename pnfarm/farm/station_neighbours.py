@@ -5,9 +5,10 @@ The cable is at the first port of the drive's interface; further ports of a mode
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.device.events import NeighbourEvent, NeighbourLost, PortCheckFailed, PortCheckPassed
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.lldp import (
     LldpPort,
@@ -30,22 +31,14 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.lldp import Neighbour
     from pnfarm.protocols.profinet.pdev_checks import CheckPassed
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
+    from pnfarm.station.events import Event
 
-__all__ = ["Note", "StationNeighbours", "port_diagnosis", "port_numbers", "system_identification"]
+__all__ = ["StationNeighbours", "port_diagnosis", "port_numbers", "system_identification"]
 
 _FIRST_PORT = 0x8001
 #: Subslots of the first interface and its ports (IEC 61158-6-10, coding of SubslotNumber).
 _INTERFACE = 0x8000
 _PORTS = range(_FIRST_PORT, 0x8100)
-
-
-@dataclass(frozen=True, slots=True)
-class Note:
-    """A line for the event log."""
-
-    event: str
-    level: str
-    data: dict[str, Any]
 
 
 def system_identification(description: DeviceDescription) -> str:
@@ -137,7 +130,7 @@ class StationNeighbours:
     def to_send(self, now: int) -> list[bytes]:
         return self.lldp.to_send(now) if self.enabled else []
 
-    def pump(self, now: int) -> list[Note]:
+    def pump(self, now: int) -> list[Event]:
         """Carry what happened between the two; what is worth noting."""
         mode = self.pdev.name_mode
         if mode is not self.lldp.system.name_mode:
@@ -158,32 +151,16 @@ class StationNeighbours:
         return checked
 
 
-def _note(event: NeighbourAppeared | NeighbourChanged | NeighbourGone) -> Note:
-    neighbour = event.neighbour
-    data: dict[str, Any] = {
-        "port": event.port,
-        "neighbour": neighbour.station_name,
-        "neighbour_port": neighbour.port_name,
-        "mac": neighbour.mac.hex(":"),
-    }
+def _note(event: NeighbourAppeared | NeighbourChanged | NeighbourGone) -> Event:
     match event:
-        case NeighbourAppeared():
-            return Note("neighbour appeared", "info", data)
-        case NeighbourChanged():
-            return Note("neighbour changed", "info", data)
+        case NeighbourAppeared() | NeighbourChanged():
+            return NeighbourEvent(event.port, event.neighbour, isinstance(event, NeighbourAppeared))
         case NeighbourGone(reason=reason):
-            return Note("neighbour gone", "info", {**data, "reason": reason})
+            return NeighbourLost(event.port, event.neighbour, reason)
 
 
-def _check_note(event: CheckFailed | CheckPassed) -> Note:
-    data: dict[str, Any] = {
-        "port": f"0x{event.subslot:04X}",
-        "error_type": f"0x{event.error_type:04X}",
-        "ext_error_type": f"0x{event.ext_error_type:04X}",
-    }
-    if isinstance(event, CheckFailed):
-        return Note("port check failed", "warning", {**data, "detail": event.detail})
-    return Note("port check passed", "info", data)
+def _check_note(event: CheckFailed | CheckPassed) -> Event:
+    return PortCheckFailed(event) if isinstance(event, CheckFailed) else PortCheckPassed(event)
 
 
 def port_diagnosis(check: CheckFailed | CheckPassed) -> DiagnosisEntry:

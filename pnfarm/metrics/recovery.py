@@ -14,8 +14,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pnfarm.station.events import (
+    ConnectionEstablished,
+    ConnectionLost,
+    ConnectionReleased,
+    FaultRaised,
+    FaultReacted,
+    FaultsCleared,
+    PowerLost,
+    StateChanged,
+    WatchdogExpired,
+)
 from pnfarm.table.axis import FAULT_SLOTS
-from pnfarm.table.engine_row import EXPIRED, FAULT_RAISED, FAULT_REACTED, FAULTS_CLEARED, STATE_CHANGED
 
 if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
@@ -32,8 +42,6 @@ REACTION_EDGES_NS = (
 
 #: State S4, operation.
 OPERATION = 4
-#: What the log says of a connection, and whether its end is a loss.
-ENDS = {"ar aborted": True, "power off": True, "ar released": False}
 
 
 @dataclass(slots=True)
@@ -49,7 +57,7 @@ class _Drive:
 
 
 class Recovery:
-    """Listens to a farm's engine and log; ``reactions`` and ``reconnects`` are counts ``(drives, buckets)``."""
+    """Listens to what happens in a farm; ``reactions`` and ``reconnects`` are counts ``(drives, buckets)``."""
 
     def __init__(self, core: FarmCore) -> None:
         count = len(core.stations)
@@ -58,15 +66,12 @@ class Recovery:
         self.reaction_sums_ns: Any = np.zeros(count, np.int64)
         self.reconnects: Any = np.zeros((count, len(REACTION_EDGES_NS) + 1), np.int64)
         self.reconnect_sums_ns: Any = np.zeros(count, np.int64)
-        self._core = core
         self._by_name = {station.configured_name: station for station in core.stations}
         self._drives = [self._look(station) for station in core.stations]
-        core.listeners.append(self._engine_event)
-        self._unsubscribe = core.log.subscribe(self._log_entry)
+        self._unsubscribe = core.log.subscribe(self._take)
 
     def close(self) -> None:
         """Listen no more."""
-        self._core.listeners.remove(self._engine_event)
         self._unsubscribe()
 
     @staticmethod
@@ -80,39 +85,49 @@ class Recovery:
 
     # -- what happens ------------------------------------------------------------------------------------------------
 
-    def _engine_event(self, station: DriveStation, kind: int, when: int, value: int) -> None:
-        drive = self._drives[station.index]
-        if kind == STATE_CHANGED:
-            before, drive.state = value >> 8, value & 0xFF
-            if before == OPERATION:
-                drive.left_operation_ns = when
-            self._judge(station.index, drive, when)
-        elif kind == FAULT_RAISED:
-            drive.faulted = True
-            if drive.connected:
-                self._begin(drive, when)
-        elif kind == FAULTS_CLEARED:
-            drive.faulted = False
-            self._judge(station.index, drive, when)
-        elif kind == EXPIRED:
-            if drive.connected:
-                self._begin(drive, when)
-        elif kind == FAULT_REACTED:
-            self.reactions[station.index, self._bucket(value)] += 1
-            self.reaction_sums_ns[station.index] += value
-
-    def _log_entry(self, entry: LogEntry) -> None:
+    def _take(self, entry: LogEntry) -> None:
         station = self._by_name.get(entry.drive)
         if station is None:
             return
-        drive = self._drives[station.index]
-        if entry.event == "ar established":
-            drive.connected = True
-            self._judge(station.index, drive, entry.now_ns)
-        elif entry.event in ENDS and drive.connected and not self._is_connected(station):
-            drive.connected = False
-            if ENDS[entry.event]:
-                self._begin(drive, entry.now_ns)
+        index, when = station.index, entry.now_ns
+        drive = self._drives[index]
+        match entry.what:
+            case StateChanged(before, after):
+                drive.state = after
+                if before == OPERATION:
+                    drive.left_operation_ns = when
+                self._judge(index, drive, when)
+            case FaultRaised():
+                drive.faulted = True
+                if drive.connected:
+                    self._begin(drive, when)
+            case FaultsCleared():
+                drive.faulted = False
+                self._judge(index, drive, when)
+            case FaultReacted(after_ns):
+                self.reactions[index, self._bucket(after_ns)] += 1
+                self.reaction_sums_ns[index] += after_ns
+            case WatchdogExpired():
+                if drive.connected:
+                    self._begin(drive, when)
+            case ConnectionEstablished():
+                drive.connected = True
+                self._judge(index, drive, when)
+            case ConnectionLost() | PowerLost():
+                if self._ended(drive, station):
+                    self._begin(drive, when)
+            case ConnectionReleased():
+                # no loss: the controller meant it
+                self._ended(drive, station)
+            case _:
+                pass
+
+    def _ended(self, drive: _Drive, station: DriveStation) -> bool:
+        """Whether the drive had a connection, and this was its last one."""
+        if not drive.connected or self._is_connected(station):
+            return False
+        drive.connected = False
+        return True
 
     # -- what follows ------------------------------------------------------------------------------------------------
 

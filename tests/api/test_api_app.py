@@ -6,6 +6,7 @@ import re
 
 import pytest
 from api_world import ApiWorld, assert_problem
+from events import Something
 from prometheus_client.parser import text_string_to_metric_families
 
 from pnfarm import __version__
@@ -202,7 +203,7 @@ def test_metrics_are_the_farms_and_the_process(still):
 def test_events_that_nobody_follows_end_with_the_newest():
     world = ApiWorld(2, controller=False)
     for number in range(20):
-        world.line.log.record(number, f"axis-{number % 2 + 1:02}", "try", number=number)
+        world.line.log.record(number, f"axis-{number % 2 + 1:02}", Something("try", {"number": number}))
     newest = world.line.log.entries()[-1].sequence
     whole = world.get("/api/v1/events?after=0&follow=false").text
     assert whole.count("\nid: ") == newest

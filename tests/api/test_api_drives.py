@@ -6,6 +6,7 @@ import asyncio
 
 import pytest
 from api_world import ApiWorld, assert_problem
+from events import Something
 
 from pnfarm.api.events import event_stream
 from pnfarm.api.schemas import Drive, FarmView, ParameterValue
@@ -63,8 +64,8 @@ def test_a_drives_stream_begins_with_what_its_own_ring_kept():
     world.line.connect()
     log = world.line.farm.log
     for _ in range(5000):
-        log.record(0, "axis-02", "noise")
-    log.record(0, "axis-01", "news")
+        log.record(0, "axis-02", Something("noise"))
+    log.record(0, "axis-01", Something("news"))
 
     async def first(count: int) -> str:
         stream = event_stream(world.context, 0, "axis-01")

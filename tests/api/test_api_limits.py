@@ -13,6 +13,7 @@ import anyio
 import httpx
 import pytest
 from api_world import ApiWorld
+from events import Something
 
 from pnfarm.api import connections, serve, throttle
 from pnfarm.api.connections import BACKLOG, LEAST, MOST, RESERVED_FILES, connection_limit
@@ -168,7 +169,7 @@ def test_an_event_stream_whose_client_never_reads_is_closed(world, monkeypatch):
 
                 async def ended():
                     for number in range(200):
-                        world.line.log.record(number, "axis-01", "try", text="x" * 400)
+                        world.line.log.record(number, "axis-01", Something("try", {"text": "x" * 400}))
                     return not world.context.streams
 
                 await until(opened)
@@ -273,7 +274,7 @@ def test_many_streams_cost_one_rendering_of_each_event(world, monkeypatch):
                 for stream in lines:
                     assert (await anext(stream)).startswith("retry")
                 rendered.clear()
-                entry = world.line.log.record(1, "axis-01", "try")
+                entry = world.line.log.record(1, "axis-01", Something("try"))
                 for stream in lines:
                     found = ""
                     while not found.startswith("id:"):

@@ -15,6 +15,7 @@ import anyio
 import httpx
 import pytest
 from api_world import ApiWorld
+from events import Something
 
 from pnfarm.api import serve, serve_farm
 from pnfarm.api.server import listen
@@ -94,7 +95,7 @@ def test_events_stream_live_and_continue_where_a_client_was():
 def test_stream_tells_what_the_log_no_longer_holds():
     world = ApiWorld(1, controller=False)
     for number in range(5000):
-        world.line.log.record(number, "axis-01", "try")
+        world.line.log.record(number, "axis-01", Something("try"))
 
     async def main():
         async with (

@@ -78,13 +78,13 @@ def test_size_and_number_of_files_complete_each_other(size, files, ring):
 def test_a_file_that_cannot_be_written_is_told_before_anything_starts(tmp_path):
     settings = CaptureSettings(tmp_path / "nowhere" / "out.pcapng")
     with pytest.raises(EnvironmentError_, match="cannot be written: No such file"):
-        FarmCapture(settings, "line-1", NAMES, note=lambda *_, **__: None)
+        FarmCapture(settings, "line-1", NAMES, note=lambda event: None)
 
 
 def loopback(settings: CaptureSettings) -> tuple[FarmCapture, list]:
     """A capture of the loopback interface, as if it were the first drive's."""
     told: list = []
-    capture = FarmCapture(settings, "line-1", ["axis-01"], note=lambda event, **data: told.append((event, data)))
+    capture = FarmCapture(settings, "line-1", ["axis-01"], note=lambda event: told.append((event.text, event.details())))
     try:
         capture.start([Port("lo", socket.if_nametoindex("lo"), bytes(6))])
     except EnvironmentError_ as exc:

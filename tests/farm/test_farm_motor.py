@@ -77,7 +77,7 @@ def test_everything_that_the_file_says_of_the_motor_arrives():
         ("{step: 1}", "{}", "motor.step", "unit"),
         ("{resistance: -1}", "{}", "motor.resistance", "0"),
         ("{kind: linear}", "{}", "motor.kind", "rotary"),
-        ("{}", "{gear: 0}", "load.gear", "above 0"),
+        ("{}", "{gear: 0}", "load.gear", "from 0.0001 to"),
         ("{}", "{mass: 3}", "load", "lead"),
         ("{}", "{force: 3}", "load", "lead"),
     ],

@@ -277,7 +277,6 @@ drives:
 def impaired(what: str, whom: str):
     line = FaultLine(4, controller=False)
     drives = expand(parse_farm(FILE.replace("WHAT", what).replace("WHOM", whom)))
-    line.farm.listeners.clear()
     for station, drive in zip(line.farm.stations, drives, strict=True):
         station.configured_name = drive.name
     manager = attach_faults(line.farm, line.world.clock)

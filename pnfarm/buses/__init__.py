@@ -1,0 +1,1 @@
+"""The fieldbuses, each in a room of its own."""

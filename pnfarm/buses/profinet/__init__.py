@@ -1,0 +1,1 @@
+"""PROFINET IO: everything that only this bus has."""

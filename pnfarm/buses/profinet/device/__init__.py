@@ -1,0 +1,1 @@
+"""A PROFINET device: the protocol machines of one drive, joined."""

@@ -1,0 +1,154 @@
+"""What happens to a farm as a whole, as types (:mod:`pnfarm.station.events`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pnfarm.station.events import Event, Level
+
+__all__ = [
+    "ApiListening",
+    "CaptureEnded",
+    "CaptureFailed",
+    "CaptureLostFrames",
+    "CaptureStarted",
+    "CarrierNotChanged",
+    "EngineEventsLost",
+    "FarmStarted",
+    "FarmStopped",
+    "InjectionBegan",
+    "InjectionEnded",
+    "RealTimeOptionRefused",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class FarmStarted(Event):
+    """The drives are on the wire; ``granted`` are the real-time options that the kernel allowed."""
+
+    TEXT = "farm started"
+    drives: int
+    link: str
+    granted: tuple[str, ...]
+
+    def details(self) -> dict[str, Any]:
+        return {"drives": self.drives, "link": self.link, "granted": list(self.granted)}
+
+
+@dataclass(frozen=True, slots=True)
+class FarmStopped(Event):
+    """The drives have left the wire."""
+
+    TEXT = "farm stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class ApiListening(Event):
+    """Where the API answers; its token if nothing else tells it, or the file that it lies in."""
+
+    TEXT = "api listening"
+    url: str
+    token: str | None = None
+    token_file: str | None = None
+
+    def details(self) -> dict[str, Any]:
+        given = {"url": self.url, "token": self.token, "token_file": self.token_file}
+        return {key: value for key, value in given.items() if value is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureStarted(Event):
+    """Frames are written into a file from now on."""
+
+    TEXT = "capture started"
+    file: str
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureEnded(Event):
+    """The capture's file is complete; ``lost`` frames came too fast for it."""
+
+    TEXT = "capture ended"
+    file: str
+    frames: int
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureFailed(CaptureEnded):
+    """Nothing more is written; the farm goes on."""
+
+    TEXT = "capture failed"
+    LEVEL = "error"
+    reason: str
+
+    def details(self) -> dict[str, Any]:
+        return {"reason": self.reason, "file": self.file, "frames": self.frames, "lost": self.lost}
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureLostFrames(Event):
+    """Frames came faster than the capture could write them."""
+
+    TEXT = "capture lost frames"
+    LEVEL = "warning"
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class RealTimeOptionRefused(Event):
+    """The kernel refused a real-time option; one that nobody ``asked`` for is no loss."""
+
+    TEXT = "real-time option refused"
+    option: str
+    reason: str
+    asked: bool
+
+    @property
+    def level(self) -> Level:
+        return "warning" if self.asked else "info"
+
+    def details(self) -> dict[str, Any]:
+        return {"option": self.option, "reason": self.reason}
+
+
+@dataclass(frozen=True, slots=True)
+class EngineEventsLost(Event):
+    """The ring of the engine's events ran over."""
+
+    TEXT = "engine events lost"
+    LEVEL = "warning"
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class CarrierNotChanged(Event):
+    """An injection could not pull or plug the drive's cable."""
+
+    TEXT = "carrier not changed"
+    LEVEL = "warning"
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class InjectionBegan(Event):
+    """A fault was put in force on a drive."""
+
+    TEXT = "fault injected"
+    LEVEL = "warning"
+    id: str
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class InjectionEnded(Event):
+    """An injected fault is over on a drive; what was counted of it."""
+
+    TEXT = "injected fault ended"
+    id: str
+    kind: str
+    reason: str
+    checks: int
+    activations: int
+    confirmed: bool

@@ -1,0 +1,1 @@
+"""One drive whatever its bus."""

@@ -1,0 +1,247 @@
+"""What happens to a drive, as types: whoever has to know subscribes to the log and asks for the class.
+
+An event holds facts, no sentence.  ``text`` is what the log and the API's event stream call it, a few lower-case words
+that rigs may search for; :meth:`Event.details` are the plain values that stand beside it.  What only one bus knows
+of is declared in that bus's room, as a subclass of what it is for everyone: an AR that was established is a
+:class:`ConnectionEstablished`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Literal
+
+__all__ = [
+    "Booted",
+    "ConnectionEstablished",
+    "ConnectionLost",
+    "ConnectionOpened",
+    "ConnectionRefused",
+    "ConnectionReleased",
+    "ControllerModeChanged",
+    "Event",
+    "FaultRaised",
+    "FaultReacted",
+    "FaultsCleared",
+    "Level",
+    "MemoryNotTaken",
+    "OutputsChanged",
+    "ParametersSaved",
+    "PowerLost",
+    "PowerReturned",
+    "StateChanged",
+    "WarningChanged",
+    "WatchdogExpired",
+    "seconds",
+]
+
+Level = Literal["debug", "info", "warning", "error"]
+
+
+def seconds(ns: int) -> float:
+    """Times leave the program in seconds."""
+    return ns / 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """See the module's head."""
+
+    TEXT: ClassVar[str] = ""
+    LEVEL: ClassVar[Level] = "info"
+
+    @property
+    def text(self) -> str:
+        """What the log calls it."""
+        return self.TEXT
+
+    @property
+    def level(self) -> Level:
+        """How much it matters to whoever reads the log."""
+        return self.LEVEL
+
+    def details(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+
+# -- power -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class PowerLost(Event):
+    """The control supply was switched off."""
+
+    TEXT = "power off"
+
+
+@dataclass(frozen=True, slots=True)
+class PowerReturned(Event):
+    """The control supply was switched on."""
+
+    TEXT = "power on"
+
+
+@dataclass(frozen=True, slots=True)
+class Booted(Event):
+    """The drive hears and speaks, so long after it was switched on."""
+
+    TEXT = "booted"
+    after_ns: int
+
+    def details(self) -> dict[str, Any]:
+        return {"after_seconds": seconds(self.after_ns)}
+
+
+# -- the connection to a controller ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionOpened(Event):
+    """A controller asked for a connection and has it; data may flow."""
+
+    TEXT = "connection opened"
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionRefused(Event):
+    """A controller asked for a connection that the drive does not give."""
+
+    TEXT = "connection refused"
+    LEVEL = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionEstablished(Event):
+    """Valid data flow both ways."""
+
+    TEXT = "connection established"
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionLost(Event):
+    """A connection ended without being released."""
+
+    TEXT = "connection lost"
+    LEVEL = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionReleased(Event):
+    """The controller ended the connection in order."""
+
+    TEXT = "connection released"
+
+
+@dataclass(frozen=True, slots=True)
+class WatchdogExpired(Event):
+    """No valid data came from the controller for too long."""
+
+    TEXT = "watchdog expired"
+    LEVEL = "warning"
+    silent_ns: int
+
+    def details(self) -> dict[str, Any]:
+        return {"silent_seconds": seconds(self.silent_ns)}
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerModeChanged(Event):
+    """The controller's program runs, or stopped."""
+
+    run: bool
+
+    @property
+    def text(self) -> str:
+        return "controller in run" if self.run else "controller in stop"
+
+    def details(self) -> dict[str, Any]:
+        return {}
+
+
+@dataclass(frozen=True, slots=True)
+class OutputsChanged(Event):
+    """The set points that come in are valid, or not."""
+
+    good: bool
+
+    @property
+    def text(self) -> str:
+        return "outputs good" if self.good else "outputs bad"
+
+    def details(self) -> dict[str, Any]:
+        return {}
+
+
+# -- the drive ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class StateChanged(Event):
+    """The drive's state machine moved: numbers of states, S1 to S5."""
+
+    TEXT = "state changed"
+    before: int
+    after: int
+
+    def details(self) -> dict[str, Any]:
+        return {"before": f"S{self.before}", "after": f"S{self.after}"}
+
+
+@dataclass(frozen=True, slots=True)
+class FaultRaised(Event):
+    """The drive raised a fault; ``number`` is its model's."""
+
+    TEXT = "fault"
+    LEVEL = "warning"
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class FaultReacted(Event):
+    """The controller withdrew the enable, so long after the drive raised a fault."""
+
+    TEXT = "controller reacted to fault"
+    after_ns: int
+
+    def details(self) -> dict[str, Any]:
+        return {"after_seconds": seconds(self.after_ns)}
+
+
+@dataclass(frozen=True, slots=True)
+class FaultsCleared(Event):
+    """Every fault was acknowledged, so long after the first was raised."""
+
+    TEXT = "fault acknowledged"
+    after_ns: int
+
+    def details(self) -> dict[str, Any]:
+        return {"after_seconds": seconds(self.after_ns)}
+
+
+@dataclass(frozen=True, slots=True)
+class WarningChanged(Event):
+    """The drive shows another warning; 0 for none."""
+
+    TEXT = "warning"
+    number: int
+
+
+# -- memory ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class ParametersSaved(Event):
+    """The parameters went into non-volatile memory."""
+
+    TEXT = "parameters saved"
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryNotTaken(Event):
+    """What non-volatile memory holds does not fit the drive any more; ``first`` of ``count`` entries."""
+
+    TEXT = "memory not taken"
+    LEVEL = "warning"
+    count: int
+    first: str
