@@ -11,6 +11,7 @@ from pnfarm.drives.model_parts import fault_label
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.errors import abort_status, describe_status
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.channel import DISCARDS
 from pnfarm.wire.mac import format_mac
@@ -158,7 +159,7 @@ def drive_snapshot(
         "frames_discarded": {reason: count for reason, count in discards(core, station).items() if count},
         "watchdog_expirations": station.watchdog_expirations,
         "connects": station.connects,
-        "aborts": dict(station.aborts),
+        "aborts": {describe_status(abort_status(*codes)): count for codes, count in station.aborts.items()},
         "fault": _fault(station, codes[0]) if codes else None,
         "faults": [_fault(station, code) for code in codes],
         "last_fault": _last_fault(station),

@@ -73,6 +73,7 @@ from pnfarm.table.image import LOST_NEVER
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
+    from collections import Counter
     from collections.abc import Callable
     from uuid import UUID
 
@@ -276,8 +277,8 @@ class DriveStation:
         return self.connections.connects
 
     @property
-    def aborts(self) -> dict[str, int]:
-        """Connections that ended without a release, by reason."""
+    def aborts(self) -> Counter[tuple[int, int]]:
+        """Connections that ended without a release, by the two codes of the ERR-RTA."""
         return self.connections.aborts
 
     @property

@@ -9,6 +9,7 @@ channel tables, to the drive's own fault, and to the log.
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device import events as happened
@@ -55,7 +56,8 @@ class StationConnections:
     def __init__(self, station: DriveStation) -> None:
         self._station = station
         self.connects = 0
-        self.aborts: dict[str, int] = {}
+        #: How often ARs were aborted, by ErrorCode1 and ErrorCode2 of the ERR-RTA.
+        self.aborts: Counter[tuple[int, int]] = Counter()
         self.watchdog_expirations = 0
         #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
@@ -108,7 +110,7 @@ class StationConnections:
                     self._station.note(now, happened.ArEstablished(ar.initiator, ar.cycle_ns))
             case ArAborted(key, code1, code2, reason, by_peer):
                 self._lost(key)
-                self.aborts[reason] = self.aborts.get(reason, 0) + 1
+                self.aborts[code1, code2] += 1
                 self._station.note(now, happened.ArAborted(reason, code1, code2, by_peer))
             case ArReleased(key):
                 self.close(key)

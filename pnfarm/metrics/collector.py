@@ -21,7 +21,7 @@ from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import Family, Histogram, Values
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
 from pnfarm.protocols.profinet.ar import CmdevState
-from pnfarm.protocols.profinet.errors import RtaError, describe_status, rta_status
+from pnfarm.protocols.profinet.errors import abort_label
 from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
@@ -40,8 +40,6 @@ __all__ = ["AR_STATES", "FarmCollector", "FaultCounts", "Scrape"]
 
 #: ``pnfarm_ar_state`` by number; 0 is "no connection".
 AR_STATES: dict[CmdevState, int] = {state: number for number, state in enumerate(CmdevState, start=1)}
-#: ``reason`` of an abort by what the station says of it; what is not an ERR-RTA keeps its own words.
-ABORT_REASONS = {describe_status(rta_status(code)): code.name.lower().replace("_", "-") for code in RtaError}
 #: Why a drive usually loses its connection: these series are there from the start, others once they happen.
 USUAL_ABORTS = ("consumer-dht-expired", "cmi-timeout", "re-run-aborts-existing", "abort-request")
 
@@ -257,8 +255,8 @@ class FarmCollector(Collector):
             state = ar_state(station) if station.powered else None
             states.append(AR_STATES[state] if state is not None else 0)
             cycles.append(next((ar.cycle_ns / 1e9 for ar in station.ars.values() if ar.providers), 0))
-            for reason, count in station.aborts.items():
-                aborts[station.configured_name, ABORT_REASONS.get(reason, reason)] = count
+            for codes, count in station.aborts.items():
+                aborts[station.configured_name, abort_label(*codes)] = count
         return [
             (self._ar_state, states),
             (self._ar_cycle, cycles),

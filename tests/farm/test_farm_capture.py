@@ -84,7 +84,9 @@ def test_a_file_that_cannot_be_written_is_told_before_anything_starts(tmp_path):
 def loopback(settings: CaptureSettings) -> tuple[FarmCapture, list]:
     """A capture of the loopback interface, as if it were the first drive's."""
     told: list = []
-    capture = FarmCapture(settings, "line-1", ["axis-01"], note=lambda event: told.append((event.text, event.details())))
+    capture = FarmCapture(
+        settings, "line-1", ["axis-01"], note=lambda event: told.append((event.text, event.details()))
+    )
     try:
         capture.start([Port("lo", socket.if_nametoindex("lo"), bytes(6))])
     except EnvironmentError_ as exc:

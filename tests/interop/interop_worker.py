@@ -26,6 +26,7 @@ from pnfarm.farm.farm import Farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.farm.station_modules import plug_module, pull_module
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.errors import abort_label
 from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
 from pnfarm.table.signals import WORD_NONE
 
@@ -100,7 +101,7 @@ class FarmWorker:
             "ars": len(station.ars),
             "established": any(ar.established for ar in station.ars.values()),
             "connects": station.connects,
-            "aborts": station.aborts,
+            "aborts": {abort_label(*codes): count for codes, count in station.aborts.items()},
             "watchdog_expirations": station.watchdog_expirations,
             "state": int(axis.state),
             "zsw1": int(axis.zsw1),

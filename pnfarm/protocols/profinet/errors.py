@@ -492,6 +492,18 @@ def rta_status(code: int) -> PnioStatus:
     return pnio_error(ErrorCode.RTA_ERROR, ConnectFault.RTA_ERR_CLS_PROTOCOL, code)
 
 
+def abort_status(code1: int, code2: int) -> PnioStatus:
+    """The PNIOStatus of an ERR-RTA-PDU with these two codes."""
+    return pnio_error(ErrorCode.RTA_ERROR, code1, code2)
+
+
+def abort_label(code1: int, code2: int) -> str:
+    """A short slug for why an AR was aborted, such as ``consumer-dht-expired``; of an unknown code its numbers."""
+    if code1 == ConnectFault.RTA_ERR_CLS_PROTOCOL and code2 in _RTA_WORDS:
+        return RtaError(code2).name.lower().replace("_", "-")
+    return f"code-{code1:02x}-{code2:02x}"
+
+
 def _words(enum: type[IntEnum], code: int) -> str:
     try:
         member = enum(code)
