@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
     from starlette.requests import Request
 
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.station import DriveStation
     from pnfarm.metrics import FarmCollector
 
 __all__ = ["PREFIX", "ApiContext", "read_object"]

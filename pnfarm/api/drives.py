@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
 
 __all__ = ["add_drives"]
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
     from pnfarm.api.context import ApiContext
-    from pnfarm.farm.event_log import LogEntry
+    from pnfarm.station.event_log import LogEntry
 
 __all__ = ["Messages", "event_stream", "start_of"]
 

@@ -10,14 +10,14 @@ from pydantic import ValidationError
 from pnfarm.api.context import PREFIX, ApiContext, read_object
 from pnfarm.api.problems import Json, RequestError
 from pnfarm.api.schemas import ModulePlug, ModulesView, PluggedView
-from pnfarm.farm.station_modules import modules_view, plug_module, pull_module
+from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull_module
 
 if TYPE_CHECKING:
     from enum import Enum
 
     from fastapi import FastAPI
 
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
 
 __all__ = ["add_modules"]
 

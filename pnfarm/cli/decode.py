@@ -14,8 +14,8 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.farm.decode.decoder import Decoder, Line
-    from pnfarm.farm.decode.packet import Shared
+    from pnfarm.buses.profinet.decode.decoder import Decoder, Line
+    from pnfarm.buses.profinet.decode.packet import Shared
 
 __all__ = ["DecodeFormat", "decode"]
 
@@ -61,9 +61,9 @@ def decode(
     output: Annotated[DecodeFormat, typer.Option("--format", help="How to print it.")] = DecodeFormat.TEXT,
 ) -> None:
     """Tell what is in a capture: connections, records, DCP, alarms, and what changed in the cyclic data."""
+    from pnfarm.buses.profinet.decode.decoder import Decoder
+    from pnfarm.buses.profinet.decode.reading import FrameReader
     from pnfarm.errors import ConfigError
-    from pnfarm.farm.decode.decoder import Decoder
-    from pnfarm.farm.decode.reading import FrameReader
     from pnfarm.links.bpf_capture import KINDS, atoms_of
 
     for word in only or ():
@@ -162,10 +162,10 @@ def _text(line: Line, decoder: Decoder) -> str:
 
 def _know(path: Path, shared: Shared) -> None:
     """Names, models and planned layouts of a farm file."""
+    from pnfarm.buses.profinet.decode.channels import make_template
     from pnfarm.cli.files import read
     from pnfarm.controller.plan import plan_devices
     from pnfarm.farm.config import controller_mac, expand
-    from pnfarm.farm.decode.channels import make_template
     from pnfarm.farm.farm import model_of
     from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
     from pnfarm.protocols.profinet.wire.rpc import NIL_UUID

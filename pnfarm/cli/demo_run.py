@@ -20,11 +20,11 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.runtime import Plc
 from pnfarm.farm.capture import CaptureSettings, prepare
 from pnfarm.farm.config import parse_farm
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
+from pnfarm.station.event_log import EventLog
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 if TYPE_CHECKING:

@@ -63,11 +63,11 @@ if TYPE_CHECKING:
 
     from pnfarm.controller.plan import DevicePlan
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
-    from pnfarm.farm.event_log import EventLog
     from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.cmctl import CmController
     from pnfarm.protocols.profinet.cmctl_events import RecordRead, RecordWriteDone
+    from pnfarm.station.event_log import EventLog
 
 __all__ = ["ControllerCore"]
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pnfarm.controller.records import RecordJob, RecordJobs
     from pnfarm.controller.session import DeviceSession
-    from pnfarm.farm.event_log import EventLog
+    from pnfarm.station.event_log import EventLog
 
 __all__ = ["IM0_INDEX", "Identification", "IdentificationReader", "read_im", "words_of_revision"]
 

@@ -10,11 +10,11 @@ from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import controller_mac, expand
 from pnfarm.farm.core import FarmCore
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec
 from pnfarm.links.pcap import PcapLink
+from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -19,7 +19,6 @@ from pnfarm.farm.config import FarmConfig, controller_mac, expand, load_farm
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
 from pnfarm.farm.config_model import TapLink as TapSection
 from pnfarm.farm.config_model import VethLink as VethSection
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import model_of, realtime_settings
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.links.base import PortSpec, unwrap
@@ -31,6 +30,7 @@ from pnfarm.links.ownership import FarmLock, bridge_name
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
+from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

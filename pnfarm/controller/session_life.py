@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from pnfarm.controller.channels import SessionChannels
     from pnfarm.controller.search import Search
-    from pnfarm.farm.event_log import EventLog
+    from pnfarm.station.event_log import EventLog
     from pnfarm.table.columns import Columns
 
 __all__ = ["SessionLife"]

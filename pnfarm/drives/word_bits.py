@@ -10,7 +10,36 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping, Sequence
 
-__all__ = ["WordBits", "bit_names", "read_bits"]
+__all__ = ["STW1_BITS", "ZSW1_BITS", "WordBits", "bit_names", "read_bits"]
+
+#: Control word 1 by bit, in velocity mode, for a model that names none (profile 4.1, 6.3.2; AKD PROFINET manual 5.4).
+STW1_BITS = (
+    "on",
+    "no_coast_stop",
+    "no_quick_stop",
+    "enable_operation",
+    "enable_ramp_generator",
+    "unfreeze_ramp_generator",
+    "enable_setpoint",
+    "fault_acknowledge",
+    "jog_1",
+    "jog_2",
+    "control_by_plc",
+)
+#: Status word 1 by bit, alike (AKD PROFINET manual 5.5).
+ZSW1_BITS = (
+    "ready_to_switch_on",
+    "ready_to_operate",
+    "operation_enabled",
+    "fault_present",
+    "coast_stop_not_activated",
+    "quick_stop_not_activated",
+    "switching_on_inhibited",
+    "warning_present",
+    "velocity_error_within_range",
+    "control_requested",
+    "target_velocity_reached",
+)
 
 
 @dataclass(frozen=True, slots=True)

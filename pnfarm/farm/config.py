@@ -21,12 +21,13 @@ from pydantic import Field, PrivateAttr, ValidationError
 from pnfarm.farm.config_checks import check
 from pnfarm.farm.config_errors import explain
 from pnfarm.farm.config_expand import Clock, DriveConfig, clock_of, controller_mac, expand_sections
-from pnfarm.farm.config_issue import FarmFileError, FileIssue, Location, few_hints, field_path, shown
+from pnfarm.farm.config_issue import FarmFileError, FileIssue, Location, field_path
 from pnfarm.farm.config_known import Known, catalogue
 from pnfarm.farm.config_lists import with_lists
 from pnfarm.farm.config_model import FAULT_KINDS, DriveGroup, FarmSections
 from pnfarm.farm.regular_file import read_regular
 from pnfarm.farm.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
+from pnfarm.vocabulary.quoting import few_hints, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -9,11 +9,12 @@ from pydantic import AfterValidator, Field
 
 from pnfarm.drives.motor_kinds import axis_value
 from pnfarm.farm.config_cycle import format_duration
-from pnfarm.farm.config_issue import problem, shown
+from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import Duration
 from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import FASTEST_RPM
+from pnfarm.vocabulary.quoting import shown
 
 __all__ = ["MOST_PLACE", "Load", "Motor", "apply_axis", "axis_complaints"]
 

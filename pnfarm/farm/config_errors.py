@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import typing
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import annotated_types
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from pnfarm.farm.config_issue import Location, did_you_mean, shown
+from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if typing.TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+if TYPE_CHECKING:
+    from pnfarm.farm.config_issue import Location
 
 __all__ = ["explain", "strip_tags"]
 

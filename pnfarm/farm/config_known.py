@@ -11,15 +11,15 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.drives import catalogue as drives
-from pnfarm.drives.factor_group import float_bits
+from pnfarm.drives.given_values import raw_number
 from pnfarm.drives.motor_kinds import ROTARY, with_motor
-from pnfarm.drives.parameter import Form, Parameter, ParameterError
+from pnfarm.drives.parameter import Form, ParameterError
 from pnfarm.drives.parameter_list import read_parameter_list
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_axis import axis_complaints
-from pnfarm.farm.config_issue import did_you_mean, shown
 from pnfarm.farm.realism import missing_figures
 from pnfarm.table.axis import AXIS
+from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,22 +29,10 @@ if TYPE_CHECKING:
     from pnfarm.farm.config_axis import Load, Motor
     from pnfarm.farm.config_realism import Realism
 
-__all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue", "raw_number"]
+__all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue"]
 
 #: What is wrong with one key below a section, and what is allowed: ``("vendor", "is 70000", "...")``.
 Complaint = tuple[str, str, str]
-
-
-def raw_number(parameter: Parameter, value: float | str | bool) -> int | None:
-    """What a number of the farm file is to the drive, None for one that it cannot hold.
-
-    Whole numbers are raw; a number with a point is that of a float parameter itself.
-    """
-    if isinstance(value, int):
-        return int(value)
-    if isinstance(value, float) and parameter.form is Form.FLOAT:
-        return float_bits(value)
-    return None
 
 
 class ModelFacts(Protocol):

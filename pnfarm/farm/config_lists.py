@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.config_issue import FileIssue, Location, did_you_mean, shown
+from pnfarm.farm.config_issue import FileIssue, Location
 from pnfarm.farm.regular_file import read_regular
+from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -23,7 +23,7 @@ from pydantic import (
 
 from pnfarm.farm.config_axis import Load, Motor
 from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR, format_duration
-from pnfarm.farm.config_issue import did_you_mean, problem, shown
+from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_machine import Machine
 from pnfarm.farm.config_realism import DriveRealism, Realism
 from pnfarm.farm.config_section import Section
@@ -44,6 +44,7 @@ from pnfarm.farm.config_values import (
 )
 from pnfarm.faults.globs import too_much
 from pnfarm.table.program import TARGETS
+from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 __all__ = [
     "DEFAULT_CYCLE_NS",

@@ -13,9 +13,10 @@ from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from pnfarm.drives.realism import BOUNDS
 from pnfarm.farm.config_cycle import format_duration
-from pnfarm.farm.config_issue import problem, shown
+from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import read_duration
+from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -13,7 +13,8 @@ from typing import Annotated, Any
 from pydantic import PlainValidator, WithJsonSchema
 
 from pnfarm.farm.config_cycle import format_duration, nearest_cycles, parse_duration
-from pnfarm.farm.config_issue import problem, shown
+from pnfarm.farm.config_issue import problem
+from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.mac import format_mac, parse_mac
 
 __all__ = [

@@ -10,6 +10,8 @@ import hashlib
 from typing import TYPE_CHECKING, Protocol
 from uuid import UUID
 
+from pnfarm.buses.profinet.device.channels import channel_rows
+from pnfarm.buses.profinet.device.station import DriveStation, StationServices
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
@@ -19,8 +21,6 @@ from pnfarm.farm.config_machine import apply_machine
 from pnfarm.farm.events import EngineEventsLost
 from pnfarm.farm.fault_log import log_fault
 from pnfarm.farm.realism import imperfections
-from pnfarm.farm.station import DriveStation, StationServices
-from pnfarm.farm.station_channels import channel_rows
 from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.deadlines import Deadlines
@@ -50,10 +50,10 @@ if TYPE_CHECKING:
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
-    from pnfarm.farm.event_log import EventLog
     from pnfarm.faults.manager import FaultManager
     from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
+    from pnfarm.station.event_log import EventLog
 
 #: Ethertypes of ARP and of LLDP; ethertype and frame id of DCP's Identify request and of its Hello.
 ARP = bytes.fromhex("0806")

@@ -27,7 +27,6 @@ from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
 from pnfarm.farm.config_model import TapLink as TapSection
 from pnfarm.farm.config_model import VethLink as VethSection
 from pnfarm.farm.core import FarmCore
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTimeOptionRefused
 from pnfarm.farm.fault_targets import add_impairments, attach_faults
 from pnfarm.farm.files import raise_file_limit
@@ -42,6 +41,7 @@ from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
+from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -8,8 +8,8 @@ from pnfarm.farm.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.manager import FaultEnded, FaultStarted
 
 if TYPE_CHECKING:
-    from pnfarm.farm.event_log import EventLog
     from pnfarm.faults.manager import FaultEvent
+    from pnfarm.station.event_log import EventLog
 
 __all__ = ["log_fault"]
 

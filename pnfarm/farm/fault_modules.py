@@ -9,14 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.device.modules import module_of_ident, module_of_telegram
 from pnfarm.errors import ConfigError
-from pnfarm.farm.station_modules import module_of_ident, module_of_telegram
 from pnfarm.faults.words import FaultError
 from pnfarm.protocols.profinet.description import SlotState
 from pnfarm.protocols.profinet.wire.rpc import Opnum
 
 if TYPE_CHECKING:
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.faults.target import LateRule, ModuleChange
     from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.description import ModuleDescription

@@ -41,12 +41,12 @@ from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.drives.model_parts import Fault
     from pnfarm.engine.impairments import CyclicEvidence
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.farm.config_model import Impairment
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.station import DriveStation
     from pnfarm.links.base import Clock
     from pnfarm.protocols.profinet.binding import DriveRecords
     from pnfarm.protocols.profinet.errors import PnioStatus, RecordError

@@ -13,8 +13,8 @@ from pnfarm.table.impairment import IOPS_BAD
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.station import DriveStation
     from pnfarm.faults.target import LateRule, ModuleChange, OwnAlarm
     from pnfarm.protocols.profinet.ar import Ar, ExpectedKey
     from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry

@@ -3,69 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.motor_kinds import axis_value
 from pnfarm.drives.realism import RANGES
 from pnfarm.farm.config_realism import ALL, OFF, ON, Realism
-from pnfarm.faults.splitmix import SplitMix64
+from pnfarm.station.imperfections import NOISES, Imperfections
+from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from pnfarm.drives.model import Model
 
-__all__ = ["Imperfections", "asked_for", "imperfections", "missing_figures"]
-
-_NOISES = ("velocity_noise", "current_noise", "position_noise")
-#: The generator's state has 48 bits, and 0 is no seed.
-_SEEDS = 1 << 47
-
-
-@dataclass(frozen=True, slots=True)
-class Imperfections:
-    """Of one drive; 0 is not at all.  Noise is in the axis record's units, ``drift`` a share: 1e-6 is 1 ppm."""
-
-    velocity_noise: float = 0.0
-    current_noise: float = 0.0
-    position_noise: float = 0.0
-    latency_ns: tuple[int, int] = (0, 0)
-    answer_ns: int = 0
-    ready_ns: int = 0
-    drift: float = 0.0
-    seed: int = 0
-
-    def apply(self, axis: Any) -> None:
-        """Into an axis record, over what its model has."""
-        axis.velocity_noise = self.velocity_noise
-        axis.current_noise = self.current_noise
-        axis.position_noise = self.position_noise
-        axis.noise_seed = self.seed % _SEEDS + 1 if any(getattr(self, name) for name in _NOISES) else 0
-        axis.clock_drift = self.drift
-        if self.ready_ns:
-            axis.boot_time_ns = self.ready_ns
-
-    def latency(self) -> Callable[[], int] | None:
-        """How long the drive works on each request, one after the other, ns; None for no time at all."""
-        least, most = self.latency_ns
-        if not most:
-            return None
-        random = SplitMix64(self.seed + 1)
-        return lambda: least + int(random.uniform() * (most - least + 1))
-
-    def shown(self) -> dict[str, float | list[float]]:
-        """What there is of it, for people."""
-        found: dict[str, float | list[float]] = {
-            "velocity_noise_rpm": self.velocity_noise,
-            "current_noise_amperes": self.current_noise,
-            "position_noise_revolutions": self.position_noise,
-            "parameter_latency_seconds": [end / 1e9 for end in self.latency_ns] if self.latency_ns[1] else 0.0,
-            "answers_after_seconds": self.answer_ns / 1e9,
-            "ready_after_seconds": self.ready_ns / 1e9,
-            "clock_drift_ppm": self.drift * 1e6,
-        }
-        return {key: value for key, value in found.items() if value}
+__all__ = ["asked_for", "imperfections", "missing_figures"]
 
 
 def asked_for(section: Realism) -> Iterator[tuple[tuple[str, ...], str, Any]]:
@@ -99,7 +50,7 @@ def imperfections(section: Realism, model: Model, drive: str, *, by_source: bool
         if given is None:
             fact = model.facts.get(f"realism.{name}")
             given = ON if by_source and fact is not None and fact.source != "assumed" else OFF
-        elif name in _NOISES and not isinstance(given, str):
+        elif name in NOISES and not isinstance(given, str):
             given = axis_value(name, given, model.pitch)
         none = (0, 0) if name in RANGES else 0
         figures[name] = own if given in {ON, ALL} else none if given == OFF else given
@@ -107,7 +58,7 @@ def imperfections(section: Realism, model: Model, drive: str, *, by_source: bool
     low, high = figures["clock_drift"]
     least, most = figures["parameter_latency_ns"]
     return Imperfections(
-        **{name: float(figures[name]) for name in _NOISES},
+        **{name: float(figures[name]) for name in NOISES},
         latency_ns=(int(least), int(most)),
         answer_ns=int(figures["answer_time_ns"]),
         ready_ns=int(figures["ready_time_ns"]),

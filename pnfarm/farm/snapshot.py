@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.model_parts import fault_label
+from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.protocols.profinet.ar import CmdevState
@@ -19,15 +20,13 @@ from pnfarm.wire.mac import format_mac
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.station import DriveStation
-    from pnfarm.farm.station_channels import ArChannels
     from pnfarm.faults.manager import FaultManager
 
 __all__ = [
     "NO_AR",
-    "STW1_BITS",
-    "ZSW1_BITS",
     "active_ar",
     "ar_state",
     "bits_in_words",
@@ -39,35 +38,6 @@ __all__ = [
 
 #: State of a connection that is not there; the others are :class:`CmdevState`'s.
 NO_AR = "NO_AR"
-
-#: Control word 1 by bit, in velocity mode, for a model that names none (profile 4.1, 6.3.2; AKD PROFINET manual 5.4).
-STW1_BITS = (
-    "on",
-    "no_coast_stop",
-    "no_quick_stop",
-    "enable_operation",
-    "enable_ramp_generator",
-    "unfreeze_ramp_generator",
-    "enable_setpoint",
-    "fault_acknowledge",
-    "jog_1",
-    "jog_2",
-    "control_by_plc",
-)
-#: Status word 1 by bit, alike (AKD PROFINET manual 5.5).
-ZSW1_BITS = (
-    "ready_to_switch_on",
-    "ready_to_operate",
-    "operation_enabled",
-    "fault_present",
-    "coast_stop_not_activated",
-    "quick_stop_not_activated",
-    "switching_on_inhibited",
-    "warning_present",
-    "velocity_error_within_range",
-    "control_requested",
-    "target_velocity_reached",
-)
 
 
 def bits_in_words(word: int, names: Sequence[str]) -> list[str]:

@@ -12,8 +12,8 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.gate import GateRule, every_frame, is_dcp, is_rpc
-from pnfarm.faults.splitmix import SplitMix64
 from pnfarm.faults.target import NOTHING, Evidence
+from pnfarm.station.splitmix import SplitMix64
 from pnfarm.table.impairment import DATA_INVALID, IOPS_BAD, LOSS, PROVIDER_STOP
 
 if TYPE_CHECKING:

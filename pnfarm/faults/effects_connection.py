@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window, seed_of
 from pnfarm.faults.gate import DelayRule, is_rpc
-from pnfarm.faults.splitmix import SplitMix64
 from pnfarm.protocols.profinet.errors import ErrorCode, PnioStatus, RecordError, pnio_error
+from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
-from pnfarm.faults.splitmix import SplitMix64
 from pnfarm.faults.target import Evidence, LateRule, Way
 from pnfarm.links.base import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
 from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
+from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
     from prometheus_client.metrics_core import Metric
 
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.station import DriveStation
 
 #: Counts by the values of a family's labels.
 Counts: TypeAlias = "dict[tuple[str, ...], int]"

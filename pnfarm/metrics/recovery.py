@@ -28,9 +28,9 @@ from pnfarm.station.events import (
 from pnfarm.table.axis import FAULT_SLOTS
 
 if TYPE_CHECKING:
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
-    from pnfarm.farm.event_log import LogEntry
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.station.event_log import LogEntry
 
 __all__ = ["REACTION_EDGES_NS", "Recovery"]
 

@@ -11,8 +11,8 @@ from typing import get_args
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.device.modules import pull_module
 from pnfarm.cli.module import Place, _place
-from pnfarm.farm.station_modules import pull_module
 
 DRIVE = {
     "name": "axis-01",

@@ -158,7 +158,7 @@ def run(program: str, *arguments: str) -> str:
 def test_what_is_held_back_is_summed_up_when_the_program_ends(style):
     text = run(
         "import sys; sys.path.insert(0, 'tests/support'); from events import Something\n"
-        "from pnfarm.cli.logging import configure; from pnfarm.farm.event_log import EventLog\n"
+        "from pnfarm.cli.logging import configure; from pnfarm.station.event_log import EventLog\n"
         "configure(as_json=sys.argv[1] == 'json')\n"
         "log = EventLog()\n"
         "for n in range(5000): log.record(n, 'axis-01', Something('connection replaced', {'peer': n}))\n"

@@ -16,13 +16,13 @@ from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import FarmFileError, parse_farm
-from pnfarm.farm.event_log import EventLog
 from pnfarm.links.base import PortSpec
 from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.document import ModuleItem
 from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+from pnfarm.station.event_log import EventLog
 
 FILE = """
 controller:

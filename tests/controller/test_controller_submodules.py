@@ -9,14 +9,14 @@ from ipaddress import IPv4Interface
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.core import ControllerCore
 from pnfarm.controller.identification import UNDER_WAY, read_im
 from pnfarm.errors import ConfigError, DecodeError
-from pnfarm.farm.event_log import EventLog
-from pnfarm.farm.station_modules import plug_module, pull_module
 from pnfarm.links.base import PortSpec
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.protocols.profinet.wire.rpc import Opnum
+from pnfarm.station.event_log import EventLog
 
 TELEGRAM = (0x3A00, 1, 2)
 

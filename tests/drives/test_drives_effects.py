@@ -12,6 +12,7 @@ from drives_kit import Running
 from model_copy import copy_model, rewrite
 
 import pnfarm
+from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.effects import Effect, effect_of
@@ -23,7 +24,6 @@ from pnfarm.drives.network import NoNetwork
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError
 from pnfarm.drives.store import ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
-from pnfarm.farm.station_diagnosis import fault_entry
 from pnfarm.table import signals
 from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import MOTION_HALTED

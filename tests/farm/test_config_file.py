@@ -555,7 +555,7 @@ def test_twice_as_many_errors_take_twice_the_work(kind, tmp_path):
 def test_of_very_many_unknown_words_the_first_are_compared_with_the_known_ones(monkeypatch):
     asked = []
     monkeypatch.setattr(
-        "pnfarm.farm.config_issue.difflib.get_close_matches", lambda word, *_, **__: asked.append(word) or []
+        "pnfarm.vocabulary.quoting.difflib.get_close_matches", lambda word, *_, **__: asked.append(word) or []
     )
     assert len(issues(MANY["unknown parameters"](2_000))) == 2_000
     assert len(asked) <= 100

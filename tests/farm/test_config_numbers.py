@@ -17,7 +17,7 @@ from pnfarm.farm.config import FarmFileError, parse_farm
 from pnfarm.farm.config_axis import Load, Motor
 from pnfarm.farm.config_model import FarmSections, Program
 from pnfarm.farm.config_tasks import Task
-from pnfarm.farm.event_log import EventLog
+from pnfarm.station.event_log import EventLog
 from pnfarm.table.axis import AXIS
 
 #: Fields where infinity is a word: no limit.

@@ -13,9 +13,10 @@ from pnfarm.drives import catalogue
 from pnfarm.drives.realism import BOUNDS, Realism
 from pnfarm.farm.config import FarmFileError, expand, parse_farm
 from pnfarm.farm.farm import model_of
-from pnfarm.farm.realism import Imperfections, imperfections
+from pnfarm.farm.realism import imperfections
 from pnfarm.farm.schema import farm_schema
 from pnfarm.farm.yaml_lines import parse_yaml
+from pnfarm.station.imperfections import Imperfections
 
 REAL = "{kind: macvlan, parent: eth1}"
 MEMORY = "{kind: memory}"

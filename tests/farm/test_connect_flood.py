@@ -8,7 +8,7 @@ import pytest
 from impostor import Impostor
 from virtual_line import VirtualLine
 
-from pnfarm.farm.connect_budget import CONNECTS
+from pnfarm.buses.profinet.device.connect_budget import CONNECTS
 
 MAC = bytes.fromhex("020000000066")
 IP = IPv4Address("10.77.1.66")

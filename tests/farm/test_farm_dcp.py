@@ -6,11 +6,10 @@ from ipaddress import IPv4Address, IPv4Interface
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.device.factory_reset import MEMORY_AFTER_RESET, clear_memory
 from pnfarm.controller import line as controller_line
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.farm.config import parse_farm
-from pnfarm.farm.event_log import EventLog
-from pnfarm.farm.factory_reset import MEMORY_AFTER_RESET, clear_memory
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.ip.claim import RECHECK_NS, SPREAD_NS, WAIT_NS
 from pnfarm.protocols.ip.host import IpHost
@@ -31,6 +30,7 @@ from pnfarm.protocols.profinet.wire.fsu import (
     emit_fsu_data_adjust,
 )
 from pnfarm.protocols.profinet.wire.pdev import InterfaceAdjust, emit_interface_adjust
+from pnfarm.station.event_log import EventLog
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 
 FILE = """

@@ -14,14 +14,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pnfarm.buses.profinet.decode.cyclic import drive_state, status_words
+from pnfarm.buses.profinet.decode.decoder import FAMILIES, Decoder, family_of
+from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
+from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import parse_farm
-from pnfarm.farm.decode.cyclic import drive_state, status_words
-from pnfarm.farm.decode.decoder import FAMILIES, Decoder, family_of
-from pnfarm.farm.decode.reading import CapturedFrame, FrameReader
 from pnfarm.farm.fault_targets import attach_faults
-from pnfarm.farm.station_modules import plug_module, pull_module
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.links.bpf_capture import ATOMS
 

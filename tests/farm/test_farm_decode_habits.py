@@ -10,8 +10,8 @@ from uuid import UUID
 import pytest
 from test_farm_decode import record, said
 
-from pnfarm.farm.decode.decoder import Decoder
-from pnfarm.farm.decode.reading import CapturedFrame, FrameReader
+from pnfarm.buses.profinet.decode.decoder import Decoder
+from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
 from pnfarm.protocols.profinet.wire.ptcp import PtcpPdu, PtcpTlv, TlvType, emit_ptcp
 
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis, fault_entry
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.store import ParameterStore
-from pnfarm.farm.station_diagnosis import FaultDiagnosis, fault_entry
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.table.axis import AXIS
 from pnfarm.table.image import IMAGE

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from fault_line import FaultLine
 
+from pnfarm.buses.profinet.device.modules import modules_view
 from pnfarm.errors import ConfigError
-from pnfarm.farm.station_modules import modules_view
 from pnfarm.faults.catalogue import KINDS
 from pnfarm.faults.kind import FaultKind, ParamSpec
 from pnfarm.table.axis import AXIS

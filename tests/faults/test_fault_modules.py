@@ -5,8 +5,8 @@ from fault_line import FaultLine
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.errors import ConfigError
-from pnfarm.farm.station_modules import plug_module, pull_module
 from pnfarm.protocols.profinet.description import SlotState
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
 

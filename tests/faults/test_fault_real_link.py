@@ -10,8 +10,8 @@ import subprocess
 import pytest
 
 from pnfarm.farm.config import parse_farm
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import Farm
+from pnfarm.station.event_log import EventLog
 
 CLONE_NEWNET = 0x40000000
 FILE = """

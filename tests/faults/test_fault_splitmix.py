@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.faults.splitmix import SplitMix64
+from pnfarm.station.splitmix import SplitMix64
 
 
 def test_the_generator_gives_the_published_numbers():

@@ -15,10 +15,10 @@ from uuid import UUID
 
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.drives import catalogue
 from pnfarm.drives.profiles.profidrive import base_mode
 from pnfarm.errors import DecodeError
-from pnfarm.farm.station_modules import plug_module, pull_module
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml

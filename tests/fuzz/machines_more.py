@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from uuid import UUID
 
+from pnfarm.buses.profinet.decode.decoder import Decoder
+from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
+from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull_module
 from pnfarm.errors import ConfigError
-from pnfarm.farm.decode.decoder import Decoder
-from pnfarm.farm.decode.reading import CapturedFrame, FrameReader
-from pnfarm.farm.station_modules import modules_view, plug_module, pull_module
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import Peer

@@ -18,7 +18,7 @@ from pnfarm.farm.snapshot import drive_snapshot, farm_snapshot
 if TYPE_CHECKING:
     from virtual_line import VirtualLine
 
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
 
 __all__ = ["FailureFoundError", "Memory", "Monotonic", "holdings", "resident"]
 

@@ -16,18 +16,18 @@ import time
 import traceback
 from dataclasses import asdict, is_dataclass, replace
 
+from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import PnfarmError
 from pnfarm.farm import farm as farm_module
 from pnfarm.farm.config import load_farm
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.farm.station_modules import plug_module, pull_module
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.errors import abort_label
 from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
+from pnfarm.station.event_log import EventLog
 from pnfarm.table.signals import WORD_NONE
 
 ANSWER_SECONDS = 10.0

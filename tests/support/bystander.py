@@ -25,7 +25,7 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.virtual import VirtualWorld
 
 CALL_PORT, SNMP_CLIENT_PORT, SNMP_PORT = 49_160, 49_161, 161

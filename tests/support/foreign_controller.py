@@ -18,7 +18,7 @@ from pnfarm.engine.tick import receive
 if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.protocols.ip.host import DatagramReceived
 
 RPC_PORT = 34964

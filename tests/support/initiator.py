@@ -42,7 +42,7 @@ from pnfarm.protocols.profinet.wire.rta import parse_rta
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
 
 PREFIX = "dea00000-6c97-11d1-8271-"
 #: 64 ms, and 1.92 s of silence allowed.

@@ -11,10 +11,10 @@ from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.core import FarmCore
-from pnfarm.farm.event_log import EventLog
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec
+from pnfarm.station.event_log import EventLog
 
 
 class SharedLine:

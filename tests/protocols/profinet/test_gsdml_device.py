@@ -25,12 +25,12 @@ from profinet.gsdml import load_gsdml
 from test_cmctl_two_ends import Pair
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
 from pnfarm.drives import loader
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.farm.station_diagnosis import fault_entry
 from pnfarm.protocols.profinet.binding import describe_device, serial_number
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import ArEstablished, Connected

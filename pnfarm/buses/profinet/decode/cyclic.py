@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.decode.channels import Channel
-from pnfarm.farm.decode.packet import Said
-from pnfarm.farm.snapshot import STW1_BITS, ZSW1_BITS
+from pnfarm.buses.profinet.decode.channels import Channel
+from pnfarm.buses.profinet.decode.packet import Said
+from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
 from pnfarm.protocols.profinet.wire.rtc import (
     IOXS_BAD_BY_CONTROLLER,
@@ -25,7 +25,7 @@ from pnfarm.protocols.profinet.wire.rtc import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.farm.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.packet import Packet, Shared
 
 __all__ = ["cyclic", "drive_state", "status_words"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.decode.packet import Said
+from pnfarm.buses.profinet.decode.packet import Said
 from pnfarm.protocols.profinet.wire import dcp_blocks as blocks
 from pnfarm.protocols.profinet.wire.dcp import (
     SERVICE_GET,
@@ -20,7 +20,7 @@ from pnfarm.protocols.profinet.wire.dcp import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.farm.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.packet import Packet, Shared
 
 __all__ = ["dcp"]
 

@@ -10,7 +10,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.description import ModuleDescription
 
 if TYPE_CHECKING:
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.protocols.profinet.description import SubmoduleDescription
 
 __all__ = ["module_of_ident", "module_of_telegram", "modules_view", "plug_module", "pull_module"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.decode.channels import Channel, make_template, telegram_of
-from pnfarm.farm.decode.packet import Said
+from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegram_of
+from pnfarm.buses.profinet.decode.packet import Said
 from pnfarm.protocols.profinet.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
 from pnfarm.protocols.profinet.wire.blocks_connect import (
     ArBlockReq,
@@ -27,7 +27,7 @@ from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockReq, I
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from pnfarm.farm.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.packet import Packet, Shared
     from pnfarm.protocols.profinet.wire.blocks_any import Block
     from pnfarm.protocols.profinet.wire.rpc import RpcPdu
 

@@ -6,15 +6,15 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.decode.stations import Bounded, Stations
+from pnfarm.buses.profinet.decode.stations import Bounded, Stations
 from pnfarm.protocols.ip.reassembly import Reassembler
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from uuid import UUID
 
-    from pnfarm.farm.decode.calls import Call
-    from pnfarm.farm.decode.channels import Channel, Template
+    from pnfarm.buses.profinet.decode.calls import Call
+    from pnfarm.buses.profinet.decode.channels import Channel, Template
 
 __all__ = ["Packet", "Said", "Shared"]
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.farm.decode.channels import Channel
-    from pnfarm.farm.decode.packet import Shared
+    from pnfarm.buses.profinet.decode.channels import Channel
+    from pnfarm.buses.profinet.decode.packet import Shared
 
 __all__ = ["Conversation", "Conversations"]
 

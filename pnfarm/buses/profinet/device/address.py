@@ -30,7 +30,7 @@ from pnfarm.protocols.profinet.wire.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.protocols.ip.host import IpEvent
     from pnfarm.protocols.profinet.dcp_rules import DcpDeviceEvent
     from pnfarm.station.events import Event
@@ -55,7 +55,7 @@ class StationAddress:
         self,
         mac: bytes,
         identity: DcpIdentity,
-        config: DriveConfig,
+        config: DeviceConfig,
         kept: Mapping[str, Any],
         *,
         keep: Callable[[int, str, Any], None],

@@ -12,11 +12,11 @@ from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValu
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.farm.config_issue import shown
 from pnfarm.protocols.profinet.dcp_rules import check_ip_suite
 from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

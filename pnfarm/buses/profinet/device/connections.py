@@ -13,7 +13,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device import events as happened
-from pnfarm.farm.record_memory import record_word
+from pnfarm.buses.profinet.device.record_memory import record_word
 from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
 from pnfarm.protocols.profinet.events import (
     AlarmConfirmed,
@@ -34,7 +34,7 @@ from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.farm.station import DriveStation
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.protocols.profinet.events import CmEvent
 
 __all__ = ["SLOWEST_STEP_NS", "StationConnections"]

@@ -15,6 +15,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.device import events as happened
+from pnfarm.buses.profinet.device.address import StationAddress
+from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels, channel_rows
+from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
+from pnfarm.buses.profinet.device.connections import StationConnections
+from pnfarm.buses.profinet.device.factory_reset import clear_memory
+from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
+from pnfarm.buses.profinet.device.kept_values import KeptValueError, check_kept
+from pnfarm.buses.profinet.device.neighbours import StationNeighbours, port_diagnosis
+from pnfarm.buses.profinet.device.network import StationNetwork
+from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
+from pnfarm.buses.profinet.device.record_memory import record_word, records_of
+from pnfarm.buses.profinet.device.snmp import PortTraffic, snmp_view
+from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
+from pnfarm.drives.given_values import raw_number
 from pnfarm.drives.store import (
     DisplayBlinkRequested,
     FaultHistoryCleared,
@@ -24,21 +38,6 @@ from pnfarm.drives.store import (
     TelegramChanged,
 )
 from pnfarm.errors import ConfigError, DecodeError, InternalError
-from pnfarm.farm.config_known import raw_number
-from pnfarm.farm.connect_budget import ConnectBudget
-from pnfarm.farm.factory_reset import clear_memory
-from pnfarm.farm.fault_memory import active_of, history_of, restore_history
-from pnfarm.farm.kept_values import KeptValueError, check_kept
-from pnfarm.farm.record_memory import record_word, records_of
-from pnfarm.farm.station_address import StationAddress
-from pnfarm.farm.station_channels import ArChannels, StationChannels, channel_rows
-from pnfarm.farm.station_connections import StationConnections
-from pnfarm.farm.station_diagnosis import FaultDiagnosis
-from pnfarm.farm.station_neighbours import StationNeighbours, port_diagnosis
-from pnfarm.farm.station_network import StationNetwork
-from pnfarm.farm.station_parameter_words import StationParameterWords
-from pnfarm.farm.station_snmp import PortTraffic, snmp_view
-from pnfarm.farm.station_snmp_neighbours import NeighbourRows
 from pnfarm.protocols.ip.host import DatagramReceived
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
@@ -68,6 +67,7 @@ from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.station.events import Booted, MemoryNotTaken, ParametersSaved, PowerLost, PowerReturned
+from pnfarm.station.fault_memory import active_of, history_of, restore_history
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
@@ -77,19 +77,19 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from uuid import UUID
 
+    from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.engine.schedule import ChannelTable
-    from pnfarm.farm.config_expand import DriveConfig
-    from pnfarm.farm.event_log import EventLog
-    from pnfarm.farm.realism import Imperfections
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
+    from pnfarm.station.event_log import EventLog
     from pnfarm.station.events import Event
+    from pnfarm.station.imperfections import Imperfections
 
 __all__ = ["DriveStation", "StationServices"]
 
@@ -119,7 +119,7 @@ class DriveStation:
 
     def __init__(
         self,
-        config: DriveConfig,
+        config: DeviceConfig,
         model: Model,
         index: int,
         port: Port,

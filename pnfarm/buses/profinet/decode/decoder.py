@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profinet.decode import small
+from pnfarm.buses.profinet.decode.calls import is_call, rpc
+from pnfarm.buses.profinet.decode.conversations import Conversations
+from pnfarm.buses.profinet.decode.cyclic import cyclic
+from pnfarm.buses.profinet.decode.dcp import dcp
+from pnfarm.buses.profinet.decode.packet import Packet, Said, Shared
+from pnfarm.buses.profinet.decode.stations import Bounded
 from pnfarm.errors import DecodeError
-from pnfarm.farm.decode import small
-from pnfarm.farm.decode.calls import is_call, rpc
-from pnfarm.farm.decode.conversations import Conversations
-from pnfarm.farm.decode.cyclic import cyclic
-from pnfarm.farm.decode.dcp import dcp
-from pnfarm.farm.decode.packet import Packet, Said, Shared
-from pnfarm.farm.decode.stations import Bounded
 from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW, DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.ptcp import PTCP_NAMES
@@ -34,7 +34,7 @@ from pnfarm.wire.ipv4 import PROTOCOL_ICMP, PROTOCOL_UDP
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.farm.decode.reading import CapturedFrame
+    from pnfarm.buses.profinet.decode.reading import CapturedFrame
 
 __all__ = ["FAMILIES", "Decoder", "Line", "family_of"]
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.station_neighbours import port_numbers
-from pnfarm.farm.station_snmp_neighbours import management_view
+from pnfarm.buses.profinet.device.neighbours import port_numbers
+from pnfarm.buses.profinet.device.snmp_neighbours import management_view
 from pnfarm.protocols.profinet.mib_view import (
     ADMIN_DISABLED,
     ADMIN_TX_AND_RX,
@@ -33,10 +33,10 @@ from pnfarm.table.channel import DISCARD_IMPAIRED, DISCARDS
 from pnfarm.wire.mac import BROADCAST, is_group
 
 if TYPE_CHECKING:
+    from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
+    from pnfarm.buses.profinet.device.neighbours import StationNeighbours
+    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.engine.schedule import ChannelTable
-    from pnfarm.farm.station import DriveStation
-    from pnfarm.farm.station_channels import ArChannels, StationChannels
-    from pnfarm.farm.station_neighbours import StationNeighbours
 
 __all__ = ["PortTraffic", "snmp_view"]
 

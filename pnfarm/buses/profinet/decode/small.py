@@ -5,8 +5,8 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.decode.calls import ip_packet, udp_words
-from pnfarm.farm.decode.packet import Said
+from pnfarm.buses.profinet.decode.calls import ip_packet, udp_words
+from pnfarm.buses.profinet.decode.packet import Said
 from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
 from pnfarm.protocols.profinet.wire.alarm_words import alarm_in_words
 from pnfarm.protocols.profinet.wire.alarms import AlarmAck, describe_place, parse_alarm
@@ -24,8 +24,8 @@ from pnfarm.wire.udp import parse_udp
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pnfarm.buses.profinet.decode.packet import Packet, Shared
     from pnfarm.errors import DecodeError
-    from pnfarm.farm.decode.packet import Packet, Shared
 
 __all__ = ["alarm", "arp", "icmp", "lldp", "other", "ptcp", "snmp", "unreadable"]
 

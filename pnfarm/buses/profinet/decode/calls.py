@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.decode.connect import connect_request, connect_response, forget_asked
-from pnfarm.farm.decode.packet import Said
-from pnfarm.farm.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
+from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
+from pnfarm.buses.profinet.decode.packet import Said
+from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
 from pnfarm.protocols.profinet.wire.block_words import blocks_in_line
@@ -49,7 +49,7 @@ from pnfarm.wire.udp import parse_udp
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pnfarm.farm.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.packet import Packet, Shared
     from pnfarm.protocols.profinet.wire.blocks_any import Block
     from pnfarm.wire.udp import UdpDatagram
 
