@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.data_files import integer, read_toml, required
+from pnfarm.drives.model_files import integer, read_toml, required
 from pnfarm.drives.parameter_rows import axis_parameters
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS

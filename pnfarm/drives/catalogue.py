@@ -9,10 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.data_files import read_toml, required
 from pnfarm.drives.effects import effect_of
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
+from pnfarm.drives.model_files import read_toml, required
 from pnfarm.drives.parameter import Form
 from pnfarm.drives.telegram import TASK_FORMS
 from pnfarm.errors import ConfigError

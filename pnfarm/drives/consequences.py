@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.data_files import required
+from pnfarm.drives.model_files import required
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
 

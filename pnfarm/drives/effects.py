@@ -11,7 +11,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.computed import CONSTANT_COMPUTED
-from pnfarm.drives.data_files import integer
+from pnfarm.drives.model_files import integer
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS

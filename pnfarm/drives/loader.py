@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pnfarm.drives.behaviour import read_behaviour, with_behaviour
 from pnfarm.drives.consequences import read_consequences
 from pnfarm.drives.control_limits import check_control_limits
-from pnfarm.drives.data_files import integer, read_toml, required, rows
 from pnfarm.drives.effects import check_effects
 from pnfarm.drives.factor_group import check_factor_group
 from pnfarm.drives.lamps import Lamps
 from pnfarm.drives.model import Model
+from pnfarm.drives.model_files import integer, read_toml, required, rows
 from pnfarm.drives.model_parts import (
     DIAGNOSIS_CODINGS,
     REACTIONS,

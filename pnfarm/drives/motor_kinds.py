@@ -11,7 +11,7 @@ from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.data_files import integer, required
+from pnfarm.drives.model_files import integer, required
 from pnfarm.drives.model_parts import MotorKind
 from pnfarm.drives.parameter_rows import PER_PITCH, axis_parameters
 from pnfarm.errors import ConfigError

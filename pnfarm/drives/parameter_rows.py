@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.computed import COMPUTED
-from pnfarm.drives.data_files import integer, required, rows
+from pnfarm.drives.model_files import integer, required, rows
 from pnfarm.drives.model_parts import COMMANDS
 from pnfarm.drives.parameter import FLOAT_HIGHEST, Backing, Form, Parameter, ParameterType
 from pnfarm.errors import ConfigError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.data_files import integer, read_toml, required
+from pnfarm.drives.model_files import integer, read_toml, required
 from pnfarm.drives.parameter import Backing, Parameter
 from pnfarm.drives.telegram import (
     PARAMETER_WORDS,
