@@ -15,7 +15,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.model_files import integer, read_toml, required
+from pnfarm.drives.model_files import joined_tables, required
 from pnfarm.drives.parameter_rows import axis_parameters
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
@@ -23,10 +23,11 @@ from pnfarm.table.axis import AXIS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from collections.abc import Set as AbstractSet
-    from pathlib import Path
 
     from pnfarm.drives.model import Model
+    from pnfarm.drives.model_files import ModelFiles
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.parameter_numbers import ParameterNumbers
 
 __all__ = ["SECTIONS", "Point", "Reading", "read_behaviour", "with_behaviour"]
 
@@ -36,6 +37,7 @@ SECTIONS = {
     "parameter_access": "access",
     "position_units": "position_units",
 }
+FILE = "behaviour.toml"
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 #: YAML reads these as something else than a word.
 _NO_WORDS = frozenset({"false", "n", "no", "null", "off", "on", "true", "y", "yes"})
@@ -80,8 +82,9 @@ class Point:
 
 
 def read_behaviour(
-    path: Path,
+    files: ModelFiles,
     parameters: Mapping[int, Parameter],
+    numbers: ParameterNumbers,
     fixed: AbstractSet[str],
     section_value: Callable[[str, str, Any, str], Any],
 ) -> tuple[Point, ...]:
@@ -92,19 +95,18 @@ def read_behaviour(
     """
     points: list[Point] = []
     owners: dict[object, str] = {}
-    data = read_toml(path) if path.exists() else {}
-    if unknown := sorted(data.keys() - {"behaviour"}):
-        raise ConfigError(f"{path}, {unknown[0]}: none of behaviour")
-    for index, table in enumerate(data.get("behaviour", ()), 1):
-        name = str(required(table, "name", f"{path}, behaviour {index}"))
-        where = f"{path}, behaviour {name}"
-        if name in {point.name for point in points} or not _is_word(name):
-            raise ConfigError(f"{where}: stands twice, or is no name of a-z, 0-9 and - between")
+    for path, data in files.tomls(FILE):
+        if unknown := sorted(data.keys() - {"behaviour"}):
+            raise ConfigError(f"{path}, {unknown[0]}: none of behaviour")
+    for name, table in joined_tables(files, FILE, "behaviour", "name").items():
+        where = table.where()
+        if not _is_word(str(name)):
+            raise ConfigError(f"{where}: not a name of a-z, 0-9 and - between")
         readings = {
-            key: _reading(str(key), entry, parameters, section_value, f"{where}.{key}")
-            for key, entry in required(table, "readings", where).items()
+            key: _reading(str(key), entry, parameters, numbers, section_value, f"{where}.{key}")
+            for key, entry in table.required("readings").items()
         }
-        texts = {key: str(required(table, key, where)) for key in ("about", "default", "reason", "source")}
+        texts = {key: str(table.required(key)) for key in ("about", "default", "reason", "source")}
         point = Point(name=name, readings=readings, **texts)
         _check_point(point, fixed, owners, where)
         points.append(point)
@@ -119,11 +121,12 @@ def _reading(
     name: str,
     entry: Mapping[str, Any],
     parameters: Mapping[int, Parameter],
+    numbers: ParameterNumbers,
     section_value: Callable[[str, str, Any, str], Any],
     where: str,
 ) -> Reading:
     if not _is_word(name):
-        raise ConfigError(f"{where}: no name of a-z, 0-9 and - between")
+        raise ConfigError(f"{where}: not a name of a-z, 0-9 and - between")
     if unknown := sorted(entry.keys() - {"does", *_SETS}):
         raise ConfigError(f"{where}, {unknown[0]}: none of does, {', '.join(_SETS)}")
     does = str(required(entry, "does", where))
@@ -135,7 +138,7 @@ def _reading(
         firmware[key] = value
     defaults: dict[int, int] = {}
     for key, value in entry.get("defaults", {}).items():
-        pnu = integer(key, where, "defaults")
+        pnu = numbers.of(key, f"{where}, defaults")
         parameter = parameters.get(pnu)
         if parameter is None or parameter.elements or type(value) is not int or not parameter.allows(value):
             raise ConfigError(f"{where}, defaults.{key}: no plain parameter, or it does not take {value!r}")

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.effects import effect_of
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model, submodule_json
-from pnfarm.drives.model_files import read_toml, required
+from pnfarm.drives.model_files import MODEL_FILE, ModelFiles, required
 from pnfarm.drives.parameter import Form
+from pnfarm.drives.sections import NAMING_FILES, joined_data
 from pnfarm.drives.telegram import TASK_FORMS
 from pnfarm.errors import ConfigError
 
@@ -29,7 +30,7 @@ SHIPPED_FOLDER = Path(__file__).resolve().parent / "models"
 #: Environment: further folders with a folder for each model, written as PATH is.
 MODELS_VARIABLE = "PNFARM_MODELS"
 #: Where a model's folder may lie: alone, as a bus of a product, as an edition of that.
-_DEPTHS = ("*/model.toml", "*/*/model.toml", "*/*/*/model.toml")
+_DEPTHS = tuple(f"{'*/' * depth}{MODEL_FILE}" for depth in (1, 2, 3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +65,10 @@ def _folders(further: str) -> list[Path]:
 def _entries(further: str) -> dict[str, Entry]:
     found: dict[str, Entry] = {}
     owners: dict[str, Path] = {}
+    products: dict[str, Path] = {}
     for folder in _folders(further):
-        path = folder / "model.toml"
-        data = read_toml(path)
+        path, files = folder / MODEL_FILE, ModelFiles(folder)
+        data, _ = joined_data(files, NAMING_FILES)
         name = str(required(data, "name", str(path)))
         aliases = tuple(data.get("aliases", ()))
         for word in (name, *aliases):
@@ -75,11 +77,16 @@ def _entries(further: str) -> dict[str, Entry]:
             owners[word] = path
         texts = {key: str(data.get(key, "")) for key in ("title", "maker", "bus", "edition")}
         found[name] = Entry(name=name, aliases=aliases, **texts, folder=folder)
-    return found
+        products[name] = files.folders[0]
+    order = list(dict.fromkeys(products.values()))
+    return {name: found[name] for name in sorted(found, key=lambda name: (order.index(products[name]), name))}
 
 
 def models() -> dict[str, Entry]:
-    """All models by name.  Raises :class:`ConfigError` when those of :data:`MODELS_VARIABLE` cannot be listed."""
+    """All models by name, those of a product beside each other.
+
+    Raises :class:`ConfigError` when those of :data:`MODELS_VARIABLE` cannot be listed.
+    """
     return dict(_entries(os.environ.get(MODELS_VARIABLE, "")))
 
 

@@ -11,8 +11,10 @@ from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.parameter_numbers import ParameterNumbers
 
 __all__ = ["Consequence", "read_consequences"]
 
@@ -37,17 +39,20 @@ class Consequence:
 
 
 def read_consequences(
-    tables: Sequence[Mapping[str, Any]], parameters: Mapping[int, Parameter], path: str
+    tables: Sequence[Mapping[str, Any]],
+    parameters: Mapping[int, Parameter],
+    numbers: ParameterNumbers,
+    file: Path,
 ) -> tuple[Consequence, ...]:
     """Check and build them; raises :class:`ConfigError` that names the entry."""
     found = []
     for index, table in enumerate(tables, 1):
-        where = f"{path}, consequence {index}"
+        where = f"{file}, consequence {index}"
         entry = Consequence(
-            pnu=required(table, "pnu", where),
+            pnu=numbers.of(required(table, "pnu", where), where),
             subindexes=tuple(required(table, "subindexes", where)),
             value=required(table, "value", where),
-            other=required(table, "other", where),
+            other=numbers.of(required(table, "other", where), where),
             other_subindex=required(table, "other_subindex", where),
             to=required(table, "to", where),
             source=required(table, "source", where),

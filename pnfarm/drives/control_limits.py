@@ -9,30 +9,34 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.factor_group import float_of
+from pnfarm.drives.model_parts import ControlLimits
 from pnfarm.drives.parameter import Backing, Form
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.drives.model_parts import ControlLimits
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.sections import Section
     from pnfarm.drives.stored_values import StoredValues
 
-__all__ = ["apply_control_limits", "check_control_limits"]
+__all__ = ["apply_control_limits", "read_control_limits"]
 
 PERCENT = 0.01
 #: Bits of the greatest float32 that is a number.
 FINITE = 0x7F7FFFFF
 
 
-def check_control_limits(limits: ControlLimits, parameters: Mapping[int, Parameter], where: str) -> ControlLimits:
+def read_control_limits(section: Section, parameters: Mapping[int, Parameter]) -> ControlLimits | None:
     """Stored numbers, zero or more; raises :class:`ConfigError`."""
-    for pnu in sorted(limits.numbers):
+    if not section:
+        return None
+    limits: ControlLimits = section.build(ControlLimits)
+    for key, pnu in section.values_by_key().items():
         parameter = parameters.get(pnu)
         stored = parameter is not None and parameter.backing is Backing.STORED and parameter.form is Form.FLOAT
         if parameter is None or not stored or parameter.maximum > FINITE:
-            raise ConfigError(f"{where}: {pnu} is no Float that is stored, finite and not below zero")
+            raise ConfigError(f"{section.where(key)}: {pnu} is not a Float that is stored, finite and not below zero")
     return limits
 
 

@@ -11,19 +11,16 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.computed import CONSTANT_COMPUTED
-from pnfarm.drives.model_files import integer
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pnfarm.drives.model import Model
-    from pnfarm.drives.model_parts import Fact
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.sections import Section
 
-__all__ = ["EFFECTS", "Effect", "acting_parameters", "check_effects", "effect_of"]
+__all__ = ["EFFECTS", "Effect", "effect_of", "read_effects"]
 
 
 class Effect(Enum):
@@ -44,7 +41,7 @@ EFFECTS = {
 }
 
 
-def acting_parameters(model: Model) -> frozenset[int]:
+def _acting_parameters(model: Model) -> frozenset[int]:
     """The PNUs of stored parameters that the model's sections name, so that their values act."""
     numbers: set[int] = {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}
     numbers.update(model.access.mapping_elements, (entry.pnu for entry in model.consequences), model.fault_actions)
@@ -81,25 +78,25 @@ def _derived(model: Model, parameter: Parameter) -> Effect:
         case _:
             if not parameter.writable:
                 return Effect.CONSTANT
-            return Effect.ACTS if parameter.pnu in acting_parameters(model) else Effect.KEPT
+            return Effect.ACTS if parameter.pnu in _acting_parameters(model) else Effect.KEPT
 
 
 # model.toml
 
 
-def check_effects(model: Model, facts: Mapping[str, Fact], where: str) -> dict[int, Effect]:
+def read_effects(model: Model, section: Section) -> dict[int, Effect]:
     """The section ``effects``: PNU -> effect, where the data would say another; raises :class:`ConfigError`."""
     found: dict[int, Effect] = {}
-    for key, fact in facts.items():
-        pnu = integer(key, where, "pnu")
+    for key, fact in section.items():
+        pnu = int(key)
         if pnu not in model.parameters:
-            raise ConfigError(f"{where}.{key}: there is no parameter {pnu}")
+            raise ConfigError(f"{section.where(key)}: there is no parameter {pnu}")
         try:
             effect = Effect(fact.value)
         except ValueError:
             known = ", ".join(each.value for each in Effect)
-            raise ConfigError(f"{where}.{key}: {fact.value!r} is none of {known}") from None
+            raise ConfigError(f"{section.where(key)}: {fact.value!r} is none of {known}") from None
         if effect is _derived(model, model.canonical(model.parameters[pnu])) or not fact.note:
-            raise ConfigError(f"{where}.{key}: that is so without this entry, or its reason is missing")
+            raise ConfigError(f"{section.where(key)}: that is so without this entry, or its reason is missing")
         found[pnu] = effect
     return found

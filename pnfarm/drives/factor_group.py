@@ -10,17 +10,18 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.model_parts import FactorGroup
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.drives.model_parts import FactorGroup
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.sections import Section
     from pnfarm.drives.stored_values import StoredValues
 
-__all__ = ["apply_factor_group", "check_factor_group", "float_bits", "float_of"]
+__all__ = ["apply_factor_group", "float_bits", "float_of", "read_factor_group"]
 
 #: rpm/s of one rev/s2.
 RPM_PER_SECOND = 60.0
@@ -40,12 +41,15 @@ def float_bits(value: float) -> int:
         return 0x7F800000 if value > 0.0 else 0xFF800000
 
 
-def check_factor_group(group: FactorGroup, parameters: Mapping[int, Parameter], where: str) -> FactorGroup:
+def read_factor_group(section: Section, parameters: Mapping[int, Parameter]) -> FactorGroup | None:
     """Stored parameters that cannot be zero, lest a unit be nothing; raises :class:`ConfigError`."""
-    for pnu in sorted(group.numbers):
+    if not section:
+        return None
+    group: FactorGroup = section.build(FactorGroup)
+    for key, pnu in section.values_by_key().items():
         parameter = parameters.get(pnu)
         if parameter is None or parameter.backing is not Backing.STORED or parameter.minimum < 1:
-            raise ConfigError(f"{where}: {pnu} is no parameter that is stored and above zero")
+            raise ConfigError(f"{section.where(key)}: {pnu} is not a parameter that is stored and above zero")
     return group
 
 

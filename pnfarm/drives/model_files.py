@@ -1,40 +1,100 @@
-"""Reading the files of a model's folder, and saying where a mistake is.
+"""The files of a model, and where in them a mistake is.
 
-Whatever is wrong in them is a :class:`~pnfarm.errors.ConfigError` that names file, row and field.
+A model is a product on a bus.  The product's folder holds ``axis.toml`` and whatever is the drive's own on any bus; a
+folder in it holds what one bus adds, and a folder in that one edition of the bus's manual, where there are several.
+The model's own folder is the one with ``model.toml``.  A folder with ``model.toml`` and no product above it is a
+whole model.
+
+A file of the same name further in adds to the one above it, row by row and key by key; what it says counts.  Every
+mistake is a :class:`~pnfarm.errors.ConfigError` that names file, line and field.
 """
 
 from __future__ import annotations
 
 import csv
+import re
 import tomllib
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
-__all__ = ["integer", "read_toml", "required", "rows"]
+    #: A place in a file, or what finds it when there is an error to tell.
+    Where = str | Callable[[], str]
+
+__all__ = [
+    "MODEL_FILE",
+    "ModelFiles",
+    "Table",
+    "integer",
+    "joined_tables",
+    "line_of",
+    "place_of",
+    "read_toml",
+    "required",
+    "rows",
+]
+
+#: In a model's own folder.
+MODEL_FILE = "model.toml"
+#: In a product's folder.
+PRODUCT_FILE = "axis.toml"
+#: A bus's folder lies in the product's, an edition's in the bus's.
+DEPTH = 2
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """A TOML file; :class:`ConfigError` with its name if it cannot be read."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as exc:
-        raise ConfigError(f"{path}: {exc}") from exc
+class ModelFiles:
+    """The folders that a model is made of, the product's first, its own last."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        chain = [folder, *folder.parents[:DEPTH]]
+        product = next((index for index, place in enumerate(chain) if (place / PRODUCT_FILE).exists()), 0)
+        self.folders = chain[product::-1]
+        self._tomls: dict[Path, dict[str, Any]] = {}
+
+    def named(self, name: str) -> list[Path]:
+        """The files of this name, the product's first."""
+        return [path for folder in self.folders if (path := folder / name).exists()]
+
+    def tomls(self, name: str) -> list[tuple[Path, dict[str, Any]]]:
+        """As :meth:`named`, each file with what it says; a file is read once."""
+        found = self.named(name)
+        for path in found:
+            if path not in self._tomls:
+                self._tomls[path] = read_toml(path)
+        return [(path, self._tomls[path]) for path in found]
+
+    def wanted(self, name: str) -> list[Path]:
+        """As :meth:`named`; :class:`ConfigError` if there is none."""
+        found = self.named(name)
+        if not found:
+            raise ConfigError(f"{self.folder / name}: no such file, nor one above it in the product's folder")
+        return found
+
+
+def place_of(where: Where) -> str:
+    """A place as text."""
+    return where if isinstance(where, str) else where()
+
+
+# CSV
 
 
 def rows(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     """The rows of a CSV file with a place for error messages."""
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            for row in (reader := csv.DictReader(file)):
+            reader = csv.reader(file)
+            columns = next(reader, [])
+            for cells in filter(None, reader):
                 where = f"{path}, line {reader.line_num}"
-                if None in row or None in row.values():
-                    raise ConfigError(f"{where}: {len(reader.fieldnames or ())} columns are wanted")
-                yield where, row
+                if len(cells) != len(columns):
+                    raise ConfigError(f"{where}: must have {len(columns)} columns")
+                yield where, dict(zip(columns, cells, strict=True))
     except OSError as exc:
         raise ConfigError(f"{path}: {exc}") from exc
 
@@ -49,9 +109,70 @@ def integer(text: str, where: str, field: str, default: int | None = None) -> in
         raise ConfigError(f"{where}, {field}: {text!r} is not a number") from None
 
 
+# TOML
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file; :class:`ConfigError` with its name if it cannot be read."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as exc:
+        raise ConfigError(f"{path}: {exc}") from exc
+
+
 def required(table: Mapping[str, Any], key: str, where: str) -> Any:
     """The value of a key that must be there."""
     try:
         return table[key]
     except KeyError:
         raise ConfigError(f"{where}, {key}: missing") from None
+
+
+def line_of(path: Path, section: str, key: str = "") -> int:
+    """The line of a section's key, or of the section; 0 where it stands in another form."""
+    here = not section
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if header := re.fullmatch(r"\[+([^\[\]]+)\]+\s*(#.*)?", line):
+            here = header[1] == section
+            if here and not key:
+                return number
+        elif here and key and re.match(rf'"?{re.escape(key)}"?\s*=', line):
+            return number
+    return 0
+
+
+class Table(dict[str, Any]):
+    """An entry ``[[name]]`` of a list, joined from several files; :meth:`where` tells which of them gave a key."""
+
+    def __init__(self, place: str) -> None:
+        super().__init__()
+        self._place = place
+        self._places: dict[str, str] = {}
+
+    def add(self, table: Mapping[str, Any], place: str) -> None:
+        """What another file says of the same entry."""
+        self.update(table)
+        self._places |= dict.fromkeys(table, place)
+
+    def where(self, key: str = "") -> str:
+        """The place of a key, or of the entry."""
+        return f"{self._places.get(key, self._place)}, {key}" if key else self._place
+
+    def required(self, key: str) -> Any:
+        """The value of a key that must be there."""
+        return required(self, key, self._place)
+
+
+def joined_tables(files: ModelFiles, file: str, name: str, key: str) -> dict[Any, Table]:
+    """The entries ``[[name]]`` of all files of this name by their ``key``; one that is there already gets more keys."""
+    found: dict[Any, Table] = {}
+    for path, data in files.tomls(file):
+        here: set[Any] = set()
+        for index, table in enumerate(data.get(name, ()), 1):
+            identity = required(table, key, f"{path}, {name} {index}")
+            place = f"{path}, {name} {identity}"
+            if identity in here:
+                raise ConfigError(f"{place}, {key}: stands twice")
+            here.add(identity)
+            found.setdefault(identity, Table(place)).add(table, place)
+    return found

@@ -11,7 +11,7 @@ from dataclasses import replace
 from math import pi
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.model_files import integer, required
+from pnfarm.drives.model_files import integer
 from pnfarm.drives.model_parts import MotorKind
 from pnfarm.drives.parameter_rows import PER_PITCH, axis_parameters
 from pnfarm.errors import ConfigError
@@ -21,13 +21,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.drives.model import Model
-    from pnfarm.drives.model_parts import Fact
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.sections import Section
 
-__all__ = ["ROTARY", "axis_value", "read_motor_kinds", "with_motor"]
+__all__ = ["ROTARY", "axis_value", "axis_values", "read_motor_kinds", "with_motor"]
 
 #: The kind of a model's own sections ``motor`` and ``firmware``.
 ROTARY = "rotary"
+#: Of a section ``motors.<kind>``.
+PARTS = ("kind", "motor", "firmware", "defaults")
 
 
 def _lever(pitch: float) -> float:
@@ -92,44 +94,56 @@ def _fitted(parameter: Parameter, kind: MotorKind, pitch: float) -> Parameter:
 
 
 def read_motor_kinds(
-    tables: Mapping[str, Mapping[str, Mapping[str, Fact]]], parameters: Mapping[int, Parameter], where: str
+    motors: Mapping[str, Mapping[str, Section]], parameters: Mapping[int, Parameter]
 ) -> dict[str, MotorKind]:
     """The sections ``motors.<kind>``; raises :class:`ConfigError` that names the section and the key."""
     kinds: dict[str, MotorKind] = {}
-    for name, table in tables.items():
-        here = f"{where}.{name}"
-        if name == ROTARY or (unknown := sorted(table.keys() - {"kind", "motor", "firmware", "defaults"})):
-            raise ConfigError(f"{here}: {name if name == ROTARY else unknown[0]!r} stands in the model's own sections")
-        pitch = table["kind"]["pitch"].value if "pitch" in table.get("kind", {}) else 0.0
+    for name, parts in motors.items():
+        for part, section in parts.items():
+            if name == ROTARY:
+                raise ConfigError(f"{section.where()}: the usual motor stands in the sections motor and firmware")
+            if part not in PARTS:
+                raise ConfigError(f"{section.where()}: not one of {', '.join(PARTS)}")
+        pitch = parts["kind"]["pitch"].value if "pitch" in parts.get("kind", {}) else 0.0
         if not isinstance(pitch, int | float) or pitch < 0:
-            raise ConfigError(f"{here}.kind.pitch: {pitch!r} is no way in mm")
+            raise ConfigError(f"{parts['kind'].where('pitch')}: {pitch!r} is not a length in mm")
         kinds[name] = MotorKind(
             float(pitch),
-            _values(table.get("motor", {}), "station", float(pitch), f"{here}.motor"),
-            _values(table.get("firmware", {}), "parameter", float(pitch), f"{here}.firmware"),
-            _defaults(table.get("defaults", {}), parameters, f"{here}.defaults"),
+            _values(parts["motor"], "station", float(pitch)) if "motor" in parts else {},
+            _values(parts["firmware"], "parameter", float(pitch)) if "firmware" in parts else {},
+            _defaults(parts["defaults"], parameters) if "defaults" in parts else {},
         )
     return kinds
 
 
-def _values(facts: Mapping[str, Fact], writer: str, pitch: float, where: str) -> dict[str, float]:
-    for key, fact in facts.items():
-        column = AXIS.fields.get(key)
-        if column is None or column.writer != writer:
-            raise ConfigError(f"{where}.{key}: the axis has no such field that the {writer} writes")
-        unit = _LINEAR[column.unit][0] if pitch > 0.0 and column.unit in _LINEAR else column.unit
-        if fact.unit != unit:
-            raise ConfigError(f"{where}.{key}, unit: {fact.unit!r}; of this motor it is {unit!r}")
-    return {key: fact.value for key, fact in facts.items()}
+def _values(section: Section, writer: str, pitch: float) -> dict[str, float]:
+    values = axis_values(section, writer)
+    for key, fact in section.items():
+        unit = AXIS.fields[key].unit
+        wanted = _LINEAR[unit][0] if pitch > 0.0 and unit in _LINEAR else unit
+        if fact.unit != wanted:
+            raise ConfigError(f"{section.where(key)}, unit: {fact.unit!r}; of this motor it is {wanted!r}")
+    return values
 
 
-def _defaults(facts: Mapping[str, Fact], parameters: Mapping[int, Parameter], where: str) -> dict[int, int]:
+def axis_values(section: Section, writer: str) -> dict[str, float]:
+    """Fields of the axis record that ``writer`` owns, by name; raises :class:`ConfigError` for another key."""
+    for key in section:
+        field = AXIS.fields.get(key)
+        if field is None or field.writer != writer:
+            raise ConfigError(f"{section.where(key)}: the axis has no such field that the {writer} writes")
+    return section.values_by_key()
+
+
+def _defaults(section: Section, parameters: Mapping[int, Parameter]) -> dict[int, int]:
     found: dict[int, int] = {}
     by_name = {parameter.name: parameter for parameter in parameters.values()}
-    for key, fact in facts.items():
-        parameter = required(by_name, key, where)
-        value = integer(str(fact.value), where, key)
+    for key, fact in section.items():
+        if key not in by_name:
+            raise ConfigError(f"{section.where(key)}: there is no such parameter")
+        parameter = by_name[key]
+        value = integer(str(fact.value), section.name, key)
         if not parameter.minimum <= value <= parameter.maximum:
-            raise ConfigError(f"{where}.{key}: {value} is not within {parameter.minimum}..{parameter.maximum}")
+            raise ConfigError(f"{section.where(key)}: {value} is not within {parameter.minimum}..{parameter.maximum}")
         found[parameter.pnu] = value
     return found

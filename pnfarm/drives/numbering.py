@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 
-__all__ = ["HIGHEST_PNU", "Numbering", "check_numbering", "read_number"]
+if TYPE_CHECKING:
+    from pnfarm.drives.sections import Section
+
+__all__ = ["HIGHEST_PNU", "Numbering", "read_number", "read_numbering"]
 
 HIGHEST_PNU = 0xFFFF
 _DECIMAL = re.compile(r"[0-9]{1,20}")
@@ -59,18 +63,22 @@ class Numbering:
         return self.base + number
 
 
-def check_numbering(numbering: Numbering, where: str) -> Numbering:
-    """The section ``numbering`` of a model, checked; raises :class:`ConfigError`."""
+def read_numbering(section: Section) -> Numbering:
+    """The section ``numbering``: a product says how its maker writes numbers, a bus from which PNU they count.
+
+    Raises :class:`ConfigError`.
+    """
+    numbering: Numbering = section.build(Numbering)
     if not isinstance(numbering.prefix, str):
-        raise ConfigError(f"{where}.prefix: {numbering.prefix!r} is not text")
+        raise ConfigError(f"{section.where('prefix')}: {numbering.prefix!r} is not text")
     for key in ("base", "radix", "digits", "highest"):
         value = getattr(numbering, key)
         if type(value) is not int or not 0 <= value <= HIGHEST_PNU:
-            raise ConfigError(f"{where}.{key}: {value!r} is not a number from 0 to {HIGHEST_PNU}")
+            raise ConfigError(f"{section.where(key)}: {value!r} is not a number from 0 to {HIGHEST_PNU}")
     if numbering.radix not in {10, 16}:
-        raise ConfigError(f"{where}.radix: {numbering.radix} is neither 10 nor 16")
+        raise ConfigError(f"{section.where('radix')}: {numbering.radix} is neither 10 nor 16")
     if numbering.base + numbering.highest > HIGHEST_PNU:
         raise ConfigError(
-            f"{where}.highest: base + highest is {numbering.base + numbering.highest}, above {HIGHEST_PNU}"
+            f"{section.where('highest')}: base + highest is {numbering.base + numbering.highest}, above {HIGHEST_PNU}"
         )
     return numbering

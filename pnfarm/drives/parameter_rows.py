@@ -1,4 +1,4 @@
-"""A model's ``parameters.csv``: one row a parameter, each checked alone and against the others."""
+"""A model's ``parameters.csv``, its product's and its bus's: one row a parameter, each checked alone and by others."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ import re
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.computed import COMPUTED
-from pnfarm.drives.model_files import integer, required, rows
+from pnfarm.drives.model_files import integer, rows
 from pnfarm.drives.model_parts import COMMANDS
 from pnfarm.drives.parameter import FLOAT_HIGHEST, Backing, Form, Parameter, ParameterType
+from pnfarm.drives.parameter_numbers import NUMBERS_FILE, ParameterNumbers, numbered_rows
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
+    from pnfarm.drives.model_files import ModelFiles
     from pnfarm.drives.numbering import Numbering
 
 __all__ = ["PER_PITCH", "axis_parameters", "parameter_names", "read_only_names", "read_parameters"]
@@ -48,14 +50,20 @@ PER_PITCH = "/pitch"
 FLOAT = "float32"
 TIMES = "*"
 PER_VALUE = "/n"
+#: First column: what a product calls the parameter, which the bus gives its number, or the number on the bus.
+_ID, _PNU = "id", "pnu"
+#: Second one; a product may leave it out where the name is the id.
+_NAME = "name"
+_NAMES = {_ID: ((), (_NAME,)), _PNU: ((_NAME,),)}
 _COLUMNS = (
-    "pnu", "name", "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "backed_by", "nv",
+    "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "backed_by", "nv",
     "source", "values_source", "note",
 )  # fmt: skip
 #: A column that a file may have behind these: ``power-on`` for what takes effect with the next power cycle.
 _EFFECTIVE = "effective"
 #: Another one behind that: the motor that a parameter is for.
 _MOTOR = "motor"
+_MORE = (_EFFECTIVE, _MOTOR)
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
@@ -97,7 +105,9 @@ def _factors(scale: str, where: str) -> tuple[float, float]:
         ) from None
 
 
-def _backing(text: str, where: str, *, writable: bool, elements: int) -> tuple[Backing, str, int]:
+def _backing(
+    text: str, where: str, numbers: ParameterNumbers, *, writable: bool, elements: int
+) -> tuple[Backing, str, int]:
     """Kind, argument and index of what backs a row, such as ``field:jog_velocity[1]``; an array fills a whole field."""
     kind_name, _, argument = text.partition(":")
     try:
@@ -107,7 +117,7 @@ def _backing(text: str, where: str, *, writable: bool, elements: int) -> tuple[B
             f"{where}, backed_by: {kind_name!r} is none of {', '.join(b.name.lower() for b in Backing)}"
         ) from None
     if kind is Backing.ALIAS:
-        return kind, "", integer(argument, where, "backed_by")
+        return kind, "", numbers.of(argument, f"{where}, backed_by")
     if kind is Backing.FIELD:
         match = _FIELD.fullmatch(argument)
         field = AXIS.fields.get(match[1]) if match else None
@@ -141,7 +151,7 @@ def _backing(text: str, where: str, *, writable: bool, elements: int) -> tuple[B
     return kind, argument, index
 
 
-def _parameter(row: Mapping[str, str], where: str) -> Parameter:
+def _parameter(pnu: int, row: Mapping[str, str], where: str, numbers: ParameterNumbers) -> Parameter:
     for field in ("signed", "nv"):
         if row[field] not in {"0", "1"}:
             raise ConfigError(f"{where}, {field}: {row[field]!r} is neither 0 nor 1")
@@ -176,7 +186,6 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         raise ConfigError(
             f"{where}, min, default, max: {minimum}, {default}, {maximum} do not rise within {lowest}..{highest}"
         )
-    pnu = integer(row["pnu"], where, "pnu")
     if not 1 <= pnu <= 0xFFFF:
         raise ConfigError(f"{where}, pnu: {pnu} is not within 1..65535")
     if row.get(_EFFECTIVE, "") not in {"", "power-on"}:
@@ -187,7 +196,7 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
         raise ConfigError(f"{where}, scale: {row['scale']!r} needs the motor linear")
     standardisation, factor = _factors(row["scale"], where)
     writable = "w" in row["access"]
-    backing, argument, index = _backing(row["backed_by"], where, writable=writable, elements=elements)
+    backing, argument, index = _backing(row["backed_by"], where, numbers, writable=writable, elements=elements)
     return Parameter(
         pnu=pnu,
         name=row["name"],
@@ -222,28 +231,66 @@ def _parameter(row: Mapping[str, str], where: str) -> Parameter:
     )
 
 
-def read_parameters(path: Path) -> dict[int, Parameter]:
-    """Every row of the file by its PNU, rising."""
-    parameters: dict[int, Parameter] = {}
-    for where, row in rows(path):
-        if not parameters and tuple(row) not in {_COLUMNS, (*_COLUMNS, _EFFECTIVE), (*_COLUMNS, _EFFECTIVE, _MOTOR)}:
-            raise ConfigError(f"{path}, line 1: the columns must be {', '.join(_COLUMNS)}")
-        parameter = _parameter(row, where)
-        if parameter.pnu in parameters:
-            raise ConfigError(f"{where}, pnu: {parameter.pnu} stands twice")
-        parameters[parameter.pnu] = parameter
+def read_parameters(files: ModelFiles, numbering: Numbering) -> tuple[dict[int, Parameter], ParameterNumbers]:
+    """Every parameter by its number, rising, and the numbers of those that the product's files name."""
+    own: dict[str, tuple[str, dict[str, str]]] = {}
+    found: dict[int, tuple[str, dict[str, str]]] = {}
+    numbers: dict[str, int] = {}
+    for path in files.wanted("parameters.csv"):
+        _add_rows(path, own, found, by_name=bool(numbering.prefix or files.named(NUMBERS_FILE)))
+    for number, name, (where, row) in numbered_rows(files, own, numbering):
+        if number in found:
+            raise ConfigError(f"{where}, pnu: {number} stands twice")
+        found[number] = where, row
+        numbers.setdefault(name, number)
+    known = ParameterNumbers(numbers)
+    parameters = {number: _parameter(number, row, where, known) for number, (where, row) in sorted(found.items())}
     for parameter in parameters.values():
         if parameter.backing is Backing.ALIAS:
             target = parameters.get(parameter.index)
             if target is None or target.backing is Backing.ALIAS:
-                raise ConfigError(
-                    f"{path}, PNU {parameter.pnu}, backed_by: alias of {parameter.index}, no parameter of its own"
-                )
-    return dict(sorted(parameters.items()))
+                where = found[parameter.pnu][0]
+                raise ConfigError(f"{where}, backed_by: alias of {parameter.index}, which is not a parameter itself")
+    return parameters, known
+
+
+def _add_rows(
+    path: Path,
+    own: dict[str, tuple[str, dict[str, str]]],
+    found: dict[int, tuple[str, dict[str, str]]],
+    *,
+    by_name: bool,
+) -> None:
+    """The rows of one file: those with an ``id`` await their number, those with a ``pnu`` have it.
+
+    Without ``by_name`` nothing gives numbers to the former, and they are not read.
+    """
+    here: set[str | int] = set()
+    for where, row in rows(path):
+        first, *others = row
+        if not here and (
+            first not in {_ID, _PNU}
+            or tuple(others)
+            not in {(*names, *_COLUMNS, *more) for names in _NAMES[first] for more in ((), _MORE[:1], _MORE)}
+        ):
+            raise ConfigError(f"{path}, line 1: the columns must be {_ID} or {_PNU}, {_NAME}, {', '.join(_COLUMNS)}")
+        if first == _ID and not by_name:
+            return
+        key = row[_ID] if first == _ID else integer(row[_PNU], where, _PNU)
+        if key in here:
+            raise ConfigError(f"{where}, {first}: {key} stands twice")
+        here.add(key)
+        if isinstance(key, str):
+            own[key] = where, {_NAME: key} | row
+        else:
+            found[key] = where, row
 
 
 def parameter_names(
-    parameters: Mapping[int, Parameter], extra: Mapping[str, Any], numbering: Numbering, path: Path
+    parameters: Mapping[int, Parameter],
+    extra: Mapping[str, Any],
+    numbering: Numbering,
+    place: Callable[[str, str], str],
 ) -> dict[str, int]:
     """Upper-case names to PNU: the first row of a name, then names without ``_32``, then names without a row.
 
@@ -256,9 +303,9 @@ def parameter_names(
         if name.endswith("_32"):
             names.setdefault(name[:-3], pnu)
     for name, entry in extra.items():
-        pnu = required(entry, "pnu", f"{path}, parameter_names.{name}")
+        pnu = entry.get("pnu")
         if pnu not in parameters:
-            raise ConfigError(f"{path}, parameter_names.{name}: there is no parameter {pnu}")
+            raise ConfigError(f"{place('parameter_names', name)}, pnu: there is no parameter {pnu}")
         names.setdefault(name.upper(), pnu)
     if numbering.prefix:
         for pnu in parameters:

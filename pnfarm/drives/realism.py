@@ -1,6 +1,6 @@
 """How a real drive of a model departs from an ideal one: noise, slow answers, boot time, drift of its clock.
 
-A model gives what is known of it in the section ``[realism]`` of its ``model.toml``, each value with its source.
+A model gives what is known of it in its section ``realism``, each value with its source.
 """
 
 from __future__ import annotations
@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pnfarm.drives.model_parts import Fact
+    from pnfarm.drives.sections import Section
 
 __all__ = ["BOUNDS", "RANGES", "Realism", "read_realism"]
 
@@ -64,23 +62,22 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
 
 
-def read_realism(facts: Mapping[str, Fact] | None, where: str) -> Realism:
+def read_realism(section: Section) -> Realism:
     """The section of a model; raises :class:`ConfigError` that names the key."""
     known = Realism()
-    for key, fact in (facts or {}).items():
-        here = f"{where}.{key}"
+    for key, fact in section.items():
         if key not in BOUNDS:
             names = ", ".join(field.name for field in fields(Realism))
-            raise ConfigError(f"{here}: there is no such figure; there are {names}")
+            raise ConfigError(f"{section.where(key)}: there is no such figure; there are {names}")
         if fact.unit != _UNITS.get(key, "ns"):
-            raise ConfigError(f"{here}, unit: {fact.unit!r}; it is {_UNITS.get(key, 'ns')!r}")
+            raise ConfigError(f"{section.where(key)}, unit: {fact.unit!r}; it is {_UNITS.get(key, 'ns')!r}")
         values = fact.value if key in RANGES else (fact.value,)
         if not isinstance(values, tuple) or (key in RANGES and len(values) != 2):
-            raise ConfigError(f"{here}: {fact.value!r} is no list of two, the least and the most")
+            raise ConfigError(f"{section.where(key)}: {fact.value!r} is no list of two, the least and the most")
         least = -BOUNDS[key] if key == "clock_drift" else 0
         if not all(_is_number(value) and least <= value <= BOUNDS[key] for value in values):
-            raise ConfigError(f"{here}: {fact.value!r} is not within {least}..{BOUNDS[key]}")
+            raise ConfigError(f"{section.where(key)}: {fact.value!r} is not within {least}..{BOUNDS[key]}")
         if key in RANGES and values[0] > values[1]:
-            raise ConfigError(f"{here}: {fact.value!r} begins above its end")
+            raise ConfigError(f"{section.where(key)}: {fact.value!r} begins above its end")
         known = replace(known, **{key: fact.value})
     return known

@@ -1,12 +1,15 @@
-"""A model's ``telegrams.toml``: signals, telegrams with their modules, and the names of bits."""
+"""``telegrams.toml``: signals, telegrams with their modules, and the names of bits.
+
+A product may give the words of its telegrams, and each bus the modules that carry them.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.model_files import integer, read_toml, required
-from pnfarm.drives.parameter import Backing, Parameter
+from pnfarm.drives.model_files import integer, joined_tables, required
+from pnfarm.drives.parameter import Backing
 from pnfarm.drives.telegram import (
     PARAMETER_WORDS,
     TASK_FORMS,
@@ -25,34 +28,41 @@ from pnfarm.table.signals import ACTUAL_SLOTS, SENT_BACK, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
-__all__ = ["check_settings", "read_telegrams"]
+    from pnfarm.drives.model_files import ModelFiles, Table
+    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.parameter_numbers import ParameterNumbers
+
+    Parameters = Mapping[int, Parameter]
+
+__all__ = ["read_telegrams"]
+
+FILE = "telegrams.toml"
 
 #: Set points for which the axis has a place beside that of the telegram.
 FALLING_BACK = ("MDI_ACC",)
 
 
-def _signal(table: Mapping[str, Any], where: str) -> Signal:
-    name, direction = required(table, "name", where), required(table, "direction", where)
+def _signal(table: Table) -> Signal:
+    name, direction = table.required("name"), table.required("direction")
     if direction not in {"setpoint", "actual"}:
-        raise ConfigError(f"{where}, direction: {direction!r} is neither setpoint nor actual")
+        raise ConfigError(f"{table.where('direction')}: {direction!r} is neither setpoint nor actual")
     setpoint = direction == "setpoint"
     if name not in (SETPOINT_SLOTS if setpoint else ACTUAL_SLOTS):
-        raise ConfigError(f"{where}, name: the process image has no {direction} {name!r}")
-    if required(table, "bits", where) not in {16, 32}:
-        raise ConfigError(f"{where}, bits: {table['bits']!r} is neither 16 nor 32")
+        raise ConfigError(f"{table.where('name')}: the process image has no {direction} {name!r}")
+    if table.required("bits") not in {16, 32}:
+        raise ConfigError(f"{table.where('bits')}: {table['bits']!r} is neither 16 nor 32")
     if table.get("readable") and not (setpoint and SETPOINT_SLOTS[name] in SENT_BACK):
-        raise ConfigError(f"{where}, readable: {name!r} is no set point that the process image sends back")
+        raise ConfigError(f"{table.where('readable')}: {name!r} is no set point that the process image sends back")
     if table.get("stored", False) != name.startswith("SHOWN_"):
-        raise ConfigError(f"{where}, stored: of a signal SHOWN_0, which is a stored parameter, and of no other")
+        raise ConfigError(f"{table.where('stored')}: of a signal SHOWN_0, which is a stored parameter, and of no other")
     return Signal(
-        number=required(table, "number", where),
+        number=table.required("number"),
         name=name,
         bits=table["bits"],
         setpoint=setpoint,
         drive_signal=table.get("drive_signal", ""),
-        source=required(table, "source", where),
+        source=table.required("source"),
         note=table.get("note", ""),
         readable=table.get("readable", False),
         stored=table.get("stored", False),
@@ -61,85 +71,96 @@ def _signal(table: Mapping[str, Any], where: str) -> Signal:
     )
 
 
-def _parameter_words(table: Mapping[str, Any], where: str) -> int:
+def _parameter_words(table: Table) -> int:
     """How many words in front are a parameter channel: they have no signal of their own."""
     count: int = table.get("parameter_words", 0)
     if count not in {0, PARAMETER_WORDS}:
-        raise ConfigError(f"{where}, parameter_words: {count!r} is neither 0 nor {PARAMETER_WORDS}")
+        raise ConfigError(f"{table.where('parameter_words')}: {count!r} is neither 0 nor {PARAMETER_WORDS}")
     for direction in ("output", "input"):
-        if required(table, direction, where)[:count] != ["-"] * count:
-            raise ConfigError(f"{where}, {direction}: the first {count} words are the parameter channel's, - each")
+        if table.required(direction)[:count] != ["-"] * count:
+            raise ConfigError(f"{table.where(direction)}: the first {count} words are the parameter channel's, - each")
     return count
 
 
 def _telegram(
-    table: Mapping[str, Any], where: str, signals: Mapping[str, Signal], layout: Mapping[str, Any]
+    table: Table, signals: Mapping[str, Signal], layout: Mapping[str, Any], numbers: ParameterNumbers
 ) -> Telegram:
     words: dict[str, tuple[Signal | None, ...]] = {}
     codes: dict[str, tuple[int, ...]] = {}
-    parameter_words = _parameter_words(table, where)
+    parameter_words = _parameter_words(table)
     for direction in ("output", "input"):
-        names = required(table, direction, where)
+        names = table.required(direction)
         unknown = [name for name in names if name != "-" and name not in signals]
         if unknown:
-            raise ConfigError(f"{where}, {direction}: there is no signal {unknown[0]!r}")
+            raise ConfigError(f"{table.where(direction)}: there is no signal {unknown[0]!r}")
         if len(names) > MAX_WORDS:
-            raise ConfigError(f"{where}, {direction}: {len(names)} words; a frame carries at most {MAX_WORDS}")
+            raise ConfigError(f"{table.where(direction)}: {len(names)} words; a frame carries at most {MAX_WORDS}")
         channel = parameter_signals(setpoint=direction == "output")[:parameter_words]
         words[direction] = channel + tuple(None if name == "-" else signals[name] for name in names[parameter_words:])
         try:
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")
         except MappingError as exc:
-            raise ConfigError(f"{where}, {direction}: {exc}") from exc
+            raise ConfigError(f"{table.where(direction)}: {exc}") from exc
     known = layout["telegram"]
     data = Submodule(
         slot=layout["slot"],
         subslot=known["subslot"],
-        ident=required(table, "submodule_ident", where),
+        ident=table.required("submodule_ident"),
         api=layout["api"],
         input_bytes=2 * len(words["input"]),
         output_bytes=2 * len(words["output"]),
-        name=required(table, "name", where),
+        name=table.required("name"),
         source=known["source"],
         note=known.get("note", ""),
     )
-    ident, source = required(table, "module_ident", where), required(table, "ident_source", where)
+    ident, source = table.required("module_ident"), table.required("ident_source")
     return Telegram(
-        number=required(table, "number", where),
-        name=required(table, "name", where),
-        free_mapping=required(table, "free_mapping", where),
+        number=table.required("number"),
+        name=table.required("name"),
+        free_mapping=table.required("free_mapping"),
         output=words["output"],
         input=words["input"],
         output_words=codes["output"],
         input_words=codes["input"],
         module=Module(ident, (_access_point(layout), data), source),
-        source=required(table, "source", where),
+        source=table.required("source"),
         note=table.get("note", ""),
         others=tuple(
-            _other_module(other, data, layout, f"{where}, other_modules {index}")
+            _other_module(other, data, layout, f"{table.where('other_modules')} {index}", numbers)
             for index, other in enumerate(table.get("other_modules", ()), 1)
         ),
         parameter_words=parameter_words,
-        settings=_settings(table, where),
-        opmode=table.get("opmode"),
-        tasks=_tasks(table.get("tasks", "none"), where),
-        pulses_enabled=table.get("pulses_enabled"),
-        falls_back=_falls_back(table, where),
+        settings=_settings(table, table.where("settings"), numbers),
+        opmode=_choice(table, "opmode", range(3)),
+        tasks=_tasks(table),
+        pulses_enabled=_choice(table, "pulses_enabled", range(12)),
+        falls_back=_falls_back(table),
     )
 
 
-def _falls_back(table: Mapping[str, Any], where: str) -> tuple[str, ...]:
+def _choice(table: Table, key: str, allowed: range) -> int | None:
+    """A number that need not be there."""
+    value: int | None = table.get(key)
+    if value is not None and value not in allowed:
+        raise ConfigError(f"{table.where(key)}: {value!r} is not within {allowed[0]}..{allowed[-1]}")
+    return value
+
+
+def _falls_back(table: Table) -> tuple[str, ...]:
     """Set points whose parameter counts where the telegram's word is 0."""
     names = tuple(table.get("falls_back", ()))
     for name in names:
         if name not in FALLING_BACK or name not in table["output"]:
-            raise ConfigError(f"{where}, falls_back: {name!r} is none of {', '.join(FALLING_BACK)} in its output")
+            raise ConfigError(
+                f"{table.where('falls_back')}: {name!r} is none of {', '.join(FALLING_BACK)} in its output"
+            )
     return names
 
 
-def _tasks(name: Any, where: str) -> int:
+def _tasks(table: Table) -> int:
+    name = table.get("tasks", "none")
     if name not in TASK_FORMS:
-        raise ConfigError(f"{where}, tasks: {name!r} is none of {', '.join(TASK_FORMS)}")
+        raise ConfigError(f"{table.where('tasks')}: {name!r} is none of {', '.join(TASK_FORMS)}")
     return TASK_FORMS.index(name)
 
 
@@ -158,67 +179,76 @@ def _access_point(layout: Mapping[str, Any]) -> Submodule:
     )
 
 
-def _other_module(table: Mapping[str, Any], data: Submodule, layout: Mapping[str, Any], where: str) -> Module:
+def _other_module(
+    table: Mapping[str, Any], data: Submodule, layout: Mapping[str, Any], where: str, numbers: ParameterNumbers
+) -> Module:
     """Another module of a telegram: as its first one, under another ident and name."""
     name, source = required(table, "name", where), required(table, "source", where)
     note = table.get("note", "")
     if source == "assumed" and not note:
         raise ConfigError(f"{where}, note: an assumed value needs its reason")
     submodules = tuple(replace(submodule, source=source, note=note) for submodule in (_access_point(layout), data))
-    return Module(required(table, "ident", where), submodules, source, note, name, _settings(table, where))
+    return Module(
+        required(table, "ident", where), submodules, source, note, name, _settings(table, f"{where}, settings", numbers)
+    )
 
 
-def _settings(table: Mapping[str, Any], where: str) -> dict[int, int]:
-    """What plugging a module sets: PNU -> raw number; the parameters are looked for when all are known."""
+def _settings(table: Mapping[str, Any], where: str, numbers: ParameterNumbers) -> dict[int, int]:
+    """What plugging a module sets: PNU -> raw number."""
     return {
-        integer(str(pnu), where, "settings"): integer(str(value), where, f"settings.{pnu}")
-        for pnu, value in table.get("settings", {}).items()
+        numbers.of(pnu, where): integer(str(value), where, str(pnu)) for pnu, value in table.get("settings", {}).items()
     }
 
 
-def check_settings(telegrams: Mapping[int, Telegram], parameters: Mapping[int, Parameter], path: Path) -> None:
+def _check_settings(telegrams: Mapping[int, Telegram], places: Mapping[int, Table], known: Parameters) -> None:
     """Whether the model has the parameters that its modules set, and they may hold those values."""
     for telegram in telegrams.values():
+        where = places[telegram.number].where("settings")
         for settings in (telegram.settings, *(module.settings for module in telegram.modules)):
             for pnu, value in settings.items():
-                parameter = parameters.get(pnu)
+                parameter = known.get(pnu)
                 if parameter is None or parameter.backing not in {Backing.STORED, Backing.FIELD}:
-                    raise ConfigError(
-                        f"{path}, telegram {telegram.number}, settings: no parameter {pnu} that is stored"
-                    )
+                    raise ConfigError(f"{where}: no parameter {pnu} that is stored")
                 if not parameter.minimum <= value <= parameter.maximum:
-                    raise ConfigError(
-                        f"{path}, telegram {telegram.number}, settings.{pnu}: {value} is not within "
-                        f"{parameter.minimum}..{parameter.maximum}"
-                    )
+                    raise ConfigError(f"{where}.{pnu}: {value} is not within {parameter.minimum}..{parameter.maximum}")
+
+
+def _check_stored(signal: Signal, table: Table, parameters: Parameters) -> None:
+    """Whether a signal that shows a parameter has one."""
+    shown = parameters.get(signal.number)
+    if signal.stored and (
+        shown is None or shown.backing not in {Backing.STORED, Backing.FIELD} or 8 * shown.octets != signal.bits
+    ):
+        raise ConfigError(f"{table.where('stored')}: no stored parameter {signal.number} of its length")
+    if signal.shown_as and signal.shown_as not in parameters:
+        raise ConfigError(f"{table.where('shown_as')}: no parameter {signal.shown_as}")
 
 
 def read_telegrams(
-    path: Path, layout: Mapping[str, Any]
+    files: ModelFiles, layout: Mapping[str, Any], parameters: Parameters, numbers: ParameterNumbers
 ) -> tuple[dict[int, Signal], dict[int, Telegram], tuple[WordBits, ...]]:
-    """Signals and telegrams by number, and names of bits; ``layout`` is what ``model.toml`` says of all modules."""
-    data = read_toml(path)
-    signals: dict[int, Signal] = {}
-    for index, table in enumerate(data.get("signal", ()), 1):
-        signal = _signal(table, f"{path}, signal {index}")
-        if signal.number in signals:
-            raise ConfigError(f"{path}, signal {index}, number: {signal.number} stands twice")
-        signals[signal.number] = signal
+    """Signals and telegrams by number, rising, and names of bits.
+
+    ``layout`` is the section ``telegram_module``: what all modules are made of.
+    """
+    tables = joined_tables(files, FILE, "signal", "number")
+    signals = {number: _signal(table) for number, table in sorted(tables.items())}
+    for number, signal in signals.items():
+        _check_stored(signal, tables[number], parameters)
     by_name = {signal.name: signal for signal in signals.values()}
-    telegrams: dict[int, Telegram] = {}
-    for index, table in enumerate(data.get("telegram", ()), 1):
-        telegram = _telegram(table, f"{path}, telegram {index}", by_name, layout)
-        if telegram.number in telegrams:
-            raise ConfigError(f"{path}, telegram {index}, number: {telegram.number} stands twice")
-        if telegram.opmode not in {None, 0, 1, 2}:
-            raise ConfigError(f"{path}, telegram {index}, opmode: {telegram.opmode!r} is none of 0, 1, 2")
-        if telegram.pulses_enabled is not None and telegram.pulses_enabled not in range(12):
-            raise ConfigError(
-                f"{path}, telegram {index}, pulses_enabled: {telegram.pulses_enabled!r} is not within 0..11"
-            )
-        telegrams[telegram.number] = telegram
-    idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
-    twice = next((ident for ident in idents if idents.count(ident) > 1), None)
-    if twice is not None:
-        raise ConfigError(f"{path}: the module ident 0x{twice:X} stands twice")
-    return signals, telegrams, read_bits(data.get("bits", ()), str(path), by_name, telegrams)
+    places = joined_tables(files, FILE, "telegram", "number")
+    telegrams = {number: _telegram(table, by_name, layout, numbers) for number, table in sorted(places.items())}
+    _check_settings(telegrams, places, parameters)
+    owners: dict[int, int] = {}
+    for telegram in telegrams.values():
+        for module in telegram.modules:
+            if module.ident in owners:
+                where = places[telegram.number].where("module_ident")
+                raise ConfigError(f"{where}: 0x{module.ident:X} is the module ident of telegram {owners[module.ident]}")
+            owners[module.ident] = telegram.number
+    bits = [
+        (f"{path}, bits {index}", table)
+        for path, data in files.tomls(FILE)
+        for index, table in enumerate(data.get("bits", ()), 1)
+    ]
+    return signals, telegrams, read_bits(bits, by_name, telegrams)

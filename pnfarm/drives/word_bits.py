@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Mapping, Sequence
+    from collections.abc import Container, Iterable, Mapping, Sequence
 
 __all__ = ["STW1_BITS", "ZSW1_BITS", "WordBits", "bit_names", "read_bits"]
 
@@ -65,12 +65,11 @@ def bit_names(known: Sequence[WordBits], word: str, telegram: int) -> tuple[str,
 
 
 def read_bits(
-    tables: Sequence[Mapping[str, Any]], where: str, words: Container[str], telegrams: Container[int]
+    tables: Iterable[tuple[str, Mapping[str, Any]]], words: Container[str], telegrams: Container[int]
 ) -> tuple[WordBits, ...]:
-    """The sections ``[[bits]]`` of a file; raises :class:`ConfigError` that names the section and the field."""
+    """The entries ``[[bits]]``, each with its place; raises :class:`ConfigError` that names the entry and the field."""
     found: list[WordBits] = []
-    for index, table in enumerate(tables, 1):
-        here = f"{where}, bits {index}"
+    for here, table in tables:
         for key in ("word", "names", "source"):
             if key not in table:
                 raise ConfigError(f"{here}, {key}: missing")

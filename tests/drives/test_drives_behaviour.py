@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from model_copy import copy_model, file_of
+from model_copy import copy_model, file_of, files_of
 
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import as_json, model, models
@@ -38,7 +38,10 @@ SECOND = POINT.replace('name = "first"', 'name = "second"')
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return copy_model("akd-profinet", tmp_path / "model")
+    folder = copy_model("akd-profinet", tmp_path / "model")
+    for shared in files_of(folder, "behaviour.toml")[1:]:
+        shared.unlink()
+    return folder
 
 
 def test_a_reading_sets_fields_defaults_and_values_of_sections(folder: Path) -> None:
@@ -72,11 +75,11 @@ def test_a_reading_that_a_model_does_not_have_is_refused(chosen: dict[str, str],
         ("[[behaviour]]", "[[behavior]]", r"behaviour\.toml, behavior: none of behaviour"),
         ("[[behaviour]]", "[[behaviour", r"behaviour\.toml"),
         ('name = "first"\n', "", r"behaviour 1, name: missing"),
-        ('name = "first"', 'name = "First"', r"behaviour First: stands twice, or is no name"),
-        ('name = "first"', 'name = "off"', r"behaviour off: stands twice, or is no name"),
+        ('name = "first"', 'name = "First"', r"behaviour First: not a name"),
+        ('name = "first"', 'name = "off"', r"behaviour off: not a name"),
         ('reason = "nothing says otherwise"\n', "", r"behaviour first, reason: missing"),
         ('default = "as-always"', 'default = "never"', r"behaviour first: wants two readings or more, and one"),
-        ("[behaviour.readings.otherwise]", "[behaviour.readings.Other]", r"first\.Other: no name"),
+        ("[behaviour.readings.otherwise]", "[behaviour.readings.Other]", r"first\.Other: not a name"),
         ('does = "otherwise"\n', "", r"first\.otherwise, does: missing"),
         ('does = "otherwise"\n', 'does = "otherwise"\ntext = "x"\n', r"first\.otherwise, text: none of does, firmware"),
         ("{ home_by_edge = 1 }", "{ home_edge = 1 }", r"firmware\.home_edge: no field of the axis that a reading"),
@@ -102,7 +105,7 @@ def test_a_mistake_in_the_file_is_told_by_its_place(old: str, new: str, message:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (POINT + POINT, r"behaviour first: stands twice"),
+        (POINT + POINT, r"behaviour first, name: stands twice"),
         (POINT + SECOND, r"behaviour second: .* is set by first"),
         (POINT.replace("home_by_edge", "home_required"), r"home_required is set by other data of the model"),
         (POINT.replace("home_by_edge", "opmode"), r"opmode is set by other data of the model"),

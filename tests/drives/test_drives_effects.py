@@ -388,7 +388,7 @@ def test_json_tells_the_effect_of_every_row(name: str) -> None:
         ),
         ('2127 = { value = "constant"', '2127 = { value = "acts"', r"effects\.2127: that is so without this entry"),
         ("2127 = {", "17 = {", r"effects\.17: there is no parameter 17"),
-        ("2127 = {", "en = {", r"effects, pnu: 'en' is not a number"),
+        ("2127 = {", "en = {", r"effects: there is no parameter 'en'"),
     ],
 )
 def test_an_entry_that_departs_from_the_rule_has_a_reason_and_departs(

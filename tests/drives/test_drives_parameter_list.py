@@ -11,10 +11,12 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import as_json, model, models
 from pnfarm.drives.effects import Effect, effect_of
+from pnfarm.drives.model_parts import Fact
 from pnfarm.drives.motor_kinds import with_motor
-from pnfarm.drives.numbering import Numbering, check_numbering, read_number
+from pnfarm.drives.numbering import read_number, read_numbering
 from pnfarm.drives.parameter import Form, ParameterErrorNumber, ParameterType
 from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS, MAX_PROBLEMS, read_parameter_list
+from pnfarm.drives.sections import Section
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
@@ -280,5 +282,6 @@ def test_numbers_are_read_as_manuals_print_them(text: str, number: int | None):
     ],
 )
 def test_a_models_numbering_that_cannot_be_is_told_by_its_key(fields: dict[str, object], key: str):
+    facts = {name: Fact(value, "x") for name, value in fields.items()}
     with pytest.raises(ConfigError, match=rf"^model\.toml, numbering\.{key}: "):
-        check_numbering(Numbering(**fields), "model.toml, numbering")  # type: ignore[arg-type]  # as a file may have it
+        read_numbering(Section("numbering", facts, lambda section, key: f"model.toml, {section}.{key}"))

@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from model_copy import SHIPPED, copy_model, rewrite
+from model_copy import SHIPPED, copy_model, drop_section, rewrite
 
 from pnfarm.drives.catalogue import as_json, model
 from pnfarm.drives.loader import load_model
@@ -64,8 +64,5 @@ def test_a_wrong_figure_is_named_by_file_section_and_key(folder: Path, old: str,
 
 
 def test_a_model_needs_none_of_it(folder: Path) -> None:
-    path = folder / "model.toml"
-    text = path.read_text(encoding="utf-8")
-    begin = text.index("[realism]")
-    path.write_text(text[:begin] + text[text.index("[firmware]") :], encoding="utf-8")
+    drop_section(folder, "realism")
     assert load_model(folder).realism == Realism()

@@ -1,0 +1,193 @@
+"""The sections of a model's ``axis.toml``, ``bus.toml`` and ``model.toml``: values with their sources.
+
+What stands alone, such as the model's name, is in :attr:`Sections.data`, and so are sections that are no list of
+values with sources.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.model_files import MODEL_FILE, ModelFiles, line_of, read_toml
+from pnfarm.drives.model_parts import Fact
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from pnfarm.drives.parameter_numbers import ParameterNumbers
+
+__all__ = ["NAMING_FILES", "Section", "Sections", "joined_data"]
+
+#: What the drive is on any bus, what one bus adds, what the model is called: in this order in each folder.
+FILES = ("axis.toml", "bus.toml", MODEL_FILE)
+#: Those that say what the model is called.
+NAMING_FILES = FILES[1:]
+#: Sections that every model has.
+REQUIRED = ("identity", "limits", "parameter_access", "communication_loss", "motor", "firmware")
+OPTIONAL = (
+    "address_mode", "control_limits", "description_file", "diagnosis", "diagnosis_coding", "effects", "factor_group",
+    "following_error", "lamps", "motion_tasks", "numbering", "parameter_texts", "position_units", "parameter_words",
+    "realism", "sign_of_life",
+)  # fmt: skip
+#: Other motors: sections ``motors.<kind>.<part>``.
+MOTORS = "motors"
+#: Dotted names of what the folders above have and this model has not.
+WITHOUT = "without"
+#: A fault in that list: ``faults.524``.
+FAULTS = "faults"
+#: Values that are a parameter, or parameters: by name, or by number on the bus.
+_PARAMETERS: dict[str, frozenset[str]] = {
+    "address_mode": frozenset({"parameter"}),
+    "communication_loss": frozenset({"action_parameter", "stop_parameter"}),
+    "diagnosis_coding": frozenset({"mode_parameter"}),
+    "parameter_access": frozenset({"absent", "disabled_only", "mapping_elements", "station_name"}),
+    "position_units": frozenset({"scaling", "unit", "numerator", "denominator"}),
+}
+#: Sections whose values are all parameters, and those whose keys are.
+_ALL_PARAMETERS = frozenset({"control_limits", "factor_group", "motion_tasks"})
+_KEYS_ARE_PARAMETERS = frozenset({"effects", "parameter_texts"})
+
+
+def joined_data(files: ModelFiles, names: Sequence[str] = FILES) -> tuple[dict[str, Any], dict[tuple[str, ...], Path]]:
+    """What the files say, from the product's to the model's own, and the file that says it, by the keys down to it."""
+    data: dict[str, Any] = {}
+    origins: dict[tuple[str, ...], Path] = {}
+    for path in [path for folder in files.folders for name in names if (path := folder / name).exists()]:
+        _join(data, read_toml(path), path, (), origins)
+    return data, origins
+
+
+def _join(
+    into: dict[str, Any],
+    table: Mapping[str, Any],
+    path: Path,
+    above: tuple[str, ...],
+    origins: dict[tuple[str, ...], Path],
+) -> None:
+    for key, value in table.items():
+        origins[*above, key] = path
+        if isinstance(value, dict) and "value" not in value:
+            _join(into.setdefault(key, {}), value, path, (*above, key), origins)
+        else:
+            into[key] = value
+
+
+class Section(dict[str, Fact]):
+    """The values of one section by their keys; :meth:`where` is the place of one in its file."""
+
+    def __init__(self, name: str, facts: Mapping[str, Fact], place: Callable[[str, str], str]) -> None:
+        super().__init__(facts)
+        self.name = name
+        self._place = place
+
+    def where(self, key: str = "") -> str:
+        """File, line and name of a key, or of the section."""
+        return self._place(self.name, key)
+
+    def values_by_key(self) -> dict[str, Any]:
+        """The values alone."""
+        return {key: fact.value for key, fact in self.items()}
+
+    def with_value(self, key: str, value: Any, where: str) -> Section:
+        """The section as a reading of ``behaviour.toml`` has it; errors name ``where`` that stands."""
+        return Section(self.name, self | {key: Fact(value, "behaviour")}, lambda *_: where)
+
+    def build(self, kind: Callable[..., Any]) -> Any:
+        """A dataclass of these values; :class:`ConfigError` for a key too many or too few."""
+        try:
+            return kind(**self.values_by_key())
+        except TypeError as exc:
+            raise ConfigError(f"{self.where()}: {exc}") from exc
+
+    def numbered(self, numbers: ParameterNumbers) -> Section:
+        """The section with each parameter by its number on the bus."""
+        named = self.keys() if self.name in _ALL_PARAMETERS else _PARAMETERS.get(self.name, ())
+        facts: dict[str, Fact] = {}
+        for key, fact in self.items():
+            if self.name in _KEYS_ARE_PARAMETERS:
+                facts[str(numbers.of(key, self.where))] = fact
+            elif key in named:
+                facts[key] = replace(fact, value=numbers.of_value(fact.value, partial(self.where, key)))
+            else:
+                facts[key] = fact
+        return Section(self.name, facts, self._place)
+
+
+class Sections:
+    """All sections of a model, joined from its product's to its own."""
+
+    def __init__(self, files: ModelFiles) -> None:
+        self._file = files.folder / MODEL_FILE
+        self.data, self._origins = joined_data(files)
+        for name in self.data.get(WITHOUT, ()):
+            self._leave_out(name)
+        self._sections = {name: self._read(name) for name in (*REQUIRED, *OPTIONAL) if name in self.data}
+        for name in REQUIRED:
+            self.wanted(name)
+        self.motors = {
+            kind: {part: self._read(f"{MOTORS}.{kind}.{part}", facts) for part, facts in table.items()}
+            for kind, table in self.data.get(MOTORS, {}).items()
+        }
+
+    @property
+    def facts(self) -> dict[str, Fact]:
+        """Every value by ``section.key``."""
+        motors = [section for parts in self.motors.values() for section in parts.values()]
+        return {
+            f"{section.name}.{key}": fact
+            for section in (*self._sections.values(), *motors)
+            for key, fact in section.items()
+        }
+
+    @property
+    def without_faults(self) -> frozenset[str]:
+        """The faults of the product, as it writes their numbers, that this model has not."""
+        names = [name.partition(".") for name in self.data.get(WITHOUT, ())]
+        return frozenset(number for section, _, number in names if section == FAULTS)
+
+    def wanted(self, key: str) -> Any:
+        """What stands alone, or a section as it is in the files, that must be there."""
+        if key not in self.data:
+            raise ConfigError(f"{self._file}, {key}: missing")
+        return self.data[key]
+
+    def file(self, key: str) -> Path:
+        """The file that gives what stands alone, or a section."""
+        return self._origins.get((key,), self._file)
+
+    def place(self, section: str, key: str = "") -> str:
+        """File, line and name of a section's key, or of the section; without a section of a key that stands alone."""
+        names = [*filter(None, section.split(".")), *filter(None, [key])]
+        path = self._origins.get(tuple(names), self._file)
+        line = line_of(path, section, key)
+        return f"{path}, {f'line {line}, ' if line else ''}{'.'.join(names)}"
+
+    def section(self, name: str) -> Section:
+        """A section, without values where a model does not have it."""
+        return self._sections.get(name, Section(name, {}, self.place))
+
+    def number(self, numbers: ParameterNumbers) -> None:
+        """From now on each parameter goes by its number on the bus."""
+        self._sections = {name: section.numbered(numbers) for name, section in self._sections.items()}
+
+    def _leave_out(self, name: str) -> None:
+        section, _, key = name.partition(".")
+        table = self.data.get(section, {}) if key else self.data
+        if section != FAULTS and table.pop(key or section, None) is None:
+            raise ConfigError(f"{self.place('', WITHOUT)}: the folders above have no {name}")
+
+    def _read(self, name: str, table: Mapping[str, Any] | None = None) -> Section:
+        facts: dict[str, Fact] = {}
+        for key, entry in (self.data[name] if table is None else table).items():
+            if missing := [part for part in ("value", "source") if part not in entry]:
+                raise ConfigError(f"{self.place(name, key)}, {missing[0]}: missing")
+            value, source = entry["value"], entry["source"]
+            note = entry.get("note", "")
+            if source == "assumed" and not note:
+                raise ConfigError(f"{self.place(name, key)}, note: an assumed value needs its reason")
+            facts[key] = Fact(tuple(value) if isinstance(value, list) else value, source, note, entry.get("unit", ""))
+        return Section(name, facts, self.place)
