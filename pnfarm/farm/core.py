@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Protocol
 from uuid import UUID
 
 from pnfarm.buses.profinet.device.channels import channel_rows
+from pnfarm.buses.profinet.device.segment import ProfinetSegment
 from pnfarm.buses.profinet.device.station import DriveStation, StationServices
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
-from pnfarm.errors import ConfigError, DecodeError, InternalError
+from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.config_axis import apply_axis
 from pnfarm.farm.config_machine import apply_machine
 from pnfarm.farm.events import EngineEventsLost
@@ -24,42 +25,28 @@ from pnfarm.farm.realism import imperfections
 from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.deadlines import Deadlines
-from pnfarm.protocols.profinet.dcp_device import identify_matches
-from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
-from pnfarm.protocols.profinet.wire.lldp import parse_lldp
 from pnfarm.station.events import (
-    ControllerModeChanged,
     FaultRaised,
     FaultReacted,
     FaultsCleared,
-    OutputsChanged,
     StateChanged,
     WarningChanged,
 )
 from pnfarm.table import engine_row
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
-from pnfarm.table.channel import W_START
 from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from pnfarm.buses.bus import Segment
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
     from pnfarm.faults.manager import FaultManager
     from pnfarm.links.base import Link, Port
-    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
     from pnfarm.station.event_log import EventLog
-
-#: Ethertypes of ARP and of LLDP; ethertype and frame id of DCP's Identify request and of its Hello.
-ARP = bytes.fromhex("0806")
-LLDP = bytes.fromhex("88cc")
-DCP_IDENTIFY = bytes.fromhex("8892fefe")
-DCP_GREETING = bytes.fromhex("8892fefc")
 
 #: Events whose row is a consumer's.
 _OF_CONSUMERS = frozenset(
@@ -142,10 +129,6 @@ class FarmCore:
         self._by_port: dict[int, DriveStation] = {}
         self._by_name: dict[str, DriveStation] = {}
         self._deadlines = Deadlines()
-        #: The last Identify, what it says, and the name if it asks for one only.
-        self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
-        #: The last LLDP frame and what it says, or why it says nothing.
-        self._lldp: tuple[bytes, Lldpdu | str] = (b"", "short")
         self._tail = 0
         self.events_lost = 0
         #: Faults on the drives, once :func:`pnfarm.farm.fault_targets.attach_faults` gave the farm its manager.
@@ -168,14 +151,10 @@ class FarmCore:
             self.stations.append(station)
             self._by_port[port.index] = station
             self._by_name[config.name] = station
-        #: Stations by their address as in an ARP packet, and the address that each is listed under.
-        self._by_ip: dict[bytes, list[DriveStation]] = {}
-        self._listed: list[bytes] = [b""] * count
-        for station in self.stations:
-            self._list_address(station)
+        self.segment: Segment = ProfinetSegment(self.stations)
         link.set_receiver(self.receive)
         if isinstance(innermost := unwrap(link), MemoryLink):
-            innermost.set_audience(self._audience)
+            innermost.set_audience(self.segment.audience)
 
     def start(self, now: int) -> None:
         """Power on at ``now``: announce addresses."""
@@ -190,8 +169,7 @@ class FarmCore:
     def stop(self, now: int) -> None:
         """Tell every controller that its drive goes: an ERR-RTA for each connection."""
         for station in self.stations:
-            station.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
-            station.neighbours.lldp.shut_down(now)
+            station.leave(now)
             self.settle(station, now)
 
     def station(self, name: str) -> DriveStation:
@@ -207,13 +185,7 @@ class FarmCore:
         station = self._by_port.get(port)
         if station is None:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
-        if frame[12:14] == LLDP:
-            self._receive_lldp(station, frame, now)
-            return
-        if frame and frame[0] & 1 and not self._concerns(station, frame):
-            return
-        if not station.budget.passes(frame, now):
-            station.passed_over("connect-flood")
+        if not self.segment.admits(port, frame, now):
             return
         if self.faults is not None:
             self.faults.refresh(station.configured_name, now)
@@ -222,63 +194,10 @@ class FarmCore:
         if self.faults is not None:
             self.faults.poke(station.configured_name, now)
 
-    def _receive_lldp(self, station: DriveStation, frame: bytes, now: int) -> None:
-        """Drives that share a cable all hear the same frame: it is parsed once, and mostly says nothing new."""
-        if frame is not self._lldp[0] and frame != self._lldp[0]:
-            self._lldp = (frame, _read_lldp(frame))
-        if station.hear_neighbour(frame, self._lldp[1], now):
-            self.settle(station, now)
-
-    def _concerns(self, station: DriveStation, frame: bytes) -> bool:
-        """Whether a group-addressed frame can mean anything to this station.
-
-        A wire delivers each one to every drive: a thousand drives that are sought by name are a million
-        copies.  So an Identify is parsed once for all of them, and an ARP for somebody else or a Hello goes no further.
-        In memory the switch asks :meth:`_audience` and does not even make the copies.
-        """
-        if frame[12:14] == ARP:
-            own = station.own_ip
-            if own and own in {frame[28:32], frame[38:42]}:
-                return True
-            return station.passed_over("arp-for-another")
-        if frame[12:16] == DCP_GREETING:
-            return station.passed_over("hello")
-        if frame[12:16] == DCP_IDENTIFY:
-            if frame != self._identify[0]:
-                self._identify = (frame, *_read_identify(frame))
-            _, pdu, name = self._identify
-            if pdu is not None and (
-                station.dcp.name != name if name is not None else not identify_matches(pdu, station.dcp)
-            ):
-                return station.passed_over("identify-for-another")
-        return True
-
-    def _audience(self, frame: bytes) -> list[int] | None:
-        """The ports that a group-addressed frame can concern; None: all, :meth:`_concerns` tells."""
-        if frame[12:16] == DCP_GREETING:
-            return []
-        if frame[12:14] != ARP or len(frame) < 42:
-            return None
-        sender, target = frame[28:32], frame[38:42]
-        found = self._by_ip.get(target, [])
-        if sender != target:
-            found = found + self._by_ip.get(sender, [])
-        return [station.port.index for station in found]
-
-    def _list_address(self, station: DriveStation) -> None:
-        before, own = self._listed[station.index], station.own_ip
-        if own == before:
-            return
-        if before:
-            self._by_ip[before].remove(station)
-        if own:
-            self._by_ip.setdefault(own, []).append(station)
-        self._listed[station.index] = own
-
     def settle(self, station: DriveStation, now: int) -> None:
         """Let a station finish what an input began, send its frames, note when it wants to be called."""
         frames = station.pump(now)
-        self._list_address(station)
+        self.segment.settled(station.port.index)
         for frame in frames:
             self.link.send(station.port.index, frame)
         self._deadlines.set(station.index, station.next_deadline())
@@ -326,31 +245,13 @@ class FarmCore:
     def _catch_up(self, now: int) -> None:
         """The ring of events ran over: what the rows themselves tell of connections is not lost."""
         for station in self.stations:
-            for row in [row for ar in station.ars.values() for row, _ in ar.consumers]:
-                consumer = self.columns.cpm[row]
-                if consumer.state == W_START:
-                    station.connections.expired(row, now - int(consumer.last_ns), now)
-                elif consumer.received:
-                    station.connections.first_frame(row, now)
+            station.catch_up(now)
             self.settle(station, now)
 
     def _take(self, kind: int, row: int, when: int, value: int, now: int) -> DriveStation | None:
         if kind in _OF_CONSUMERS:
-            consumer = self.columns.cpm[row]
-            station = self.stations[int(consumer.image)]
-            # the connection went while the event waited, and another may have the row by now
-            seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
-            if station.channels.of_consumer(row) is None or not seen:
-                return None
-            if kind == engine_row.FIRST_FRAME:
-                station.connections.first_frame(row, when)
-            elif kind == engine_row.EXPIRED:
-                station.connections.expired(row, value, now, when)
-            elif kind == engine_row.PROVIDER_CHANGED:
-                self.log.record(when, station.configured_name, ControllerModeChanged(run=bool(value)))
-            else:
-                self.log.record(when, station.configured_name, OutputsChanged(good=bool(value)))
-            return station
+            station = self.stations[int(self.columns.cpm[row].image)]
+            return station if station.channel_event(kind, row, when, value, now) else None
         station = self.stations[row]
         name = station.configured_name
         match kind:
@@ -358,11 +259,11 @@ class FarmCore:
                 self.log.record(when, name, StateChanged(value >> 8, value & 0xFF))
             case engine_row.FAULT_RAISED:
                 station.fault_counts[value] = station.fault_counts.get(value, 0) + 1
-                station.fault_diagnosis.raised(value)
+                station.fault_raised(value)
                 station.keep_faults(when)
                 self.log.record(when, name, FaultRaised(value))
             case engine_row.FAULTS_CLEARED:
-                station.fault_diagnosis.cleared()
+                station.faults_cleared()
                 station.keep_faults(when)
                 self.log.record(when, name, FaultsCleared(value))
             case engine_row.FAULT_REACTED:
@@ -370,25 +271,7 @@ class FarmCore:
             case engine_row.WARNING_CHANGED:
                 self.log.record(when, name, WarningChanged(value))
             case engine_row.PARAMETER_TASK:
-                station.parameter_words.take(value, now)
+                station.parameter_task(value, now)
             case _:
                 return None
         return station
-
-
-def _read_identify(frame: bytes) -> tuple[DcpPdu | None, str | None]:
-    """The PDU of an Identify request, None if it is none; and the name, if that is its one filter."""
-    try:
-        pdu = parse_dcp(frame[14:])
-    except DecodeError:
-        return None, None
-    if len(pdu.blocks) == 1 and isinstance(pdu.blocks[0], NameBlock):
-        return pdu, pdu.blocks[0].name
-    return pdu, None
-
-
-def _read_lldp(frame: bytes) -> Lldpdu | str:
-    try:
-        return parse_lldp(frame[14:])
-    except DecodeError as exc:
-        return exc.reason

@@ -14,14 +14,12 @@ from prometheus_client import CollectorRegistry, ProcessCollector, generate_late
 from prometheus_client.registry import Collector
 
 from pnfarm import __version__
+from pnfarm.buses.registry import CONNECTION_STATES, USUAL_LOSSES
 from pnfarm.drives.model_parts import fault_label
-from pnfarm.farm.snapshot import ar_state
 from pnfarm.faults.catalogue import KINDS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import Family, Histogram, Values
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
-from pnfarm.protocols.profinet.ar import CmdevState
-from pnfarm.protocols.profinet.errors import abort_label
 from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
@@ -39,9 +37,7 @@ Counts: TypeAlias = "dict[tuple[str, ...], int]"
 __all__ = ["AR_STATES", "FarmCollector", "FaultCounts", "Scrape"]
 
 #: ``pnfarm_ar_state`` by number; 0 is "no connection".
-AR_STATES: dict[CmdevState, int] = {state: number for number, state in enumerate(CmdevState, start=1)}
-#: Why a drive usually loses its connection: these series are there from the start, others once they happen.
-USUAL_ABORTS = ("consumer-dht-expired", "cmi-timeout", "re-run-aborts-existing", "abort-request")
+AR_STATES: dict[str, int] = {state: number for number, state in enumerate(CONNECTION_STATES, start=1)}
 
 
 class FaultCounts(Protocol):
@@ -152,7 +148,7 @@ class FarmCollector(Collector):
             for fault in station.model.faults.values():
                 if not fault.warning:
                     self._fault_total.add(name, str(fault.number))
-            for reason in USUAL_ABORTS:
+            for reason in USUAL_LOSSES:
                 self._aborts.add(name, reason)
             for slug in DISCARDS:
                 self._discarded.add(name, slug)
@@ -252,11 +248,12 @@ class FarmCollector(Collector):
         cycles: list[float] = []
         aborts: Counts = {}
         for station in stations:
-            state = ar_state(station) if station.powered else None
-            states.append(AR_STATES[state] if state is not None else 0)
-            cycles.append(next((ar.cycle_ns / 1e9 for ar in station.ars.values() if ar.providers), 0))
-            for codes, count in station.aborts.items():
-                aborts[station.configured_name, abort_label(*codes)] = count
+            connection = station.connection()
+            known = connection is not None and station.powered
+            states.append(AR_STATES.get(connection.state, 0) if connection is not None and known else 0)
+            cycles.append(connection.cycle_ns / 1e9 if connection is not None and connection.cyclic else 0)
+            for reason, count in station.losses().items():
+                aborts[station.configured_name, reason] = count
         return [
             (self._ar_state, states),
             (self._ar_cycle, cycles),
@@ -276,7 +273,7 @@ class FarmCollector(Collector):
         sent: Any = np.zeros(count, np.int64)
         received: Any = np.zeros(count, np.int64)
         for station in stations:
-            closed, index = station.channels.closed, station.index
+            closed, index = station.closed, station.index
             sent[index] = closed.sent
             received[index] = closed.received
             intervals[index] = closed.intervals

@@ -76,7 +76,7 @@ class Recovery:
 
     @staticmethod
     def _is_connected(station: DriveStation) -> bool:
-        return any(ar.established and ar.providers for ar in station.ars.values())
+        return station.connected
 
     def _look(self, station: DriveStation) -> _Drive:
         axis = station.handle.axis

@@ -128,7 +128,7 @@ def test_another_name_ends_the_connection_with_its_own_error():
     station = line.farm.stations[0]
     assert not station.ars
     assert (station.name, station.cm.station_name) == ("press-7", "press-7")
-    (reason,) = station.aborts
+    (reason,) = station.losses_in_words()
     assert "DCP changed the station name" in reason
     assert line.plc.sessions[0].measures.losses == 1
     assert "DCP changed the station name" in line.plc.sessions[0].measures.last_reason
@@ -152,7 +152,7 @@ def test_taking_the_address_away_ends_the_connection():
     assert Tool(line).set(IpParameterBlock(NOBODY, NOBODY, NOBODY, 1)) == [0]
     station = line.farm.stations[0]
     assert not station.ars
-    (reason,) = station.aborts
+    (reason,) = station.losses_in_words()
     assert "IP suite changed" in reason
 
 

@@ -5,7 +5,7 @@ from ipaddress import IPv4Address
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.farm import core as farm_core
+from pnfarm.buses.profinet.device import segment
 from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
@@ -46,8 +46,8 @@ def test_drives_of_one_farm_do_not_hear_each_other():
 
 def test_a_frame_that_all_drives_hear_is_parsed_once(monkeypatch):
     parsed = []
-    original = farm_core.parse_lldp
-    monkeypatch.setattr(farm_core, "parse_lldp", lambda data: parsed.append(1) or original(data))
+    original = segment.parse_lldp
+    monkeypatch.setattr(segment, "parse_lldp", lambda data: parsed.append(1) or original(data))
     line = VirtualLine(16)
     line.run(60)
     assert all(station.neighbours.lldp.received >= 12 for station in line.farm.stations)

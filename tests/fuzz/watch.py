@@ -91,7 +91,7 @@ class Monotonic:
                 found[f"{name} dropped {reason}"] = count
             found[f"{name} connects"] = station.connects
             found[f"{name} watchdog"] = station.watchdog_expirations
-            for reason, count in (*station.aborts.items(), *station.fault_counts.items()):
+            for reason, count in (*station.losses().items(), *station.fault_counts.items()):
                 found[f"{name} aborts or faults {reason}"] = count
             if station.powered:
                 counters = station.traffic.counters(station.discards())

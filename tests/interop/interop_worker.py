@@ -25,7 +25,6 @@ from pnfarm.farm.config import load_farm
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.errors import abort_label
 from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
 from pnfarm.station.event_log import EventLog
 from pnfarm.table.signals import WORD_NONE
@@ -101,7 +100,7 @@ class FarmWorker:
             "ars": len(station.ars),
             "established": any(ar.established for ar in station.ars.values()),
             "connects": station.connects,
-            "aborts": {abort_label(*codes): count for codes, count in station.aborts.items()},
+            "aborts": dict(station.losses()),
             "watchdog_expirations": station.watchdog_expirations,
             "state": int(axis.state),
             "zsw1": int(axis.zsw1),

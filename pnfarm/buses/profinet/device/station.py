@@ -28,6 +28,7 @@ from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
 from pnfarm.buses.profinet.device.record_memory import record_word, records_of
 from pnfarm.buses.profinet.device.snmp import PortTraffic, snmp_view
 from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
+from pnfarm.buses.profinet.device.view import connection_of, losses_in_words, losses_of, view_of
 from pnfarm.drives.given_values import raw_number
 from pnfarm.drives.store import (
     DisplayBlinkRequested,
@@ -52,6 +53,7 @@ from pnfarm.protocols.profinet.dcp_rules import (
     Stored,
 )
 from pnfarm.protocols.profinet.description import Plugged
+from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.pdev_checks import CheckFailed
 from pnfarm.protocols.profinet.record_store import DeviceRecords
@@ -66,17 +68,29 @@ from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESP
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
-from pnfarm.station.events import Booted, MemoryNotTaken, ParametersSaved, PowerLost, PowerReturned
+from pnfarm.station.events import (
+    Booted,
+    ControllerModeChanged,
+    MemoryNotTaken,
+    OutputsChanged,
+    ParametersSaved,
+    PowerLost,
+    PowerReturned,
+)
 from pnfarm.station.fault_memory import active_of, history_of, restore_history
+from pnfarm.table import engine_row
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
+from pnfarm.table.channel import W_START
 from pnfarm.table.image import LOST_NEVER
-from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
     from collections import Counter
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from uuid import UUID
 
+    from pnfarm.buses.bus import ConnectionView
+    from pnfarm.buses.profinet.device.closed_channels import ClosedChannels
     from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.memory import NonVolatile
@@ -93,6 +107,8 @@ if TYPE_CHECKING:
 
 __all__ = ["DriveStation", "StationServices"]
 
+#: The ethertype as in a frame.
+LLDP = ETHERTYPE_LLDP.to_bytes(2, "big")
 #: UDP port from which a device calls its controller (any free one will do; the answer comes back to it).
 CALL_PORT = 49_152
 #: Reason under which cyclic frames of no connection are counted.
@@ -320,6 +336,11 @@ class DriveStation:
         if left_out:
             self.note(now, MemoryNotTaken(len(left_out), left_out[0]))
 
+    def leave(self, now: int) -> None:
+        """See :class:`pnfarm.buses.bus.Device`: an ERR-RTA for each connection, and LLDP's farewell."""
+        self.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
+        self.neighbours.lldp.shut_down(now)
+
     def power_off(self, now: int) -> None:
         """Cut the supply: channels close, nothing is answered any more."""
         for key in list(self.ars):
@@ -354,7 +375,8 @@ class DriveStation:
 
     def receive(self, data: bytes, now: int) -> None:
         """One acyclic frame of this port."""
-        if not self.on_the_wire:
+        if not self.on_the_wire or data[12:14] == LLDP:
+            # the segment took an LLDP frame already
             return
         self.traffic.frame_received(data)
         try:
@@ -623,6 +645,81 @@ class DriveStation:
                 case _:
                     pass
         return bool(events)
+
+    # -- the engine's word -------------------------------------------------------------------------------------------
+
+    def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        consumer = self._services.channels.columns.cpm[row]
+        # the connection went while the event waited, and another may have the row by now
+        seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
+        if self.channels.of_consumer(row) is None or not seen:
+            return False
+        match kind:
+            case engine_row.FIRST_FRAME:
+                self.connections.first_frame(row, when)
+            case engine_row.EXPIRED:
+                self.connections.expired(row, value, now, when)
+            case engine_row.PROVIDER_CHANGED:
+                self.note(when, ControllerModeChanged(run=bool(value)))
+            case _:
+                self.note(when, OutputsChanged(good=bool(value)))
+        return True
+
+    def catch_up(self, now: int) -> None:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        for row in [row for ar in self.ars.values() for row, _ in ar.consumers]:
+            consumer = self._services.channels.columns.cpm[row]
+            if consumer.state == W_START:
+                self.connections.expired(row, now - int(consumer.last_ns), now)
+            elif consumer.received:
+                self.connections.first_frame(row, now)
+
+    def fault_raised(self, number: int) -> None:
+        """See :class:`pnfarm.buses.bus.Device`: its diagnosis appears."""
+        self.fault_diagnosis.raised(number)
+
+    def faults_cleared(self) -> None:
+        """See :class:`pnfarm.buses.bus.Device`: their diagnosis disappears."""
+        self.fault_diagnosis.cleared()
+
+    def parameter_task(self, value: int, now: int) -> None:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        self.parameter_words.take(value, now)
+
+    # -- what there is to see ----------------------------------------------------------------------------------------
+
+    @property
+    def connected(self) -> bool:
+        """Whether some AR exchanges IO data."""
+        return any(ar.established and ar.providers for ar in self.ars.values())
+
+    def connection(self) -> ConnectionView | None:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        return connection_of(self)
+
+    def losses(self) -> Mapping[str, int]:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        return losses_of(self)
+
+    def losses_in_words(self) -> Mapping[str, int]:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        return losses_in_words(self)
+
+    @property
+    def closed(self) -> ClosedChannels:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        return self.channels.closed
+
+    @property
+    def channel_rows(self) -> tuple[list[int], list[int]]:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        ars = self.ars.values()
+        return [row for ar in ars for row, _ in ar.providers], [row for ar in ars for row, _ in ar.consumers]
+
+    def view(self, now: int) -> dict[str, Any]:
+        """See :class:`pnfarm.buses.bus.Device`."""
+        return view_of(self, now)
 
     # -- faults ------------------------------------------------------------------------------------------------------
 
