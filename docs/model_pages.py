@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.effects import EFFECTS
+from pnfarm.drives.model_json import as_json
 
 __all__ = ["behaviour", "effects", "parameters"]
 

@@ -6,8 +6,6 @@ that ``pnfarm --help`` answers at once, and ``demo`` and ``bench`` can enter a n
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import sys
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +13,9 @@ import typer
 
 from pnfarm import __version__
 from pnfarm.cli import (
+    bench,
     decode,
+    demo,
     doctor,
     fault,
     files,
@@ -37,9 +37,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = ["app", "main", "run"]
-
-#: Commands of this package that stand in modules of their own, beside this program's: name -> panel of the help.
-_OWN_MODULES = {"demo": "Start here", "bench": "This machine"}
 
 app = typer.Typer(
     name="pnfarm",
@@ -78,13 +75,7 @@ def _options(
     configure(as_json=settings.logs_json, level=log_level.value)
 
 
-def _own_module(name: str) -> None:
-    if importlib.util.find_spec(f"pnfarm.cli.{name}") is not None:
-        module = importlib.import_module(f"pnfarm.cli.{name}")
-        app.command(name, rich_help_panel=_OWN_MODULES[name])(module.command)
-
-
-_own_module("demo")
+app.command("demo", rich_help_panel="Start here")(demo.command)
 app.command("up", rich_help_panel="Farm")(up.up)
 app.command("down", rich_help_panel="Farm")(up.down)
 app.command("validate", rich_help_panel="Farm")(files.validate)
@@ -100,7 +91,7 @@ app.command("models", rich_help_panel="Reference")(models.models)
 app.command("gsdml", rich_help_panel="Reference")(gsdml.gsdml)
 app.command("schema", rich_help_panel="Reference")(files.schema)
 app.command("doctor", rich_help_panel="This machine")(doctor.doctor)
-_own_module("bench")
+app.command("bench", rich_help_panel="This machine")(bench.command)
 
 
 #: Global options that may stand behind the command as well -> whether a value follows.

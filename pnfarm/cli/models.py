@@ -51,6 +51,7 @@ def models(
 ) -> None:
     """List the drive models, or print one with the source of each of its values."""
     from pnfarm.drives import catalogue
+    from pnfarm.drives.model_json import as_json
     from pnfarm.errors import ConfigError
 
     if model is None:
@@ -60,7 +61,7 @@ def models(
             raise ConfigError("--farm wants a model: pnfarm models MODEL --farm FILE")
         _list(output)
         return
-    found = catalogue.as_json(catalogue.model(model) if farm is None else _model_in(farm, model))
+    found = as_json(catalogue.model(model) if farm is None else _model_in(farm, model))
     if parameters is not None:
         found["parameters"] = [row for row in found["parameters"] if _matches(row, parameters)]
         if not found["parameters"]:

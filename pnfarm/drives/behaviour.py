@@ -12,10 +12,11 @@ no code asks for a reading by its name:
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.model_files import joined_tables, required
+from pnfarm.drives.model_parts import Point, Reading
 from pnfarm.drives.parameter_rows import axis_parameters
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameter import Parameter
     from pnfarm.drives.parameter_numbers import ParameterNumbers
 
-__all__ = ["SECTIONS", "Point", "Reading", "read_behaviour", "with_behaviour"]
+__all__ = ["SECTIONS", "read_behaviour", "with_behaviour"]
 
 #: Sections of ``model.toml`` whose values a reading may set, and where the model has them.
 SECTIONS = {
@@ -42,40 +43,6 @@ _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 #: YAML reads these as something else than a word.
 _NO_WORDS = frozenset({"false", "n", "no", "null", "off", "on", "true", "y", "yes"})
 _SETS = ("firmware", "defaults", "model")
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """One way to read a manual; ``does`` says what a drive of this reading does."""
-
-    name: str
-    does: str
-    firmware: Mapping[str, float] = field(default_factory=dict)
-    defaults: Mapping[int, int] = field(default_factory=dict)
-    #: (section, key) -> value as the model has it.
-    model: Mapping[tuple[str, str], Any] = field(default_factory=dict)
-
-    @property
-    def keys(self) -> frozenset[object]:
-        """All that it sets."""
-        return frozenset((*self.firmware, *self.defaults, *self.model))
-
-    @property
-    def values(self) -> tuple[Mapping[Any, Any], ...]:
-        """What tells it from the other readings."""
-        return self.firmware, self.defaults, self.model
-
-
-@dataclass(frozen=True, slots=True)
-class Point:
-    """What a manual leaves open; ``source`` is where, ``reason`` why the default is what it is."""
-
-    name: str
-    about: str
-    readings: Mapping[str, Reading]
-    default: str
-    reason: str
-    source: str
 
 
 # behaviour.toml

@@ -1,14 +1,14 @@
 """Parameters that are functions of the drive: identification, lists, fault buffer, states.
 
-Each function takes the store and the parameter's row and gives all elements (one for a plain parameter).  The names
-are those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing number there is ``parameter.index``.
+Each function takes the drive and the parameter's row and gives all elements (one for a plain parameter).  The names are
+those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing number there is ``parameter.index``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import inf, isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.measured import deviation
@@ -20,8 +20,9 @@ from pnfarm.table.image import LOST_EXPIRED, LOST_NEVER, LOST_STOP
 from pnfarm.table.signals import DRIVE_INPUTS
 
 if TYPE_CHECKING:
+    from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.model import Model
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.network import Network
 
 __all__ = ["COMPUTED", "CONSTANT_COMPUTED"]
 
@@ -45,76 +46,102 @@ EVERY_REVOLUTION = 4096
 VELOCITY_MODE = 1
 
 
+class DriveView(Protocol):
+    """What these functions look at of a drive: its :class:`~pnfarm.drives.store.ParameterStore`."""
+
+    model: Model
+    handle: AxisHandle
+    network: Network
+    watchdog_ns: int
+
+    @property
+    def telegram_number(self) -> int:
+        """Number of the telegram in force."""
+
+    @property
+    def waiting_name(self) -> bytes | None:
+        """A station name that waits for the next power-on."""
+
+    def mapped_numbers(self, *, setpoint: bool) -> tuple[int, ...]:
+        """The signal numbers of one direction, word by word."""
+
+    def changed_numbers(self) -> list[int]:
+        """The PNUs of values that differ from the model's defaults."""
+
+    def scaled(self, parameter: Parameter, physical: float) -> int:
+        """A physical value as the parameter's raw number."""
+
+
 def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
     """``values`` with zeros up to the array's length."""
     return list(values) + [0] * (parameter.elements - len(values))
 
 
-def _setpoint_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(store.mapped_numbers(setpoint=True), parameter)
+def _setpoint_mapping(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+    return _fill(drive.mapped_numbers(setpoint=True), parameter)
 
 
-def _actual_mapping(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return _fill(store.mapped_numbers(setpoint=False), parameter)
+def _actual_mapping(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+    return _fill(drive.mapped_numbers(setpoint=False), parameter)
 
 
-def _telegram(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [store.telegram_number]
+def _telegram(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [drive.telegram_number]
 
 
-def _signal_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _signal_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 923: at a signal's number the PNU that shows it; every signal with a PNU has its own number."""
-    parameters = store.model.parameters
+    parameters = drive.model.parameters
     return [
-        number if number in store.model.signals and number in parameters else 0 for number in range(parameter.elements)
+        number if number in drive.model.signals and number in parameters else 0 for number in range(parameter.elements)
     ]
 
 
-def _fault_counter(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [fault_counter(store.handle.axis)]
+def _fault_counter(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [fault_counter(drive.handle.axis)]
 
 
-def _kept_situations(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _kept_situations(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 952 of a drive that keeps its fault buffer without power: what it kept, and what came since."""
-    axis = store.handle.axis
+    axis = drive.handle.axis
     return [int(axis.fault_kept) + fault_counter(axis) & 0xFFFF]
 
 
-def _fault_buffer(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _fault_buffer(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 947; in two parts: error in the lower word, location in the upper one (Moog MSD manual 10.9, P-0949)."""
-    return [parameter.clamp(number) for number in fault_numbers(store.handle.axis)[: parameter.elements]]
+    return [parameter.clamp(number) for number in fault_numbers(drive.handle.axis)[: parameter.elements]]
 
 
-def _fault_changes(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [int(store.handle.axis.fault_changes)]
+def _fault_changes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [int(drive.handle.axis.fault_changes)]
 
 
-def _fault_codes(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _fault_codes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 945: the fault buffer in the manual's codes."""
-    faults = store.model.faults
-    return [faults[number].word if number in faults else 0 for number in fault_numbers(store.handle.axis)]
+    faults = drive.model.faults
+    return [faults[number].word if number in faults else 0 for number in fault_numbers(drive.handle.axis)]
 
 
-def _fault_scaling(_store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _fault_scaling(_drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 950: situations, and faults of one situation."""
     return [FAULT_SITUATIONS, FAULT_SLOTS]
 
 
-def _operation_mode(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _operation_mode(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without; it has none for torque: 0."""
-    axis = store.handle.axis
+    axis = drive.handle.axis
     if int(axis.opmode) != VELOCITY_MODE:
         return [int(axis.opmode)]
     return [1 if int(axis.ramp_generator) == RAMP_GENERATED else 3]
 
 
-def _encoder_format(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _encoder_format(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 979 (profile 4.1, 6.3.4): header, then type, resolution, two shift factors and revolutions of encoder 1.
 
     The resolution is in increments of a revolution, that of a linear encoder in nm of an increment, and that one has no
     revolutions.  A drive without a sensor interface has the steps of its motor's encoder.
     """
-    axis, pitch = store.handle.axis, store.model.pitch
+    axis, pitch = drive.handle.axis, drive.model.pitch
     # one that keeps the home position without power is absolute
     turns = inf if axis.home_stays else float(axis.sensor_revolutions)
     step = float(axis.sensor_step) or (1.0 / float(axis.encoder_steps) if axis.encoder_steps else 0.0)
@@ -130,77 +157,77 @@ def _firmware(model: Model) -> tuple[int, int, int]:
     return (major * 100 + minor, *model.identity.firmware_date)
 
 
-def _unit_identification(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _unit_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 964: manufacturer, drive unit type, version, year, day and month, drive objects, minor version."""
-    identity = store.model.identity
+    identity = drive.model.identity
     minor = identity.software_version[2]
-    return [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model), 1, minor][: parameter.elements]
+    return [identity.vendor_id, identity.drive_unit_type, *_firmware(drive.model), 1, minor][: parameter.elements]
 
 
-def _object_identification(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _object_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 975: as 964, then class, application classes and number of the drive object."""
-    identity = store.model.identity
-    known = [identity.vendor_id, identity.drive_unit_type, *_firmware(store.model), *identity.object_class]
+    identity = drive.model.identity
+    known = [identity.vendor_id, identity.drive_unit_type, *_firmware(drive.model), *identity.object_class]
     return _fill(known, parameter)
 
 
-def _parameter_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _parameter_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 980 + index: defined parameters, rising; a list that is not the last ends with the next one's number."""
     size = parameter.elements - 1
-    numbers = [pnu for pnu in store.model.parameters if pnu not in LISTS]
+    numbers = [pnu for pnu in drive.model.parameters if pnu not in LISTS]
     part = numbers[size * parameter.index : size * (parameter.index + 1)]
     if len(numbers) > size * (parameter.index + 1):
         return [*part, LISTS[parameter.index + 1]]
     return _fill(part, parameter)
 
 
-def _signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The numbers of all signals that a free mapping may name (Moog MSD manual, table 14.5, P-0923)."""
-    return _fill(sorted(n for n, signal in store.model.signals.items() if not signal.shown_as), parameter)
+    return _fill(sorted(n for n, signal in drive.model.signals.items() if not signal.shown_as), parameter)
 
 
-def _setpoint_signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    signals = store.model.signals.items()
+def _setpoint_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+    signals = drive.model.signals.items()
     return _fill(sorted(n for n, signal in signals if signal.setpoint and not signal.shown_as), parameter)
 
 
-def _actual_signals(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    signals = store.model.signals.items()
+def _actual_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+    signals = drive.model.signals.items()
     sent = (n for n, signal in signals if (not signal.setpoint or signal.readable) and not signal.shown_as)
     return _fill(sorted(sent), parameter)
 
 
-def _changed_list(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _changed_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 990: parameters that differ from the factory's values, as many as there are places."""
-    return _fill(store.changed_numbers()[: parameter.elements], parameter)
+    return _fill(drive.changed_numbers()[: parameter.elements], parameter)
 
 
-def _fault_classes(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _fault_classes(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The newest faults by the profile's classes: places in the list of P-0951 (Moog MSD manual, table 10.22).
 
     A fault's class is one more than its ChannelErrorType is above 0x9000; one without is among the others.
     """
-    diagnoses = store.model.diagnoses
+    diagnoses = drive.model.diagnoses
     return [
         min(diagnoses.get(number, OTHER_FAULT) - FIRST_CLASS + 1, OTHER_FAULT - FIRST_CLASS + 1) if number else 0
-        for number in fault_numbers(store.handle.axis)[: parameter.elements]
+        for number in fault_numbers(drive.handle.axis)[: parameter.elements]
     ]
 
 
-def _fault(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _fault(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the faults at hand, oldest first; 0 for none."""
-    active = active_faults(store.handle.axis)
+    active = active_faults(drive.handle.axis)
     return [active[parameter.index] if parameter.index < len(active) else 0]
 
 
-def _warning(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _warning(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the warnings at hand, the first of which a word of warning shows; 0 for none."""
-    return [int(store.handle.axis.warnings[parameter.index])]
+    return [int(drive.handle.axis.warnings[parameter.index])]
 
 
-def _bus_warnings(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """P-0953: each stays until cyclic data begin anew (Moog MSD manual 8.3.2 says so of the sign of life)."""
-    axis, lost = store.handle.axis, int(store.handle.image.lost)
+    axis, lost = drive.handle.axis, int(drive.handle.image.lost)
     # the drive's own watchdog may run out while the connection still stands, or after it was taken down
     late = lost != LOST_NEVER and int(axis.loss_delay_ns) > 0 and int(axis.telegram_ns) == 0
     word = LIFE_WARNING if int(axis.life_failed) != LIFE_GOOD else 0
@@ -208,34 +235,34 @@ def _bus_warnings(store: ParameterStore, _parameter: Parameter) -> Sequence[int]
     return [word | (STOP_WARNING if lost == LOST_STOP else 0)]
 
 
-def _active(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [int(store.handle.in_operation)]
+def _active(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [int(drive.handle.in_operation)]
 
 
-def _software_limits(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _software_limits(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """Bits 0 and 1 of DRIVE_INPUTS (AKD PROFINET manual 5.8.1)."""
-    return [int(store.handle.image.sent[DRIVE_INPUTS]) & 0x3]
+    return [int(drive.handle.image.sent[DRIVE_INPUTS]) & 0x3]
 
 
-def _limit_switch(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _limit_switch(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the two: 0 the negative, 1 the positive."""
-    return [int(store.handle.axis.limit_switch) >> parameter.index & 1]
+    return [int(drive.handle.axis.limit_switch) >> parameter.index & 1]
 
 
-def _controlled_stop(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    axis = store.handle.axis
+def _controlled_stop(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    axis = drive.handle.axis
     return [int(int(axis.state) == 5 and int(axis.stop) in {2, 3})]
 
 
-def _disable_sources(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """DRV.DISSOURCES (AKD parameter reference): what keeps the power stage off, or shall switch it off.
 
     Bit 0 software, 1 fault, 2 hardware, 3 no supply of power, 4 not started up yet, 5 an input for a controlled stop.
     """
-    axis = store.handle.axis
+    axis = drive.handle.axis
     lacks = int(axis.lacked)
     reasons = (
-        not store.handle.in_operation,
+        not drive.handle.in_operation,
         int(axis.fault_code[0]) != 0,
         lacks & LACKS_ENABLE,
         lacks & LACKS_SUPPLY,
@@ -245,101 +272,101 @@ def _disable_sources(store: ParameterStore, _parameter: Parameter) -> Sequence[i
     return [sum(1 << bit for bit, there in enumerate(reasons) if there)]
 
 
-def _hardware_enable(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _hardware_enable(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """DRV.HWENABLE (AKD parameter reference): 1 while the hardware enables the drive."""
-    return [int(not int(store.handle.axis.lacked) & LACKS_ENABLE)]
+    return [int(not int(drive.handle.axis.lacked) & LACKS_ENABLE)]
 
 
-def _digital_input(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _digital_input(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The level of one input, the first is 0."""
-    return [int(store.handle.axis.digital_inputs) >> parameter.index & 1]
+    return [int(drive.handle.axis.digital_inputs) >> parameter.index & 1]
 
 
-def _torque_allowed(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _torque_allowed(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """STO.STATE: bit 6 of DRIVE_INPUTS (AKD PROFINET manual 5.8.1)."""
-    return [int(store.handle.image.sent[DRIVE_INPUTS]) >> 6 & 1]
+    return [int(drive.handle.image.sent[DRIVE_INPUTS]) >> 6 & 1]
 
 
-def _measured(store: ParameterStore, field: str) -> float:
+def _measured(drive: DriveView, field: str) -> float:
     """A field of the axis record as the drive measures it."""
-    axis = store.handle.axis
+    axis = drive.handle.axis
     return float(axis[field]) + deviation(axis, field)
 
 
-def _mechanical_position(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _mechanical_position(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """FB1.MECHPOS (AKD parameter reference): the angle of the shaft, 2^32 to the revolution."""
-    return [int(_measured(store, "position") % 1.0 * 2**32) & 0xFFFFFFFF]
+    return [int(_measured(drive, "position") % 1.0 * 2**32) & 0xFFFFFFFF]
 
 
-def _shaft_position(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _shaft_position(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The feedback's own position, which no homing moves."""
-    return [store.scaled(parameter, _measured(store, "position"))]
+    return [drive.scaled(parameter, _measured(drive, "position"))]
 
 
-def _velocity_error(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
-    return [store.scaled(parameter, float(store.handle.axis.ramp) - _measured(store, "velocity"))]
+def _velocity_error(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+    return [drive.scaled(parameter, float(drive.handle.axis.ramp) - _measured(drive, "velocity"))]
 
 
-def _position_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _position_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """The following error in position units, as a float32 (Moog MSD manual, table 10.14, P-0414)."""
-    return [float_bits(_measured(store, "following_error") / float(store.handle.axis.position_step))]
+    return [float_bits(_measured(drive, "following_error") / float(drive.handle.axis.position_step))]
 
 
-def _speed_difference(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
+def _speed_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """What the speed controller sees, in speed units, as a float32 (table 10.13, P-0417)."""
-    axis = store.handle.axis
-    return [float_bits((float(axis.speed_reference) - _measured(store, "velocity")) / float(axis.velocity_step))]
+    axis = drive.handle.axis
+    return [float_bits((float(axis.speed_reference) - _measured(drive, "velocity")) / float(axis.velocity_step))]
 
 
-def _foldback_level(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _foldback_level(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """IL.FOLDFTHRESH (AKD parameter reference): what was asked for, and the peak current at most."""
-    axis = store.handle.axis
-    return [store.scaled(parameter, min(float(axis.peak_current), float(axis.foldback_fault_level)))]
+    axis = drive.handle.axis
+    return [drive.scaled(parameter, min(float(axis.peak_current), float(axis.foldback_fault_level)))]
 
 
-def _foldback_recovery(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _foldback_recovery(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """IL.MFOLDR: how long no current must flow for the peak to be there for IL.MFOLDD again (`firmware.foldback`)."""
-    axis = store.handle.axis
+    axis = drive.handle.axis
     if not axis.continuous_current:
         return [0]
     times = float(axis.foldback_delay[0]) + float(axis.foldback_time[0])
-    return [store.scaled(parameter, times * (float(axis.peak_current) / float(axis.continuous_current) - 1.0))]
+    return [drive.scaled(parameter, times * (float(axis.peak_current) / float(axis.continuous_current) - 1.0))]
 
 
-def _timeout(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [store.watchdog_ns // 1_000_000]
+def _timeout(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [drive.watchdog_ns // 1_000_000]
 
 
-def _station_name(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _station_name(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """P-1289: a name that was written and waits for the next power-on, else the station's own."""
-    waiting = store.waiting_name
-    name = store.network.name.encode("ascii", "replace") if waiting is None else waiting
+    waiting = drive.waiting_name
+    name = drive.network.name.encode("ascii", "replace") if waiting is None else waiting
     return _fill(list(name[: parameter.elements]), parameter) if name else parameter.defaults
 
 
-def _name_of_station(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _name_of_station(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 61000 of PROFIdrive on PROFINET: the name in force."""
-    return _fill(list(store.network.name.encode("ascii", "replace")[: parameter.elements]), parameter)
+    return _fill(list(drive.network.name.encode("ascii", "replace")[: parameter.elements]), parameter)
 
 
-def _station_ip(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [store.network.ip]
+def _station_ip(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [drive.network.ip]
 
 
-def _station_mask(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [store.network.mask]
+def _station_mask(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [drive.network.mask]
 
 
-def _station_gateway(store: ParameterStore, _parameter: Parameter) -> Sequence[int]:
-    return [store.network.gateway]
+def _station_gateway(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [drive.network.gateway]
 
 
-def _station_macs(store: ParameterStore, parameter: Parameter) -> Sequence[int]:
+def _station_macs(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """P-1292: the station's address, then those of its ports."""
-    return _fill(b"".join(store.network.macs)[: parameter.elements], parameter)
+    return _fill(b"".join(drive.network.macs)[: parameter.elements], parameter)
 
 
-_Function = Callable[["ParameterStore", Parameter], Sequence[int]]
+_Function = Callable[["DriveView", Parameter], Sequence[int]]
 
 
 #: ``computed:<name>`` -> function.

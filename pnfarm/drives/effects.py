@@ -7,10 +7,10 @@ motor than the one at hand (``motor`` in its row) has the effect that it has wit
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.computed import CONSTANT_COMPUTED
+from pnfarm.drives.model_parts import Effect
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
@@ -20,16 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameter import Parameter
     from pnfarm.drives.sections import Section
 
-__all__ = ["EFFECTS", "Effect", "effect_of", "read_effects"]
-
-
-class Effect(Enum):
-    """The effect of a parameter; ``acts`` where writing it, or its value, changes what the drive does."""
-
-    ACTS = "acts"
-    LIVE = "live"  # it reads what the drive is or does
-    KEPT = "kept"  # it is stored and read back, and has no effect
-    CONSTANT = "constant"  # it always reads the same
+__all__ = ["EFFECTS", "effect_of", "read_effects"]
 
 
 #: Each effect in words, for people.

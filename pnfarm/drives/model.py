@@ -8,8 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.mapping import mapped_signals
-from pnfarm.drives.model_identity import override_identity
 from pnfarm.drives.model_parts import MESSAGE_CAUSES, SWITCH_CAUSES
 from pnfarm.drives.numbering import Numbering, read_number
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
@@ -18,11 +16,9 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.axis import FAULT_WORDS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from pnfarm.drives.behaviour import Point
     from pnfarm.drives.consequences import Consequence
-    from pnfarm.drives.effects import Effect
     from pnfarm.drives.lamps import Lamps
     from pnfarm.drives.model_parts import (
         AddressMode,
@@ -30,6 +26,7 @@ if TYPE_CHECKING:
         ControlLimits,
         DescriptionFile,
         DiagnosisCoding,
+        Effect,
         Fact,
         FactorGroup,
         Fault,
@@ -39,14 +36,15 @@ if TYPE_CHECKING:
         MotionTaskParameters,
         MotorKind,
         ParameterAccess,
+        Point,
         PositionUnits,
         SignOfLife,
     )
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
     from pnfarm.drives.realism import Realism
-    from pnfarm.drives.telegram import Module, Signal, Submodule, Telegram
+    from pnfarm.drives.telegram import Module, Signal, Telegram
 
-__all__ = ["Model", "submodule_json"]
+__all__ = ["Model"]
 
 
 def _is_number(text: str) -> bool:
@@ -113,8 +111,7 @@ class Model:
     readings: Mapping[str, str] = field(default_factory=dict)
     #: Rows that are no parameters with these readings.
     absent: Mapping[int, Parameter] = field(default_factory=dict)
-    #: The motor at hand, and of a linear one the way of a revolution of the axis record, mm; else 0.
-    motor_kind: str = "rotary"
+    #: Of a linear motor, mm that it moves in one revolution of the axis record; 0 for one that turns.
     pitch: float = 0.0
 
     # parameters
@@ -186,12 +183,6 @@ class Model:
             (t for t in self.telegrams.values() if any(module.ident == module_ident for module in t.modules)), None
         )
 
-    def signals_of(
-        self, numbers: Sequence[int], *, setpoint: bool, elements: Sequence[int] = ()
-    ) -> tuple[Signal | None, ...]:
-        """What a free mapping makes of ``numbers`` (:func:`pnfarm.drives.mapping.mapped_signals`)."""
-        return mapped_signals(self, numbers, setpoint=setpoint, elements=elements)
-
     def bit_names(self, word: str, telegram: int) -> tuple[str, ...]:
         """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any."""
         return bit_names(self.word_bits, word, telegram)
@@ -210,31 +201,8 @@ class Model:
             if fault.cause in MESSAGE_CAUSES:
                 axis.message_warnings[MESSAGE_CAUSES.index(fault.cause)] = fault.number
 
-    def with_identity(self, overrides: Mapping[str, Any]) -> Model:
-        """This model under another identity; see :data:`OVERRIDES` for the keys.  Raises :class:`ConfigError`."""
-        return override_identity(self, overrides) if overrides else self
-
-    def source_of(self, what: str) -> Fact:
-        """Where a value such as ``identity.device_id`` comes from; :class:`KeyError` for an unknown one."""
-        return self.facts[what]
-
 
 def _code_in(name: str) -> str:
     """The maker's own code that a fault's name begins with, such as ``al.fb1``; empty for none."""
     first = name.split(" ", 1)[0].lower()
     return first if "." in first else ""
-
-
-def submodule_json(submodule: Submodule) -> dict[str, Any]:
-    """A submodule as ``pnfarm models MODEL --format json`` shows it."""
-    return {
-        "slot": submodule.slot,
-        "subslot": submodule.subslot,
-        "ident": submodule.ident,
-        "api": submodule.api,
-        "input_bytes": submodule.input_bytes,
-        "output_bytes": submodule.output_bytes,
-        "name": submodule.name,
-        "source": submodule.source,
-        "note": submodule.note,
-    }

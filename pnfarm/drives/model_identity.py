@@ -12,7 +12,7 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
 
-__all__ = ["OVERRIDES", "override_identity"]
+__all__ = ["OVERRIDES", "with_identity"]
 
 #: Keys of the farm file's ``identity`` section.
 OVERRIDES: Mapping[str, str] = {
@@ -94,8 +94,10 @@ def _telegram_subslot(module: Module) -> int:
     return max(submodule.subslot for submodule in module.submodules)
 
 
-def override_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
-    """See :meth:`Model.with_identity`."""
+def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
+    """The model under another identity; see :data:`OVERRIDES` for the keys.  Raises :class:`ConfigError`."""
+    if not overrides:
+        return model
     for key in overrides:
         if key not in OVERRIDES:
             raise ConfigError(f"identity.{key}: unknown; there are {', '.join(OVERRIDES)}")

@@ -6,6 +6,7 @@ Each value that can be doubted carries a :class:`Fact`: the manual's section, or
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, field
+from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.table.axis_codes import REACTION_COAST, REACTION_QUICK_STOP
@@ -26,6 +27,7 @@ __all__ = [
     "ControlLimits",
     "DescriptionFile",
     "DiagnosisCoding",
+    "Effect",
     "Fact",
     "FactorGroup",
     "Fault",
@@ -35,7 +37,9 @@ __all__ = [
     "MotionTaskParameters",
     "MotorKind",
     "ParameterAccess",
+    "Point",
     "PositionUnits",
+    "Reading",
     "SignOfLife",
     "fault_label",
     "fault_number",
@@ -334,6 +338,49 @@ class Fault:
     def code(self) -> int:
         """Number with its reaction, as the axis record and ``CMD_RAISE_FAULT`` take it."""
         return self.number | self.reaction << 24
+
+
+class Effect(Enum):
+    """The effect of a parameter; ``acts`` where writing it, or its value, changes what the drive does."""
+
+    ACTS = "acts"
+    LIVE = "live"  # it reads what the drive is or does
+    KEPT = "kept"  # it is stored and read back, and has no effect
+    CONSTANT = "constant"  # it always reads the same
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One way to read a manual; ``does`` says what a drive of this reading does."""
+
+    name: str
+    does: str
+    firmware: Mapping[str, float] = field(default_factory=dict)
+    defaults: Mapping[int, int] = field(default_factory=dict)
+    #: (section, key) -> value as the model has it.
+    model: Mapping[tuple[str, str], Any] = field(default_factory=dict)
+
+    @property
+    def keys(self) -> frozenset[object]:
+        """All that it sets."""
+        return frozenset((*self.firmware, *self.defaults, *self.model))
+
+    @property
+    def values(self) -> tuple[Mapping[Any, Any], ...]:
+        """What tells it from the other readings."""
+        return self.firmware, self.defaults, self.model
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """What a manual leaves open; ``source`` is where, ``reason`` why the default is what it is."""
+
+    name: str
+    about: str
+    readings: Mapping[str, Reading]
+    default: str
+    reason: str
+    source: str
 
 
 def fault_number(text: str) -> int:

@@ -72,7 +72,6 @@ def with_motor(model: Model, name: str | None, pitch: float | None = None) -> Mo
     parameters = {pnu: _fitted(parameter, kind, way) for pnu, parameter in model.parameters.items()}
     return replace(
         model,
-        motor_kind=str(name),
         pitch=way,
         motor={**model.motor, **{key: axis_value(key, value, way) for key, value in kind.motor.items()}},
         firmware={**model.firmware, **{key: axis_value(key, value, way) for key, value in kind.firmware.items()}},

@@ -9,13 +9,13 @@ from pnfarm.drives.computed import COMPUTED
 from pnfarm.drives.model_files import integer, rows
 from pnfarm.drives.model_parts import COMMANDS
 from pnfarm.drives.parameter import FLOAT_HIGHEST, Backing, Form, Parameter, ParameterType
-from pnfarm.drives.parameter_numbers import NUMBERS_FILE, ParameterNumbers, numbered_rows
+from pnfarm.drives.parameter_numbers import ParameterNumbers
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from pnfarm.drives.model_files import ModelFiles
@@ -64,6 +64,10 @@ _EFFECTIVE = "effective"
 #: Another one behind that: the motor that a parameter is for.
 _MOTOR = "motor"
 _MORE = (_EFFECTIVE, _MOTOR)
+#: Columns: ``pnu``, ``id``, and any of ``parameters.csv`` whose cell, where it is not empty, counts on this bus.
+NUMBERS_FILE = "numbers.csv"
+#: A row and its place.
+Row = tuple[str, dict[str, str]]
 _FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
 
 
@@ -233,12 +237,12 @@ def _parameter(pnu: int, row: Mapping[str, str], where: str, numbers: ParameterN
 
 def read_parameters(files: ModelFiles, numbering: Numbering) -> tuple[dict[int, Parameter], ParameterNumbers]:
     """Every parameter by its number, rising, and the numbers of those that the product's files name."""
-    own: dict[str, tuple[str, dict[str, str]]] = {}
-    found: dict[int, tuple[str, dict[str, str]]] = {}
+    own: dict[str, Row] = {}
+    found: dict[int, Row] = {}
     numbers: dict[str, int] = {}
     for path in files.wanted("parameters.csv"):
         _add_rows(path, own, found, by_name=bool(numbering.prefix or files.named(NUMBERS_FILE)))
-    for number, name, (where, row) in numbered_rows(files, own, numbering):
+    for number, name, (where, row) in _numbered_rows(files, own, numbering):
         if number in found:
             raise ConfigError(f"{where}, pnu: {number} stands twice")
         found[number] = where, row
@@ -256,8 +260,8 @@ def read_parameters(files: ModelFiles, numbering: Numbering) -> tuple[dict[int, 
 
 def _add_rows(
     path: Path,
-    own: dict[str, tuple[str, dict[str, str]]],
-    found: dict[int, tuple[str, dict[str, str]]],
+    own: dict[str, Row],
+    found: dict[int, Row],
     *,
     by_name: bool,
 ) -> None:
@@ -284,6 +288,27 @@ def _add_rows(
             own[key] = where, {_NAME: key} | row
         else:
             found[key] = where, row
+
+
+def _numbered_rows(files: ModelFiles, own: Mapping[str, Row], numbering: Numbering) -> Iterator[tuple[int, str, Row]]:
+    """Each number with the parameter's name and its row in the product's ``parameters.csv``."""
+    lists = files.named(NUMBERS_FILE)
+    if not lists and numbering.prefix:
+        for name, (where, row) in own.items():
+            number = numbering.number(name)
+            if number is None:
+                raise ConfigError(f"{where}, id: {name!r} is not written as the section numbering says")
+            yield number, name, (where, row)
+    for path in lists:
+        for where, given in rows(path):
+            number, name = integer(given.pop("pnu", ""), where, "pnu"), given.pop("id", "")
+            if name not in own:
+                raise ConfigError(f"{where}, id: no parameters.csv has {name!r}")
+            place, row = own[name]
+            changed = {column: cell for column, cell in given.items() if cell}
+            if unknown := changed.keys() - row.keys():
+                raise ConfigError(f"{where}, {min(unknown)}: not a column of parameters.csv")
+            yield number, name, (f"{place}, changed by {where}", row | changed) if changed else (place, row)
 
 
 def parameter_names(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.telegram import MappingError, signal_codes
 from pnfarm.errors import ConfigError
@@ -37,7 +38,7 @@ def mapping_numbers(
     """
     setpoint = parameter.argument == "setpoint-mapping"
     try:
-        signals = model.signals_of(numbers, setpoint=setpoint, elements=elements)
+        signals = mapped_signals(model, numbers, setpoint=setpoint, elements=elements)
         if not model.access.mapping_by_entry:
             signal_codes(signals, setpoint=setpoint)
     except MappingError as exc:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.parameter import ParameterErrorNumber, refusal
 from pnfarm.drives.stored_values import check_telegram, mapping_numbers
 from pnfarm.drives.telegram import signal_codes, signal_numbers, whole_signals
@@ -97,7 +98,7 @@ class TelegramSelection:
             element if number in model.parameters and element < model.parameters[number].elements else 0
             for number, element in zip(stored, self._elements(setpoint=setpoint), strict=False)
         ]
-        every = model.signals_of(stored, setpoint=setpoint, elements=elements)
+        every = mapped_signals(model, stored, setpoint=setpoint, elements=elements)
         signals = whole_signals(every[: len(words)], setpoint=setpoint)
         return signals + (None,) * (len(words) - len(signals))
 
@@ -163,5 +164,5 @@ class TelegramSelection:
         elements = list(self._elements(setpoint=setpoint))
         elements[subindex : subindex + len(values)] = values
         numbers = self.numbers(setpoint=setpoint)
-        self._values.model.signals_of(numbers, setpoint=setpoint, elements=elements)
+        mapped_signals(self._values.model, numbers, setpoint=setpoint, elements=elements)
         return tuple(elements)

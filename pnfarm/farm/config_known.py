@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.drives import catalogue as drives
 from pnfarm.drives.given_values import raw_number
+from pnfarm.drives.model_identity import with_identity
 from pnfarm.drives.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameter import Form, ParameterError
 from pnfarm.drives.parameter_list import read_parameter_list
@@ -244,7 +245,7 @@ class InstalledModel:
 
     def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
         try:
-            self.model.with_identity(identity)
+            with_identity(self.model, identity)
         except ConfigError as error:
             return str(error).removeprefix("identity.").split(": ", maxsplit=1)[-1]
         return None

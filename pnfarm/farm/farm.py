@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.drives.model_identity import with_identity
 from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError
@@ -64,7 +65,7 @@ def model_of(config: DriveConfig) -> Model:
     """A drive's model with the list of parameters, the motor, the behaviour and the identity of the farm file."""
     described = model_by_name(config.model) if config.listed is None else config.listed
     described = with_motor(described, config.motor.kind, config.motor.pitch)
-    return with_behaviour(described, config.behaviour).with_identity(config.identity)
+    return with_identity(with_behaviour(described, config.behaviour), config.identity)
 
 
 def make_link(config: FarmConfig) -> Link:

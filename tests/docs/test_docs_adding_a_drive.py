@@ -9,11 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from parameter_requests import read_request, results
 from virtual_line import VirtualLine
 
 from pnfarm.drives.catalogue import MODELS_VARIABLE, model, models
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, emit_request, parse_response
-from pnfarm.drives.profiles.profidrive.requester import read_request, results
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from drives_kit import Drive, Running, new_drive
 from manuals import manual_text
+from parameter_requests import read_request, response_error
 
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
@@ -19,7 +20,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     parse_response,
 )
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
-from pnfarm.drives.profiles.profidrive.requester import read_request, response_error
 from pnfarm.table.image import LOST_STOP
 from pnfarm.table.signals import (
     ITIST_GLATT,
@@ -117,7 +117,7 @@ def test_3_6_2_the_examples_own_attribute_is_none_of_3_6(akd_2012: Drive) -> Non
 
 def test_4_2_2_the_fastest_cycle_is_8_ms() -> None:
     assert model(NAME).limits.min_cycle_ns == 8 * MS
-    assert model(NAME).source_of("limits.min_cycle_ns").source == "4.2.2"
+    assert model(NAME).facts["limits.min_cycle_ns"].source == "4.2.2"
     assert model("akd-profinet").limits.min_cycle_ns == 16 * MS
 
 
@@ -433,4 +433,4 @@ def test_the_later_editions_numbered_fault_actions_and_the_drives_foldback_are_n
     older, newer = model(NAME).faults, model("akd-profinet").faults
     assert newer.keys() - older.keys() == {130, 131, 132, 134, 139, 451, 524, 570}
     assert not older.keys() - newer.keys()
-    assert model(NAME).source_of("communication_loss.fault").source == "assumed"
+    assert model(NAME).facts["communication_loss.fault"].source == "assumed"

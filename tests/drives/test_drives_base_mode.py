@@ -6,13 +6,13 @@ import random
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import parameter_requests as requester
 import pytest
 from drives_kit import Drive, new_drive
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
-from pnfarm.drives.profiles.profidrive import requester
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     ATTRIBUTE_TEXT,
@@ -21,7 +21,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     FORMAT_ERROR,
     FORMAT_WORD,
     FORMAT_ZERO,
-    MAX_BLOCK,
     MAX_ELEMENTS,
     REQUEST_CHANGE,
     REQUEST_READ,
@@ -37,6 +36,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     parse_request,
     parse_response,
 )
+from pnfarm.drives.profiles.profidrive.description import format_of
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.drives.store import ParameterStore
@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 E = ParameterErrorNumber
+#: Octets of the profile's usual block.
+MAX_BLOCK = 240
 #: AKD PROFINET manual 3.6.2: DRV.OPMODE 2 through PNU 930.
 MANUAL_REQUEST = bytes.fromhex("05 02 00 01 10 01 03 A2 00 00 42 01 00 02")
 MANUAL_RESPONSE = bytes.fromhex("05 02 00 01 00 00")
@@ -113,7 +115,7 @@ def test_each_parameter_is_read_in_its_format(drive: Drive) -> None:
         request = requester.read_request(1, [ParameterAddress(parameter.pnu, 0, count)])
         response = parse_response(ask(drive, emit_request(request)))
         entry = response.entries[0]
-        wanted = requester.format_of(parameter, typed=drive.model.access.typed_formats)
+        wanted = format_of(parameter, typed=drive.model.access.typed_formats)
         assert (response.response_id, entry.format) == (REQUEST_READ, wanted)
         assert format_octets(entry.format) == parameter.octets
         mask = (1 << 8 * parameter.octets) - 1
@@ -133,12 +135,12 @@ def test_each_writable_parameter_takes_its_limits_over_the_wire(drive: Drive) ->
             continue
         mask = (1 << 8 * parameter.octets) - 1
         for value in (parameter.minimum, parameter.maximum):
-            values = ParameterValues(requester.format_of(parameter), (value & mask,))
+            values = ParameterValues(format_of(parameter), (value & mask,))
             response = change(drive, (ParameterAddress(parameter.pnu), values))
             assert response.response_id == REQUEST_CHANGE, parameter
             drive.axis.command_tail = drive.axis.command_head
         if parameter.maximum < parameter.highest:
-            values = ParameterValues(requester.format_of(parameter), ((parameter.maximum + 1) & mask,))
+            values = ParameterValues(format_of(parameter), ((parameter.maximum + 1) & mask,))
             assert number_of(change(drive, (ParameterAddress(parameter.pnu), values))) == E.LIMIT_EXCEEDED
 
 

@@ -8,8 +8,9 @@ import pytest
 from model_copy import copy_model, file_of, files_of
 
 from pnfarm.drives.behaviour import with_behaviour
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.loader import load_model
+from pnfarm.drives.model_json import as_json
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis import AXIS
 

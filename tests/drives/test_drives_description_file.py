@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import pytest
 from model_copy import copy_model, drop_section, rewrite
 
-from pnfarm.drives.catalogue import as_json, model
+from pnfarm.drives.catalogue import model
 from pnfarm.drives.loader import load_model
+from pnfarm.drives.model_json import as_json
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def test_a_model_without_the_optional_values_has_their_defaults(folder: Path) ->
 def test_the_akd_sends_no_alarms_by_its_manual(name: str) -> None:
     akd = model(name)
     assert akd.limits.alarms is False
-    assert akd.source_of("limits.alarms").source == "5.13"
+    assert akd.facts["limits.alarms"].source == "5.13"
 
 
 def test_a_slowest_cycle_alarms_and_diagnosis_come_from_data(folder: Path) -> None:

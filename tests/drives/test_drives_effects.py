@@ -14,10 +14,12 @@ from model_copy import copy_model, rewrite
 import pnfarm
 from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.catalogue import as_json, model, models
-from pnfarm.drives.effects import Effect, effect_of
+from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.effects import effect_of
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model import Model
+from pnfarm.drives.model_json import as_json
+from pnfarm.drives.model_parts import Effect
 from pnfarm.drives.motion_tasks import MotionTask
 from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.drives.network import NoNetwork
@@ -283,7 +285,7 @@ def lived(name: str, changed: list[Parameter]) -> tuple[object, ...]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_that_are_kept_reach_nothing_and_read_back_what_was_written(name: str) -> None:
-    """One that reaches something acts: what names it belongs into ``effects.acting_parameters``."""
+    """One that reaches something acts: what names it belongs into ``effects``."""
     kept = [p for p in rows_with(name, Effect.KEPT) if others(p)]
     assert len(kept) >= len(rows_with(name, Effect.KEPT)) - 1, "all but one have more than one value"
     usual = lived(name, [])

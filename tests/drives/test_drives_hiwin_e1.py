@@ -9,15 +9,17 @@ import pytest
 from drives_kit import Drive, new_drive
 from manuals import manual_text
 from model_copy import copy_model, rewrite
+from parameter_requests import change_request, read_request, results
 
 from pnfarm.drives.behaviour import with_behaviour
-from pnfarm.drives.catalogue import as_json, model
-from pnfarm.drives.effects import Effect, effect_of
+from pnfarm.drives.catalogue import model
+from pnfarm.drives.effects import effect_of
 from pnfarm.drives.loader import load_model
+from pnfarm.drives.model_json import as_json
+from pnfarm.drives.model_parts import Effect
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber, ParameterType
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterValues, emit_request, parse_response
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
-from pnfarm.drives.profiles.profidrive.requester import change_request, read_request, results
 from pnfarm.drives.store import FaultHistoryCleared, NonVolatileSaved, ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY
@@ -70,7 +72,7 @@ def test_2_3_two_connectors_and_2_4_2_the_api() -> None:
 def test_aliases_and_assumptions_are_told() -> None:
     assert model("e1").name == E1.name
     for assumed in ("identity.device_id", "communication_loss.fault", "parameter_access.record_indexes"):
-        assert E1.source_of(assumed).source == "assumed"
+        assert E1.facts[assumed].source == "assumed"
     shown = as_json(E1)
     assert [telegram["note"] for telegram in shown["telegrams"]] == [t.note for t in E1.telegrams.values()]
 

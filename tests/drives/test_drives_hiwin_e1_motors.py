@@ -43,7 +43,7 @@ def linear() -> Drive:
 def test_the_usual_motor_turns_and_is_the_model_itself() -> None:
     e1 = model("hiwin-e1")
     assert with_motor(e1, None) is with_motor(e1, "rotary") is e1
-    assert (e1.motor_kind, e1.pitch) == ("rotary", 0.0)
+    assert e1.pitch == 0.0
 
 
 def test_6_applicable_motor_of_each_parameter() -> None:

@@ -16,8 +16,10 @@ from manuals import manual_text
 from model_copy import copy_model, file_of, rewrite
 
 from pnfarm.drives import catalogue
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.loader import load_model
+from pnfarm.drives.model_identity import with_identity
+from pnfarm.drives.model_json import as_json
 from pnfarm.drives.parameter import Backing, ParameterError, ParameterType
 from pnfarm.drives.telegram import MappingError, signal_codes, signal_numbers
 from pnfarm.drives.word_bits import WordBits, bit_names
@@ -350,7 +352,8 @@ def test_bits_of_a_telegram_come_before_those_of_all_others() -> None:
 
 def test_a_farm_file_overrides_the_identity() -> None:
     plain = model("akd-profinet")
-    changed = plain.with_identity(
+    changed = with_identity(
+        plain,
         {
             "vendor": "0x0105",
             "device": 0x0203,
@@ -360,7 +363,7 @@ def test_a_farm_file_overrides_the_identity() -> None:
             "dap_submodules": {"0x8001": 0x33},
             "access_point": 0xFFFE,
             "telegrams": {1: {"module": 0x101, "submodule": 0x55}, "7": 0x107},
-        }
+        },
     )
     assert changed.identity.device_id == 0x0203
     assert changed.identity.software_version == (1, 18, 2)
@@ -375,7 +378,7 @@ def test_a_farm_file_overrides_the_identity() -> None:
     assert shown["identity"]["sources"]["vendor_id"]["source"] != "farm file"
     assert shown["dap"]["module_source"] == "farm file"
     assert plain.identity.device_id != 0x0203
-    assert plain.with_identity({}) is plain
+    assert with_identity(plain, {}) is plain
 
 
 @pytest.mark.parametrize(
@@ -398,7 +401,7 @@ def test_a_farm_file_overrides_the_identity() -> None:
 )
 def test_a_wrong_identity_is_refused_by_its_field(overrides: dict[str, object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        model("akd-profinet").with_identity(overrides)
+        with_identity(model("akd-profinet"), overrides)
 
 
 # a broken folder
@@ -526,5 +529,5 @@ def test_motor_data_name_fields_of_the_axis(name: str) -> None:
     described.apply_motor(axis)
     for field, value in described.motor.items():
         assert np.array_equal(getattr(axis, field), value)
-        assert value == described.source_of(f"motor.{field}").value
+        assert value == described.facts[f"motor.{field}"].value
     assert min(axis.peak_current, axis.max_velocity, axis.inertia, axis.torque_constant) > 0

@@ -11,8 +11,10 @@ from drives_kit import Drive, new_drive
 from manuals import manual_text
 from model_copy import copy_model, rewrite
 
-from pnfarm.drives.catalogue import as_json, model
+from pnfarm.drives.catalogue import model
 from pnfarm.drives.loader import load_model
+from pnfarm.drives.model_identity import with_identity
+from pnfarm.drives.model_json import as_json
 from pnfarm.drives.model_parts import fault_label, fault_number
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
@@ -422,8 +424,8 @@ def test_a_mistake_in_the_data_is_named(tmp_path: Path, file: str, old: str, new
 
 
 def test_a_farm_file_changes_idents_of_the_first_module_and_may_not_give_one_twice() -> None:
-    changed = MSD.with_identity({"telegrams": {104: 0x100}, "access_point": 0xFFFE})
+    changed = with_identity(MSD, {"telegrams": {104: 0x100}, "access_point": 0xFFFE})
     assert [module.ident for module in changed.telegrams[104].modules] == [0x100, 0x68, 0x168]
     assert {module.submodules[0].ident for t in changed.telegrams.values() for module in t.modules} == {0xFFFE}
     with pytest.raises(ConfigError, match="two modules have the same module ident"):
-        MSD.with_identity({"telegrams": {104: 0x0065}})
+        with_identity(MSD, {"telegrams": {104: 0x0065}})

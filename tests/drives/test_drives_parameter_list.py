@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.behaviour import with_behaviour
-from pnfarm.drives.catalogue import as_json, model, models
-from pnfarm.drives.effects import Effect, effect_of
-from pnfarm.drives.model_parts import Fact
+from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.effects import effect_of
+from pnfarm.drives.model_json import as_json
+from pnfarm.drives.model_parts import Effect, Fact
 from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.drives.numbering import read_number, read_numbering
 from pnfarm.drives.parameter import Form, ParameterErrorNumber, ParameterType

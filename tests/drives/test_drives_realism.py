@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from model_copy import SHIPPED, copy_model, drop_section, rewrite
 
-from pnfarm.drives.catalogue import as_json, model
+from pnfarm.drives.catalogue import model
 from pnfarm.drives.loader import load_model
+from pnfarm.drives.model_json import as_json
 from pnfarm.drives.realism import BOUNDS, RANGES, Realism
 from pnfarm.errors import ConfigError
 

@@ -11,6 +11,7 @@ import pytest
 from drives_kit import Drive, new_drive, refused
 
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
+from pnfarm.drives.model_identity import with_identity
 from pnfarm.drives.model_parts import CommunicationLoss
 from pnfarm.drives.parameter import Backing, Parameter, ParameterErrorNumber
 from pnfarm.drives.store import (
@@ -373,7 +374,7 @@ def test_identification_is_that_of_the_model(akd: Drive) -> None:
     assert akd.store.read(964, 0, 5) == [0x0105, 1, 117, 2017, 110]
     assert akd.store.read(975, 0, 8) == [0x0105, 1, 117, 2017, 110, 1, 5, 1]
     assert akd.store.read(965) == [0x0329]
-    other = akd.model.with_identity({"vendor": 0x1234, "software_version": "V2.5.0"})
+    other = with_identity(akd.model, {"vendor": 0x1234, "software_version": "V2.5.0"})
     assert ParameterStore(other, akd.store.handle).read(964, 0, 3) == [0x1234, 1, 205]
 
 

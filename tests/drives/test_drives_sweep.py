@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from drives_kit import Drive, new_drive
 
-from pnfarm.drives.catalogue import as_json, model, models
+from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.model_json import as_json
 from pnfarm.drives.model_parts import Fault
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from hand_line import HandLine
+from parameter_requests import change_request
 from test_farm_line import access, changing, reading, value_of
 from virtual_line import VirtualLine
 
@@ -14,7 +15,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
     parse_response,
 )
-from pnfarm.drives.profiles.profidrive.requester import change_request
 from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.wire.rtc import DataStatus

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from parameter_requests import change_request, read_request
 from virtual_line import VirtualLine
 
 from pnfarm.controller.plan import plan_devices
@@ -12,7 +13,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterValues,
     emit_request,
 )
-from pnfarm.drives.profiles.profidrive.requester import change_request, read_request
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.farm import model_of

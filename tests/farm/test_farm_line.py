@@ -6,6 +6,7 @@ from dataclasses import replace
 from ipaddress import IPv4Interface
 
 import pytest
+from parameter_requests import change_request, read_request, results
 from virtual_line import VirtualLine
 
 from pnfarm.drives.memory import VolatileMemory
@@ -16,7 +17,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     parse_request,
     parse_response,
 )
-from pnfarm.drives.profiles.profidrive.requester import change_request, read_request, results
 from pnfarm.protocols.profinet.cmctl_events import RecordRead, RecordWriteDone
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.errors import AccessError, RtaError

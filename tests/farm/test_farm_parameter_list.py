@@ -6,11 +6,11 @@ import os
 from pathlib import Path
 
 import pytest
+from parameter_requests import change_request, read_request
 from virtual_line import VirtualLine
 
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterValues, emit_request
-from pnfarm.drives.profiles.profidrive.requester import change_request, read_request
 from pnfarm.farm.config import FarmFileError, expand, load_farm, parse_farm
 from pnfarm.farm.config_known import catalogue
 from pnfarm.farm.config_lists import MAX_OCTETS

@@ -19,6 +19,7 @@ from dataclasses import asdict, is_dataclass, replace
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.drives.model_identity import with_identity
 from pnfarm.errors import PnfarmError
 from pnfarm.farm import farm as farm_module
 from pnfarm.farm.config import load_farm
@@ -50,7 +51,7 @@ def tailored(config):
 
     That has a second port, and a telegram of six words each way.
     """
-    model = model_by_name(config.model).with_identity(config.identity)
+    model = with_identity(model_by_name(config.model), config.identity)
     if config.name != "captured-drive":
         return model
     port = next(s for s in model.dap.submodules if s.subslot == 0x8001)

@@ -20,6 +20,7 @@ from edcon.profidrive.telegram1 import Telegram1
 from edcon.profidrive.telegram9 import Telegram9
 from edcon.profidrive.telegram102 import Telegram102
 from edcon.profidrive.telegram111 import Telegram111
+from parameter_requests import change_request, read_request, results
 from virtual_line import VirtualLine
 
 from pnfarm.drives.catalogue import model
@@ -29,7 +30,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
     parse_response,
 )
-from pnfarm.drives.profiles.profidrive.requester import change_request, format_of, read_request, results
+from pnfarm.drives.profiles.profidrive.description import format_of
 from pnfarm.table.signals import word_code
 
 #: edcon's telegrams and handlers by telegram number; its MotionHandler is that of telegram 111 with overrides of 100 %.

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from hand_plc import HandPlc
+from parameter_requests import change_request, read_request
 
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterAddress,
@@ -18,7 +19,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
     parse_response,
 )
-from pnfarm.drives.profiles.profidrive.requester import change_request, read_request
 from pnfarm.protocols.profinet.cmctl_events import RecordRead
 
 #: Telegrams of speed and of positions, and control words with operation enabled, of each model.

@@ -29,6 +29,7 @@ from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
 from pnfarm.drives import loader
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.model_identity import with_identity
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.binding import describe_device, serial_number
@@ -623,7 +624,7 @@ def test_limits_that_leave_no_send_clock_of_1_ms_cannot_be_described():
 
 
 def test_another_identity_stands_in_the_file():
-    own = model("akd-profinet").with_identity({"device": 0x0777, "telegrams": {1: 0x4711}, "order_number": "X-1"})
+    own = with_identity(model("akd-profinet"), {"device": 0x0777, "telegrams": {1: 0x4711}, "order_number": "X-1"})
     gsdml, _ = described(own)
     assert (gsdml.device_id, gsdml.module("TELEGRAM_1").ident, gsdml.daps[0].info.order_number) == (
         0x0777,

@@ -8,6 +8,7 @@ import pytest
 from cm_support import Bench, ExpectedApi, Plan, connect_request
 
 from pnfarm.drives.catalogue import model
+from pnfarm.drives.model_identity import with_identity
 from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.events import ArConnected
 from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
@@ -93,7 +94,7 @@ def test_a_captured_start_up_of_such_a_drive_fits_under_its_identity() -> None:
     """The captured device has this head and these submodules; its module, 0x100, carries telegram 104's six words."""
     payload = connect_request("drive_connect_api3a00")
     blocks = parse_blocks(payload)
-    drive = MSD.with_identity({"telegrams": {104: 0x100}})
+    drive = with_identity(MSD, {"telegrams": {104: 0x100}})
     bench = Bench(device(drive, strict=False))
     status, answer = bench.call(0, payload, room=712)
     assert status.ok, bench.events()
@@ -126,5 +127,5 @@ def test_the_fastest_cycle_is_1_ms(factor: int, ratio: int, accepted: bool) -> N
         inputs=replace(payload.inputs, send_clock_factor=factor, reduction_ratio=ratio),
         outputs=replace(payload.outputs, send_clock_factor=factor, reduction_ratio=ratio),
     )
-    drive = MSD.with_identity({"telegrams": {104: 0x100}})
+    drive = with_identity(MSD, {"telegrams": {104: 0x100}})
     assert Bench(device(drive)).connect(plan)[0].ok is accepted

@@ -25,7 +25,6 @@ __all__ = [
     "FORMAT_VISIBLE_STRING",
     "FORMAT_WORD",
     "FORMAT_ZERO",
-    "MAX_BLOCK",
     "MAX_ELEMENTS",
     "MAX_PARAMETERS",
     "REQUEST_CHANGE",
@@ -74,7 +73,6 @@ _OCTETS = {
 #: 3.6: number of parameters 0x01..0x27, number of elements 0x01..0xEA; both come from a block of 240 octets.
 MAX_PARAMETERS = 39
 MAX_ELEMENTS = 234
-MAX_BLOCK = 240
 
 HEADER = 4
 ADDRESS = 6

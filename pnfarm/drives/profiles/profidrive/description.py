@@ -23,9 +23,10 @@ Twelve elements in 46 octets; subindex 0 asks for all of them, 1..12 for one.
 from __future__ import annotations
 
 from pnfarm.drives.parameter import Form, Parameter, ParameterError, ParameterErrorNumber, ParameterType
+from pnfarm.drives.profiles.profidrive.base_mode import FORMAT_BYTE, FORMAT_DWORD, FORMAT_WORD
 from pnfarm.wire.octets import Writer
 
-__all__ = ["data_type", "describe"]
+__all__ = ["data_type", "describe", "format_of"]
 
 ID_ARRAY = 1 << 14
 ID_ONLY_RESET = 1 << 13
@@ -35,6 +36,7 @@ ID_NOT_WRITABLE = 1 << 9
 ID_FACTOR_IRRELEVANT = 1 << 8
 #: Data types Integer8..32 and Unsigned8..32 by (signed, octets).
 _DATA_TYPES = {(True, 1): 0x02, (True, 2): 0x03, (True, 4): 0x04, (False, 1): 0x05, (False, 2): 0x06, (False, 4): 0x07}
+_FORMATS = {1: FORMAT_BYTE, 2: FORMAT_WORD, 4: FORMAT_DWORD}
 FLOATING_POINT = 0x08
 VISIBLE_STRING = 0x09
 #: The finite numbers of single precision.
@@ -46,6 +48,14 @@ def data_type(parameter: Parameter) -> int:
     """Bits 0 to 7 of the identifier (Moog MSD manual, table 8.17)."""
     forms = {Form.FLOAT: FLOATING_POINT, Form.TEXT: VISIBLE_STRING}
     return forms.get(parameter.form) or _DATA_TYPES[parameter.signed, parameter.octets]
+
+
+def format_of(parameter: Parameter, *, typed: bool = False) -> int:
+    """The format in which a parameter's values travel: byte, word or double word (AKD PROFINET manual 5.6).
+
+    ``typed``: as integers with or without a sign (HIWIN E1 manual 4.3.5).
+    """
+    return _DATA_TYPES[parameter.signed, parameter.octets] if typed else _FORMATS[parameter.octets]
 
 
 def describe(parameter: Parameter, element: int, *, changed: bool, texts: bool = False) -> bytes:

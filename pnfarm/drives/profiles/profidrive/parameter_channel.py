@@ -38,8 +38,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     format_octets,
     parse_request,
 )
-from pnfarm.drives.profiles.profidrive.description import data_type, describe
-from pnfarm.drives.profiles.profidrive.requester import format_of
+from pnfarm.drives.profiles.profidrive.description import data_type, describe, format_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -34,7 +34,6 @@ __all__ = [
     "UUID_PNIO_PARAMETER_SERVER",
     "UUID_PNIO_SUPERVISOR",
     "Flags1",
-    "Flags2",
     "NcaStatus",
     "Opnum",
     "PacketType",
@@ -113,12 +112,6 @@ class Flags1(IntFlag):
     MAYBE = 0x10
     IDEMPOTENT = 0x20
     BROADCAST = 0x40
-
-
-class Flags2(IntFlag):
-    """C706 12.5.2.4."""
-
-    CANCEL_PENDING = 0x02
 
 
 class Opnum(IntEnum):

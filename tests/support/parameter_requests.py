@@ -1,4 +1,4 @@
-"""The controller's end of the parameter channel: requests built, responses judged.
+"""The controller's end of base mode parameter access: requests built, responses judged.
 
 Write :func:`~pnfarm.drives.profiles.profidrive.base_mode.emit_request` of a request to the record, read the same record
 until it answers (0xB5 means: not yet), and give the parsed response to :func:`results`.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     FORMAT_BYTE,
@@ -31,24 +31,11 @@ if TYPE_CHECKING:
 __all__ = [
     "change_request",
     "describe_request",
-    "format_of",
     "read_request",
     "response_error",
     "results",
     "signed_values",
 ]
-
-_FORMATS = {1: FORMAT_BYTE, 2: FORMAT_WORD, 4: FORMAT_DWORD}
-#: Integer8..32 and Unsigned8..32 by (signed, octets).
-_TYPED_FORMATS = {(True, 1): 2, (True, 2): 3, (True, 4): 4, (False, 1): 5, (False, 2): 6, (False, 4): 7}
-
-
-def format_of(parameter: Parameter, *, typed: bool = False) -> int:
-    """The format in which a parameter's values travel: byte, word or double word (AKD PROFINET manual 5.6).
-
-    ``typed``: as integers with or without a sign (HIWIN E1 manual 4.3.5).
-    """
-    return _TYPED_FORMATS[parameter.signed, parameter.octets] if typed else _FORMATS[parameter.octets]
 
 
 def read_request(reference: int, addresses: Sequence[ParameterAddress], axis: int = 0) -> ParameterRequest:
