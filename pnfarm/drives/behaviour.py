@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SECTIONS", "read_behaviour", "with_behaviour"]
 
-#: Sections of ``model.toml`` whose values a reading may set, and where the model has them.
+#: Sections whose values a reading may set, and where the model has them.
 SECTIONS = {
     "communication_loss": "communication_loss",
     "parameter_access": "access",

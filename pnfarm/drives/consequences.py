@@ -1,4 +1,4 @@
-"""What writing one parameter does to another: ``[[consequence]]`` of ``model.toml``, as the manual states it."""
+"""What writing one parameter does to another: ``[[consequence]]``, as the manual states it."""
 
 from __future__ import annotations
 

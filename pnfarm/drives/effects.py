@@ -1,7 +1,7 @@
 """What a parameter is to the drive that has it: whether it acts, reads what the drive is or does, or is only kept.
 
 It follows from what stands behind the parameter and from the model's own sections, which name further ones; where that
-would not be true, the section ``effects`` of ``model.toml`` says otherwise, with the reason.  A parameter for another
+would not be true, the section ``effects`` says otherwise, with the reason.  A parameter for another
 motor than the one at hand (``motor`` in its row) has the effect that it has with that one.
 """
 
@@ -72,7 +72,7 @@ def _derived(model: Model, parameter: Parameter) -> Effect:
             return Effect.ACTS if parameter.pnu in _acting_parameters(model) else Effect.KEPT
 
 
-# model.toml
+# the section
 
 
 def read_effects(model: Model, section: Section) -> dict[int, Effect]:

@@ -364,9 +364,7 @@ def _texts(model: Model) -> DescriptionFile:
     if model.bus != "profinet":
         raise ConfigError(f"{model.name} is a drive for {model.bus}, a GSDML file describes one for profinet")
     if model.description_file is None:
-        raise ConfigError(
-            f"{model.name} has no section description_file in its model.toml, a GSDML file needs its texts"
-        )
+        raise ConfigError(f"{model.name} has no section description_file, a GSDML file needs its texts")
     return model.description_file
 
 
