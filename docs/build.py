@@ -16,7 +16,7 @@ from typing import Any
 import manual_coverage
 import model_pages
 
-from pnfarm.controller import session
+from pnfarm.buses.profinet.controller import session
 from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS
 from pnfarm.farm.config_lists import MAX_OCTETS
 from pnfarm.farm.schema import farm_schema
@@ -132,7 +132,7 @@ def states() -> str:
     lines += _diagram(
         "Parameters that the controller writes while data flow", "pnfarm/protocols/profinet/cmctl_rounds.py", rounds
     )
-    lines += _diagram("The controller's session with one drive", "pnfarm/controller/session.py", line)
+    lines += _diagram("The controller's session with one drive", "pnfarm/buses/profinet/controller/session.py", line)
     return "\n".join(lines)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.farm.regular_file import read_regular
+from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -30,7 +30,7 @@ from pnfarm.table.engine_row import LATENESS_EDGES_NS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.controller.core import ControllerCore
+    from pnfarm.buses.profinet.controller.core import ControllerCore
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import FaultManager
 

@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from ipaddress import IPv4Interface
 
-    from pnfarm.controller.record_client import RecordClient, RecordTask
-    from pnfarm.controller.records import RecordPlace
+    from pnfarm.buses.profinet.controller.record_client import RecordClient, RecordTask
+    from pnfarm.buses.profinet.controller.records import RecordPlace
 
 __all__ = ["IpOption", "OwnOption", "access_device", "device_of"]
 
@@ -93,8 +93,8 @@ async def _access(
 
     import anyio
 
+    from pnfarm.buses.profinet.controller.record_client import TOOL_PORT, RecordClient
     from pnfarm.cli.running import raise_of_callbacks
-    from pnfarm.controller.record_client import TOOL_PORT, RecordClient
     from pnfarm.controller.runtime import hold_ports
     from pnfarm.links.base import PortSpec
     from pnfarm.links.interface import InterfaceLink

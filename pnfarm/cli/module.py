@@ -11,9 +11,9 @@ from pnfarm.cli.numbers import LONG, WORD, number_of
 from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 if TYPE_CHECKING:
-    from pnfarm.controller.module_client import DeviceModule
-    from pnfarm.controller.record_client import RecordClient
-    from pnfarm.controller.records import RecordPlace
+    from pnfarm.buses.profinet.controller.module_client import DeviceModule
+    from pnfarm.buses.profinet.controller.record_client import RecordClient
+    from pnfarm.buses.profinet.controller.records import RecordPlace
 
 __all__ = ["app"]
 
@@ -149,10 +149,10 @@ def _print(found: dict[str, Any], output: Format) -> None:
 
 def _print_device(interface: str, own_ip: str | None, target: Any, output: Format) -> None:
     """What a device itself tells, without a connection."""
+    from pnfarm.buses.profinet.controller.module_client import read_modules
+    from pnfarm.buses.profinet.controller.record_client import RecordTask
     from pnfarm.cli.device import access_device
     from pnfarm.cli.output import print_json, print_table
-    from pnfarm.controller.module_client import read_modules
-    from pnfarm.controller.record_client import RecordTask
 
     asking = read_modules()
     first = next(asking)

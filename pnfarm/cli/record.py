@@ -11,7 +11,7 @@ from pnfarm.cli.numbers import LONG, WORD, number_of
 from pnfarm.cli.settings import Format, FormatOption, help_without_command
 
 if TYPE_CHECKING:
-    from pnfarm.controller.record_client import RecordClient
+    from pnfarm.buses.profinet.controller.record_client import RecordClient
 
 __all__ = ["app"]
 
@@ -51,8 +51,8 @@ def read(
     output: FormatOption = Format.TABLE,
 ) -> None:
     """Read a record: decoded where its blocks are known, hexadecimal otherwise."""
+    from pnfarm.buses.profinet.controller.record_client import RecordTask
     from pnfarm.cli.output import print_json
-    from pnfarm.controller.record_client import RecordTask
     from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
 
     task = RecordTask(device_of(name, ip), (api, slot, subslot, index), length=length, implicit=implicit)
@@ -78,8 +78,8 @@ def write(
     output: FormatOption = Format.TABLE,
 ) -> None:
     """Write a record through a connection for device access, beside whatever controller there is."""
+    from pnfarm.buses.profinet.controller.record_client import RecordTask
     from pnfarm.cli.output import print_json, print_line
-    from pnfarm.controller.record_client import RecordTask
 
     try:
         octets = bytes.fromhex(data)

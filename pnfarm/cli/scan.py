@@ -39,8 +39,8 @@ def scan(
     """Ask by DCP who is on the wire: name, type, addresses, ids, role; hear by LLDP who is at the wire's other end."""
     import anyio
 
+    from pnfarm.buses.profinet.controller.search import duplicate_names
     from pnfarm.cli.output import print_json
-    from pnfarm.controller.search import duplicate_names
 
     answers, neighbours = anyio.run(_listen, interface, seconds, 0.0 if no_lldp else lldp_seconds)
     for sentence in duplicate_names(answers):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.controller.core import ControllerCore
+from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.controller.core import CALL_PORT, ControllerCore
+from pnfarm.buses.profinet.controller.core import CALL_PORT, ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError, EnvironmentError_

@@ -25,9 +25,9 @@ from pnfarm.farm.config_issue import FarmFileError, FileIssue, Location, field_p
 from pnfarm.farm.config_known import Known, catalogue
 from pnfarm.farm.config_lists import with_lists
 from pnfarm.farm.config_model import FAULT_KINDS, DriveGroup, FarmSections
-from pnfarm.farm.regular_file import read_regular
 from pnfarm.farm.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
 from pnfarm.vocabulary.quoting import few_hints, shown
+from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.farm.config_issue import FileIssue, Location
-from pnfarm.farm.regular_file import read_regular
 from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -6,13 +6,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import TYPE_CHECKING, Protocol
-from uuid import UUID
 
 from pnfarm.buses.profinet.device.channels import channel_rows
 from pnfarm.buses.profinet.device.segment import ProfinetSegment
 from pnfarm.buses.profinet.device.station import DriveStation, StationServices
+from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
@@ -53,7 +52,7 @@ _OF_CONSUMERS = frozenset(
     {engine_row.FIRST_FRAME, engine_row.EXPIRED, engine_row.PROVIDER_CHANGED, engine_row.IOPS_CHANGED}
 )
 
-__all__ = ["FarmCore", "Node", "uuid_source"]
+__all__ = ["FarmCore", "Node"]
 
 #: Impairment rows for each drive: faults on its frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
@@ -76,21 +75,6 @@ class Node(Protocol):
     def next_deadline(self) -> int | None:
         """When :meth:`service` is wanted at the latest."""
         ...
-
-
-def uuid_source(seed: bytes) -> Callable[[], UUID]:
-    """UUIDs that differ from each other, and from those of any other seed: version 8, digest of seed and count."""
-    count = 0
-
-    def new() -> UUID:
-        nonlocal count
-        count += 1
-        digest = bytearray(hashlib.sha256(seed + count.to_bytes(8, "big")).digest()[:16])
-        digest[6] = digest[6] & 0x0F | 0x80
-        digest[8] = digest[8] & 0x3F | 0x80
-        return UUID(bytes=bytes(digest))
-
-    return new
 
 
 class FarmCore:

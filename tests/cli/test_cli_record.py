@@ -123,7 +123,10 @@ class EchoLink:
 @pytest.mark.parametrize(
     ("machine", "arguments"),
     [
-        ("pnfarm.controller.record_client.RecordClient.receive", [*READ, "--name", "a", "--own-ip", "10.0.0.1/24"]),
+        (
+            "pnfarm.buses.profinet.controller.record_client.RecordClient.receive",
+            [*READ, "--name", "a", "--own-ip", "10.0.0.1/24"],
+        ),
         ("pnfarm.protocols.profinet.dcp_client.DcpClient.receive", ["scan", "-i", "nowhere0", "--seconds", "50"]),
     ],
 )

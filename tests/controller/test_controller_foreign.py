@@ -9,8 +9,8 @@ from ipaddress import IPv4Interface
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.cli.files import summary
-from pnfarm.controller.core import ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model

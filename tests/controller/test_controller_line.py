@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.controller.search import duplicate_names
-from pnfarm.controller.session import SessionState
+from pnfarm.buses.profinet.controller.search import duplicate_names
+from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered, StationInfo
 from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
-from pnfarm.controller.session import SessionState
 from pnfarm.farm.config import FarmFileError, parse_farm
 from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec

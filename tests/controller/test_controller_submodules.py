@@ -9,9 +9,9 @@ from ipaddress import IPv4Interface
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.controller.core import ControllerCore
+from pnfarm.buses.profinet.controller.identification import UNDER_WAY, read_im
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
-from pnfarm.controller.core import ControllerCore
-from pnfarm.controller.identification import UNDER_WAY, read_im
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.links.base import PortSpec
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType

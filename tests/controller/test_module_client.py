@@ -10,8 +10,8 @@ from itertools import count
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.controller.module_client import DeviceModule, DeviceSubmodule, read_modules
-from pnfarm.controller.record_client import RecordClient, RecordTask
+from pnfarm.buses.profinet.controller.module_client import DeviceModule, DeviceSubmodule, read_modules
+from pnfarm.buses.profinet.controller.record_client import RecordClient, RecordTask
 from pnfarm.errors import RemoteError
 from pnfarm.links.base import PortSpec
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block

@@ -9,7 +9,7 @@ from itertools import count
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.controller.record_client import RecordClient, RecordTask
+from pnfarm.buses.profinet.controller.record_client import RecordClient, RecordTask
 from pnfarm.errors import RemoteError
 from pnfarm.links.base import PortSpec
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from virtual_line import VirtualLine
 
-from pnfarm.controller.session import SessionState
+from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.table.channel import W_START
 from pnfarm.table.engine_row import EVENTS, EXPIRED, emit
 

@@ -11,7 +11,7 @@ from shared_line import SharedLine
 from test_farm_line import changing, reading
 from virtual_line import VirtualLine
 
-from pnfarm.controller.records import RecordJob
+from pnfarm.buses.profinet.controller.records import RecordJob
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw
 from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec

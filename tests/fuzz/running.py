@@ -26,7 +26,7 @@ from zlib import crc32
 from bystander import Bystander
 from virtual_line import VirtualLine
 
-from pnfarm.controller.session import SessionState
+from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.engine.tick import receive
 from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered
 from pnfarm.protocols.profinet.wire.iod import parse_read_response

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 from uuid import UUID
 
+from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError
-from pnfarm.farm.core import uuid_source
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.dcp_client import DcpClient
 from pnfarm.protocols.profinet.rpc_client import RpcClient

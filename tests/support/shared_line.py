@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import replace
 from ipaddress import IPv4Interface
 
-from pnfarm.controller.core import ControllerCore
+from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.farm.config import expand, parse_farm

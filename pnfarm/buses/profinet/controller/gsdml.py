@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, DecodeError
-from pnfarm.farm.regular_file import read_regular
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
+from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from pathlib import Path

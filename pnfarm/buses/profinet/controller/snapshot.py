@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.table import program
 
 if TYPE_CHECKING:
-    from pnfarm.controller.session import DeviceSession
+    from pnfarm.buses.profinet.controller.session import DeviceSession
     from pnfarm.table.columns import Columns
 
 __all__ = ["PHASES", "snapshot_row"]

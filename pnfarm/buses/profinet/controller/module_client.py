@@ -18,8 +18,8 @@ from pnfarm.protocols.profinet.wire.records import ApiData, IdentificationData
 if TYPE_CHECKING:
     from collections.abc import Generator
 
-    from pnfarm.controller.record_client import RecordClient
-    from pnfarm.controller.records import RecordPlace
+    from pnfarm.buses.profinet.controller.record_client import RecordClient
+    from pnfarm.buses.profinet.controller.records import RecordPlace
 
 __all__ = ["DeviceModule", "DeviceSubmodule", "read_modules"]
 

@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from uuid import UUID
 
-    from pnfarm.controller.identification import Identification
-    from pnfarm.controller.plan import DevicePlan
+    from pnfarm.buses.profinet.controller.device_plan import DevicePlan
+    from pnfarm.buses.profinet.controller.identification import Identification
     from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cmctl import CmController
 

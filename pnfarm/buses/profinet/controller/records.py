@@ -15,7 +15,7 @@ from pnfarm.protocols.profinet.errors import PnioStatus, describe_status
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.controller.session import DeviceSession
+    from pnfarm.buses.profinet.controller.session import DeviceSession
 
 __all__ = ["READ_LENGTH", "RecordJob", "RecordJobs", "RecordPlace"]
 

@@ -19,8 +19,8 @@ from enum import Enum, StrEnum, auto
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError, RemoteError
-from pnfarm.farm.core import uuid_source
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import (
@@ -45,7 +45,7 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
-    from pnfarm.controller.records import RecordPlace
+    from pnfarm.buses.profinet.controller.records import RecordPlace
     from pnfarm.protocols.profinet.errors import PnioStatus
 
 __all__ = ["TOOL_PORT", "ClientState", "RecordClient", "RecordTask"]

@@ -1,7 +1,7 @@
 """The controller without a clock and without tasks: sessions, shared machines, programs; a :class:`Node` like a farm.
 
 One interface, one address, one RPC client and server serve all drives; each drive has a session
-(:mod:`pnfarm.controller.session`) and, while it is connected, an AR machine.
+(:mod:`pnfarm.buses.profinet.controller.session`) and, while it is connected, an AR machine.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.controller import events
-from pnfarm.controller.channels import SessionChannels
-from pnfarm.controller.events import NameGivenTwice, PhaseChanged
-from pnfarm.controller.parameter_words import parameter_answer, put_parameter_task
-from pnfarm.controller.records import READ_LENGTH, RecordJob, RecordPlace
-from pnfarm.controller.search import Duplicate, Outcome, Search
-from pnfarm.controller.session import DeviceSession, SessionState, Sign
-from pnfarm.controller.session_life import SessionLife
-from pnfarm.controller.snapshot import snapshot_row
+from pnfarm.buses.profinet.controller import events
+from pnfarm.buses.profinet.controller.channels import SessionChannels
+from pnfarm.buses.profinet.controller.events import NameGivenTwice, PhaseChanged
+from pnfarm.buses.profinet.controller.parameter_words import parameter_answer, put_parameter_task
+from pnfarm.buses.profinet.controller.records import READ_LENGTH, RecordJob, RecordPlace
+from pnfarm.buses.profinet.controller.search import Duplicate, Outcome, Search
+from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign
+from pnfarm.buses.profinet.controller.session_life import SessionLife
+from pnfarm.buses.profinet.controller.snapshot import snapshot_row
+from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import ConfigError, DecodeError
-from pnfarm.farm.core import uuid_source
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.cmctl_response import addressed_ar
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from ipaddress import IPv4Interface
 
-    from pnfarm.controller.plan import DevicePlan
+    from pnfarm.buses.profinet.controller.device_plan import DevicePlan
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profinet.ar import ExpectedKey

@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.controller.events import IdentificationDiffers, IdentificationUnread
+from pnfarm.buses.profinet.controller.events import IdentificationDiffers, IdentificationUnread
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.records import parse_im0, parse_im_text
@@ -18,8 +18,8 @@ from pnfarm.protocols.profinet.wire.records import parse_im0, parse_im_text
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.controller.records import RecordJob, RecordJobs
-    from pnfarm.controller.session import DeviceSession
+    from pnfarm.buses.profinet.controller.records import RecordJob, RecordJobs
+    from pnfarm.buses.profinet.controller.session import DeviceSession
     from pnfarm.station.event_log import EventLog
 
 __all__ = ["IM0_INDEX", "Identification", "IdentificationReader", "read_im", "words_of_revision"]

@@ -10,7 +10,7 @@ from pnfarm.protocols.profinet.binding import channel_layout
 if TYPE_CHECKING:
     from collections.abc import Container
 
-    from pnfarm.controller.session import DeviceSession
+    from pnfarm.buses.profinet.controller.session import DeviceSession
     from pnfarm.links.base import Port
     from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cmctl_events import Connected

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.controller.session import DeviceSession, SessionState, Sign
+from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign
 from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, IdentifyFinished, SetFinished
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.controller import events
-from pnfarm.controller.identification import IdentificationReader
-from pnfarm.controller.records import RecordJobs
-from pnfarm.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
+from pnfarm.buses.profinet.controller import events
+from pnfarm.buses.profinet.controller.identification import IdentificationReader
+from pnfarm.buses.profinet.controller.records import RecordJobs
+from pnfarm.buses.profinet.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import (
     AlarmIndicated,
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from uuid import UUID
 
-    from pnfarm.controller.channels import SessionChannels
-    from pnfarm.controller.search import Search
+    from pnfarm.buses.profinet.controller.channels import SessionChannels
+    from pnfarm.buses.profinet.controller.search import Search
     from pnfarm.station.event_log import EventLog
     from pnfarm.table.columns import Columns
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.controller.snapshot import PHASES
+from pnfarm.buses.profinet.controller.snapshot import PHASES
 from pnfarm.station.events import Event, Level, seconds
 
 if TYPE_CHECKING:

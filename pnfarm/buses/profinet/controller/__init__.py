@@ -1,0 +1,1 @@
+"""A PROFINET IO controller: sessions with devices over shared machines."""

@@ -1,0 +1,87 @@
+"""What the controller expects of each device, and what its axis program does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from pnfarm.protocols.profinet.cmctl_events import Timeouts
+from pnfarm.protocols.profinet.wire.blocks_connect import ArType
+from pnfarm.table.axis_codes import TASKS_NONE
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address, IPv4Interface
+
+    from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
+    from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
+
+__all__ = ["AxisProgram", "DevicePlan", "SignalSteps"]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisProgram:
+    """What one axis does; ``kind`` is a number of :mod:`pnfarm.table.program`."""
+
+    kind: int
+    enable: bool
+    speed_rpm: float
+    period_ns: int
+    acknowledge_after_ns: int
+    targets: tuple[float, ...] = ()
+    acceleration: float = 0.0
+    dwell_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SignalSteps:
+    """What one increment of each set point is to the drive, and how it reads STW1; names as in the axis record."""
+
+    velocity_step: float = 1.0
+    velocity_step_b: float = 0.0
+    task_form: int = TASKS_NONE
+    control_config: int = 0
+    target_step: float = 1.0
+    task_velocity_step: float = 1.0
+    task_acceleration_step: float = 1.0
+    task_deceleration_step: float = 1.0
+    task_ramps_signed: bool = False
+    ramp_step: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class DevicePlan:
+    """One drive as the controller wants it."""
+
+    name: str
+    model: str
+    ip: IPv4Interface
+    gateway: IPv4Address | None
+    assign_ip: bool
+    vendor_id: int
+    device_id: int
+    submodules: tuple[PlannedSubmodule, ...]
+    output_words: tuple[int, ...]
+    input_words: tuple[int, ...]
+    steps: SignalSteps
+    life: bool
+    send_clock_factor: int
+    reduction_ratio: int
+    watchdog_factor: int
+    startup: Literal["legacy", "advanced"]
+    records: tuple[ParameterRecord, ...]
+    program: AxisProgram
+    reconnect_after_ns: int | None
+    instance: int = 1
+    multiple_write: bool = False
+    #: How long it may take from the end of parametrisation to ApplicationReady.
+    application_ready_ns: int = Timeouts().application_ready_ns
+    #: Whether I&M0 to I&M3 are read once the connection stands.
+    read_identification: bool = True
+    #: The one that is expected, empty for any.
+    serial_number: str = ""
+    #: ``ArType.IOSAR``: the controller is a supervisor, which takes submodules over where that is allowed.
+    ar_type: int = ArType.IOCAR_SINGLE
+    #: A supervisor may take submodules over.
+    takeover_allowed: bool = False
+    #: What the drive or device calls its diagnoses.
+    texts: DescribedDiagnosis | None = None
