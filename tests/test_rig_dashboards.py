@@ -24,7 +24,7 @@ from prometheus_client.openmetrics.exposition import generate_latest
 from rig_dashboards import BOARDS, ROOT, board, panels, queries
 from virtual_line import VirtualLine
 
-from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.metrics import FarmCollector
 

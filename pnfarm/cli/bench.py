@@ -158,7 +158,7 @@ def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
 def scrape(seconds: float) -> list[Result]:
     """Prometheus asks 256 connected drives: the best of ten scrapes, in which counters have moved on."""
     del seconds
-    from pnfarm.farm.fault_targets import attach_faults
+    from pnfarm.buses.profinet.faults.connection import attach_faults
     from pnfarm.metrics.collector import FarmCollector
 
     line = _in_memory(256, "16ms", 16)

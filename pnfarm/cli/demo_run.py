@@ -16,12 +16,12 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.runtime import Plc
 from pnfarm.farm.capture import CaptureSettings, prepare
 from pnfarm.farm.config import parse_farm
 from pnfarm.farm.farm import Farm
-from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.station.event_log import EventLog

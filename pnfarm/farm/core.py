@@ -115,7 +115,7 @@ class FarmCore:
         self._deadlines = Deadlines()
         self._tail = 0
         self.events_lost = 0
-        #: Faults on the drives, once :func:`pnfarm.farm.fault_targets.attach_faults` gave the farm its manager.
+        #: Faults on the drives, once :func:`pnfarm.buses.profinet.faults.connection.attach_faults` gave the farm its manager.
         self.faults: FaultManager | None = None
         for index, (config, model, port) in enumerate(zip(drives, known, ports, strict=True)):
             axis, image = self.columns.axis[index], self.columns.image[index]

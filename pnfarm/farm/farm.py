@@ -15,6 +15,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+from pnfarm.buses.profinet.faults.connection import add_impairments, attach_faults
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.model_identity import with_identity
@@ -29,7 +30,6 @@ from pnfarm.farm.config_model import TapLink as TapSection
 from pnfarm.farm.config_model import VethLink as VethSection
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTimeOptionRefused
-from pnfarm.farm.fault_targets import add_impairments, attach_faults
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState

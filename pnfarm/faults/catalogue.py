@@ -1,7 +1,7 @@
 """The catalogue of faults: every kind with its parameters, its directions, and which common fields it takes.
 
 The same words stand in the command line, the API, scenario files and Python; ``pnfarm fault kinds`` prints this.
-What a kind does is in :mod:`pnfarm.faults.effects`.
+What a kind does is in :mod:`pnfarm.faults.frames`.
 
 Common fields, as far as a kind takes them: ``probability`` (of each occurrence) with ``seed``; ``direction``, seen from
 the drive; a start ``after`` a time or ``after_cycles`` healthy cycles of the connection; an end after ``count``

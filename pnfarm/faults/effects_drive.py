@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects import Effect, Tally, Window
-from pnfarm.faults.effects_shown import ShownEffect, StandingEffect
+from pnfarm.faults.frames import Effect, Tally, Window
+from pnfarm.faults.shown import ShownEffect, StandingEffect
 from pnfarm.faults.words import FaultError
 
 if TYPE_CHECKING:

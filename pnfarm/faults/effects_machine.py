@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects_drive import WARNING_PRESENT
-from pnfarm.faults.effects_shown import StandingEffect
+from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec

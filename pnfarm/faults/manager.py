@@ -21,11 +21,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import ConfigError
-from pnfarm.faults.catalogue import KINDS
-from pnfarm.faults.effects import Effect, FramesEffect, IopsEffect, LinkEffect, TimeoutEffect, Window
-from pnfarm.faults.effects_alarms import DiagnosisEffect, ModuleEffect, StormEffect, UnacknowledgedEffect
-from pnfarm.faults.effects_connection import (
+from pnfarm.buses.profinet.faults.effects_connection import (
     AbortEffect,
     BusyEffect,
     ExpireEffect,
@@ -35,8 +31,12 @@ from pnfarm.faults.effects_connection import (
     RefuseEffect,
     RpcDelayEffect,
 )
+from pnfarm.buses.profinet.faults.told import DiagnosisEffect, ModuleEffect, StormEffect, UnacknowledgedEffect
+from pnfarm.errors import ConfigError
+from pnfarm.faults.catalogue import KINDS
 from pnfarm.faults.effects_drive import DriveFaultEffect, PowerCycleEffect, WarningEffect
 from pnfarm.faults.effects_machine import InputEffect, LimitSwitchEffect, LoadEffect, NotReadyEffect
+from pnfarm.faults.frames import Effect, FramesEffect, IopsEffect, LinkEffect, TimeoutEffect, Window
 from pnfarm.faults.plan import FaultSpec, matching
 from pnfarm.faults.target import NOTHING, Evidence
 from pnfarm.faults.words import FaultError, did_you_mean

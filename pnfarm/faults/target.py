@@ -1,6 +1,6 @@
 """A drive as faults see it: what can be done to it, and what can be watched.
 
-The farm implements this over its stations (:mod:`pnfarm.farm.fault_targets`); faults know nothing else of a farm.
+The farm implements this over its stations (:mod:`pnfarm.buses.profinet.faults.connection`); faults know nothing else of a farm.
 Every method that changes something has one that undoes it, and both may be called by several faults at once.
 """
 

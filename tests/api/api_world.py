@@ -9,7 +9,7 @@ import httpx
 from virtual_line import VirtualLine
 
 from pnfarm.api import make_app
-from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.buses.profinet.faults.connection import attach_faults
 
 BASE = "http://127.0.0.1:8702"
 

@@ -7,8 +7,9 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
+from pnfarm.buses.profinet.faults.connection import attach_faults
+from pnfarm.controller.session import SessionState
 from pnfarm.farm.config import FarmFileError, parse_farm
-from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.cmctl import CmctlState
 

@@ -8,6 +8,7 @@ from parameter_requests import change_request
 from test_farm_line import access, changing, reading, value_of
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterAddress,
@@ -15,7 +16,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
     parse_response,
 )
-from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.drives.profiles.profidrive.requester import change_request
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.wire.rtc import DataStatus
 

@@ -22,9 +22,9 @@ from test_farm_akd import (
 from test_farm_dcp import Tool, address
 from test_farm_line import access, changing, value_of
 
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response
-from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec
 
 #: PNUs.

@@ -18,10 +18,10 @@ from pnfarm.buses.profinet.decode.cyclic import drive_state, status_words
 from pnfarm.buses.profinet.decode.decoder import FAMILIES, Decoder, family_of
 from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import parse_farm
-from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.links.bpf_capture import ATOMS
 

@@ -6,7 +6,7 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device import segment
-from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.dcp_device import identify_matches

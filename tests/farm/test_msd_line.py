@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.drives.parameter import ParameterError
-from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.faults.plan import FaultSpec
 

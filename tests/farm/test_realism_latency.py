@@ -12,8 +12,9 @@ from test_farm_line import changing, reading
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.records import RecordJob
+from pnfarm.buses.profinet.faults.connection import attach_faults
+from pnfarm.controller.records import RecordJob
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw
-from pnfarm.farm.fault_targets import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType

@@ -7,9 +7,9 @@ from fault_line import FaultLine
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pnfarm.buses.profinet.faults.connection import add_impairments, attach_faults
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import expand, parse_farm
-from pnfarm.farm.fault_targets import add_impairments, attach_faults
 from pnfarm.faults.gate import (
     DelayRule,
     GatedLink,

@@ -7,7 +7,7 @@ from typing import Any
 
 from virtual_line import VirtualLine
 
-from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from virtual_line import VirtualLine
 
-from pnfarm.farm.fault_targets import attach_faults
+from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.faults.plan import FaultSpec
 from pnfarm.table.signals import ZSW1
 

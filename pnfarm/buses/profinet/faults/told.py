@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window
+from pnfarm.faults.frames import POLL_NS, Chance, Effect, Tally, Window
 from pnfarm.faults.gate import GateRule, acknowledging_nothing, is_alarm_answer, is_alarm_data
 from pnfarm.faults.target import ModuleChange, OwnAlarm
 from pnfarm.faults.words import FaultError, shown

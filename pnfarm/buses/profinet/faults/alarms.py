@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.fault_modules import Diagnoses, SlotChanges, SlowAnswers, place_of
+from pnfarm.buses.profinet.faults.modules import Diagnoses, SlotChanges, SlowAnswers, place_of
 from pnfarm.protocols.profinet.events import AlarmConfirmed
 from pnfarm.protocols.profinet.wire.alarms import AlarmType
 from pnfarm.protocols.profinet.wire.blocks_expected import ModuleState

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects import POLL_NS, Chance, Effect, Tally, Window, seed_of
+from pnfarm.faults.frames import POLL_NS, Chance, Effect, Tally, Window, seed_of
 from pnfarm.faults.gate import DelayRule, is_rpc
 from pnfarm.protocols.profinet.errors import ErrorCode, PnioStatus, RecordError, pnio_error
 from pnfarm.station.splitmix import SplitMix64

@@ -2,7 +2,7 @@
 
 An :class:`Effect` is begun once, told when something may have happened on its drive (:meth:`Effect.check`), and ended
 once; ending undoes what it did.  Effects on frames are here; those on connections, records and the drive itself in
-:mod:`pnfarm.faults.effects_connection` and :mod:`pnfarm.faults.effects_drive`.
+:mod:`pnfarm.buses.profinet.faults.effects_connection` and :mod:`pnfarm.faults.effects_drive`.
 """
 
 from __future__ import annotations

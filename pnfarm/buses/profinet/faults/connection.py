@@ -11,17 +11,17 @@ import fnmatch
 from collections import Counter, deque
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profinet.faults.alarms import CmTarget
 from pnfarm.drives import catalogue as drive_catalogue
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.events import CarrierNotChanged
-from pnfarm.farm.fault_targets_cm import CmTarget
-from pnfarm.farm.fault_targets_machine import MachineTarget
 from pnfarm.faults.carrier import Carriers
 from pnfarm.faults.gate import DelayRule, GatedLink, GateRule
 from pnfarm.faults.manager import FaultManager
 from pnfarm.faults.plan import FaultSpec
+from pnfarm.faults.servo import MachineTarget
 from pnfarm.faults.target import Connection, Evidence, ReadyRule, Way
 from pnfarm.faults.words import FaultError
 from pnfarm.firmware.causes import NUMBER_MASK

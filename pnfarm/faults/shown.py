@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects import Effect, Tally, Window
+from pnfarm.faults.frames import Effect, Tally, Window
 
 if TYPE_CHECKING:
     from pnfarm.faults.plan import FaultSpec
