@@ -11,8 +11,8 @@ from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 from virtual_line import VirtualLine
 
+from pnfarm.buses.registry import fault_kinds
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.faults.catalogue import KINDS
 from pnfarm.metrics import FarmCollector
 from pnfarm.metrics.families import Family
 from pnfarm.table.channel import FRUN
@@ -57,16 +57,6 @@ HISTOGRAMS = (
 )
 
 
-class NoFaults:
-    """Nobody injects anything."""
-
-    def active(self):
-        return {}
-
-    def activations(self):
-        return {}
-
-
 def read(collector):
     """Every sample: (name, labels as sorted pairs) -> value."""
     text = collector.gather().text().decode()
@@ -83,7 +73,7 @@ def of(samples, name, **labels):
 
 def test_every_promised_series_is_there_from_the_start_at_zero():
     line = VirtualLine(2, controller=False)
-    samples = read(FarmCollector(line.farm, NoFaults()))
+    samples = read(FarmCollector(line.farm))
     for name, labels in PROMISED.items():
         found = [dict(key) for (sample, key) in samples if sample == name]
         assert found, name
@@ -94,12 +84,12 @@ def test_every_promised_series_is_there_from_the_start_at_zero():
     assert set(counters) == {0.0}
     for drive in ("axis-01", "axis-02"):
         assert of(samples, "pnfarm_axis_faults_total", drive=drive, code="702") == 0
-        assert all(of(samples, "pnfarm_fault_activations_total", drive=drive, kind=kind) == 0 for kind in KINDS)
+        assert all(of(samples, "pnfarm_fault_activations_total", drive=drive, kind=kind) == 0 for kind in fault_kinds())
 
 
 def test_metrics_of_a_running_drive_say_what_its_snapshot_says():
     line = VirtualLine(2)
-    collector = FarmCollector(line.farm, NoFaults())
+    collector = FarmCollector(line.farm)
     line.connect()
     line.enable()
     line.run(1.0)
@@ -143,7 +133,7 @@ def test_buckets_are_cumulative_and_end_with_the_count():
 
 def test_text_is_what_prometheus_client_itself_would_write():
     line = VirtualLine(2)
-    collector = FarmCollector(line.farm, NoFaults())
+    collector = FarmCollector(line.farm)
     line.connect()
     line.run(0.5)
     registry = CollectorRegistry()
@@ -289,7 +279,7 @@ def test_series_added_after_a_look_come_with_the_next():
 @pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool is not installed")
 def test_promtool_has_nothing_to_remark():
     line = VirtualLine(2)
-    collector = FarmCollector(line.farm, NoFaults())
+    collector = FarmCollector(line.farm)
     line.connect()
     line.run(0.2)
     done = subprocess.run(
@@ -302,7 +292,7 @@ def test_a_thousand_drives_tell_all_they_have_in_one_scrape(monkeypatch):
     # no addresses, or a thousand drives would announce theirs to a thousand
     monkeypatch.setattr(virtual_line, "FILE", virtual_line.FILE.replace("    ip: 10.77.0.11/23\n", ""))
     line = VirtualLine(1024, controller=False)
-    collector = FarmCollector(line.farm, NoFaults())
+    collector = FarmCollector(line.farm)
     line.run(0.1)
     consumers = line.farm.columns.cpm
     line.farm.columns.engine[0].cpm_rows = 1024

@@ -24,8 +24,6 @@ from prometheus_client.openmetrics.exposition import generate_latest
 from rig_dashboards import BOARDS, ROOT, board, panels, queries
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.metrics import FarmCollector
 
 needs_prometheus = pytest.mark.skipif(
@@ -147,12 +145,12 @@ HAPPENS = {
 def eventful_history(begin):
     """OpenMetrics text of a farm that connects, runs, trips, loses a drive and recovers, from ``begin`` on."""
     line = VirtualLine(3)
-    faults = attach_faults(line.farm, line.world.clock)
-    collector = FarmCollector(line.farm, faults)
+    faults = line.farm.injections
+    collector = FarmCollector(line.farm)
     heads, samples = {}, {}
     for tick in range(SHOWN_SECONDS // STEP_SECONDS + 1):
         if tick in HAPPENS:
-            faults.add(FaultSpec.model_validate({"on": "axis-01", **HAPPENS[tick]}), line.world.now)
+            faults.inject({"on": "axis-01", **HAPPENS[tick]}, line.world.now)
         text = generate_latest(_Sampled(collector, begin + tick * STEP_SECONDS)).decode()
         for block in text.removesuffix("# EOF\n").split("# HELP ")[1:]:
             help_row, type_row, *rows = block.splitlines()

@@ -60,7 +60,7 @@ def make_app(
     """
     context = ApiContext(
         core=core,
-        collector=collector or FarmCollector(core, core.faults),
+        collector=collector or FarmCollector(core),
         now=now,
         poke=poke,
     )

@@ -46,7 +46,7 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
     )
     async def get_drives() -> Json:
         core = context.core
-        injected = injected_faults(core.faults)
+        injected = injected_faults(core.injections)
         drives = []
         for place, station in enumerate(core.stations, start=1):
             drives.append(drive_snapshot(core, station, context.now(), injected=injected))

@@ -11,16 +11,15 @@ from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of ha
 from pnfarm.api.context import PREFIX, ApiContext, read_object
 from pnfarm.api.problems import Json, NotFoundError
 from pnfarm.api.schemas import Reset
-from pnfarm.errors import ConfigError, InternalError
-from pnfarm.faults.catalogue import KINDS
-from pnfarm.faults.plan import FaultSpec
+from pnfarm.buses.registry import fault_kinds
+from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from enum import Enum
 
     from fastapi import FastAPI
 
-    from pnfarm.faults.manager import FaultManager
+    from pnfarm.faults.manager import InjectionManager
 
 __all__ = ["add_faults"]
 
@@ -29,7 +28,7 @@ _SPEC_BODY = {
         "required": True,
         "content": {
             "application/json": {
-                "schema": FaultSpec.model_json_schema(by_alias=True),
+                "schema": fault_kinds().schema(),
                 "examples": {"f702": {"value": {"kind": "f702", "on": "axis-01", "for": "2s"}}},
             }
         },
@@ -41,15 +40,12 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     """Handlers of faults."""
     tags: list[str | Enum] = ["faults"]
 
-    def manager() -> FaultManager:
-        found = context.core.faults
-        if found is None:
-            raise InternalError("this farm runs without a fault manager")
-        return found
+    def manager() -> InjectionManager:
+        return context.core.injections
 
     @app.get(f"{PREFIX}/fault-kinds", tags=tags, summary="Every kind of fault with its parameters")
     async def get_kinds() -> Json:
-        return Json({"kinds": [kind.as_dict() for kind in KINDS.values()]})
+        return Json({"kinds": [kind.as_dict() for kind in manager().catalogue.values()]})
 
     @app.get(f"{PREFIX}/faults", tags=tags, summary="Faults that wait or are in force, with their evidence")
     async def get_faults() -> Json:
@@ -57,8 +53,7 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
 
     @app.post(f"{PREFIX}/faults", tags=tags, summary="Put a fault in force", status_code=201, openapi_extra=_SPEC_BODY)
     async def post_fault(request: Request) -> Json:
-        spec = FaultSpec.parse(await read_object(request))
-        fault = manager().add(spec, context.now())
+        fault = manager().inject(await read_object(request), context.now())
         context.poke()
         place = f"{PREFIX}/faults/{quote(fault.id, safe='')}"
         return Json(fault.as_dict(), HTTPStatus.CREATED, headers={"Location": place})

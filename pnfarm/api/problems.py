@@ -20,7 +20,7 @@ from starlette.routing import Match
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
-from pnfarm.faults.words import FaultError
+from pnfarm.faults.words import InjectionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -113,7 +113,7 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
     match exc:
         case ParameterError():
             return problem(_parameter_status(exc.number), sentence, request, error_number=exc.number)
-        case FaultError():
+        case InjectionError():
             errors = [{"field": field, "what": what, "allowed": allowed} for field, what, allowed in exc.issues]
             sentence = sentence.replace("\n", "; ")
             return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request, errors=errors)

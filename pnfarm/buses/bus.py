@@ -10,11 +10,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from ipaddress import IPv4Address
 
+    from pnfarm.engine.impairments import ImpairmentTable
+    from pnfarm.faults.carrier import Carriers
+    from pnfarm.faults.gate import GatedLink
+    from pnfarm.faults.kind import InjectionKind
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.table.columns import Columns
 
-__all__ = ["ChannelCounts", "ConnectionView", "Device", "Segment"]
+__all__ = ["Bus", "ChannelCounts", "ConnectionView", "Device", "InjectionHost", "Segment"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,4 +165,32 @@ class Segment(Protocol):
 
     def settled(self, port: int) -> None:
         """The device at this port may have another address now."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class InjectionHost:
+    """What a farm has for the injections into one drive.  ``settle(now)`` lets its device finish what was begun."""
+
+    columns: Columns
+    impairments: ImpairmentTable
+    gate: GatedLink
+    carriers: Carriers
+    settle: Callable[[int], None]
+
+
+class Bus(Protocol):
+    """One fieldbus; :mod:`pnfarm.buses.registry` has them all."""
+
+    @property
+    def name(self) -> str:
+        """As a model says which bus it is for: ``profinet``."""
+        ...
+
+    def fault_kinds(self) -> Iterable[InjectionKind]:
+        """The kinds of injections that only drives on this bus can have."""
+        ...
+
+    def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:
+        """A drive of this bus as injections see it; ``device`` is the bus's own."""
         ...

@@ -1,7 +1,35 @@
-"""The buses that there are: the only list of them."""
+"""The buses that there are: the only list of them; and what they bring together."""
 
 from __future__ import annotations
 
-from pnfarm.buses.profinet.device.view import CONNECTION_STATES, USUAL_LOSSES
+from functools import cache
+from typing import TYPE_CHECKING
 
-__all__ = ["CONNECTION_STATES", "USUAL_LOSSES"]
+from pnfarm.buses.profinet.bus import PROFINET
+from pnfarm.buses.profinet.device.view import CONNECTION_STATES, USUAL_LOSSES
+from pnfarm.errors import ConfigError
+from pnfarm.faults.catalogue import Catalogue, neutral
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.buses.bus import Bus
+
+__all__ = ["BUSES", "CONNECTION_STATES", "USUAL_LOSSES", "bus", "fault_kinds"]
+
+#: By name.
+BUSES: Mapping[str, Bus] = {PROFINET.name: PROFINET}
+
+
+def bus(name: str) -> Bus:
+    """Raises :class:`ConfigError` for a bus that there is none of."""
+    found = BUSES.get(name)
+    if found is None:
+        raise ConfigError(f"there is no bus {name!r}; there are {', '.join(BUSES)}")
+    return found
+
+
+@cache
+def fault_kinds() -> Catalogue:
+    """Every kind that can be injected into a drive: those for any drive, and those of each bus."""
+    return Catalogue([*neutral(), *(kind for one in BUSES.values() for kind in one.fault_kinds())])

@@ -158,11 +158,10 @@ def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
 def scrape(seconds: float) -> list[Result]:
     """Prometheus asks 256 connected drives: the best of ten scrapes, in which counters have moved on."""
     del seconds
-    from pnfarm.buses.profinet.faults.connection import attach_faults
     from pnfarm.metrics.collector import FarmCollector
 
     line = _in_memory(256, "16ms", 16)
-    collector = FarmCollector(line.farm, attach_faults(line.farm, line.world.clock))
+    collector = FarmCollector(line.farm)
     if not line.world.run(60.0, until=lambda: line.plc.all_connected):
         raise InternalError("256 drives did not connect in virtual time")
     best = float("inf")

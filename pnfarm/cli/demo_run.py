@@ -16,14 +16,12 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.runtime import Plc
 from pnfarm.farm.capture import CaptureSettings, prepare
 from pnfarm.farm.config import parse_farm
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.station.event_log import EventLog
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.controller.core import ControllerCore
     from pnfarm.farm.core import FarmCore
-    from pnfarm.faults.manager import FaultManager
+    from pnfarm.faults.manager import InjectionManager
 
 __all__ = ["Demo"]
 
@@ -71,7 +69,7 @@ class Demo:
         self._line: VirtualLine | None = None
         self._farm: FarmCore
         self._plc: ControllerCore
-        self._faults: FaultManager
+        self._injections: InjectionManager
         self._now: Callable[[], int] = time.monotonic_ns
         self._poke: Callable[[], None] = lambda: None
 
@@ -98,7 +96,7 @@ class Demo:
             line = await VirtualLine.create(self._config, log=quiet, plc_log=EventLog(quiet=True), pcap=self._pcap)
             stack.push_async_callback(line.close)
             self._line, self._farm, self._plc = line, line.farm, line.plc
-            self._faults = attach_faults(line.farm, line.world.clock)
+            self._injections = line.farm.injections
             self._now = line.world.clock
 
             async def release_in_memory() -> None:
@@ -112,7 +110,7 @@ class Demo:
             prepare()
         farm = await stack.enter_async_context(Farm(self._config, log=quiet, capture=capture))
         plc = await stack.enter_async_context(Plc(self._config, log=EventLog(quiet=True)))
-        self._farm, self._plc, self._faults = farm.core, plc.core, farm.faults
+        self._farm, self._plc, self._injections = farm.core, plc.core, farm.injections
         self._poke = farm.driver.poke
 
         async def release() -> None:
@@ -151,7 +149,7 @@ class Demo:
         self._recovered[name] = False
         self._tell(f"injecting {kind} on {name}")
         start = self._now()
-        self._faults.add(FaultSpec.parse({"kind": kind, "on": name}), start)
+        self._injections.inject({"kind": kind, "on": name}, start)
         self._poke()
 
         def struck() -> bool:

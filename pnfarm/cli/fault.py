@@ -20,10 +20,10 @@ app.callback(invoke_without_command=True)(help_without_command)
 @app.command("kinds")
 def kinds(output: FormatOption = Format.TABLE) -> None:
     """Print the catalogue: every kind of fault with its parameters."""
+    from pnfarm.buses.registry import fault_kinds
     from pnfarm.cli.output import print_json, print_table
-    from pnfarm.faults.catalogue import KINDS
 
-    catalogue = [kind.as_dict() for kind in KINDS.values()]
+    catalogue = [kind.as_dict() for kind in fault_kinds().values()]
     if output is Format.JSON:
         print_json({"kinds": catalogue})
         return

@@ -35,10 +35,10 @@ class SchemaOf(StrEnum):
 
 def known_words() -> Known:
     """The installed models and the fault catalogue: what a farm file may name."""
+    from pnfarm.buses.registry import fault_kinds
     from pnfarm.farm.config_known import catalogue
-    from pnfarm.faults.catalogue import KINDS
 
-    return catalogue(frozenset(KINDS))
+    return catalogue(frozenset(fault_kinds()))
 
 
 def read(path: Path) -> FarmConfig:
@@ -53,9 +53,9 @@ def check_impairments(config: FarmConfig) -> None:
 
     The farm file's own checks know the kinds, the fault catalogue knows what each kind takes.
     """
+    from pnfarm.buses.registry import fault_kinds
     from pnfarm.farm.config import FarmFileError, FileIssue
-    from pnfarm.faults.plan import FaultSpec
-    from pnfarm.faults.words import FaultError
+    from pnfarm.faults.words import InjectionError
 
     issues: list[FileIssue] = []
     for group, drives in enumerate(config.drives):
@@ -63,8 +63,8 @@ def check_impairments(config: FarmConfig) -> None:
             given = impairment.model_dump(by_alias=True, exclude_none=True) | {"on": "all"}
             given |= {key: f"{given[key]}ns" for key in ("after", "for") if key in given}
             try:
-                FaultSpec.parse(given)
-            except FaultError as exc:
+                fault_kinds().parse(given)
+            except InjectionError as exc:
                 for field, what, allowed in exc.issues:
                     location: tuple[str | int, ...] = ("drives", group, "impair", number, *field.split("."))
                     place = f"drives[{group}].impair[{number}].{field}"

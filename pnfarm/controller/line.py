@@ -85,6 +85,7 @@ class VirtualLine:
             memory=memory or VolatileMemory(),
             log=log or EventLog(quiet=True),
             seed=b"farm",
+            clock=world.clock,
             lldp=config.lldp,
         )
         world.join(farm, ports)

@@ -7,14 +7,14 @@ opens is linked to its station's chain.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from pnfarm.errors import InternalError
 from pnfarm.table.columns import Columns
+from pnfarm.wire.direction import Direction
 
 __all__ = ["CyclicEvidence", "ImpairmentTable"]
 
-Way = Literal["in", "out"]
 ALWAYS = 0xFFFFFFFF
 
 
@@ -29,19 +29,19 @@ class CyclicEvidence:
 
 
 class ImpairmentTable:
-    """``way`` is seen from the station: ``in`` acts on what it consumes, ``out`` on what it provides."""
+    """``direction`` is seen from the station: ``in`` acts on what it consumes, ``out`` on what it provides."""
 
     def __init__(self, columns: Columns) -> None:
         self._columns = columns
-        self._chains: dict[tuple[int, Way], list[int]] = {}
-        self._channels: dict[tuple[int, Way], set[int]] = {}
+        self._chains: dict[tuple[int, Direction], list[int]] = {}
+        self._channels: dict[tuple[int, Direction], set[int]] = {}
         self._free = list(range(columns.impairment.shape[0] - 1, -1, -1))
-        self._owner: dict[int, tuple[int, Way]] = {}
+        self._owner: dict[int, tuple[int, Direction]] = {}
 
     def add(
         self,
         station: int,
-        way: Way,
+        direction: Direction,
         kind: int,
         *,
         probability: float = 1.0,
@@ -69,18 +69,18 @@ class ImpairmentTable:
         # a generator that starts at zero would stay there
         row.random = (seed * 0x9E3779B97F4A7C15 + 0x1234567) & 0x7FFFFFFFFFFFFFFF or 1
         row.checks = row.activations = row.first_ns = row.last_ns = 0
-        chain = self._chains.setdefault((station, way), [])
+        chain = self._chains.setdefault((station, direction), [])
         chain.append(number)
-        self._owner[number] = (station, way)
-        self._link(station, way)
+        self._owner[number] = (station, direction)
+        self._link(station, direction)
         return number
 
     def remove(self, number: int) -> CyclicEvidence:
         """Take an impairment back; its final evidence."""
         evidence = self.evidence(number)
-        station, way = self._owner.pop(number)
-        self._chains[station, way].remove(number)
-        self._link(station, way)
+        station, direction = self._owner.pop(number)
+        self._chains[station, direction].remove(number)
+        self._link(station, direction)
         row = self._columns.impairment[number]
         if row.shares > 0:
             self._columns.impairment[row.shares - 1].shares = 0
@@ -88,9 +88,15 @@ class ImpairmentTable:
         self._free.insert(0, number)
         return evidence
 
-    def has(self, station: int, way: Way, kind: int) -> bool:
+    def has(self, station: int, direction: Direction, kind: int) -> bool:
         """Whether one of this kind is in force on a station."""
-        return any(int(self._columns.impairment[row].kind) == kind for row in self._chains.get((station, way), ()))
+        return any(
+            int(self._columns.impairment[row].kind) == kind for row in self._chains.get((station, direction), ())
+        )
+
+    def of_station(self, station: int) -> list[int]:
+        """Rows in force on a station."""
+        return [row for (owner, _), chain in self._chains.items() if owner == station for row in chain]
 
     def share_limit(self, one: int, other: int) -> None:
         """Let two rows count against one limit: a fault on both ways happens so many times altogether."""
@@ -108,25 +114,25 @@ class ImpairmentTable:
             int(row.checks), int(row.activations), int(row.first_ns) or None, int(row.last_ns) or None
         )
 
-    def channel_opened(self, station: int, way: Way, row: int) -> None:
+    def channel_opened(self, station: int, direction: Direction, row: int) -> None:
         """A provider (``out``) or consumer (``in``) of this station now runs in ``row``."""
-        self._channels.setdefault((station, way), set()).add(row)
-        self._link(station, way)
+        self._channels.setdefault((station, direction), set()).add(row)
+        self._link(station, direction)
 
-    def channel_closed(self, station: int, way: Way, row: int) -> None:
-        self._table(way)[row].impairment = 0
-        self._channels.get((station, way), set()).discard(row)
+    def channel_closed(self, station: int, direction: Direction, row: int) -> None:
+        self._table(direction)[row].impairment = 0
+        self._channels.get((station, direction), set()).discard(row)
 
-    def _table(self, way: Way) -> Any:
-        return self._columns.cpm if way == "in" else self._columns.ppm
+    def _table(self, direction: Direction) -> Any:
+        return self._columns.cpm if direction == "in" else self._columns.ppm
 
-    def _link(self, station: int, way: Way) -> None:
+    def _link(self, station: int, direction: Direction) -> None:
         """Rewrite the chain and its heads; a reader in the middle of it sees the old or the new order."""
-        chain = self._chains.get((station, way), [])
+        chain = self._chains.get((station, direction), [])
         for position, here in enumerate(chain):
             following = chain[position + 1] + 1 if position + 1 < len(chain) else 0
             self._columns.impairment[here].next = following
         head = chain[0] + 1 if chain else 0
-        table = self._table(way)
-        for row in self._channels.get((station, way), ()):
+        table = self._table(direction)
+        for row in self._channels.get((station, direction), ()):
             table[row].impairment = head

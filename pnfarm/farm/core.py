@@ -19,8 +19,9 @@ from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.config_axis import apply_axis
 from pnfarm.farm.config_machine import apply_machine
 from pnfarm.farm.events import EngineEventsLost
-from pnfarm.farm.fault_log import log_fault
+from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
+from pnfarm.faults.gate import GatedLink
 from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.deadlines import Deadlines
@@ -43,8 +44,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
-    from pnfarm.faults.manager import FaultManager
-    from pnfarm.links.base import Link, Port
+    from pnfarm.links.base import Clock, Link, Port
     from pnfarm.station.event_log import EventLog
 
 #: Events whose row is a consumer's.
@@ -78,7 +78,10 @@ class Node(Protocol):
 
 
 class FarmCore:
-    """``ports`` belong to ``drives`` one by one; ``models`` gives a drive's model under its own identity."""
+    """``ports`` belong to ``drives`` one by one; ``models`` gives a drive's model under its own identity.
+
+    ``clock`` is the one by which frames are sent.
+    """
 
     def __init__(
         self,
@@ -91,11 +94,13 @@ class FarmCore:
         memory: NonVolatile,
         log: EventLog,
         seed: bytes,
+        clock: Clock,
         tick_ns: int = 1_000_000,
         lldp: bool = True,
     ) -> None:
         self.name = name
-        self.link = link
+        gate = GatedLink(link, clock)
+        self.link: Link = gate
         self.log = log
         count = len(drives)
         known = [models(config) for config in drives]
@@ -115,8 +120,6 @@ class FarmCore:
         self._deadlines = Deadlines()
         self._tail = 0
         self.events_lost = 0
-        #: Faults on the drives, once :func:`pnfarm.buses.profinet.faults.connection.attach_faults` gave the farm its manager.
-        self.faults: FaultManager | None = None
         for index, (config, model, port) in enumerate(zip(drives, known, ports, strict=True)):
             axis, image = self.columns.axis[index], self.columns.image[index]
             model.apply_motor(axis)
@@ -136,7 +139,9 @@ class FarmCore:
             self._by_port[port.index] = station
             self._by_name[config.name] = station
         self.segment: Segment = ProfinetSegment(self.stations)
-        link.set_receiver(self.receive)
+        #: What is injected into the drives.
+        self.injections = make_manager(self, gate, clock)
+        gate.set_receiver(self.receive)
         if isinstance(innermost := unwrap(link), MemoryLink):
             innermost.set_audience(self.segment.audience)
 
@@ -171,12 +176,10 @@ class FarmCore:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
         if not self.segment.admits(port, frame, now):
             return
-        if self.faults is not None:
-            self.faults.refresh(station.configured_name, now)
+        self.injections.refresh(station.configured_name, now)
         station.receive(frame, now)
         self.settle(station, now)
-        if self.faults is not None:
-            self.faults.poke(station.configured_name, now)
+        self.injections.poke(station.configured_name, now)
 
     def settle(self, station: DriveStation, now: int) -> None:
         """Let a station finish what an input began, send its frames, note when it wants to be called."""
@@ -192,15 +195,13 @@ class FarmCore:
             station = self.stations[index]
             station.handle_timeout(now)
             self.settle(station, now)
-            if self.faults is not None:
-                self.faults.touch(station.configured_name)
-        if self.faults is not None:
-            self.faults.handle_timeout(now)
-            for happened in self.faults.events():
-                log_fault(self.log, happened)
+            self.injections.touch(station.configured_name)
+        self.injections.handle_timeout(now)
+        for happened in self.injections.events():
+            self.log.record(happened.now, happened.drive, happened.event)
 
     def next_deadline(self) -> int | None:
-        deadlines = (self._deadlines.first(), self.faults.next_deadline() if self.faults is not None else None)
+        deadlines = (self._deadlines.first(), self.injections.next_deadline())
         return min((due for due in deadlines if due is not None), default=None)
 
     # -- the engine's events -----------------------------------------------------------------------------------------
@@ -223,8 +224,7 @@ class FarmCore:
                 touched[station.index] = station
         for station in touched.values():
             self.settle(station, now)
-            if self.faults is not None:
-                self.faults.touch(station.configured_name)
+            self.injections.touch(station.configured_name)
 
     def _catch_up(self, now: int) -> None:
         """The ring of events ran over: what the rows themselves tell of connections is not lost."""

@@ -17,8 +17,6 @@ __all__ = [
     "EngineEventsLost",
     "FarmStarted",
     "FarmStopped",
-    "InjectionBegan",
-    "InjectionEnded",
     "RealTimeOptionRefused",
 ]
 
@@ -129,26 +127,3 @@ class CarrierNotChanged(Event):
     TEXT = "carrier not changed"
     LEVEL = "warning"
     reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class InjectionBegan(Event):
-    """A fault was put in force on a drive."""
-
-    TEXT = "fault injected"
-    LEVEL = "warning"
-    id: str
-    kind: str
-
-
-@dataclass(frozen=True, slots=True)
-class InjectionEnded(Event):
-    """An injected fault is over on a drive; what was counted of it."""
-
-    TEXT = "injected fault ended"
-    id: str
-    kind: str
-    reason: str
-    checks: int
-    activations: int
-    confirmed: bool

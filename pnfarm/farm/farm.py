@@ -15,7 +15,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from pnfarm.buses.profinet.faults.connection import add_impairments, attach_faults
+from pnfarm.buses.registry import fault_kinds
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.model_identity import with_identity
@@ -31,10 +31,9 @@ from pnfarm.farm.config_model import VethLink as VethSection
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTimeOptionRefused
 from pnfarm.farm.files import raise_file_limit
+from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
-from pnfarm.faults.catalogue import KINDS
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
@@ -51,7 +50,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
-    from pnfarm.faults.manager import ActiveFault, FaultManager
+    from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.links.base import Link
     from pnfarm.station.events import Event
 
@@ -114,12 +113,12 @@ class DriveHandle:
 
         return drive_snapshot(self.farm.core, self.farm.core.station(self.name), time.monotonic_ns())
 
-    async def fault(self, kind: str, **fields: Any) -> ActiveFault:
-        """Put a fault in force on this drive: ``fault("loss", probability=0.1)``, ``fault("f702", **{"for": "2s"})``.
+    async def fault(self, kind: str, **fields: Any) -> Injection:
+        """Inject something into this drive: ``fault("loss", probability=0.1)``, ``fault("f702", **{"for": "2s"})``.
 
-        ``fields`` are those of :class:`FaultSpec`.  Raises :class:`ConfigError`.
+        ``fields`` are those of :class:`~pnfarm.faults.plan.InjectionSpec`.  Raises :class:`ConfigError`.
         """
-        return self.farm.add_fault({**fields, "kind": kind, "on": self.name})
+        return self.farm.inject({**fields, "kind": kind, "on": self.name})
 
 
 class Farm:
@@ -145,13 +144,13 @@ class Farm:
         self._driver: RealTimeDriver | None = None
         self._core: FarmCore | None = None
         self.started_ns = 0
-        #: Called before the engine starts, with the core; how faults attach themselves.
+        #: Called before the engine starts, with the core.
         self.on_start: list[Callable[[FarmCore], None]] = []
 
     @classmethod
     def from_file(cls, path: str | Path, **overrides: Any) -> Self:
         """A farm from its file; ``overrides`` as in :meth:`FarmConfig.with_overrides`."""
-        config = load_farm(path, catalogue(frozenset(KINDS)))
+        config = load_farm(path, catalogue(frozenset(fault_kinds())))
         return cls(config.with_overrides(overrides, origin="argument"))
 
     @property
@@ -171,21 +170,19 @@ class Farm:
         return DriveHandle(self, name)
 
     @property
-    def faults(self) -> FaultManager:
+    def injections(self) -> InjectionManager:
         """Whoever changes something here calls :meth:`RealTimeDriver.poke` afterwards."""
-        if self.core.faults is None:
-            raise ConfigError("the farm is not running: use it inside `async with`")
-        return self.core.faults
+        return self.core.injections
 
-    def add_fault(self, fields: Mapping[str, Any]) -> ActiveFault:
-        """Put a fault in force; ``fields`` as in a scenario's ``fault:`` step.  Raises :class:`ConfigError`."""
-        fault = self.faults.add(FaultSpec.parse(fields), time.monotonic_ns())
+    def inject(self, fields: Mapping[str, Any]) -> Injection:
+        """Put an injection in force; ``fields`` as in a scenario's ``fault:`` step.  Raises :class:`ConfigError`."""
+        injection = self.injections.inject(fields, time.monotonic_ns())
         self.driver.poke()
-        return fault
+        return injection
 
-    def clear_faults(self, fault_id: str | None = None) -> list[ActiveFault]:
-        """End one fault, or all of them; those that were ended.  Raises :class:`ConfigError` for an unknown id."""
-        cleared = self.faults.clear(fault_id, time.monotonic_ns())
+    def clear_injections(self, injection_id: str | None = None) -> list[Injection]:
+        """End one injection, or all of them; those that were ended.  Raises :class:`ConfigError` for an unknown id."""
+        cleared = self.injections.clear(injection_id, time.monotonic_ns())
         self.driver.poke()
         return cleared
 
@@ -215,14 +212,14 @@ class Farm:
                 memory=self._state,
                 log=self.log,
                 seed=os.urandom(16),
+                clock=time.monotonic_ns,
                 lldp=self.config.lldp,
             )
-            faults = attach_faults(self._core, time.monotonic_ns)
             for action in self.on_start:
                 action(self._core)
             self._driver = RealTimeDriver(self._core, realtime_settings(self.config, len(self.drives)))
             now = time.monotonic_ns()
-            add_impairments(faults, self.drives, now)
+            add_impairments(self._core.injections, self.drives, now)
             self._core.start(now)
             await self._driver.start()
             self.started_ns = now

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.bus import ConnectionView
     from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
-    from pnfarm.faults.manager import FaultManager
+    from pnfarm.faults.manager import InjectionManager
 
 __all__ = [
     "NO_AR",
@@ -53,8 +53,8 @@ def discards(core: FarmCore, station: DriveStation) -> dict[str, int]:
     return total
 
 
-def injected_faults(manager: FaultManager | None) -> dict[str, list[str]]:
-    """Ids of the faults that wait or are in force, by drive."""
+def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
+    """Ids of the injections that wait or are in force, by drive."""
     found: dict[str, list[str]] = {}
     for fault in manager.list() if manager is not None else ():
         for drive, run in fault.runs.items():
@@ -79,7 +79,7 @@ def drive_snapshot(
     sent, suppressed, received = _frames(core, station)
     seen = station.view(now)
     if injected is None:
-        injected = injected_faults(core.faults)
+        injected = injected_faults(core.injections)
     return {
         "name": station.configured_name,
         "station_name": seen["station_name"],
@@ -149,7 +149,7 @@ def _lamps(station: DriveStation, *, exchanging: bool, signalling: bool) -> dict
 
 def farm_snapshot(core: FarmCore, now: int) -> dict[str, Any]:
     """The farm, its engine, and every drive in the farm file's order."""
-    injected = injected_faults(core.faults)
+    injected = injected_faults(core.injections)
     return {
         "farm": core.name,
         "link": core.link.kind,

@@ -7,7 +7,7 @@ Cyclic frames are exchanged inside compiled code; acyclic ones travel through th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pnfarm.engine.tick import next_due, receive, tick
 from pnfarm.engine.virtual import deliver, run_alone, run_virtual
 from pnfarm.errors import InternalError
 from pnfarm.links.memory import MemoryLink, MemorySwitch
+from pnfarm.wire.direction import Direction
 from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["Seen", "VirtualClock", "VirtualWorld"]
 
 #: ``seen(port, frame, now, direction)``: a cyclic frame of the farm's, direction as the drive sees it.
-Seen = Callable[[int, bytes, int, Literal["in", "out"]], None]
+Seen = Callable[[int, bytes, int, Direction], None]
 
 #: Where virtual time begins: not at zero, which means "never" in several columns.
 EPOCH_NS = 1_000_000_000_000

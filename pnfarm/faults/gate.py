@@ -1,115 +1,60 @@
 """The gate between the stations and their link: acyclic frames pass it, rules lose some of them or hold them back.
 
-Cyclic frames do not come by here; the engine acts on them (:mod:`pnfarm.engine.impair`).  Directions are seen from
-the drive.
+Cyclic frames do not come by here; the engine acts on them (:mod:`pnfarm.engine.impair`).  The gate reads no frame: the
+drive's bus tells of which class it is.  Directions are seen from the drive.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Container
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
-from pnfarm.errors import DecodeError
-from pnfarm.faults.target import Evidence, LateRule, Way
-from pnfarm.links.base import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
-from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
-from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
+from pnfarm.faults.evidence import Evidence
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
+    from pnfarm.wire.direction import Direction
 
-__all__ = [
-    "DelayRule",
-    "GateRule",
-    "GatedLink",
-    "acknowledging_nothing",
-    "every_frame",
-    "is_alarm_answer",
-    "is_alarm_data",
-    "is_dcp",
-    "is_rpc",
-]
+__all__ = ["EVERY_FRAME", "DelayRule", "FrameClass", "FrameClasses", "GateRule", "GatedLink", "LateRule"]
 
-_UDP = 17
-#: SNMP and its traps: the only other UDP of a drive.
-_SNMP = frozenset({161, 162})
+#: Tells of which class a frame is, as the drive's bus has them: ``rpc``, ``dcp`` ...
+FrameClass = Callable[[bytes], str]
+#: Classes that a rule acts on.
+FrameClasses = Container[str]
 
 
-def every_frame(frame: bytes) -> bool:
-    """All of them."""
-    del frame
-    return True
+class _Every:
+    """Every class there is."""
 
-
-def _payload(frame: bytes) -> tuple[int, bytes]:
-    """EtherType and what follows, behind a VLAN tag if there is one; (0, b"") for what is too short."""
-    start = 12
-    if int.from_bytes(frame[12:14], "big") == ETHERTYPE_VLAN:
-        start = 16
-    if len(frame) < start + 2:
-        return 0, b""
-    return int.from_bytes(frame[start : start + 2], "big"), frame[start + 2 :]
-
-
-def is_dcp(frame: bytes) -> bool:
-    """Hello, Get, Set, Identify and their answers."""
-    ethertype, payload = _payload(frame)
-    if ethertype != ETHERTYPE_PROFINET or len(payload) < 2:
-        return False
-    return classify_frame_id(int.from_bytes(payload[:2], "big")) is FrameClass.DCP
-
-
-def is_rpc(frame: bytes) -> bool:
-    """UDP other than SNMP; later fragments carry no ports and are lost with the first."""
-    ethertype, payload = _payload(frame)
-    if ethertype != ETHERTYPE_IPV4 or len(payload) < 20 or payload[9] != _UDP:
-        return False
-    if int.from_bytes(payload[6:8], "big") & 0x1FFF:
+    def __contains__(self, word: object) -> bool:
         return True
-    header = (payload[0] & 0x0F) * 4
-    ports = {int.from_bytes(payload[at : at + 2], "big") for at in (header, header + 2)}
-    return not ports & _SNMP
 
 
-def _rta_type(frame: bytes) -> int | None:
-    """PDUType of an RTA-PDU, None for every other frame."""
-    ethertype, payload = _payload(frame)
-    if ethertype != ETHERTYPE_PROFINET:
-        return None
-    try:
-        return parse_rta(payload).type
-    except DecodeError:
-        return None
+EVERY_FRAME: FrameClasses = _Every()
 
 
-def is_alarm_data(frame: bytes) -> bool:
-    """DATA-RTA-PDU: an alarm or an AlarmAck."""
-    return _rta_type(frame) == RtaType.DATA
+class LateRule(Protocol):
+    """Says how late something that the drive has to say leaves."""
 
+    def asked(self, now: int) -> int:
+        """Nanoseconds for the one at hand; 0: in time."""
+        ...
 
-def is_alarm_answer(frame: bytes) -> bool:
-    """Every RTA-PDU that can acknowledge another; an ERR-RTA-PDU cannot."""
-    return _rta_type(frame) in {RtaType.DATA, RtaType.ACK, RtaType.NACK}
-
-
-def acknowledging_nothing(frame: bytes) -> bytes | None:
-    """What is left of a frame of :func:`is_alarm_answer`: of DATA its VarPart, of the others nothing."""
-    _, payload = _payload(frame)
-    pdu = parse_rta(payload)
-    if pdu.type != RtaType.DATA:
-        return None
-    return frame[: len(frame) - len(payload)] + emit_rta(replace(pdu, ack_sequence=FIRST_ACK))
+    def left(self, *, sent: bool) -> None:
+        """One that this rule made late has left, or (``sent`` False) never will."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayRule:
-    """Holds back the frames that ``selects`` says, for as long as ``late`` says."""
+    """Holds back frames of ``classes``, for as long as ``late`` says."""
 
-    selects: Callable[[bytes], bool]
+    classes: FrameClasses
     late: LateRule
 
 
@@ -125,17 +70,17 @@ class _Held:
 
 
 class GateRule:
-    """Loses the frames that ``selects`` says, on the ways in ``ways``, or lets something pass ``instead`` of them.
+    """Loses frames of ``classes`` in each of ``directions``, or lets something pass ``instead`` of them.
 
     ``probability`` of each, ``count`` (0: no limit) altogether, of which ``spent()`` happened elsewhere; not before
-    ``armed()`` says so, and none at or after ``stop_ns`` (0: no end).  ``lost()`` is told each loss.  Each way has a
-    random sequence of its own, so that one does not depend on the other.
+    ``armed()`` says so, and none at or after ``stop_ns`` (0: no end).  ``lost()`` is told each loss.  Each direction
+    has a random sequence of its own, so that one does not depend on the other.
     """
 
     def __init__(
         self,
-        ways: Sequence[Way],
-        selects: Callable[[bytes], bool] = every_frame,
+        directions: Sequence[Direction],
+        classes: FrameClasses = EVERY_FRAME,
         *,
         probability: float = 1.0,
         seed: int = 0,
@@ -146,7 +91,7 @@ class GateRule:
         lost: Callable[[], None] = lambda: None,
         instead: Callable[[bytes], bytes | None] = lambda _: None,
     ) -> None:
-        self._selects = selects
+        self.classes = classes
         self._probability = probability
         self._count = count
         self._stop_ns = stop_ns
@@ -154,26 +99,26 @@ class GateRule:
         self._spent = spent
         self._told = lost
         self.instead = instead
-        self._random = {way: SplitMix64(seed + index) for index, way in enumerate(ways)}
-        self._evidence = dict.fromkeys(ways, Evidence())
+        self._random = {direction: SplitMix64(seed + index) for index, direction in enumerate(directions)}
+        self._evidence = dict.fromkeys(directions, Evidence())
 
-    def loses(self, way: Way, frame: bytes, now: int) -> bool:
-        """Is this frame lost, or another passed instead?  Counts the evidence."""
-        seen = self._evidence.get(way)
+    def loses(self, direction: Direction, frame_class: str, now: int) -> bool:
+        """Is a frame of this class lost, or another passed instead?  Counts the evidence."""
+        seen = self._evidence.get(direction)
         if seen is None or (self._stop_ns and now >= self._stop_ns):
             return False
-        if self.exhausted or not self._selects(frame) or not self._armed():
+        if self.exhausted or frame_class not in self.classes or not self._armed():
             return False
-        lost = self._random[way].uniform() < self._probability
-        self._evidence[way] = seen + (Evidence(1, 1, now, now, confirmed=True) if lost else Evidence(1))
+        lost = self._random[direction].uniform() < self._probability
+        self._evidence[direction] = seen + (Evidence(1, 1, now, now, confirmed=True) if lost else Evidence(1))
         if lost:
             self._told()
         return lost
 
-    def evidence(self, way: Way | None = None) -> Evidence:
-        """Of one way, or of all."""
-        if way is not None:
-            return self._evidence[way]
+    def evidence(self, direction: Direction | None = None) -> Evidence:
+        """Of one direction, or of all."""
+        if direction is not None:
+            return self._evidence[direction]
         return sum(self._evidence.values(), Evidence())
 
     @property
@@ -185,7 +130,7 @@ class GateRule:
 class GatedLink:
     """A link around ``inner``; ``clock`` stamps what is sent, received frames bring their time.
 
-    What a port sends and a rule selects stays in order: nothing overtakes a frame that is held back.  Whoever runs the
+    What a port sends and a rule delays stays in order: nothing overtakes a frame that is held back.  Whoever runs the
     farm calls :meth:`handle_timeout` when :meth:`next_deadline` says so.
     """
 
@@ -196,6 +141,19 @@ class GatedLink:
         self._rules: dict[int, list[GateRule]] = {}
         self._delays: dict[int, list[DelayRule]] = {}
         self._held: dict[int, deque[_Held]] = {}
+        self._classes: dict[int, FrameClass] = {}
+
+    def know(self, port: int, frame_class: FrameClass) -> None:
+        """Whose port this is tells the classes of its frames; until then they are of none."""
+        self._classes[port] = frame_class
+
+    def _class_of(self, port: int, frame: bytes) -> str:
+        known = self._classes.get(port)
+        return "" if known is None else known(frame)
+
+    def in_force(self, port: int) -> list[object]:
+        """Rules that act on a port, and frames of it that are held back."""
+        return [*self._rules.get(port, ()), *self._delays.get(port, ()), *self._held.get(port, ())]
 
     def add(self, port: int, rule: GateRule) -> None:
         self._rules[port] = [*self._rules.get(port, ()), rule]
@@ -207,10 +165,11 @@ class GatedLink:
         else:
             self._rules.pop(port, None)
 
-    def _passed(self, port: int, way: Way, frame: bytes, now: int) -> bytes | None:
+    def _passed(self, port: int, direction: Direction, frame: bytes, now: int) -> bytes | None:
         """What the rules leave of a frame; None when it is lost."""
         # every rule looks at every frame, so that each one's sequence does not depend on the others
-        acting = [rule for rule in self._rules.get(port, ()) if rule.loses(way, frame, now)]
+        frame_class = self._class_of(port, frame)
+        acting = [rule for rule in self._rules.get(port, ()) if rule.loses(direction, frame_class, now)]
         left: bytes | None = frame
         for rule in acting:
             left = None if left is None else rule.instead(left)
@@ -253,7 +212,8 @@ class GatedLink:
 
     def _hold(self, port: int, frame: bytes, now: int) -> bool:
         """Is this frame held back?"""
-        waits = [(rule.late, rule.late.asked(now)) for rule in self._delays[port] if rule.selects(frame)]
+        frame_class = self._class_of(port, frame)
+        waits = [(rule.late, rule.late.asked(now)) for rule in self._delays[port] if frame_class in rule.classes]
         queue = self._held.get(port)
         late = sum(wait for _, wait in waits)
         if not waits or (not late and not queue):

@@ -1,4 +1,12 @@
-"""What a kind of fault is, as data: its words, its parameters, the common fields that it takes."""
+"""What a kind of injection is: its words, its parameters, the common fields that it takes, its effect.
+
+Each kind stands in a file of its own, those of any drive in :mod:`pnfarm.faults.kinds`, those of a bus with the bus.
+Such a file has the effect, if it is not another kind's, and ``KINDS``, a tuple of what it declares (mostly one).
+
+Common fields, as far as a kind takes them: ``probability`` (of each occurrence) with ``seed``; ``direction``, seen from
+the drive; a start ``after`` a time or ``after_cycles`` healthy cycles of the connection; an end after ``count``
+occurrences, ``for`` a time or ``cycles`` of the connection.  What an occurrence is, each kind says.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +16,25 @@ from typing import TYPE_CHECKING, Any, Literal
 from pnfarm.faults.words import Problem, did_you_mean, read_duration, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
-__all__ = ["FaultKind", "ParamSpec", "Way", "words_of"]
+    from pnfarm.faults.effect import Effect
+    from pnfarm.faults.plan import InjectionSpec
+    from pnfarm.wire.direction import Directions
+
+__all__ = ["EACH", "EVERY_DIRECTION", "FRAMES", "HELD", "OCTET", "WORD", "InjectionKind", "ParamSpec", "words_of"]
 
 ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets"]
-Way = Literal["in", "out", "both"]
+
+#: Common fields of kinds that act on frames, on one occurrence after the other, or that stand until they end.
+FRAMES = frozenset({"probability", "seed", "count", "for", "cycles"})
+EACH = frozenset({"probability", "seed", "count", "for"})
+HELD = frozenset({"for", "cycles"})
+EVERY_DIRECTION: tuple[Directions, ...] = ("both", "in", "out")
+
+#: Ranges of parameters.
+OCTET: dict[str, Any] = {"low": 0, "high": 0xFF}
+WORD: dict[str, Any] = {"low": 0, "high": 0xFFFF}
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,23 +145,32 @@ class ParamSpec:
         }
 
 
-@dataclass(frozen=True, slots=True)
-class FaultKind:
-    """One kind.  ``effect`` names what it does (several kinds share one, with ``preset`` parameters).
+def _no_misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
+    del spec
+    return ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InjectionKind:
+    """One kind.  ``effect`` carries it out on one drive; it gets the ``preset`` parameters beside the given ones.
 
     ``directions`` is empty for a kind that has none; its first entry is the default.  ``takes`` are the common
-    fields that mean something for it, besides ``after`` and ``after_cycles``, which all take.
+    fields that mean something for it, besides ``after`` and ``after_cycles``, which all take.  ``misfits`` tells which
+    fields do not go together.  ``place`` says where it stands among those of its family, for readers; kinds of the same
+    place stand by their names.
     """
 
     name: str
     family: str
     doc: str
     occurrence: str
-    effect: str
+    effect: type[Effect]
     params: Mapping[str, ParamSpec] = field(default_factory=dict)
-    directions: tuple[Way, ...] = ()
+    directions: tuple[Directions, ...] = ()
     takes: frozenset[str] = frozenset()
     preset: Mapping[str, Any] = field(default_factory=dict)
+    misfits: Callable[[InjectionSpec], Iterable[tuple[str, Problem]]] = _no_misfits
+    place: int = 1000
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON: the API's ``fault-kinds`` and ``pnfarm fault kinds --format json``."""

@@ -1,8 +1,8 @@
-"""Puts faults in force, ends them, keeps their evidence.
+"""Puts injections in force, ends them, keeps their evidence.
 
-One :class:`FaultManager` serves a farm.  It knows no clock: whoever runs the farm tells it the time and calls
-:meth:`~FaultManager.handle_timeout` when :meth:`~FaultManager.next_deadline` says so.  A fault on several drives runs
-on each of them by itself, through the states of :data:`TRANSITIONS`:
+One :class:`InjectionManager` serves a farm.  It knows no clock: whoever runs the farm tells it the time and calls
+:meth:`~InjectionManager.handle_timeout` when :meth:`~InjectionManager.next_deadline` says so.  An injection on several
+drives runs on each of them by itself, through the states of :data:`TRANSITIONS`:
 
 ========  ====================================================================================
 WAITING   for its start: a time, healthy cycles, a connection whose cycles are to be counted
@@ -21,68 +21,39 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.profinet.faults.effects_connection import (
-    AbortEffect,
-    BusyEffect,
-    ExpireEffect,
-    ReadyEffect,
-    RecordDelayEffect,
-    RecordErrorEffect,
-    RefuseEffect,
-    RpcDelayEffect,
-)
-from pnfarm.buses.profinet.faults.told import DiagnosisEffect, ModuleEffect, StormEffect, UnacknowledgedEffect
 from pnfarm.errors import ConfigError
-from pnfarm.faults.catalogue import KINDS
-from pnfarm.faults.effects_drive import DriveFaultEffect, PowerCycleEffect, WarningEffect
-from pnfarm.faults.effects_machine import InputEffect, LimitSwitchEffect, LoadEffect, NotReadyEffect
-from pnfarm.faults.frames import Effect, FramesEffect, IopsEffect, LinkEffect, TimeoutEffect, Window
-from pnfarm.faults.plan import FaultSpec, matching
-from pnfarm.faults.target import NOTHING, Evidence
-from pnfarm.faults.words import FaultError, did_you_mean
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.effect import Window
+from pnfarm.faults.events import InjectionBegan, InjectionEnded
+from pnfarm.faults.evidence import NOTHING, Evidence
+from pnfarm.faults.plan import matching
+from pnfarm.faults.words import InjectionError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from pnfarm.faults.catalogue import Catalogue
+    from pnfarm.faults.connection import Connection
+    from pnfarm.faults.effect import Effect
     from pnfarm.faults.gate import GatedLink
-    from pnfarm.faults.target import FaultTarget
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
 
-__all__ = ["ActiveFault", "DriveRun", "FaultEnded", "FaultEvent", "FaultManager", "FaultStarted", "RunState"]
+__all__ = [
+    "DriveRun",
+    "Injection",
+    "InjectionManager",
+    "RunState",
+]
 
-#: Ended faults whose evidence can still be asked for.
+#: Ended injections whose evidence can still be asked for.
 KEPT = 1024
-#: The longest time between two looks at a fault that waits for a connection or for healthy cycles.
+#: The longest time between two looks at an injection that waits for a connection or for healthy cycles.
 WAIT_NS = 50_000_000
-
-_EFFECTS: Mapping[str, type[Effect]] = {
-    "frames": FramesEffect,
-    "iops": IopsEffect,
-    "timeout": TimeoutEffect,
-    "link": LinkEffect,
-    "ar-abort": AbortEffect,
-    "connect-refuse": RefuseEffect,
-    "ready": ReadyEffect,
-    "record-error": RecordErrorEffect,
-    "parameter-busy": BusyEffect,
-    "watchdog-expire": ExpireEffect,
-    "rpc-delay": RpcDelayEffect,
-    "record-delay": RecordDelayEffect,
-    "module": ModuleEffect,
-    "alarm-storm": StormEffect,
-    "alarm-unacknowledged": UnacknowledgedEffect,
-    "diagnosis": DiagnosisEffect,
-    "drive-fault": DriveFaultEffect,
-    "drive-warning": WarningEffect,
-    "limit-switch": LimitSwitchEffect,
-    "not-ready": NotReadyEffect,
-    "digital-input": InputEffect,
-    "load": LoadEffect,
-    "power-cycle": PowerCycleEffect,
-}
 
 
 class RunState(StrEnum):
-    """Of a fault on one drive."""
+    """Of an injection on one drive."""
 
     WAITING = "waiting"
     ACTIVE = "active"
@@ -110,36 +81,20 @@ TRANSITIONS: Mapping[tuple[RunState, _Happening], RunState] = {
 
 
 @dataclass(frozen=True, slots=True)
-class FaultStarted:
-    """A fault came in force on one drive."""
+class Happened:
+    """What happened to an injection on one drive."""
 
-    id: str
-    kind: str
-    drive: str
     now: int
-
-
-@dataclass(frozen=True, slots=True)
-class FaultEnded:
-    """A fault is over on one drive.  ``reason``: ``count``, ``time``, ``cleared``, or why it failed."""
-
-    id: str
-    kind: str
     drive: str
-    now: int
-    reason: str
-    evidence: Evidence
-
-
-FaultEvent = FaultStarted | FaultEnded
+    event: InjectionBegan | InjectionEnded
 
 
 @dataclass(slots=True, eq=False)
 class DriveRun:
-    """A fault on one drive.  ``stop_ns`` 0 while no end in time is known."""
+    """An injection on one drive.  ``stop_ns`` 0 while no end in time is known."""
 
     drive: str
-    target: FaultTarget
+    injected: InjectedDrive
     effect: Effect
     not_before: int
     cycles_before: int
@@ -155,14 +110,14 @@ class DriveRun:
 
 
 @dataclass(slots=True, eq=False)
-class ActiveFault:
-    """One fault as it was asked for, with a run for each of its drives."""
+class Injection:
+    """One injection as it was asked for, with a run for each of its drives."""
 
     id: str
-    spec: FaultSpec
+    spec: InjectionSpec
     added_ns: int
     runs: dict[str, DriveRun] = field(default_factory=dict)
-    #: Runs that have ended; counted, because each frame of a drive asks whether its faults are over.
+    #: Runs that have ended; counted, because each frame of a drive asks whether its injections are over.
     over: int = 0
 
     @property
@@ -188,7 +143,7 @@ class ActiveFault:
         """For JSON; times are seconds of the farm's clock."""
         return {
             "id": self.id,
-            "kind": self.spec.kind,
+            "kind": self.spec.kind.name,
             "state": self.state.value,
             "spec": self.spec.as_dict(),
             "added_seconds": self.added_ns / 1e9,
@@ -220,101 +175,118 @@ def _evidence_dict(seen: Evidence) -> dict[str, Any]:
     }
 
 
-class FaultManager:
-    """See the module's head.  ``targets``: every drive of the farm by its name; ``gate`` holds frames back."""
+class InjectionManager:
+    """See the module's head.
 
-    def __init__(self, targets: Mapping[str, FaultTarget], gate: GatedLink) -> None:
-        self._targets = targets
+    ``catalogue`` has the kinds; ``drives`` every drive of the farm by its name; ``gate`` holds frames back.
+    """
+
+    def __init__(self, catalogue: Catalogue, drives: Mapping[str, InjectedDrive], gate: GatedLink) -> None:
+        self.catalogue = catalogue
+        self._drives = drives
         self._gate = gate
-        self._faults: dict[str, ActiveFault] = {}
-        self._ended: deque[ActiveFault] = deque(maxlen=KEPT)
+        self._injections: dict[str, Injection] = {}
+        self._ended: deque[Injection] = deque(maxlen=KEPT)
         self._activations: Counter[tuple[str, str]] = Counter()
-        self._by_drive: dict[str, list[tuple[ActiveFault, DriveRun]]] = {}
-        self._due: dict[int, tuple[int, ActiveFault, DriveRun]] = {}
+        self._by_drive: dict[str, list[tuple[Injection, DriveRun]]] = {}
+        self._due: dict[int, tuple[int, Injection, DriveRun]] = {}
         self._heap: list[tuple[int, int]] = []
         self._dirty: dict[str, None] = {}
-        self._events: list[FaultEvent] = []
+        self._events: list[Happened] = []
         self._numbers = 0
         self._keys = 0
 
     # what users ask for
 
-    def add(self, spec: FaultSpec, now: int) -> ActiveFault:
-        """Put a fault in force, or let it wait for its start.
+    def inject(self, fields: Mapping[str, Any], now: int) -> Injection:
+        """:meth:`add` what plain values say, as in a scenario's ``fault:`` step."""
+        return self.add(self.catalogue.parse(fields), now)
+
+    def add(self, spec: InjectionSpec, now: int) -> Injection:
+        """Put an injection in force, or let it wait for its start.
 
         Raises :class:`ConfigError`, with nothing changed on any drive, when no drive is meant, when one of them cannot
         do it, or when its name is taken.
         """
-        if spec.seed is None and "seed" in spec.about.takes:
+        if spec.seed is None and "seed" in spec.kind.takes:
             # kept in the spec, so that the run can be had again
             spec = spec.model_copy(update={"seed": secrets.randbits(53)})
-        names = matching(spec.on, {name: (t.names, t.models) for name, t in self._targets.items()})
-        fault = ActiveFault(self._new_id(spec.name), spec, now)
+        names = matching(spec.on, {name: (d.names, d.models) for name, d in self._drives.items()})
         for name in names:
-            target = self._targets[name]
+            _refuse_what_it_lacks(self._drives[name], spec)
+        injection = Injection(self._new_id(spec.name), spec, now)
+        for name in names:
+            drive = self._drives[name]
             self._keys += 1
-            fault.runs[name] = DriveRun(
-                name,
-                target,
-                _EFFECTS[spec.about.effect](spec, target),
-                now + spec.after_ns,
-                target.cycles(),
-                key=self._keys,
+            injection.runs[name] = DriveRun(
+                name, drive, spec.kind.effect(spec, drive), now + spec.after_ns, _cycles(drive), key=self._keys
             )
-        self._faults[fault.id] = fault
-        for name, run in fault.runs.items():
-            self._by_drive.setdefault(name, []).append((fault, run))
+        self._injections[injection.id] = injection
+        for name, run in injection.runs.items():
+            self._by_drive.setdefault(name, []).append((injection, run))
         try:
-            for run in fault.runs.values():
-                self._advance(fault, run, now)
+            for run in injection.runs.values():
+                self._advance(injection, run, now)
         except BaseException:
-            self._withdraw(fault, now)
+            self._withdraw(injection, now)
             raise
-        self._retire(fault)
-        return fault
+        self._retire(injection)
+        return injection
 
-    def clear(self, fault_id: str | None, now: int) -> list[ActiveFault]:
-        """End one fault, or with None all of them; what was ended.  Raises :class:`ConfigError` for an unknown id."""
-        if fault_id is None:
-            chosen = list(self._faults.values())
+    def clear(self, injection_id: str | None, now: int) -> list[Injection]:
+        """End one, or with None all of them; what was ended.  Raises :class:`ConfigError` for an unknown id."""
+        if injection_id is None:
+            chosen = list(self._injections.values())
         else:
-            chosen = [self._active(fault_id)]
-        for fault in chosen:
-            for run in fault.runs.values():
-                self._happen(fault, run, _Happening.CLEARED, now)
-            self._retire(fault)
+            chosen = [self._active(injection_id)]
+        for injection in chosen:
+            for run in injection.runs.values():
+                self._happen(injection, run, _Happening.CLEARED, now)
+            self._retire(injection)
         return chosen
 
-    def get(self, fault_id: str) -> ActiveFault:
-        """One fault, also one that ended not long ago; raises :class:`ConfigError` for an unknown id."""
-        if fault_id in self._faults:
-            return self._faults[fault_id]
-        for fault in reversed(self._ended):
-            if fault.id == fault_id:
-                return fault
-        return self._active(fault_id)
+    def get(self, injection_id: str) -> Injection:
+        """One injection, also one that ended not long ago; raises :class:`ConfigError` for an unknown id."""
+        if injection_id in self._injections:
+            return self._injections[injection_id]
+        for injection in reversed(self._ended):
+            if injection.id == injection_id:
+                return injection
+        return self._active(injection_id)
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """Every kind that can be put in force."""
-        return tuple(KINDS)
+        return tuple(self.catalogue)
 
-    def of_drive(self, name: str) -> list[ActiveFault]:
+    def of_drive(self, name: str) -> list[Injection]:
         """What waits or is in force on one drive."""
-        return [fault for fault, _ in self._by_drive.get(name, ())]
+        return [injection for injection, _ in self._by_drive.get(name, ())]
+
+    def drive(self, name: str) -> InjectedDrive:
+        """One drive of the farm, by the name in its file."""
+        return self._drives[name]
+
+    @property
+    def scheduled(self) -> tuple[int, int]:
+        """Runs that are to be looked at, and the entries that are kept for them."""
+        return len(self._due), len(self._heap)
 
     def activations(self) -> dict[tuple[str, str], int]:
-        """(kind, drive) -> occurrences since the farm started, also of faults that ended."""
+        """(kind, drive) -> occurrences since the farm started, also of injections that ended."""
         total = Counter(self._activations)
         for runs in self._by_drive.values():
-            for fault, run in runs:
-                total[fault.spec.kind, run.drive] += run.evidence().activations
+            for injection, run in runs:
+                total[injection.spec.kind.name, run.drive] += run.evidence().activations
         return dict(total)
 
     def active(self) -> dict[str, int]:
         """kind -> drives on which it is in force."""
         states = (
-            fault.spec.kind for runs in self._by_drive.values() for fault, run in runs if run.state is RunState.ACTIVE
+            injection.spec.kind.name
+            for runs in self._by_drive.values()
+            for injection, run in runs
+            if run.state is RunState.ACTIVE
         )
         return dict(Counter(states))
 
@@ -323,16 +295,16 @@ class FaultManager:
     def refresh(self, name: str, now: int) -> None:
         """A frame is about to be given to this drive, which may have rebooted."""
         if name in self._by_drive:
-            self._targets[name].refresh(now)
+            self._drives[name].refresh(now)
 
     def poke(self, name: str, now: int) -> None:
-        """Something happened on this drive, and is settled: look at its faults."""
+        """Something happened on this drive, and is settled: look at its injections."""
         self.refresh(name, now)
-        for fault, run in list(self._by_drive.get(name, ())):
-            self._look(fault, run, now)
+        for injection, run in list(self._by_drive.get(name, ())):
+            self._look(injection, run, now)
 
     def touch(self, name: str) -> None:
-        """Something happens on this drive: look at its faults at the next :meth:`handle_timeout`."""
+        """Something happens on this drive: look at its injections at the next :meth:`handle_timeout`."""
         if name in self._by_drive:
             self._dirty[name] = None
 
@@ -341,23 +313,23 @@ class FaultManager:
         return min((due for due in (self._first_due(), self._gate.next_deadline()) if due is not None), default=None)
 
     def _first_due(self) -> int | None:
-        """When the next fault is to be looked at."""
+        """When the next injection is to be looked at."""
         while self._heap and self._due.get(self._heap[0][1], (0,))[0] != self._heap[0][0]:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
     def handle_timeout(self, now: int) -> None:
-        """Let frames go that were held back; look at the drives that were touched, and at every fault that is due."""
+        """Let frames go that were held back; look at the drives that were touched, and at every run that is due."""
         self._gate.handle_timeout(now)
         dirty, self._dirty = self._dirty, {}
         for name in dirty:
             self.poke(name, now)
         while (due := self._first_due()) is not None and due <= now:
             _, key = heapq.heappop(self._heap)
-            _, fault, run = self._due.pop(key)
-            self._look(fault, run, now)
+            _, injection, run = self._due.pop(key)
+            self._look(injection, run, now)
 
-    def events(self) -> list[FaultEvent]:
+    def events(self) -> list[Happened]:
         """What started and ended since the last call."""
         drained, self._events = self._events, []
         return drained
@@ -367,55 +339,59 @@ class FaultManager:
     def _new_id(self, wanted: str | None) -> str:
         if wanted is None:
             self._numbers += 1
-            while f"fault-{self._numbers}" in self._faults:
+            while f"fault-{self._numbers}" in self._injections:
                 self._numbers += 1
             return f"fault-{self._numbers}"
-        if wanted in self._faults:
-            raise FaultError([("as", f"a fault named {wanted!r} is in force", "another name, or clear it first")])
+        if wanted in self._injections:
+            raise InjectionError(
+                [("as", f"an injection named {wanted!r} is in force", "another name, or clear it first")]
+            )
         return wanted
 
-    def _active(self, fault_id: str) -> ActiveFault:
-        fault = self._faults.get(fault_id)
-        if fault is None:
-            known = f"there are {', '.join(self._faults)}" if self._faults else "none is in force"
-            raise ConfigError(f"there is no fault {fault_id!r}{did_you_mean(fault_id, self._faults)}; {known}")
-        return fault
+    def _active(self, injection_id: str) -> Injection:
+        injection = self._injections.get(injection_id)
+        if injection is None:
+            known = f"there are {', '.join(self._injections)}" if self._injections else "none is in force"
+            raise ConfigError(
+                f"there is no injection {injection_id!r}{did_you_mean(injection_id, self._injections)}; {known}"
+            )
+        return injection
 
-    def _look(self, fault: ActiveFault, run: DriveRun, now: int) -> None:
+    def _look(self, injection: Injection, run: DriveRun, now: int) -> None:
         """As :meth:`_advance`, when nobody is there to be told that it cannot be done."""
         try:
-            self._advance(fault, run, now)
+            self._advance(injection, run, now)
         except ConfigError as exc:
-            self._happen(fault, run, _Happening.FAILED, now, str(exc))
-        self._retire(fault)
+            self._happen(injection, run, _Happening.FAILED, now, str(exc))
+        self._retire(injection)
 
-    def _advance(self, fault: ActiveFault, run: DriveRun, now: int) -> None:
+    def _advance(self, injection: Injection, run: DriveRun, now: int) -> None:
         """Start, look at, or end one run; note when it is to be looked at again."""
         if run.state is RunState.WAITING:
-            window = self._window(fault.spec, run, now)
+            window = self._window(injection.spec, run, now)
             if window is not None:
                 run.stop_ns = window.stop_ns
                 run.effect.begin(window, now)
-                self._happen(fault, run, _Happening.DUE, now)
+                self._happen(injection, run, _Happening.DUE, now)
         elif run.state is RunState.ACTIVE:
             run.effect.check(now)
         if run.state is RunState.ACTIVE:
             if run.effect.finished:
-                self._happen(fault, run, _Happening.FINISHED, now)
+                self._happen(injection, run, _Happening.FINISHED, now)
             elif run.stop_ns and now >= run.stop_ns:
-                self._happen(fault, run, _Happening.EXPIRED, now)
-        self._schedule(fault, run, now)
+                self._happen(injection, run, _Happening.EXPIRED, now)
+        self._schedule(injection, run, now)
 
-    def _window(self, spec: FaultSpec, run: DriveRun, now: int) -> Window | None:
-        """When the fault is in force, or None as long as its start cannot be told."""
+    def _window(self, spec: InjectionSpec, run: DriveRun, now: int) -> Window | None:
+        """When the injection is in force, or None as long as its start cannot be told."""
         if now < run.not_before:
             return None
-        connection = run.target.connection()
+        connection = _connection(run.injected)
         window = Window()
         if spec.after_cycles:
             if run.effect.counts_frames:
                 window.after = spec.after_cycles
-            elif connection is None or run.target.cycles() - run.cycles_before < spec.after_cycles:
+            elif connection is None or _cycles(run.injected) - run.cycles_before < spec.after_cycles:
                 return None
         first = now
         if spec.cycles is not None or (window.after and spec.for_ns is not None):
@@ -429,7 +405,7 @@ class FaultManager:
         window.stop_ns = min(stops, default=0)
         return window
 
-    def _happen(self, fault: ActiveFault, run: DriveRun, happening: _Happening, now: int, why: str = "") -> None:
+    def _happen(self, injection: Injection, run: DriveRun, happening: _Happening, now: int, why: str = "") -> None:
         """The one place that writes a run's state."""
         following = TRANSITIONS.get((run.state, happening))
         if following is None:
@@ -442,13 +418,14 @@ class FaultManager:
             run.started_ns = now
         waited = run.state is RunState.WAITING
         run.state = following
-        kind = fault.spec.kind
+        kind = injection.spec.kind.name
         if following is RunState.ACTIVE:
-            self._events.append(FaultStarted(fault.id, kind, run.drive, now))
+            self._events.append(Happened(now, run.drive, InjectionBegan(injection.id, kind)))
             return
         seen = NOTHING if waited else run.effect.evidence()
-        self._events.append(FaultEnded(fault.id, kind, run.drive, now, run.reason, seen))
-        fault.over += 1
+        counts = seen.checks, seen.activations, seen.confirmed
+        self._events.append(Happened(now, run.drive, InjectionEnded(injection.id, kind, run.reason, *counts)))
+        injection.over += 1
         self._activations[kind, run.drive] += seen.activations
         self._forget(run)
 
@@ -460,22 +437,22 @@ class FaultManager:
             del self._by_drive[run.drive]
         self._due.pop(run.key, None)
 
-    def _retire(self, fault: ActiveFault) -> None:
-        if fault.over == len(fault.runs) and self._faults.pop(fault.id, None) is not None:
-            self._ended.append(fault)
+    def _retire(self, injection: Injection) -> None:
+        if injection.over == len(injection.runs) and self._injections.pop(injection.id, None) is not None:
+            self._ended.append(injection)
 
-    def _withdraw(self, fault: ActiveFault, now: int) -> None:
-        """A fault that one of its drives cannot do: undo what the others did."""
-        for run in fault.runs.values():
-            self._happen(fault, run, _Happening.CLEARED, now)
-        del self._faults[fault.id]
-        self._events = [event for event in self._events if event.id != fault.id]
+    def _withdraw(self, injection: Injection, now: int) -> None:
+        """An injection that one of its drives cannot do: undo what the others did."""
+        for run in injection.runs.values():
+            self._happen(injection, run, _Happening.CLEARED, now)
+        del self._injections[injection.id]
+        self._events = [happened for happened in self._events if happened.event.id != injection.id]
 
-    def _schedule(self, fault: ActiveFault, run: DriveRun, now: int) -> None:
+    def _schedule(self, injection: Injection, run: DriveRun, now: int) -> None:
         deadlines: Iterable[int | None]
         match run.state:
             case RunState.WAITING:
-                deadlines = (run.not_before if now < run.not_before else self._wait_until(fault.spec, run, now),)
+                deadlines = (run.not_before if now < run.not_before else self._wait_until(injection.spec, run, now),)
             case RunState.ACTIVE:
                 deadlines = (run.effect.next_deadline(), run.stop_ns or None)
             case _:
@@ -488,18 +465,38 @@ class FaultManager:
         due = max(due, now + 1)
         if self._due.get(run.key, (None,))[0] != due:
             heapq.heappush(self._heap, (due, run.key))
-        self._due[run.key] = (due, fault, run)
+        self._due[run.key] = (due, injection, run)
 
     @staticmethod
-    def _wait_until(spec: FaultSpec, run: DriveRun, now: int) -> int:
+    def _wait_until(spec: InjectionSpec, run: DriveRun, now: int) -> int:
         """When the healthy cycles may be over, or the connection there."""
-        connection = run.target.connection()
+        connection = _connection(run.injected)
         if connection is None or not spec.after_cycles:
             return now + WAIT_NS
-        missing = spec.after_cycles - (run.target.cycles() - run.cycles_before)
+        missing = spec.after_cycles - (_cycles(run.injected) - run.cycles_before)
         return now + max(1, missing) * connection.cycle_ns
 
     # last, because the name hides the type in the annotations behind it
-    def list(self) -> list[ActiveFault]:
+    def list(self) -> list[Injection]:
         """Faults that wait or are in force, oldest first."""
-        return list(self._faults.values())
+        return list(self._injections.values())
+
+
+def _connection(drive: InjectedDrive) -> Connection | None:
+    part = drive.find(CONNECTION)
+    return None if part is None else part.now()
+
+
+def _cycles(drive: InjectedDrive) -> int:
+    part = drive.find(CONNECTION)
+    return 0 if part is None else part.cycles()
+
+
+def _refuse_what_it_lacks(drive: InjectedDrive, spec: InjectionSpec) -> None:
+    """Raises :class:`InjectionError` for a kind whose parts this drive does not have."""
+    for part in spec.kind.effect.needs:
+        if drive.find(part) is None:
+            raise InjectionError([("kind", f"{drive.name} has no {part.words}, which {spec.kind.name} needs", "")])
+    if (spec.cycles or spec.after_cycles) and drive.find(CONNECTION) is None:
+        field = "cycles" if spec.cycles else "after_cycles"
+        raise InjectionError([(field, f"{drive.name} has no {CONNECTION.words} whose cycles could be counted", "")])

@@ -1,13 +1,13 @@
-"""A fault as somebody asks for it: kind, drives, parameters, start and end.
+"""An injection as somebody asks for it: kind, drives, parameters, start and end.
 
-:meth:`FaultSpec.parse` takes the dict that a scenario step, an API body or the command line makes; whatever is wrong
+:meth:`.Catalogue.parse` takes the dict that a scenario step, an API body or the command line makes; whatever is wrong
 in it is told field by field.
 """
 
 from __future__ import annotations
 
 import fnmatch
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import (
     BaseModel,
@@ -16,27 +16,30 @@ from pydantic import (
     PlainSerializer,
     PlainValidator,
     ValidationError,
+    ValidationInfo,
     WithJsonSchema,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
-from pnfarm.faults.catalogue import KINDS, FaultKind, kind_named
 from pnfarm.faults.globs import is_pattern, too_much
 from pnfarm.faults.words import (
     DURATION_PATTERN,
-    FaultError,
+    InjectionError,
     Problem,
     did_you_mean,
     format_duration,
     read_duration,
     shown,
 )
+from pnfarm.wire.direction import Direction, Directions  # noqa: TC001 - pydantic reads the annotations of fields
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["FaultSpec", "matching"]
+    from pnfarm.faults.kind import InjectionKind
+
+__all__ = ["InjectionSpec", "matching"]
 
 _ALLOWED = {
     "on": "a glob over drive names such as axis-*, model:NAME, all, or a list of them",
@@ -49,7 +52,7 @@ _ALLOWED = {
     "cycles": "a whole number from 1 to 2^32 - 1",
     "as": "a name: a-z, 0-9, -, _ and ., at most 64 characters",
 }
-#: Most fields of a fault, and most of its parameters: more cannot be meant, and each wrong one would be told.
+#: Most fields of an injection, and most of its parameters: more cannot be meant, and each wrong one would be told.
 MAX_FIELDS = 64
 #: So many of the longest cycle are a time that the table holds.
 _COUNT_END = 1 << 32
@@ -60,11 +63,14 @@ def _custom(problem: Problem) -> PydanticCustomError:
     return PydanticCustomError("pnfarm", "{what}", {"what": problem.what, "allowed": problem.allowed})
 
 
-def _kind(value: Any) -> str:
-    try:
-        return kind_named(value).name
-    except Problem as problem:
-        raise _custom(problem) from problem
+def _kind(value: Any, info: ValidationInfo) -> InjectionKind:
+    kinds: Mapping[str, InjectionKind] = info.context or {}
+    found = kinds.get(value) if isinstance(value, str) else None
+    if found is None:
+        hint = did_you_mean(value, kinds) if isinstance(value, str) else ""
+        allowed = "a kind of `pnfarm fault kinds`: " + ", ".join(kinds)
+        raise _custom(Problem(f"{shown(value)} is no kind of fault{hint}", allowed))
+    return found
 
 
 def _globs(value: Any) -> list[str]:
@@ -83,7 +89,16 @@ def _duration(value: Any) -> int:
         raise _custom(problem) from problem
 
 
-Kind = Annotated[str, PlainValidator(_kind), WithJsonSchema({"type": "string", "enum": list(KINDS)})]
+if TYPE_CHECKING:
+    Kind = InjectionKind
+else:
+    # as Any, because pydantic would look into the dataclass for a schema of its own
+    Kind = Annotated[
+        Any,
+        PlainValidator(_kind),
+        PlainSerializer(lambda kind: kind.name, return_type=str),
+        WithJsonSchema({"type": "string", "enum": []}),
+    ]
 Globs = Annotated[
     list[str],
     PlainValidator(_globs),
@@ -101,17 +116,18 @@ Params = Annotated[
 ]
 
 
-class FaultSpec(BaseModel):
+class InjectionSpec(BaseModel):
     """See the module's head.  Times are nanoseconds here and durations such as ``500ms`` outside."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    # the title is what the API's description calls it
+    model_config = ConfigDict(title="FaultSpec", extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     kind: Kind = Field(description="What it does, one of `pnfarm fault kinds`.")
     on: Globs = Field(description="Which drives: globs over their names, model:NAME, or all.")
     params: Params = Field(default_factory=dict, description="The kind's own parameters.")
     probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence; left out, 1.")
     seed: int | None = Field(default=None, ge=0, lt=1 << 64, description="Makes the same run twice.")
-    direction: Literal["in", "out", "both"] | None = Field(default=None, description="Seen from the drive.")
+    direction: Directions | None = Field(default=None, description="Seen from the drive.")
     after_cycles: int = Field(
         default=0, ge=0, lt=_COUNT_END, description="Healthy cycles of the connection to let pass first."
     )
@@ -124,15 +140,22 @@ class FaultSpec(BaseModel):
     )
 
     @classmethod
-    def parse(cls, data: Mapping[str, Any]) -> Self:
-        """A spec from plain values; raises :class:`FaultError` that names every wrong field and what is allowed."""
+    def parse(cls, data: Mapping[str, Any], kinds: Mapping[str, InjectionKind]) -> Self:
+        """From plain values; raises :class:`InjectionError` that names every wrong field and what is allowed."""
         for field, entries in (("fault", data), ("params", data.get("params"))):
             if isinstance(entries, dict) and len(entries) > MAX_FIELDS:
-                raise FaultError([(field, f"has {len(entries)} fields", f"at most {MAX_FIELDS}")])
+                raise InjectionError([(field, f"has {len(entries)} fields", f"at most {MAX_FIELDS}")])
         try:
-            return cls.model_validate(dict(data))
+            return cls.model_validate(dict(data), context=kinds)
         except ValidationError as exc:
-            raise FaultError(issue for error in exc.errors(include_url=False) for issue in _issues(error)) from exc
+            raise InjectionError(issue for error in exc.errors(include_url=False) for issue in _issues(error)) from exc
+
+    @classmethod
+    def schema_of(cls, kinds: Iterable[str]) -> dict[str, Any]:
+        """The JSON Schema of what :meth:`parse` takes."""
+        schema = cls.model_json_schema(by_alias=True)
+        schema["properties"]["kind"]["enum"] = list(kinds)
+        return schema
 
     @model_validator(mode="after")
     def _fits_the_kind(self) -> Self:
@@ -141,14 +164,9 @@ class FaultSpec(BaseModel):
             raise PydanticCustomError("pnfarm-kind", "{what}", {"what": misfits[0][1], "misfits": misfits})
         return self
 
-    @property
-    def about(self) -> FaultKind:
-        """The kind's entry in the catalogue."""
-        return KINDS[self.kind]
-
     def values(self) -> dict[str, Any]:
         """Every parameter of the kind as its effect uses it: given, preset or default."""
-        kind = self.about
+        kind = self.kind
         found: dict[str, Any] = dict(kind.preset)
         for name, spec in kind.params.items():
             value = self.params.get(name, spec.default)
@@ -156,11 +174,11 @@ class FaultSpec(BaseModel):
         return found
 
     @property
-    def ways(self) -> tuple[Literal["in", "out"], ...]:
-        """The directions in force; empty for a kind that has none."""
-        if not self.about.directions:
+    def directions(self) -> tuple[Direction, ...]:
+        """Those in force; empty for a kind that has none."""
+        if not self.kind.directions:
             return ()
-        match self.direction or self.about.directions[0]:
+        match self.direction or self.kind.directions[0]:
             case "in":
                 return ("in",)
             case "out":
@@ -173,8 +191,8 @@ class FaultSpec(BaseModel):
         return self.model_dump(mode="json", by_alias=True, exclude_defaults=True)
 
 
-def _misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
-    kind = spec.about
+def _misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
+    kind = spec.kind
     for name, value in spec.params.items():
         known = kind.params.get(name)
         if known is None:
@@ -207,27 +225,7 @@ def _misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
     if spec.direction is not None and spec.direction not in kind.directions:
         allowed = ", ".join(kind.directions) or f"none: {kind.name} has no direction"
         yield "direction", Problem(f"is {shown(spec.direction)}", allowed)
-    if kind.name == "link-flap" and not {"period", "down"}.isdisjoint(spec.params):
-        yield from _flap_misfits(spec)
-    held = spec.params.get("hold") is True or spec.for_ns is not None or spec.cycles is not None
-    if kind.effect == "drive-fault" and spec.count is not None and held:
-        yield "count", Problem("does not go with a cause that stays", "either count, or one of hold, for and cycles")
-
-
-def _flap_misfits(spec: FaultSpec) -> Iterable[tuple[str, Problem]]:
-    """Down for less than the period, and neither of them zero."""
-    try:
-        period, down = spec.values()["period"], spec.values()["down"]
-    except Problem:
-        # the parameter's own error is told already
-        return
-    if period < 2:
-        yield "params.period", Problem(f"is {shown(spec.params['period'])}", "a duration above zero")
-    elif down is not None and not 0 < down < period:
-        yield (
-            "params.down",
-            Problem(f"is {shown(spec.params['down'])}", "a duration above zero and shorter than the period"),
-        )
+    yield from kind.misfits(spec)
 
 
 def _issues(error: Mapping[str, Any]) -> list[tuple[str, str, str]]:
@@ -243,7 +241,7 @@ def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
     if kind == "missing":
         return field, "is missing", _ALLOWED.get(field, "a kind of `pnfarm fault kinds`")
     if kind == "extra_forbidden":
-        keys = [info.alias or name for name, info in FaultSpec.model_fields.items()]
+        keys = [info.alias or name for name, info in InjectionSpec.model_fields.items()]
         return field, f"is no field of a fault{did_you_mean(str(error['loc'][-1]), keys)}", ", ".join(keys)
     return field, f"is {shown(error.get('input'))}", _ALLOWED.get(field.split(".", maxsplit=1)[0], error["msg"])
 
@@ -251,7 +249,7 @@ def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
 def matching(globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> list[str]:
     """The drives that the globs mean, in their order; ``drives``: name -> (names it answers to, names of its model).
 
-    Raises :class:`FaultError` for a glob that means none.
+    Raises :class:`InjectionError` for a glob that means none.
     """
     chosen: set[str] = set()
     answering: dict[str, list[str]] = {}
@@ -266,7 +264,7 @@ def matching(globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], t
         else:
             found = set(answering.get(glob, ()))
         if not found:
-            raise FaultError([("on", _no_drive(glob, drives), _ALLOWED["on"])])
+            raise InjectionError([("on", _no_drive(glob, drives), _ALLOWED["on"])])
         chosen |= found
     return [name for name in drives if name in chosen]
 

@@ -1,84 +1,278 @@
-"""The part of a fault's target that is the machine around the drive: limit switches, inputs, enable, supply, load.
+"""A drive's servo, as injections see it: its supply and its faults, and the machine around it.
 
-None of it changes with the drive's control supply.
+What belongs to the machine (limit switches, inputs, enable, load) does not change with the drive's control supply.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from typing import TYPE_CHECKING
+from collections import Counter, deque
+from typing import TYPE_CHECKING, Any, Protocol
 
-from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_SUPPLY
+from pnfarm.drives.axis_handle import CommandRingFullError
+from pnfarm.errors import ConfigError
+from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.faults.words import InjectionError
+from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.table.axis import FAULT_SLOTS, WARNING_SLOTS
+from pnfarm.table.axis_codes import (
+    CMD_CLEAR_WARNING,
+    CMD_HOLD_FAULT,
+    CMD_RAISE_FAULT,
+    CMD_RAISE_WARNING,
+    CMD_RELEASE_FAULT,
+    LACKS_ENABLE,
+    LACKS_SUPPLY,
+)
 
 if TYPE_CHECKING:
-    from pnfarm.drives.axis_handle import AxisHandle
+    from collections.abc import Callable, Mapping
 
-__all__ = ["MachineTarget"]
+    from pnfarm.drives.axis_handle import AxisHandle
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.model_parts import Fault
+
+__all__ = ["SERVO", "Servo", "ServoStation"]
 
 #: Bits of the axis's ``fault_limits`` and ``hindrances``.
 _LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
 _LACKS = {"enable": LACKS_ENABLE, "supply": LACKS_SUPPLY}
 
 
-class MachineTarget:
-    """See :class:`~pnfarm.faults.target.FaultTarget`; every call counts, so that two faults may ask for the same."""
+class ServoStation(Protocol):
+    """What a servo is in, whatever its bus."""
 
-    def __init__(self, handle: AxisHandle) -> None:
-        self._handle = handle
+    @property
+    def configured_name(self) -> str:
+        """As the farm file has it."""
+        ...
+
+    @property
+    def model(self) -> Model: ...
+
+    @property
+    def handle(self) -> AxisHandle: ...
+
+    @property
+    def powered(self) -> bool:
+        """Whether the control supply is on."""
+        ...
+
+    @property
+    def fault_counts(self) -> Mapping[int, int]:
+        """How often each fault began a situation."""
+        ...
+
+    def power_off(self, now: int) -> None: ...
+
+    def power_on(self, now: int) -> None: ...
+
+
+class Servo(DrivePart):
+    """Every call counts, so that two injections may ask for the same.
+
+    ``settle(now)`` lets the station finish what a change of its supply began; ``goes_off()`` and ``came_on(now)`` tell
+    the other parts of it.
+    """
+
+    def __init__(
+        self,
+        station: ServoStation,
+        *,
+        settle: Callable[[int], None],
+        goes_off: Callable[[], None],
+        came_on: Callable[[int], None],
+    ) -> None:
+        self._station = station
+        self._settle = settle
+        self._goes_off = goes_off
+        self._came_on = came_on
+        self._off = 0
+        self._held: Counter[int] = Counter()
+        self._warnings: list[Fault] = []
+        self._commands: deque[tuple[int, int]] = deque()
         self._limits: Counter[str] = Counter()
         self._lacks: Counter[str] = Counter()
         self._inputs: Counter[int] = Counter()
-        #: Torque, inertia and friction of each load that faults put on the shaft.
+        #: Torque, inertia and friction of each load that is put on the shaft.
         self._loads: list[tuple[float, float, float]] = []
 
+    def refresh(self, now: int) -> None:
+        del now
+        self._flush()
+
+    def in_force(self) -> list[Any]:
+        counted: list[Counter[Any]] = [self._held, self._limits, self._lacks, self._inputs]
+        off = ["power off"] * self._off
+        return [*off, *(key for counter in counted for key in +counter), *self._warnings, *self._loads, *self._commands]
+
+    # the control supply
+
+    @property
+    def powered(self) -> bool:
+        """Whether the control supply is on."""
+        return self._station.powered
+
+    def power_off(self, now: int) -> None:
+        """Off until everyone who switched off has switched on."""
+        self._off += 1
+        if self._station.powered:
+            self._goes_off()
+            self._station.power_off(now)
+            self._settle(now)
+
+    def power_on(self, now: int) -> None:
+        """Undo one :meth:`power_off`."""
+        self._off -= 1
+        if self._off == 0 and not self._station.powered:
+            self._station.power_on(now)
+            for fault in self._warnings:
+                self._command(CMD_RAISE_WARNING, fault.number)
+            self._came_on(now)
+            self._settle(now)
+
+    # faults and warnings
+
+    def find_fault(self, wanted: str | int) -> Fault:
+        """Number, name or cause in the drive's model; raises :class:`~pnfarm.errors.ConfigError`."""
+        try:
+            return self._station.model.fault(wanted)
+        except ConfigError as exc:
+            raise InjectionError([("params.fault", f"{self._station.configured_name}: {exc}", "")]) from exc
+
+    def raise_fault(self, fault: Fault) -> None:
+        """Its cause is gone at once; it stands until it is acknowledged."""
+        self._command(CMD_RAISE_FAULT, fault.code)
+
+    def hold_fault(self, fault: Fault) -> None:
+        """Its cause stays until everyone who held it has released it."""
+        if fault.number not in self._held and len(self._held) == FAULT_SLOTS:
+            raise ConfigError(
+                f"{self._station.configured_name} holds {FAULT_SLOTS} faults already, as many as one situation has; "
+                "clear one"
+            )
+        self._held[fault.number] += 1
+        if self._held[fault.number] == 1:
+            self._command(CMD_HOLD_FAULT, fault.code)
+
+    def release_fault(self, fault: Fault) -> None:
+        """Undo one :meth:`hold_fault`."""
+        self._held[fault.number] -= 1
+        if self._held[fault.number]:
+            return
+        del self._held[fault.number]
+        try:
+            # the drive was off all the while and need not hear of it
+            self._commands.remove((CMD_HOLD_FAULT, fault.code))
+        except ValueError:
+            self._command(CMD_RELEASE_FAULT, fault.number)
+
+    def fault_stands(self, fault: Fault) -> bool:
+        """Whether it is active in the drive."""
+        return any(int(code) & NUMBER_MASK == fault.number for code in self._station.handle.axis.fault_code)
+
+    def ignores_fault(self, fault: Fault) -> bool:
+        """Whether the drive does not raise it, because a parameter of its own says so."""
+        return any(int(number) == fault.number for number in self._station.handle.axis.ignored_faults)
+
+    def fault_count(self, fault: Fault) -> int:
+        """How often it has begun a fault situation."""
+        return self._station.fault_counts.get(fault.number, 0)
+
+    def warn(self, fault: Fault) -> None:
+        """Show a warning in front of the others; raises :class:`ConfigError` when there is no room for it."""
+        if fault not in self._warnings and len({other.number for other in self._warnings}) == WARNING_SLOTS:
+            raise ConfigError(
+                f"{self._station.configured_name} shows {WARNING_SLOTS} warnings already, as many as there is room "
+                "for; clear one"
+            )
+        self._warnings.append(fault)
+        self._command(CMD_RAISE_WARNING, fault.number)
+
+    def unwarn(self, fault: Fault) -> None:
+        """Undo one :meth:`warn`."""
+        self._warnings.remove(fault)
+        if fault not in self._warnings:
+            self._command(CMD_CLEAR_WARNING, fault.number)
+
+    def warns_of_limit(self, side: str) -> bool:
+        """Whether the drive shows a warning on its ``positive`` or ``negative`` limit switch."""
+        return any(fault.cause == f"limit-switch-{side}" for fault in self._station.model.faults.values())
+
+    def _command(self, code: int, argument: int) -> None:
+        """To the firmware in this order; what it cannot take now waits for :meth:`refresh`."""
+        self._commands.append((code, argument))
+        self._flush()
+
+    def _flush(self) -> None:
+        # a drive without supply takes nothing, and its ring must have room for the command that boots it
+        while self._commands and self._station.powered:
+            try:
+                self._station.handle.push_command(*self._commands[0])
+            except CommandRingFullError:
+                return
+            self._commands.popleft()
+
+    # the machine around it
+
     def reach_limit(self, side: str) -> None:
+        """The axis stands on this limit of its travel, until each caller has called :meth:`leave_limit`."""
         self._limits[side] += 1
         self._put_limits()
 
     def leave_limit(self, side: str) -> None:
+        """Undo one :meth:`reach_limit`."""
         self._limits[side] -= 1
         self._put_limits()
 
     def _put_limits(self) -> None:
         """The switches belong to the machine: the drive's supply changes nothing of them."""
         reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
-        self._handle.axis.fault_limits = reached
+        self._station.handle.axis.fault_limits = reached
 
     def lack(self, what: str) -> None:
+        """Take ``enable`` or ``supply`` away from the drive, until each caller has called :meth:`regain`."""
         self._lacks[what] += 1
-        self._put_hindrances()
+        self._put_lacks()
 
     def regain(self, what: str) -> None:
+        """Undo one :meth:`lack`."""
         self._lacks[what] -= 1
-        self._put_hindrances()
+        self._put_lacks()
 
-    def _put_hindrances(self) -> None:
+    def _put_lacks(self) -> None:
         missing = sum(bit for what, bit in _LACKS.items() if self._lacks[what])
-        self._handle.axis.hindrances = missing
+        self._station.handle.axis.hindrances = missing
 
     def switch_input(self, number: int) -> None:
+        """Put a digital input of the drive on, until each caller has called :meth:`release_input`."""
         self._inputs[number] += 1
         self._put_inputs()
 
     def release_input(self, number: int) -> None:
+        """Undo one :meth:`switch_input`."""
         self._inputs[number] -= 1
         self._put_inputs()
 
     def _put_inputs(self) -> None:
-        self._handle.axis.fault_inputs = sum(1 << number for number, count in self._inputs.items() if count)
+        self._station.handle.axis.fault_inputs = sum(1 << number for number, count in self._inputs.items() if count)
 
     def put_load(self, torque: float, inertia: float, friction: float) -> None:
+        """Put so much more on the shaft, N m, kg m^2, N m; the loads that are there add up."""
         self._loads.append((torque, inertia, friction))
         self._put_loads()
 
     def take_load(self, torque: float, inertia: float, friction: float) -> None:
+        """Undo one :meth:`put_load` of the same numbers; without any nothing at all is left."""
         self._loads.remove((torque, inertia, friction))
         self._put_loads()
 
     def _put_loads(self) -> None:
         """Summed anew each time: a running sum of floats would keep a remainder of what is gone."""
-        axis = self._handle.axis
+        axis = self._station.handle.axis
         axis.added_torque = math.fsum(torque for torque, _, _ in self._loads)
         axis.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
         axis.added_friction = math.fsum(friction for _, _, friction in self._loads)
+
+
+SERVO: Part[Servo] = Part("servo")

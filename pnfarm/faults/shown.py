@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.faults.frames import Effect, Tally, Window
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.effect import Effect, Tally, Window
+from pnfarm.faults.servo import SERVO
 
 if TYPE_CHECKING:
-    from pnfarm.faults.plan import FaultSpec
-    from pnfarm.faults.target import Evidence, FaultTarget
+    from pnfarm.faults.connection import Status
+    from pnfarm.faults.effect import Needs
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["ShownEffect", "StandingEffect"]
 
 
 class ShownEffect(Effect):
-    """What a cyclic frame that left since confirms; if there is a ``bit``, one with that bit of ZSW1 set."""
+    """What a cyclic frame that left since confirms; if there is a ``status``, one that says so."""
 
-    bit: int | None = None
+    needs: ClassVar[Needs] = (SERVO, CONNECTION)
+    status: Status | None = None
 
-    def __init__(self, spec: FaultSpec, target: FaultTarget) -> None:
-        super().__init__(spec, target)
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._servo = drive.part(SERVO)
+        self._connection = drive.part(CONNECTION)
         self._tally = Tally()
         self._look_since: int | None = None
         self._due: int | None = None
@@ -37,12 +45,15 @@ class ShownEffect(Effect):
             return
         # a frame of the very instant was filled before the drive took the fault
         since = self._look_since + 1
-        seen = self.target.sent_data(since) if self.bit is None else self.target.sent_status(self.bit, since)
+        if self.status is None:
+            seen = self._connection.sent_data(since)
+        else:
+            seen = self._connection.sent_status(self.status, since)
         if seen:
             self._tally.confirm()
             self._look_since = None
             return
-        connection = self.target.connection()
+        connection = self._connection.now()
         if connection is not None:
             self._due = now + max(connection.cycle_ns, 1_000_000)
 
@@ -54,7 +65,7 @@ class ShownEffect(Effect):
 
 
 class StandingEffect(ShownEffect):
-    """What is put on the drive once and stands there until the fault ends."""
+    """What is put on the drive once and stands there until the injection ends."""
 
     _stands = False
 

@@ -12,7 +12,7 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["DURATION_PATTERN", "FaultError", "Problem", "did_you_mean", "format_duration", "read_duration", "shown"]
+__all__ = ["DURATION_PATTERN", "InjectionError", "Problem", "did_you_mean", "format_duration", "read_duration", "shown"]
 
 _UNITS_NS = {
     "ns": 1,
@@ -32,7 +32,7 @@ _WORD = 80
 MAX_DURATION_NS = 366 * 24 * _UNITS_NS["h"]
 
 
-class Problem(ValueError):  # noqa: N818 - a finding about one value, turned into FaultError with its field's name
+class Problem(ValueError):  # noqa: N818 - a finding about one value, turned into InjectionError with its field's name
     """One value that cannot be: what is wrong, and what is allowed."""
 
     def __init__(self, what: str, allowed: str) -> None:
@@ -41,7 +41,7 @@ class Problem(ValueError):  # noqa: N818 - a finding about one value, turned int
         self.allowed = allowed
 
 
-class FaultError(ConfigError):
+class InjectionError(ConfigError):
     """A fault that cannot be put in force; one line for each wrong field."""
 
     def __init__(self, issues: Iterable[tuple[str, str, str]]) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import struct
 import time
-from typing import TYPE_CHECKING, BinaryIO, Literal
+from typing import TYPE_CHECKING, BinaryIO
 
 from pnfarm.errors import EnvironmentError_
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
+    from pnfarm.wire.direction import Direction
 
 __all__ = [
     "PcapLink",
@@ -83,7 +84,7 @@ def interface_description(name: str, description: str = "", mac: bytes = b"") ->
     return _block(_INTERFACE_DESCRIPTION, struct.pack("<HHI", _LINKTYPE_ETHERNET, 0, 0) + options)
 
 
-def packet_block(interface: int, frame: bytes, wall_ns: int, direction: Literal["in", "out"]) -> bytes:
+def packet_block(interface: int, frame: bytes, wall_ns: int, direction: Direction) -> bytes:
     """One frame; ``wall_ns`` since 1970."""
     head = struct.pack("<IIIII", interface, wall_ns >> 32, wall_ns & 0xFFFFFFFF, len(frame), len(frame))
     options = _option(_EPB_FLAGS, struct.pack("<I", _DIRECTION_BITS[direction])) + _option(_OPTION_END, b"")
@@ -125,7 +126,7 @@ class PcapngWriter:
         self._interfaces += 1
         return self._interfaces - 1
 
-    def write(self, interface: int, frame: bytes, wall_ns: int, direction: Literal["in", "out"]) -> None:
+    def write(self, interface: int, frame: bytes, wall_ns: int, direction: Direction) -> None:
         """Append one frame."""
         due = wall_ns - self._flushed_ns > _FLUSH_NS
         if due:
@@ -169,7 +170,7 @@ class PcapLink:
         self.failed: EnvironmentError_ | None = None
         inner.set_receiver(self._receive)
 
-    def record(self, port_index: int, frame: bytes, now: int, direction: Literal["in", "out"]) -> None:
+    def record(self, port_index: int, frame: bytes, now: int, direction: Direction) -> None:
         """Record a frame that did not pass here (the engine's).  Frames of unknown ports are left out."""
         interface = self._interfaces.get(port_index)
         if self._writer is None or interface is None:

@@ -7,7 +7,7 @@ another thread (:meth:`Scrape.text`).  :class:`FarmCollector` is also a collecto
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
@@ -16,7 +16,6 @@ from prometheus_client.registry import Collector
 from pnfarm import __version__
 from pnfarm.buses.registry import CONNECTION_STATES, USUAL_LOSSES
 from pnfarm.drives.model_parts import fault_label
-from pnfarm.faults.catalogue import KINDS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import Family, Histogram, Values
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
@@ -24,7 +23,7 @@ from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
 
     from prometheus_client.metrics_core import Metric
 
@@ -34,22 +33,10 @@ if TYPE_CHECKING:
 #: Counts by the values of a family's labels.
 Counts: TypeAlias = "dict[tuple[str, ...], int]"
 
-__all__ = ["AR_STATES", "FarmCollector", "FaultCounts", "Scrape"]
+__all__ = ["AR_STATES", "FarmCollector", "Scrape"]
 
 #: ``pnfarm_ar_state`` by number; 0 is "no connection".
 AR_STATES: dict[str, int] = {state: number for number, state in enumerate(CONNECTION_STATES, start=1)}
-
-
-class FaultCounts(Protocol):
-    """What the metrics ask of whoever injects faults."""
-
-    def active(self) -> Mapping[str, int]:
-        """Drives on which a fault is in force, by its kind."""
-        ...
-
-    def activations(self) -> Mapping[tuple[str, str], int]:
-        """Activations since the start, by kind and drive, those of ended faults included."""
-        ...
 
 
 class Scrape:
@@ -70,18 +57,17 @@ class Scrape:
 
 
 class FarmCollector(Collector):
-    """Metrics of one farm; ``faults`` counts injected faults, None leaves their metrics out.
+    """Metrics of one farm.
 
     Make it before the farm runs: the histograms of the controller's reaction are fed from then on.
     """
 
-    def __init__(self, core: FarmCore, faults: FaultCounts | None = None) -> None:
+    def __init__(self, core: FarmCore) -> None:
         self._core = core
-        self._faults = faults
         self._lock = threading.Lock()
         self._recovery = Recovery(core)
         self._names = [station.configured_name for station in core.stations]
-        self._families(faults)
+        self._families()
         #: The process's own metrics (CPU, memory, open files), beside the farm's.
         self.process = CollectorRegistry()
         ProcessCollector(registry=self.process)
@@ -104,7 +90,7 @@ class FarmCollector(Collector):
             family.add(drive)
         return family
 
-    def _families(self, faults: FaultCounts | None) -> None:
+    def _families(self) -> None:
         drive = self._per_drive
         self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
         self._build.add(__version__)
@@ -181,7 +167,7 @@ class FarmCollector(Collector):
         self._activations = Family(
             "pnfarm_fault_activations_total", "counter", "Times that an injected fault acted.", ("kind", "drive")
         )
-        for kind in KINDS if faults is not None else ():
+        for kind in self._core.injections.kinds:
             self._faults_active.add(kind)
             for name in self._names:
                 self._activations.add(kind, name)
@@ -212,11 +198,10 @@ class FarmCollector(Collector):
             (self._cycles, engine["cycles"].tolist()),
             (self._overruns, engine["overruns"].tolist()),
         ]
-        if self._faults is not None:
-            active: Counts = {(kind,): number for kind, number in self._faults.active().items()}
-            activations: Counts = dict(self._faults.activations().items())
-            parts.append((self._faults_active, self._labelled(self._faults_active, active)))
-            parts.append((self._activations, self._labelled(self._activations, activations)))
+        active: Counts = {(kind,): number for kind, number in core.injections.active().items()}
+        activations: Counts = dict(core.injections.activations().items())
+        parts.append((self._faults_active, self._labelled(self._faults_active, active)))
+        parts.append((self._activations, self._labelled(self._activations, activations)))
         return Scrape(parts, self._lock)
 
     def collect(self) -> Iterator[Metric]:

@@ -9,7 +9,6 @@ import httpx
 from virtual_line import VirtualLine
 
 from pnfarm.api import make_app
-from pnfarm.buses.profinet.faults.connection import attach_faults
 
 BASE = "http://127.0.0.1:8702"
 
@@ -19,7 +18,7 @@ class ApiWorld:
 
     def __init__(self, drives: int = 2, *, token: str | None = None, **line: Any) -> None:
         self.line = VirtualLine(drives, **line)
-        self.faults = attach_faults(self.line.farm, self.line.world.clock)
+        self.faults = self.line.farm.injections
         self.app = make_app(
             self.line.farm,
             now=lambda: self.line.world.now,

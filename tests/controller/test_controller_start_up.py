@@ -7,10 +7,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
-from pnfarm.buses.profinet.faults.connection import attach_faults
-from pnfarm.controller.session import SessionState
 from pnfarm.farm.config import FarmFileError, parse_farm
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.cmctl import CmctlState
 
 SECOND = 1_000_000_000
@@ -21,11 +18,11 @@ class StartUpLine(VirtualLine):
 
     def __init__(self, **options: object) -> None:
         super().__init__(1, **options)  # type: ignore[arg-type]  # the options are the line's own
-        self.faults = attach_faults(self.farm, self.world.clock)
+        self.faults = self.farm.injections
         self.session = self.plc.sessions[0]
 
     def add(self, kind: str, **fields: object) -> None:
-        self.faults.add(FaultSpec.parse({"kind": kind, "on": "all", **fields}), self.world.now)
+        self.faults.inject({"kind": kind, "on": "all", **fields}, self.world.now)
 
     def until_state(self, state: CmctlState) -> None:
         def there() -> bool:

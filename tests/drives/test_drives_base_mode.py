@@ -407,23 +407,6 @@ def test_a_request_without_its_header_is_no_request(akd: Drive) -> None:
     assert not channel.pending()
 
 
-def test_a_busy_drive_holds_its_response_back(akd: Drive) -> None:
-    channel = ParameterChannel(akd.store)
-    channel.busy = True
-    channel.write_request(MANUAL_REQUEST)
-    assert channel.read_response() is None
-    channel.busy = False
-    assert channel.read_response() == MANUAL_RESPONSE
-
-
-def test_a_refusing_drive_names_its_error_for_every_parameter(akd: Drive) -> None:
-    channel = ParameterChannel(akd.store)
-    channel.refuse = E.NO_OPERATION_PRIORITY
-    channel.write_request(emit_request(requester.read_request(1, [ParameterAddress(922)] * 3)))
-    response = parse_response(channel.read_response() or b"")
-    assert [number_of(response, n) for n in range(3)] == [E.NO_OPERATION_PRIORITY] * 3
-
-
 def test_a_response_longer_than_the_reader_takes_is_too_long(akd: Drive) -> None:
     channel = ParameterChannel(akd.store)
     request = emit_request(requester.read_request(3, [ParameterAddress(947, 0, 64)]))

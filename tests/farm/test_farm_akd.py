@@ -8,7 +8,6 @@ from parameter_requests import change_request
 from test_farm_line import access, changing, reading, value_of
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterAddress,
@@ -16,8 +15,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
     parse_response,
 )
-from pnfarm.drives.profiles.profidrive.requester import change_request
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.wire.rtc import DataStatus
 
 #: Position mode: operation enabled, nothing rejected, no intermediate stop.
@@ -320,8 +317,8 @@ def test_5_8_a_set_point_by_its_pnu_outlasts_the_connection_and_not_the_supply()
     write(line, 36, WORD, 39)
     store = line.farm.stations[0].store
     assert store.read(35) == [words["MDI_VELOCITY"]]
-    faults = attach_faults(line.farm, line.world.clock)
-    faults.add(FaultSpec.parse({"kind": "ar-abort", "on": "all"}), line.world.now)
+    faults = line.farm.injections
+    faults.inject({"kind": "ar-abort", "on": "all"}, line.world.now)
     line.run(0.1)
     assert not line.farm.stations[0].ars
     assert (store.read(35), store.read(36)) == ([0], [39]), "MDI_VELOCITY came by frames and went with them"

@@ -22,10 +22,8 @@ from test_farm_akd import (
 from test_farm_dcp import Tool, address
 from test_farm_line import access, changing, value_of
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response
-from pnfarm.faults.plan import FaultSpec
 
 #: PNUs.
 DISSOURCES, HWENABLE, VBUS_VALUE, IP_MODE, HOME_MODE, HOME_DIST, NVSAVE = 2120, 2527, 2403, 2606, 2203, 2198, 2469
@@ -37,10 +35,10 @@ def value(line, pnu: int) -> int:
 
 
 def faults_of(line):
-    faults = attach_faults(line.farm, line.world.clock)
+    faults = line.farm.injections
 
     def add(kind: str, **given):
-        return faults.add(FaultSpec.parse({"kind": kind, "on": "all", **given}), line.world.now)
+        return faults.inject({"kind": kind, "on": "all", **given}, line.world.now)
 
     return faults, add
 
@@ -140,7 +138,7 @@ def test_5_8_home_mode_and_home_dist_stay_as_telegram_353_brought_them(how):
         line.plc.columns.ppm[0].data_status &= ~0x10 & 0xFF
         line.run(0.1)
     elif how == "lost":
-        faults.add(FaultSpec.parse({"kind": "ar-abort", "on": "all"}), line.world.now)
+        faults.inject({"kind": "ar-abort", "on": "all"}, line.world.now)
         line.run(0.1)
         assert not line.farm.stations[0].ars
     else:

@@ -18,11 +18,9 @@ from pnfarm.buses.profinet.decode.cyclic import drive_state, status_words
 from pnfarm.buses.profinet.decode.decoder import FAMILIES, Decoder, family_of
 from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
-from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import parse_farm
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.links.bpf_capture import ATOMS
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
@@ -45,16 +43,16 @@ controller:
 
 async def record(path: Path) -> None:
     line = await VirtualLine.create(parse_farm(FARM), pcap=path, epoch_ns=0)
-    faults = attach_faults(line.farm, line.world.clock)
+    faults = line.farm.injections
     assert line.world.run(5.0, until=lambda: line.plc.all_running)
-    faults.add(FaultSpec.parse({"kind": "f702", "on": "axis-01"}), line.world.now)
+    faults.inject({"kind": "f702", "on": "axis-01"}, line.world.now)
     line.world.run(1.0)
     lost = {"kind": "loss", "on": "axis-02", "direction": "out", "probability": 1, "count": 2}
-    faults.add(FaultSpec.parse(lost), line.world.now)
+    faults.inject(lost, line.world.now)
     line.world.run(0.5)
-    faults.add(FaultSpec.parse({"kind": "provider-stop", "on": "axis-02", "for": "100ms"}), line.world.now)
+    faults.inject({"kind": "provider-stop", "on": "axis-02", "for": "100ms"}, line.world.now)
     line.world.run(0.5)
-    faults.add(FaultSpec.parse({"kind": "timeout", "on": "axis-02"}), line.world.now)
+    faults.inject({"kind": "timeout", "on": "axis-02"}, line.world.now)
     line.world.run(2.0)
     line.plc.release(line.world.now)
     line.world.run(1.0, until=lambda: line.plc.all_stopped)

@@ -6,9 +6,7 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device import segment
-from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.pdev_checks import CheckFailed, CheckPassed
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu
@@ -126,9 +124,9 @@ def test_a_farm_that_stops_says_good_bye():
 
 def test_a_pulled_cable_leaves_a_drive_alone_until_it_is_plugged():
     line = VirtualLine(2)
-    faults = attach_faults(line.farm, line.world.clock)
+    faults = line.farm.injections
     line.run(6)
-    faults.add(FaultSpec.parse({"kind": "link-down", "on": "axis-01", "for": "10s"}), line.world.now)
+    faults.inject({"kind": "link-down", "on": "axis-01", "for": "10s"}, line.world.now)
     line.run(1)
     pulled, other = line.farm.stations
     assert pulled.neighbours.lldp.neighbours == ()

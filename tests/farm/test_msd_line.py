@@ -5,10 +5,8 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE
@@ -25,10 +23,10 @@ class MsdLine(VirtualLine):
 
     def __init__(self, **options) -> None:
         super().__init__(model="moog-msd", cycle="1ms", **options)
-        self.faults = attach_faults(self.farm, self.world.clock)
+        self.faults = self.farm.injections
 
     def add(self, kind: str, **fields):
-        return self.faults.add(FaultSpec.parse({"kind": kind, "on": "all", **fields}), self.world.now)
+        return self.faults.inject({"kind": kind, "on": "all", **fields}, self.world.now)
 
     def until(self, condition, within: float = 5.0) -> bool:
         return self.world.run(within, until=condition)

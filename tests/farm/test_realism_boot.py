@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.faults.plan import FaultSpec
 
 #: Model, its telegram of speed, a cycle.
 MODELS = [
@@ -116,12 +114,10 @@ def test_a_reset_by_parameter_boots_as_long():
 
 def test_the_power_cycle_of_the_fault_catalogue_boots_the_drive():
     line = line_of("{boot_time: {answers: 1s}}")
-    faults = attach_faults(line.farm, line.world.clock)
+    faults = line.farm.injections
     line.run(1.1)
     line.connect()
-    fault = faults.add(
-        FaultSpec.parse({"kind": "power-cycle", "on": "all", "params": {"off": "500ms"}}), line.world.now
-    )
+    fault = faults.inject({"kind": "power-cycle", "on": "all", "params": {"off": "500ms"}}, line.world.now)
     line.run(0.6)
     assert fault.state == "ended"
     assert line.farm.stations[0].powered

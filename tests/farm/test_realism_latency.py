@@ -12,10 +12,7 @@ from test_farm_line import changing, reading
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.records import RecordJob
-from pnfarm.buses.profinet.faults.connection import attach_faults
-from pnfarm.controller.records import RecordJob
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
 
@@ -185,8 +182,8 @@ def test_a_range_gives_each_request_its_own_time_the_same_ones_in_each_run():
 
 def test_a_busy_drive_of_the_fault_catalogue_and_a_slow_one_go_together():
     line = line_of("{parameter_latency: 50ms}")
-    faults = attach_faults(line.farm, line.world.clock)
-    faults.add(FaultSpec.parse({"kind": "parameter-busy", "on": "all", "count": 2}), line.world.now)
+    faults = line.farm.injections
+    faults.inject({"kind": "parameter-busy", "on": "all", "count": 2}, line.world.now)
     assert write(line, ASKED).ok
     assert read(line) == NOT_YET, "it works"
     line.run(0.06)

@@ -9,9 +9,9 @@ import numpy as np
 from fault_line import FaultLine
 
 from pnfarm.buses.profinet.device.modules import modules_view
+from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
-from pnfarm.faults.catalogue import KINDS
-from pnfarm.faults.kind import FaultKind, ParamSpec
+from pnfarm.faults.kind import InjectionKind, ParamSpec
 from pnfarm.table.axis import AXIS
 from pnfarm.table.program import RUNNING
 
@@ -50,7 +50,7 @@ def back(line: FaultLine) -> None:
     ]
 
 
-def value_of(rng: Random, kind: FaultKind, name: str, spec: ParamSpec, faults: list[Any]) -> Any:
+def value_of(rng: Random, kind: InjectionKind, name: str, spec: ParamSpec, faults: list[Any]) -> Any:
     """Some value that a parameter of a kind may have."""
     match spec.type:
         case "yes or no":
@@ -63,7 +63,7 @@ def value_of(rng: Random, kind: FaultKind, name: str, spec: ParamSpec, faults: l
             return rng.randbytes(rng.randint(0, 8)).hex()
         case "fault":
             return rng.choice(faults)
-    if kind.effect == "load":
+    if kind.name == "load":
         return rng.uniform(*_LOADS[name])
     if spec.words and rng.random() < 0.7:
         return rng.choice(sorted(spec.words))
@@ -73,7 +73,7 @@ def value_of(rng: Random, kind: FaultKind, name: str, spec: ParamSpec, faults: l
     return rng.randint(low, min(high, low + 3)) if rng.random() < 0.7 else rng.randint(low, high)
 
 
-def random_fault(rng: Random, kind: FaultKind, drive: str, faults: list[Any]) -> dict[str, Any]:
+def random_fault(rng: Random, kind: InjectionKind, drive: str, faults: list[Any]) -> dict[str, Any]:
     """The fields of one fault of this kind."""
     fields: dict[str, Any] = {"kind": kind.name, "on": drive}
     params = {
@@ -111,7 +111,7 @@ def add(line: FaultLine, fields: dict[str, Any]) -> bool:
 def storm(line: FaultLine, seed: int, count: int, gap: float) -> None:
     """So many faults on random drives, with up to ``gap`` seconds between two."""
     rng = Random(seed)
-    kinds = list(KINDS.values())
+    kinds = list(fault_kinds().values())
     model = line.farm.stations[0].model
     faults = sorted(fault.number for fault in model.faults.values())
     added = 0
@@ -133,10 +133,9 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
     look("faults", [fault.id for fault in manager.list()])
     look("active", manager.active())
     look("due", manager.next_deadline())
-    # what no view shows, because nobody but the faults is to see it: looked at here alone
-    look("rules", gate._rules)
-    look("delays", gate._delays)
-    look("held frames", gate._held)
+    for station in line.farm.stations:
+        look(f"{station.configured_name} gate", gate.in_force(station.port.index))
+        look(f"{station.configured_name} in force", manager.drive(station.configured_name).in_force())
     look("impairment rows", np.flatnonzero(line.farm.columns.impairment["kind"]).tolist())
     look("impaired providers", np.flatnonzero(line.farm.columns.ppm["impairment"]).tolist())
     look("impaired consumers", np.flatnonzero(line.farm.columns.cpm["impairment"]).tolist())
@@ -144,7 +143,6 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
         look(f"{session.plan.name} unusable for the controller", dict(session.unusable))
     for station, axis in zip(line.farm.stations, line.farm.columns.axis, strict=False):
         name = station.configured_name
-        target = manager._targets[name]
         look(f"{name} runs", manager.of_drive(name))
         look(f"{name} axis", {field: float(axis[field]) for field in _OF_FAULTS if axis[field]})
         look(f"{name} without power", not station.powered)
@@ -152,11 +150,8 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
         look(f"{name} delays ready", station.connections.ready_delay_ns != 0)
         look(f"{name} answers late", station.rpc.late is not None)
         look(f"{name} diagnosis", list(station.cm.diagnosis))
-        look(f"{name} hooks", [*target._connect_hooks, *target._ready_rules, *target._record_errors])
-        look(f"{name} response hooks", target._response_hooks)
-        look(f"{name} held faults", +target._held)
-        look(f"{name} warnings", target._warnings)
-        look(f"{name} cable", target._carriers.is_pulled(station.port.index))
+        look(f"{name} refuses records", station.parameter_records.error is not None)
+        look(f"{name} withholds responses", station.parameter_records.withhold is not None)
         look(f"{name} modules", [m for m in modules_view(station) if m["held"] or m["substitute"]])
         awaiting = [s for m in modules_view(station) for s in m["submodules"] if s["awaits_parameters"]]
         look(f"{name} awaits parameters", awaiting)
@@ -167,8 +162,8 @@ def kept(line: FaultLine) -> dict[str, int]:
     """How many entries each list has that grows with what happens, after a rest."""
     manager = line.faults
     return {
-        "faults due": len(manager._due),
-        "entries of the heap": len(manager._heap),
+        "runs due": manager.scheduled[0],
+        "entries kept for them": manager.scheduled[1],
         "replies kept by drives": sum(len(station.rpc._kept) for station in line.farm.stations),
         "calls of drives": sum(len(station.client._calls) for station in line.farm.stations),
         "the controller's connections": len(line.plc.life.by_ar),

@@ -1,4 +1,4 @@
-"""Faults of the drive, of its connection and of its records, as the controller sees them."""
+"""Faults of the drive and loads on it, as the controller sees them, and what users see of injections."""
 
 import math
 
@@ -6,15 +6,12 @@ import pytest
 from fault_line import FaultLine
 from hand_line import HandLine
 
-from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterRequest, emit_request
 from pnfarm.errors import ConfigError
-from pnfarm.faults.words import FaultError
-from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.faults.words import InjectionError
 from pnfarm.table.axis_codes import FASTEST_RPM
 
 CYCLE = 0.016
 FAULT, WARNING = 0x0008, 0x0080
-API = 0x3A00
 
 
 @pytest.fixture
@@ -216,146 +213,6 @@ def test_a_fault_held_while_the_drive_is_off_is_there_when_it_comes_back(line):
     line.enable()
 
 
-# -- connection
-
-
-def test_ar_abort_tells_the_controller_its_code(line):
-    fault = line.add("ar-abort", params={"code": "ip-suite-changed"})
-    line.run(CYCLE)
-    assert line.losses() == 1
-    assert "IP suite changed" in line.session().measures.last_reason
-    assert fault.state == "ended"
-    line.connect()
-    line.run(2.0)
-    assert line.losses() == 1
-
-
-def test_ar_abort_ends_every_connection_while_it_lasts(line):
-    fault = line.add("ar-abort", for_="2s")
-    line.run(2.1)
-    assert line.losses() >= 3
-    assert fault.evidence().activations == line.losses()
-    line.connect()
-
-
-def test_connect_refuse_gives_its_codes_so_often_and_then_lets_the_controller_in():
-    line = FaultLine()
-    fault = line.add("connect-refuse", count=2, params={"code1": "cmdev", "code2": 1})
-    assert line.until(lambda: line.session().measures.refusals == 1, 5.0)
-    assert "CMDEV: resources (DB 81 3D 01)" in line.session().measures.last_reason
-    line.connect()
-    assert line.session().measures.refusals == 2
-    assert fault.state == "ended"
-    assert fault.evidence().confirmed
-
-
-def test_of_two_refusals_each_has_its_own_end():
-    line = FaultLine()
-    line.add("connect-refuse", as_="one")
-    line.add("connect-refuse", as_="two")
-    line.run(2.0)
-    line.clear("one")
-    line.run(2.0)
-    assert not line.plc.all_connected
-    line.clear("two")
-    line.connect()
-
-
-def test_without_application_ready_the_start_up_hangs_until_the_fault_is_cleared():
-    line = FaultLine()
-    fault = line.add("no-application-ready")
-    line.run(3.0)
-    assert line.session().state == "CONNECT"
-    assert str(line.session().machine.state) == "W_ARDY"
-    assert fault.evidence().activations == 1
-    line.clear(fault.id)
-    line.connect(0.5)
-    assert line.session().measures.refusals == 0
-
-
-def test_late_application_ready_is_late_by_its_delay_and_once_if_asked():
-    line = FaultLine()
-    fault = line.add("late-application-ready", params={"delay": "2s"}, count=1)
-    start = line.world.now
-    line.connect()
-    assert 2e9 <= line.world.now - start < 2.4e9
-    line.run(0.1)
-    assert fault.state == "ended"
-    line.add("ar-abort")
-    line.run(0.1)
-    start = line.world.now
-    line.connect()
-    assert line.world.now - start < 1e9
-
-
-def test_faults_of_the_connection_survive_a_reboot_of_the_drive(line):
-    refuse = line.add("connect-refuse")
-    record = line.add("record-error")
-    busy = line.add("parameter-busy")
-    line.farm.stations[0].power_cycle(line.world.now)
-    line.farm.settle(line.farm.stations[0], line.world.now)
-    line.run(3.0)
-    assert not line.plc.all_connected
-    assert refuse.evidence().activations >= 1
-    line.clear(refuse.id)
-    line.connect()
-    assert read(line) == "module failure"
-    line.clear(record.id)
-    assert read(line) == "state conflict"
-    line.clear(busy.id)
-    assert read(line) == "answered"
-
-
-# -- records
-
-
-def read(line) -> str:
-    """Ask the drive for a parameter; how its record access ended."""
-    station = line.farm.stations[0]
-    (index, *_) = station.parameter_records.channels
-    slot, subslot = station.parameter_records._slot, station.description.modules[0].submodules[0].subslot
-    request = emit_request(ParameterRequest(1, 1, 1, (ParameterAddress(922),)))
-    session = line.session()
-    line.plc.records.clear()
-    session.machine.write_record("w", API, slot, subslot, index, request)
-    session.machine.read_record("r", API, slot, subslot, index, 240)
-    line.plc.touch(session, line.world.now)
-    assert line.until(lambda: len(line.plc.records) == 2, 2.0)
-    written, answer = (event for _, event in line.plc.records)
-    bad = next((event.status for event in (written, answer) if event.status and not event.status.ok), None)
-    if bad is None:
-        assert answer.data
-        return "answered"
-    return next(
-        words for words in ("module failure", "state conflict", "resource busy") if words in describe_status(bad)
-    )
-
-
-def test_record_error_refuses_the_drives_records_with_its_code_so_often(line):
-    assert read(line) == "answered"
-    fault = line.add("record-error", params={"code": "resource-busy"}, count=2)
-    assert read(line) == "resource busy"
-    assert fault.state == "ended"
-    assert fault.evidence().activations == 2
-    assert read(line) == "answered"
-
-
-def test_parameter_busy_holds_the_response_back(line):
-    fault = line.add("parameter-busy", count=1)
-    assert read(line) == "state conflict"
-    assert fault.state == "ended"
-    assert fault.evidence().confirmed
-    assert read(line) == "answered"
-
-
-def test_the_latest_of_two_record_errors_holds(line):
-    line.add("record-error", as_="one")
-    line.add("record-error", params={"code": "resource-busy"}, as_="two")
-    assert read(line) == "resource busy"
-    line.clear("two")
-    assert read(line) == "module failure"
-
-
 # -- the manager
 
 
@@ -364,9 +221,9 @@ def test_faults_are_listed_named_cleared_and_kept_with_their_evidence(line):
     second = line.add("loss", probability=0.01)
     assert [fault.id for fault in line.faults.list()] == ["bad-data", "fault-1"]
     assert second.spec.seed is not None
-    with pytest.raises(ConfigError, match="a fault named 'bad-data' is in force"):
+    with pytest.raises(ConfigError, match="an injection named 'bad-data' is in force"):
         line.add("iops-bad", as_="bad-data")
-    with pytest.raises(ConfigError, match="there is no fault 'bad-dta', did you mean bad-data"):
+    with pytest.raises(ConfigError, match="there is no injection 'bad-dta', did you mean bad-data"):
         line.clear("bad-dta")
     line.run(0.1)
     assert line.faults.active() == {"iops-bad": 1, "loss": 1}
@@ -527,5 +384,5 @@ def test_a_load_that_outruns_every_brake_leaves_speed_and_place_numbers_and_the_
 
 def test_a_load_beyond_all_machines_is_refused():
     line = FaultLine()
-    with pytest.raises(FaultError, match=r"params\.torque"):
+    with pytest.raises(InjectionError, match=r"params\.torque"):
         line.add("load", params={"torque": 1e9})

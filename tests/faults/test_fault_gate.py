@@ -3,95 +3,23 @@
 import asyncio
 
 import pytest
-from fault_line import FaultLine
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.buses.profinet.faults.connection import add_impairments, attach_faults
+from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config import expand, parse_farm
+from pnfarm.farm.injections import add_impairments
 from pnfarm.faults.gate import (
+    EVERY_FRAME,
     DelayRule,
     GatedLink,
     GateRule,
-    acknowledging_nothing,
-    every_frame,
-    is_alarm_answer,
-    is_alarm_data,
-    is_dcp,
-    is_rpc,
 )
 from pnfarm.links.base import PortSpec
 from pnfarm.links.memory import MemoryLink, MemorySwitch
-from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
-from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaPdu, RtaType, emit_rta, parse_rta
 
 MACS = bytes.fromhex("020000000001020000000002")
-TAG = bytes.fromhex("8100c000")
-
-
-def datagram(source: int, destination: int, *, protocol: int = 17, fragment: int = 0) -> bytes:
-    header = bytes([0x45, 0, 0, 40]) + bytes(2) + fragment.to_bytes(2, "big") + bytes([64, protocol]) + bytes(10)
-    return MACS + b"\x08\x00" + header + source.to_bytes(2, "big") + destination.to_bytes(2, "big") + bytes(16)
-
-
-@pytest.mark.parametrize(
-    ("frame", "dcp", "rpc"),
-    [
-        (MACS + bytes.fromhex("8892feff") + bytes(40), True, False),
-        (MACS + TAG + bytes.fromhex("8892fefe") + bytes(40), True, False),
-        (MACS + bytes.fromhex("8892fe01") + bytes(40), False, False),
-        (datagram(49152, 34964), False, True),
-        (datagram(161, 50000), False, False),
-        (datagram(0, 0, fragment=185), False, True),
-        (datagram(34964, 34964, protocol=1), False, False),
-        (MACS + bytes.fromhex("0806") + bytes(46), False, False),
-        (MACS, False, False),
-    ],
-)
-def test_dcp_and_rpc_are_told_apart_from_all_else(frame, dcp, rpc):
-    assert (is_dcp(frame), is_rpc(frame)) == (dcp, rpc)
-
-
-@given(st.binary(max_size=80))
-def test_any_bytes_are_of_some_sort(frame):
-    assert not (is_dcp(frame) and is_rpc(frame))
-    assert not is_alarm_data(frame) or is_alarm_answer(frame)
-    assert not is_dcp(MACS + b"\x81\x00" + frame) or len(frame) >= 6
-
-
-def rta(kind: int, body: bytes = b"", *, tag: bytes = TAG, frame_id: int = ALARM_LOW, ack: int = 5) -> bytes:
-    pdu = RtaPdu(frame_id, 1, 2, 0x10 | kind, 0x11, 4, ack, body)
-    return MACS + tag + b"\x88\x92" + emit_rta(pdu) + bytes(20)
-
-
-@pytest.mark.parametrize(
-    ("frame", "data", "answer"),
-    [
-        (rta(RtaType.DATA), True, True),
-        (rta(RtaType.DATA, tag=b"", frame_id=ALARM_HIGH), True, True),
-        (rta(RtaType.ACK), False, True),
-        (rta(RtaType.NACK), False, True),
-        (rta(RtaType.ERR), False, False),
-        (rta(9), False, False),
-        (rta(RtaType.DATA)[:24], False, False),
-        (MACS + bytes.fromhex("8892feff") + bytes(40), False, False),
-    ],
-)
-def test_what_can_acknowledge_an_alarm_is_told_apart(frame, data, answer):
-    assert (is_alarm_data(frame), is_alarm_answer(frame)) == (data, answer)
-
-
-@given(st.binary(max_size=60), st.integers(0, 0xFFFF), st.sampled_from([b"", TAG]))
-def test_of_an_alarm_frame_that_acknowledges_nothing_all_else_is_left(body, ack, tag):
-    frame = rta(RtaType.DATA, body, tag=tag, ack=ack)
-    left = acknowledging_nothing(frame)
-    start = 14 + len(tag)
-    assert left[:start] == frame[:start]
-    was, now = parse_rta(frame[start:]), parse_rta(left[start:])
-    assert (now.body, now.send_sequence, now.frame_id) == (was.body, was.send_sequence, was.frame_id)
-    assert now.ack_sequence == FIRST_ACK
-    assert acknowledging_nothing(rta(RtaType.ACK)) is None
 
 
 class Late:
@@ -117,6 +45,8 @@ class Wire:
         self.link = GatedLink(MemoryLink(switch, lambda: self.now), lambda: self.now)
         (port,) = asyncio.run(self.link.open([PortSpec("a", MACS[6:])]))
         self.port = port.index
+        # the class of a frame is its first letter
+        self.link.know(self.port, lambda frame: frame[:1].decode())
         self.link.inner.send = lambda _port, frame: self.sent.append((self.now, frame))
 
     def at(self, now: int, *frames: bytes) -> None:
@@ -128,7 +58,7 @@ class Wire:
 
 def test_a_frame_held_back_leaves_at_its_time_and_none_of_its_kind_overtakes_it():
     wire, late = Wire(), Late(100, 0, 20)
-    rule = DelayRule(lambda frame: frame[:1] == b"r", late)
+    rule = DelayRule({"r"}, late)
     wire.link.delay(wire.port, rule)
     wire.at(10, b"r1", b"other", b"r2")
     assert wire.sent == [(10, b"other")]
@@ -146,7 +76,7 @@ def test_a_frame_held_back_leaves_at_its_time_and_none_of_its_kind_overtakes_it(
 
 def test_two_delays_add_up_and_the_last_one_to_go_lets_everything_leave():
     wire, one, two = Wire(), Late(100, 1000), Late(50, 1000)
-    rules = [DelayRule(every_frame, one), DelayRule(every_frame, two)]
+    rules = [DelayRule(EVERY_FRAME, one), DelayRule(EVERY_FRAME, two)]
     for rule in rules:
         wire.link.delay(wire.port, rule)
     wire.at(0, b"a")
@@ -161,7 +91,7 @@ def test_two_delays_add_up_and_the_last_one_to_go_lets_everything_leave():
 
 def test_frames_of_a_sender_without_supply_never_leave():
     wire, late = Wire(), Late(100)
-    wire.link.delay(wire.port, DelayRule(every_frame, late))
+    wire.link.delay(wire.port, DelayRule(EVERY_FRAME, late))
     wire.at(0, b"a")
     wire.link.forget(wire.port)
     wire.at(200)
@@ -171,7 +101,7 @@ def test_frames_of_a_sender_without_supply_never_leave():
 @given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 80)), max_size=20))
 def test_whatever_the_waits_frames_keep_their_order_and_none_is_lost(steps):
     wire, late = Wire(), Late(*(wait for _, wait in steps))
-    rule = DelayRule(every_frame, late)
+    rule = DelayRule(EVERY_FRAME, late)
     wire.link.delay(wire.port, rule)
     now = 0
     for index, (pause, _) in enumerate(steps):
@@ -194,10 +124,22 @@ def test_a_rule_may_let_something_else_pass_and_another_still_loses_it():
     assert lossy.evidence().activations == 1
 
 
+def test_a_rule_acts_on_frames_of_its_classes_alone_and_the_port_tells_which_class_a_frame_is_of():
+    wire = Wire()
+    rule = GateRule(("out",), {"r", "s"})
+    wire.link.add(wire.port, rule)
+    wire.at(0, b"r1", b"other", b"s1", b"")
+    assert [frame for _, frame in wire.sent] == [b"other", b""]
+    assert (rule.evidence().checks, rule.evidence().activations) == (2, 2)
+    assert wire.link.in_force(wire.port) == [rule]
+    wire.link.remove(wire.port, rule)
+    assert wire.link.in_force(wire.port) == []
+
+
 def test_a_rule_counts_both_ways_together_and_rests_at_its_count():
     told = []
-    rule = GateRule(("out", "in"), every_frame, count=3, lost=lambda: told.append(1))
-    assert [rule.loses(way, b"", now) for now, way in enumerate(("out", "in", "out", "in"), 1)] == [
+    rule = GateRule(("out", "in"), EVERY_FRAME, count=3, lost=lambda: told.append(1))
+    assert [rule.loses(direction, "", now) for now, direction in enumerate(("out", "in", "out", "in"), 1)] == [
         True,
         True,
         True,
@@ -210,11 +152,11 @@ def test_a_rule_counts_both_ways_together_and_rests_at_its_count():
 
 
 def test_a_rule_rests_at_its_end_and_when_its_count_was_used_up_elsewhere():
-    assert not GateRule(("out",), every_frame, stop_ns=100).loses("out", b"", 100)
+    assert not GateRule(("out",), EVERY_FRAME, stop_ns=100).loses("out", "", 100)
     spent = [1]
-    rule = GateRule(("out",), every_frame, count=2, spent=lambda: spent[0])
-    assert rule.loses("out", b"", 1)
-    assert not rule.loses("out", b"", 2)
+    rule = GateRule(("out",), EVERY_FRAME, count=2, spent=lambda: spent[0])
+    assert rule.loses("out", "", 1)
+    assert not rule.loses("out", "", 2)
 
 
 def test_a_gated_link_is_a_link_and_loses_what_its_rules_say():
@@ -275,13 +217,10 @@ drives:
 
 
 def impaired(what: str, whom: str):
-    line = FaultLine(4, controller=False)
-    drives = expand(parse_farm(FILE.replace("WHAT", what).replace("WHOM", whom)))
-    for station, drive in zip(line.farm.stations, drives, strict=True):
-        station.configured_name = drive.name
-    manager = attach_faults(line.farm, line.world.clock)
-    add_impairments(manager, drives, line.world.now)
-    return manager
+    config = parse_farm(FILE.replace("WHAT", what).replace("WHOM", whom))
+    line = asyncio.run(VirtualLine.create(config))
+    add_impairments(line.farm.injections, expand(config), line.world.now)
+    return line.farm.injections
 
 
 def test_the_faults_of_a_farm_file_are_in_force_on_the_drives_of_their_group():

@@ -84,7 +84,7 @@ async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_
             assert not carrier(port)
             assert carrier(other)
             assert not await answers(wire)
-            farm.clear_faults(fault.id)
+            farm.clear_injections(fault.id)
             await asyncio.sleep(0.15)
             assert carrier(port)
             assert await answers(wire)

@@ -7,8 +7,8 @@ from random import Random
 import pytest
 from storm import add, back, kept, left_behind, line_of, random_fault, storm
 
-from pnfarm.faults.catalogue import KINDS
-from pnfarm.faults.kind import FaultKind
+from pnfarm.buses.registry import fault_kinds
+from pnfarm.faults.kind import InjectionKind
 
 
 @pytest.mark.parametrize(
@@ -37,8 +37,8 @@ def test_storm_after_storm_keeps_no_more_than_the_first_one() -> None:
     assert sizes[2] == sizes[0]
 
 
-@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
-def test_every_kind_of_injection_is_taken_back_whole(kind: FaultKind) -> None:
+@pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
+def test_every_kind_of_injection_is_taken_back_whole(kind: InjectionKind) -> None:
     line = line_of("akd-profinet", 1)
     faults = sorted(fault.number for fault in line.farm.stations[0].model.faults.values())
     rng = Random(kind.name)

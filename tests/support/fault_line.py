@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.table.signals import ZSW1
 
 
@@ -14,11 +12,11 @@ class FaultLine(VirtualLine):
 
     def __init__(self, drives: int = 1, **options) -> None:
         super().__init__(drives, **options)
-        self.faults = attach_faults(self.farm, self.world.clock)
+        self.faults = self.farm.injections
 
     def add(self, kind: str, on: object = "all", **fields):
         renamed = {key.rstrip("_"): value for key, value in fields.items()}
-        return self.faults.add(FaultSpec.parse({"kind": kind, "on": on, **renamed}), self.world.now)
+        return self.faults.inject({"kind": kind, "on": on, **renamed}, self.world.now)
 
     def clear(self, fault_id: str | None = None):
         return self.faults.clear(fault_id, self.world.now)

@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
@@ -25,7 +23,7 @@ class HandPlc(VirtualLine):
 
     def __init__(self, model: str, telegram: int, **options) -> None:
         super().__init__(model=model, telegram=telegram, **{"cycle": "1ms"} | options)
-        self.faults = attach_faults(self.farm, self.world.clock)
+        self.faults = self.farm.injections
         self.connect()
         self.plc.columns.program[0].active = 0
         self.image = self.plc.columns.image[0]
@@ -59,7 +57,7 @@ class HandPlc(VirtualLine):
 
     def inject(self, kind: str, **params):
         """A fault of `pnfarm fault kinds` with its parameters, until it is cleared."""
-        return self.faults.add(FaultSpec.parse({"kind": kind, "on": "all", "params": params}), self.world.now)
+        return self.faults.inject({"kind": kind, "on": "all", "params": params}, self.world.now)
 
     def clear(self) -> None:
         """End every injected fault."""

@@ -7,8 +7,6 @@ from typing import Any
 
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.faults.connection import attach_faults
-from pnfarm.faults.plan import FaultSpec
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 READY = 0x0476
@@ -20,7 +18,7 @@ class MsdHand(VirtualLine):
 
     def __init__(self, model: str = "moog-msd", cycle: str = "1ms", **options: Any) -> None:
         super().__init__(model=model, cycle=cycle, **options)
-        self.faults = attach_faults(self.farm, self.world.clock)
+        self.faults = self.farm.injections
         self.connect()
         self.plc.columns.program[0].active = 0
         self.plc.columns.image[0].sent[:] = 0
@@ -28,7 +26,7 @@ class MsdHand(VirtualLine):
         self.run(0.2)
 
     def fault(self, kind: str, **fields: Any) -> Any:
-        return self.faults.add(FaultSpec.parse({"kind": kind, "on": "all", **fields}), self.world.now)
+        return self.faults.inject({"kind": kind, "on": "all", **fields}, self.world.now)
 
     def clear(self, fault: Any) -> None:
         self.faults.clear(fault.id, self.world.now)

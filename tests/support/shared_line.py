@@ -31,7 +31,16 @@ class SharedLine:
         link = self.world.link()
         ports = await link.open([PortSpec(drive.name, drive.mac) for drive in drives])
         self.farm = FarmCore(
-            "farm", drives, model_of, link, ports, memory=VolatileMemory(), log=self.log, seed=b"farm", lldp=False
+            "farm",
+            drives,
+            model_of,
+            link,
+            ports,
+            memory=VolatileMemory(),
+            log=self.log,
+            seed=b"farm",
+            clock=self.world.clock,
+            lldp=False,
         )
         self.world.join(self.farm, ports)
         self.farm.start(self.world.now)

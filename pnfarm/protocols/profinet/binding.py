@@ -165,7 +165,8 @@ class DriveRecords:
 
     They stand at the parameter access point, which is any submodule of the drive's slot in the profile's API; index
     47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``latency`` gives the time that the next request takes, ns.
-    ``error`` (a fault kind sets it) refuses every access.
+    ``error``, when set, refuses every access; ``withhold``, when set, is asked with the time at each read of a response
+    that waits, and with its yes the drive still works on it.
     """
 
     def __init__(
@@ -180,6 +181,7 @@ class DriveRecords:
         indexes = store.model.access.record_indexes
         self.channels = {index: ParameterChannel(store, index, strict=strict, latency=latency) for index in indexes}
         self.error: RecordError | None = None
+        self.withhold: Callable[[int], bool] | None = None
         self._slot = slot
         self._api = api
 
@@ -214,6 +216,9 @@ class DriveRecords:
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
+        channel.handle_timeout(now)
+        if self.withhold is not None and channel.pending(_client(ar)) and self.withhold(now):
+            return RecordError(AccessError.STATE_CONFLICT)
         response = channel.read_response(max_length, _client(ar), now)
         return RecordError(AccessError.STATE_CONFLICT) if response is None else response
 

@@ -1,53 +1,129 @@
-"""What faults make of a station's modules, diagnosis and late answers, several of each at once.
+"""The modules of a PROFINET drive: what stands in its slots, several changes of it at once.
 
-Each of these knows what is in force and puts it into whatever machines the station has: a drive that boots has new
-ones, without a trace of it.
+What is in force is put into whatever machines the station has: a drive that boots has new ones, without a trace of it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.device.modules import module_of_ident, module_of_telegram
 from pnfarm.errors import ConfigError
-from pnfarm.faults.words import FaultError
+from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.faults.words import InjectionError
 from pnfarm.protocols.profinet.description import SlotState
-from pnfarm.protocols.profinet.wire.rpc import Opnum
+from pnfarm.protocols.profinet.wire.blocks_expected import ModuleState
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.buses.profinet.device.station import DriveStation
-    from pnfarm.faults.target import LateRule, ModuleChange
-    from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.buses.profinet.faults.connection import ArKeys
+    from pnfarm.protocols.profinet.ar import Ar, ExpectedKey
     from pnfarm.protocols.profinet.description import ModuleDescription
-    from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-    from pnfarm.protocols.profinet.rpc_events import CallKey
 
-__all__ = ["Diagnoses", "SlotChanges", "SlowAnswers", "place_of"]
+__all__ = ["MODULES", "ModuleChange", "Modules"]
 
-_RECORDS = frozenset({Opnum.READ, Opnum.WRITE, Opnum.READ_IMPLICIT})
+#: Advice, maintenance required, maintenance demanded and fault, in SubmoduleState.
+_DIAGNOSIS_BITS = 0x0078
 
 
-def place_of(station: DriveStation, slot: int | None, subslot: int | None) -> ExpectedKey:
+@dataclass(frozen=True, slots=True, eq=False)
+class ModuleChange:
+    """What stands in a slot instead: nothing (``missing``), or something else; with ``subslot`` of one submodule.
+
+    Without ``telegram`` and ``ident`` it is an ident that the drive does not have.
+    """
+
+    slot: int
+    subslot: int | None = None
+    missing: bool = True
+    telegram: int | None = None
+    ident: int | None = None
+    substitute: bool = False
+
+
+class Modules(DrivePart):
+    """Changes of slots in force.  ``changed()`` hears of each, before the station settles."""
+
+    def __init__(
+        self, station: DriveStation, keys: ArKeys, settle: Callable[[int], None], changed: Callable[[], None]
+    ) -> None:
+        self._station = station
+        self._keys = keys
+        self._settle = settle
+        self._changed = changed
+        self._changes = _SlotChanges(station)
+
+    def rebooted(self, now: int) -> None:
+        self._changes.rebooted(now)
+        self._changed()
+
+    def in_force(self) -> list[Any]:
+        return list(self._changes.changes)
+
+    def place(self, slot: int | None, subslot: int | None) -> ExpectedKey:
+        """A submodule that the drive can have, None: where its set points come in; raises :class:`ConfigError`."""
+        return _place_of(self._station, slot, subslot)
+
+    def change(self, change: ModuleChange, now: int) -> None:
+        """Put ``change`` in force; the latest one holds.  Raises :class:`ConfigError` when the slot cannot have it."""
+        self._changes.check(change)
+        self._changes.add(change, now)
+        self._changed()
+        self._settle(now)
+
+    def unchange(self, change: ModuleChange, now: int) -> None:
+        """Take it back: what the changes in force make of the slot as it was."""
+        self._changes.remove(change, now)
+        self._changed()
+        self._settle(now)
+
+    def told_at_connect(
+        self, slot: int, subslot: int | None, standing: frozenset[int], *, diagnosis: bool = False
+    ) -> bool:
+        """Whether an AR in DATA, other than those of the keys ``standing``, has a ModuleDiffBlock with the place.
+
+        With ``diagnosis`` it must name a diagnosis of the submodule.
+        """
+        for key, channels in self._station.ars.items():
+            ar = self._station.cm.ar(key)
+            later = ar is not None and channels.established and self._keys.unique(key) not in standing
+            if ar is not None and later and _names(ar, slot, subslot, diagnosis=diagnosis):
+                return True
+        return False
+
+
+def _names(ar: Ar, slot: int, subslot: int | None, *, diagnosis: bool) -> bool:
+    """Whether the AR's ModuleDiffBlock names the place."""
+    found = [m for api in (ar.module_diff.apis if ar.module_diff else ()) for m in api.modules if m.slot == slot]
+    if subslot is None or any(m.state == ModuleState.NO_MODULE for m in found):
+        return bool(found) and not diagnosis
+    states = [s.state for m in found for s in m.submodules if s.subslot == subslot]
+    return any(state & _DIAGNOSIS_BITS for state in states) if diagnosis else bool(states)
+
+
+def _place_of(station: DriveStation, slot: int | None, subslot: int | None) -> ExpectedKey:
     """A submodule that the drive can have; None: the telegram's slot, its submodule with set points."""
     description = station.description
     chosen = description.modules[0].slot if slot is None else slot
     modules = [m for m in (description.dap, *description.modules) if m.slot == chosen]
     if not modules:
         allowed = ", ".join(map(str, description.slots))
-        raise FaultError([("params.slot", f"{station.configured_name} has no slot {slot}", allowed)])
+        raise InjectionError([("params.slot", f"{station.configured_name} has no slot {slot}", allowed)])
     known = {s.subslot: s for m in modules for s in m.submodules}
     if subslot is None:
         subslot = next((s.subslot for s in known.values() if s.output_bytes), min(known))
     if subslot not in known:
         allowed = ", ".join(f"0x{number:04X}" for number in sorted(known))
         what = f"slot {chosen} of {station.configured_name} has no subslot 0x{subslot:04X}"
-        raise FaultError([("params.subslot", what, allowed)])
+        raise InjectionError([("params.subslot", what, allowed)])
     found = known[subslot]
     return found.api, found.slot, found.subslot
 
 
-class SlotChanges:
+class _SlotChanges:
     """Changes of slots in force.  The latest one holds; what a slot is without any of them is kept as its base.
 
     Hands that pull or plug meanwhile have the last word until the next change comes or goes, and are the new base.
@@ -55,7 +131,7 @@ class SlotChanges:
 
     def __init__(self, station: DriveStation) -> None:
         self._station = station
-        self._changes: list[ModuleChange] = []
+        self.changes: list[ModuleChange] = []
         self._bases: dict[int, SlotState] = {}
         self._put: dict[int, SlotState] = {}
         self._plugged = station.cm.plugged
@@ -66,30 +142,30 @@ class SlotChanges:
         if slot == station.description.dap.slot:
             allowed = ", ".join(str(s) for s in station.description.slots if s != slot)
             what = f"slot {slot} of {station.configured_name} holds the access point, which cannot be pulled"
-            raise FaultError([("params.slot", what, allowed)])
-        place_of(station, slot, change.subslot)
+            raise InjectionError([("params.slot", what, allowed)])
+        _place_of(station, slot, change.subslot)
         if change.telegram is not None and change.ident is not None:
-            raise FaultError([("params.ident", "is given beside `telegram`", "one of the two")])
+            raise InjectionError([("params.ident", "is given beside `telegram`", "one of the two")])
         if change.subslot is not None and (change.telegram is not None or change.substitute):
             field = "telegram" if change.telegram is not None else "substitute"
-            raise FaultError([(f"params.{field}", "is of a whole module", "leave out `subslot`, or give `ident`")])
+            raise InjectionError([(f"params.{field}", "is of a whole module", "leave out `subslot`, or give `ident`")])
         if change.telegram is not None:
             try:
                 module_of_telegram(station, slot, change.telegram)
             except ConfigError as exc:
-                raise FaultError([("params.telegram", str(exc), "")]) from exc
+                raise InjectionError([("params.telegram", str(exc), "")]) from exc
 
     def add(self, change: ModuleChange, now: int) -> None:
-        self._changes.append(change)
+        self.changes.append(change)
         self._apply(change.slot, now)
 
     def remove(self, change: ModuleChange, now: int) -> None:
-        self._changes.remove(change)
+        self.changes.remove(change)
         self._apply(change.slot, now)
 
     def rebooted(self, now: int) -> None:
         """The slots are as at power-on."""
-        for slot in dict.fromkeys(change.slot for change in self._changes):
+        for slot in dict.fromkeys(change.slot for change in self.changes):
             self._apply(slot, now)
 
     def _apply(self, slot: int, now: int) -> None:
@@ -102,7 +178,7 @@ class SlotChanges:
         there = cm.plugged.state(slot)
         if self._put.get(slot) != there:
             self._bases[slot] = there
-        changes = [change for change in self._changes if change.slot == slot]
+        changes = [change for change in self.changes if change.slot == slot]
         state = self._bases[slot]
         for change in changes:
             state = self._changed(state, change)
@@ -149,74 +225,4 @@ def _unknown(idents: list[int]) -> int:
     return next(ident for ident in range(max(idents) + 1, max(idents) + 3) if ident <= 0xFFFF_FFFF)
 
 
-class Diagnoses:
-    """Diagnosis in force.  Of entries with one key the latest holds; one whose submodule is not there waits for it."""
-
-    def __init__(self, station: DriveStation) -> None:
-        self._station = station
-        self._entries: list[DiagnosisEntry] = []
-
-    def add(self, entry: DiagnosisEntry) -> None:
-        """Raises :class:`ConfigError` when the drive's store is full."""
-        store = self._station.cm.diagnosis
-        if len({e.key for e in (*store, *self._entries, entry)}) > store.maximum:
-            raise ConfigError(
-                f"{self._station.configured_name} holds {store.maximum} diagnoses, and no more; clear one"
-            )
-        self._entries.append(entry)
-        self.put()
-
-    def remove(self, entry: DiagnosisEntry) -> None:
-        self._entries.remove(entry)
-        if any(other.key == entry.key for other in self._entries):
-            self.put()
-        else:
-            self._station.cm.diagnosis.remove(entry)
-
-    def put(self) -> None:
-        """What is in force, into the store that the drive has now; nothing changes where it stands already."""
-        cm = self._station.cm
-        for entry in {entry.key: entry for entry in self._entries}.values():
-            if cm.plugged.submodule(*entry.place) is not None:
-                cm.diagnosis.add(entry)
-
-
-class SlowAnswers:
-    """Rules in force on answers to Read and Write: the :class:`~.rpc_events.LateAnswers` of the RPC server."""
-
-    def __init__(self, station: DriveStation) -> None:
-        self._station = station
-        self._rules: list[LateRule] = []
-        self._kept: dict[CallKey, list[LateRule]] = {}
-
-    def add(self, rule: LateRule) -> None:
-        self._rules.append(rule)
-        self._station.rpc.late = self
-
-    def remove(self, rule: LateRule, now: int) -> None:
-        self._rules = [other for other in self._rules if other is not rule]
-        if not self._rules:
-            self._station.rpc.release_answers(now)
-            self._station.rpc.late = None
-
-    def rebooted(self) -> None:
-        """What was kept back never leaves."""
-        kept, self._kept = self._kept, {}
-        for rules in kept.values():
-            for rule in rules:
-                rule.left(sent=False)
-        if self._rules:
-            self._station.rpc.late = self
-
-    def wait_ns(self, call: CallKey, opnum: int, now: int) -> int:
-        if opnum not in _RECORDS:
-            return 0
-        waits = [(rule, rule.asked(now)) for rule in self._rules]
-        acting = [rule for rule, wait in waits if wait]
-        if acting:
-            self._kept[call] = acting
-        return sum(wait for _, wait in waits)
-
-    def left(self, call: CallKey, *, sent: bool) -> None:
-        for rule in self._kept.pop(call, ()):
-            rule.left(sent=sent)
+MODULES: Part[Modules] = Part("modules of PROFINET")

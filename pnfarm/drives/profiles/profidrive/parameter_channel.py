@@ -69,13 +69,9 @@ class ParameterChannel:
     With ``strict`` limits a request holds as many parameters as the drive says, else as many as its field can say.
 
     ``latency`` gives the time that the next request takes, ns; None is no time.  The request is carried out at its end.
-
-    ``busy`` (a fault kind sets it) holds every response back, so that reads meet the state conflict of a drive that is
-    still working; clearing it lets the response through.  ``refuse`` (a fault kind sets it) answers every parameter
-    with that error.
     """
 
-    __slots__ = ("_latency", "_local", "_most", "_responses", "_store", "_working", "busy", "refuse")
+    __slots__ = ("_latency", "_local", "_most", "_responses", "_store", "_working")
 
     def __init__(
         self,
@@ -92,8 +88,6 @@ class ParameterChannel:
         self._responses: dict[int, bytes] = {}
         #: Requests that take their time, one of each client at most: when they are over, and what they ask.
         self._working: dict[int, tuple[int, ParameterRequest]] = {}
-        self.busy = False
-        self.refuse: ParameterErrorNumber | None = None
 
     def pending(self, client: int = 0) -> bool:
         """Whether a response waits to be read."""
@@ -140,7 +134,7 @@ class ParameterChannel:
         A response longer than ``maximum`` octets becomes the error "response too long", if that fits.
         """
         self.handle_timeout(now)
-        if self.busy or client not in self._responses:
+        if client not in self._responses:
             return None
         response = self._responses.pop(client)
         if len(response) <= maximum:
@@ -166,8 +160,6 @@ class ParameterChannel:
             return self._refused(request, request.fault.number)
         if not self._local and request.axis not in access.axis:
             return self._refused(request, ParameterErrorNumber.AXIS_NONEXISTENT)
-        if self.refuse is not None:
-            return self._refused(request, self.refuse)
         limit = self._store.model.limits.max_response
         entries: list[ParameterValues] = []
         negative = False

@@ -4,10 +4,10 @@ import pytest
 from fault_line import FaultLine
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from profinet_looks import alarms, at_rest, iops, station
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.description import SlotState
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
 
 CYCLE = 0.016
@@ -21,23 +21,6 @@ def line():
     line.enable()
     line.run(0.1)
     return line
-
-
-def station(line):
-    return line.farm.stations[0]
-
-
-def alarms(line) -> list[str]:
-    """What the controller was told, in its words."""
-    return [entry.data["detail"] for entry in line.plc_log.entries("axis-01") if entry.event == "alarm"]
-
-
-def iops(line) -> int:
-    """Of the telegram, in the drive's next frame."""
-    line.run(3 * CYCLE)
-    (ar,) = station(line).ars.values()
-    ((row, cr),) = ar.providers
-    return line.farm.channels.provided(row)[cr.data_of(1, 2).iops_offset]
 
 
 def data_status(line) -> int:
@@ -57,22 +40,6 @@ def reconnect(line):
     line.add("ar-abort")
     line.run(0.1)
     line.enable()
-
-
-def at_rest(line) -> bool:
-    """Nothing of any fault is left in the drive, in its machines or at its gate."""
-    s, gate = station(line), line.farm.link
-    slots = [s.cm.plugged.state(slot) for slot in s.description.slots]
-    return (
-        slots == [SlotState(s.description.default_module(slot)) for slot in s.description.slots]
-        and not len(s.cm.diagnosis)
-        and s.rpc.late is None
-        and not s.connections.listeners
-        and not gate._rules
-        and not gate._delays
-        and gate.next_deadline() is None
-        and line.rows_free()
-    )
 
 
 # -- modules

@@ -2,8 +2,7 @@
 
 import pytest
 from fault_line import FaultLine
-from test_fault_drive import read
-from test_fault_modules import at_rest, station
+from profinet_looks import at_rest, read, station
 
 MS = 1_000_000
 

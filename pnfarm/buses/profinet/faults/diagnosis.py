@@ -1,0 +1,63 @@
+"""Diagnosis of a PROFINET drive's submodules."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+from pnfarm.faults.parts import DrivePart, Part
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+
+__all__ = ["DIAGNOSES", "Diagnoses"]
+
+
+class Diagnoses(DrivePart):
+    """Of entries with one key the latest holds; one whose submodule is not there waits for it."""
+
+    def __init__(self, station: DriveStation, settle: Callable[[int], None]) -> None:
+        self._station = station
+        self._settle = settle
+        self._entries: list[DiagnosisEntry] = []
+
+    def refresh(self, now: int) -> None:
+        del now
+        # hands may have plugged a submodule that a diagnosis waited for
+        self.put()
+
+    def in_force(self) -> list[Any]:
+        return list(self._entries)
+
+    def diagnose(self, entry: DiagnosisEntry, now: int) -> None:
+        """Let a diagnosis appear.  Raises :class:`ConfigError` when the drive's store is full."""
+        store = self._station.cm.diagnosis
+        if len({e.key for e in (*store, *self._entries, entry)}) > store.maximum:
+            raise ConfigError(
+                f"{self._station.configured_name} holds {store.maximum} diagnoses, and no more; clear one"
+            )
+        self._entries.append(entry)
+        self.put()
+        self._settle(now)
+
+    def undiagnose(self, entry: DiagnosisEntry, now: int) -> None:
+        """Take it back."""
+        self._entries.remove(entry)
+        if any(other.key == entry.key for other in self._entries):
+            self.put()
+        else:
+            self._station.cm.diagnosis.remove(entry)
+        self._settle(now)
+
+    def put(self) -> None:
+        """What is in force, into the store that the drive has now; nothing changes where it stands already."""
+        cm = self._station.cm
+        for entry in {entry.key: entry for entry in self._entries}.values():
+            if cm.plugged.submodule(*entry.place) is not None:
+                cm.diagnosis.add(entry)
+
+
+DIAGNOSES: Part[Diagnoses] = Part("diagnosis of PROFINET")

@@ -1,0 +1,55 @@
+"""A PROFINET drive as injections see it: the parts of any drive, and those that only PROFINET has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.profinet.faults.alarms import ALARMS, Alarms
+from pnfarm.buses.profinet.faults.connection import ArKeys, ProfinetConnection
+from pnfarm.buses.profinet.faults.diagnosis import DIAGNOSES, Diagnoses
+from pnfarm.buses.profinet.faults.frame_class import frame_class
+from pnfarm.buses.profinet.faults.frames import PROFINET_FRAMES
+from pnfarm.buses.profinet.faults.modules import MODULES, Modules
+from pnfarm.buses.profinet.faults.records import RECORDS, Records
+from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.servo import SERVO, Servo
+from pnfarm.faults.wire import WIRE, Wire
+
+if TYPE_CHECKING:
+    from pnfarm.buses.bus import InjectionHost
+    from pnfarm.buses.profinet.device.station import DriveStation
+
+__all__ = ["injected_drive"]
+
+
+def injected_drive(station: DriveStation, host: InjectionHost) -> InjectedDrive:
+    """Everything here lies around a station, not in it: rows of the engine's table, the gate, hooks of its machines."""
+    name, port = station.configured_name, station.port.index
+    host.gate.know(port, frame_class)
+    keys = ArKeys(station)
+
+    def carrier_changed(up: bool) -> None:
+        station.neighbours.set_link(up=up)
+
+    def came_on(now: int) -> None:
+        drive.refresh(now)
+
+    wire = Wire(name, station.index, port, host.impairments, host.gate, host.carriers, carrier_changed)
+    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    diagnoses = Diagnoses(station, host.settle)
+    parts: dict[Part[Any], DrivePart] = {
+        SERVO: servo,
+        WIRE: wire,
+        PROFINET_FRAMES: wire,
+        CONNECTION: ProfinetConnection(station, host.columns, keys, host.settle),
+        SET_UP: SetUp(station, host.settle),
+        MODULES: Modules(station, keys, host.settle, diagnoses.put),
+        DIAGNOSES: diagnoses,
+        ALARMS: Alarms(station, host.impairments, keys, host.settle),
+        RECORDS: Records(station, host.settle),
+    }
+    model = station.model
+    drive = InjectedDrive(name, lambda: (name, station.name), (model.name, *model.aliases), parts, lambda: station.cm)
+    return drive

@@ -1,0 +1,116 @@
+"""alarm-storm: the drive sends one alarm after the other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.faults.alarms import ALARMS
+from pnfarm.buses.profinet.faults.modules import MODULES
+from pnfarm.buses.profinet.faults.own_alarm import NEVER_BY_ITSELF, OWN_ALARM_PARAMS, own_alarm
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.effect import POLL_NS, Effect, Tally, Window
+from pnfarm.faults.kind import InjectionKind, ParamSpec
+from pnfarm.faults.words import InjectionError, shown
+
+if TYPE_CHECKING:
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+    from pnfarm.protocols.profinet.events import AlarmConfirmed
+
+__all__ = ["KINDS"]
+
+#: More than ten thousand alarms a second are no test of a controller; in virtual time, time would stand still.
+SHORTEST_INTERVAL_NS = 100_000
+
+
+class AlarmStorm(Effect):
+    """As fast as they are acknowledged, or at a rate."""
+
+    needs = (CONNECTION, ALARMS, MODULES)
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._connection = drive.part(CONNECTION)
+        self._alarms = drive.part(ALARMS)
+        self._tally = Tally()
+        self._alarm = own_alarm(self.values, drive.part(MODULES))
+        self._interval: int = self.values["interval"]
+        self._wait: bool = self.values["wait"]
+        self._unanswered: set[int] = set()
+        self._keys: frozenset[int] = frozenset()
+        self._next = 0
+        self._due: int | None = None
+        if self._interval < SHORTEST_INTERVAL_NS:
+            raise InjectionError([("params.interval", f"is {shown(spec.params['interval'])}", "a duration from 100us")])
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self._alarms.listen(self._hear)
+        self._next = now
+        self.check(now)
+
+    def _hear(self, event: AlarmConfirmed, now: int) -> None:
+        del now
+        if event.number in self._unanswered:
+            self._unanswered.discard(event.number)
+            self._tally.confirm()
+
+    def check(self, now: int) -> None:
+        self._due = None
+        count = self.spec.count
+        if count is not None and self._tally.seen.activations >= count:
+            # its last alarms are answered as the others were
+            self.finished = not self._unanswered or not self._connected()
+            self._due = None if self.finished else now + POLL_NS
+            return
+        if not self._connected() or (self._wait and self._unanswered):
+            self._due = now + POLL_NS
+            return
+        if now >= self._next:
+            numbers = self._alarms.send(self._alarm, now)
+            if numbers is None:
+                self._due = now + POLL_NS
+                return
+            self._unanswered.update(numbers)
+            self._tally.note(now, happened=bool(numbers))
+            self._next = now + self._interval
+        self._due = self._next
+
+    def _connected(self) -> bool:
+        """The AlarmAcks of a connection that went never come."""
+        connection = self._connection.now()
+        keys = connection.keys if connection is not None and connection.established else frozenset()
+        if keys != self._keys:
+            self._keys = keys
+            self._unanswered.clear()
+        return bool(keys)
+
+    def end(self, now: int) -> None:
+        self._alarms.unlisten(self._hear)
+        self._alarms.make_good(self._alarm, now)
+
+    def evidence(self) -> Evidence:
+        return self._tally.seen
+
+    def next_deadline(self) -> int | None:
+        return self._due
+
+
+KINDS = (
+    InjectionKind(
+        "alarm-storm",
+        "alarms",
+        "The drive sends one alarm after the other, as fast as the controller acknowledges them, or at a rate.  A "
+        "submodule that they said came or went is told by a plug when this ends.  " + NEVER_BY_ITSELF,
+        "an alarm; one that finds the alarm queue full is a check without an activation",
+        AlarmStorm,
+        {
+            **OWN_ALARM_PARAMS,
+            "interval": ParamSpec("duration", "From one alarm to the next, at least; 100us is the shortest.", "1ms"),
+            "wait": ParamSpec("yes or no", "For the controller's AlarmAck before the next alarm.", default=True),
+        },
+        takes=frozenset({"count", "for"}),
+        place=10,
+    ),
+)

@@ -1,0 +1,29 @@
+"""data-invalid: the data status says that the data is not valid."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profinet.faults.frames import ProfinetFramesEffect
+from pnfarm.faults.kind import FRAMES, InjectionKind
+from pnfarm.table.impairment import DATA_INVALID
+
+__all__ = ["KINDS"]
+
+
+class DataInvalid(ProfinetFramesEffect):
+    """In each cyclic frame."""
+
+    cyclic = DATA_INVALID
+
+
+KINDS = (
+    InjectionKind(
+        "data-invalid",
+        "cyclic",
+        "The data status says that the drive's data is not valid; controllers throw such frames away.",
+        "a cyclic frame that is changed",
+        DataInvalid,
+        directions=("out",),
+        takes=FRAMES,
+        place=20,
+    ),
+)

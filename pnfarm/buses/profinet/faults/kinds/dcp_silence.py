@@ -1,0 +1,29 @@
+"""dcp-silence: DCP is lost."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profinet.faults.frame_class import DCP
+from pnfarm.buses.profinet.faults.frames import ProfinetFramesEffect
+from pnfarm.faults.kind import EACH, EVERY_DIRECTION, InjectionKind
+
+__all__ = ["KINDS"]
+
+
+class DcpSilence(ProfinetFramesEffect):
+    """In both directions, if not otherwise asked for."""
+
+    acyclic = frozenset({DCP})
+
+
+KINDS = (
+    InjectionKind(
+        "dcp-silence",
+        "connection",
+        "The drive neither hears nor answers DCP: it is not found, named or addressed.",
+        "a DCP frame that is lost; `count` holds for each direction",
+        DcpSilence,
+        directions=EVERY_DIRECTION,
+        takes=EACH,
+        place=60,
+    ),
+)

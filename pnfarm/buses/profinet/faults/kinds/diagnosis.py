@@ -1,0 +1,152 @@
+"""diagnosis: a diagnosis of a submodule appears."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.profinet.faults.diagnosis import DIAGNOSES
+from pnfarm.buses.profinet.faults.own_alarm import ERROR_TYPES, EXT_TYPES, NEVER_BY_ITSELF
+from pnfarm.buses.profinet.faults.slot_effect import SLOT, SUBSLOT
+from pnfarm.buses.profinet.faults.told import ToldEffect
+from pnfarm.faults.kind import HELD, WORD, InjectionKind, ParamSpec
+from pnfarm.faults.words import InjectionError, shown
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.wire.alarms import AlarmType
+from pnfarm.protocols.profinet.wire.diagnosis import WHOLE_SUBMODULE, Maintenance, Qualifier, Usi
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effect import Window
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+    from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.events import AlarmConfirmed
+
+__all__ = ["KINDS"]
+
+#: In rising order of severity; "advice" takes a qualified coding.
+_SEVERITIES = {"advice": 0, "maintenance-required": 1, "maintenance-demanded": 2, "fault": 3}
+_MAINTENANCE = {
+    "fault": Maintenance.FAULT,
+    "maintenance-required": Maintenance.REQUIRED,
+    "maintenance-demanded": Maintenance.DEMANDED,
+}
+_CODINGS = {"channel": Usi.CHANNEL, "extended": Usi.EXT_CHANNEL, "qualified": Usi.QUALIFIED_CHANNEL, "manufacturer": 0}
+_QUALIFIERS = {
+    "fault": Qualifier.FAULT,
+    "maintenance-demanded": Qualifier.DEMANDED,
+    "maintenance-required": Qualifier.REQUIRED,
+    "advice": Qualifier.ADVICE,
+}
+
+
+class Diagnosis(ToldEffect):
+    """Confirmed by any alarm on the submodule but that of a disappearance."""
+
+    needs = (*ToldEffect.needs, DIAGNOSES)
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._diagnoses = drive.part(DIAGNOSES)
+        self._entry = _entry(self.values, self._modules.place(self.values["slot"], self.values["subslot"]))
+        self._item = self._entry.item()
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self._watch()
+        try:
+            self._diagnoses.diagnose(self._entry, now)
+        except BaseException:
+            self._deaf()
+            raise
+        self._tally.note(now)
+        self.check(now)
+
+    def _is_about(self, event: AlarmConfirmed) -> bool:
+        told = event.alarm_type != AlarmType.DIAGNOSIS_DISAPPEARS
+        return told and (event.api, event.slot, event.subslot) == self._entry.place
+
+    def _stands_in_diff(self) -> bool:
+        _, slot, subslot = self._entry.place
+        return self._modules.told_at_connect(slot, subslot, self._standing, diagnosis=True)
+
+    def end(self, now: int) -> None:
+        super().end(now)
+        self._diagnoses.undiagnose(self._entry, now)
+
+
+def _entry(values: dict[str, Any], place: ExpectedKey) -> DiagnosisEntry:
+    """The diagnosis that the parameters describe; raises :class:`InjectionError` for what no coding can say."""
+    severity, coding = values["severity"], values["coding"]
+    if severity == "advice" and coding != "qualified":
+        raise InjectionError(
+            [("params.severity", "is 'advice'", "with `coding` qualified; fault and maintenance otherwise")]
+        )
+    if severity != "fault" and coding == "manufacturer":
+        raise InjectionError([("params.severity", f"is {shown(severity)}", "fault, in a manufacturer's coding")])
+    try:
+        if coding == "manufacturer":
+            return DiagnosisEntry(*place, usi=values["usi"], channel=values["channel"], data=values["data"])
+        # the lowest bit of the severity's
+        qualifier = _QUALIFIERS[severity] & -_QUALIFIERS[severity] if coding == "qualified" else 0
+        return DiagnosisEntry(
+            *place,
+            usi=_CODINGS[coding],
+            channel=values["channel"],
+            error_type=values["error"],
+            ext_error_type=values["ext"],
+            ext_add_value=values["add-value"],
+            maintenance=Maintenance.QUALIFIED if qualifier else _MAINTENANCE[severity],
+            qualifier=qualifier,
+        )
+    except ValueError as exc:
+        raise InjectionError(
+            [("params", str(exc), "`coding` extended or qualified for an extended error type")]
+        ) from exc
+
+
+KINDS = (
+    InjectionKind(
+        "diagnosis",
+        "alarms",
+        "A diagnosis of a submodule appears, and disappears when this ends: alarms, the ModuleDiffBlock, the diagnosis "
+        "records, and for a fault the problem indicator of the data status.  It waits for its submodule, and comes "
+        "back with it.  " + NEVER_BY_ITSELF,
+        "the diagnosis",
+        Diagnosis,
+        {
+            "error": ParamSpec(
+                "whole number", "ChannelErrorType.", default="error", words=ERROR_TYPES, low=1, high=0xFFFF
+            ),
+            "ext": ParamSpec(
+                "whole number", "ExtChannelErrorType, where the coding has one.", default=0, words=EXT_TYPES, **WORD
+            ),
+            "add-value": ParamSpec(
+                "whole number", "ExtChannelAddValue, where the coding has one.", default=0, low=0, high=0xFFFF_FFFF
+            ),
+            "channel": ParamSpec(
+                "whole number",
+                "ChannelNumber.",
+                default="submodule",
+                words={"submodule": WHOLE_SUBMODULE},
+                low=0,
+                high=WHOLE_SUBMODULE,
+            ),
+            "slot": SLOT,
+            "subslot": SUBSLOT,
+            "severity": ParamSpec(
+                "word", "How bad it is; advice only in the qualified coding.", "fault", words=_SEVERITIES
+            ),
+            "coding": ParamSpec("word", "How it is told.", "channel", words=_CODINGS),
+            "usi": ParamSpec(
+                "whole number",
+                "UserStructureIdentifier of the manufacturer's coding.",
+                default=1,
+                low=0,
+                high=Usi.MANUFACTURER_LAST,
+            ),
+            "data": ParamSpec("octets", "What the manufacturer's coding carries.", default="", high=128),
+        },
+        takes=HELD,
+        place=30,
+    ),
+)

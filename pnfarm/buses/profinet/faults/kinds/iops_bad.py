@@ -1,0 +1,48 @@
+"""iops-bad: the provider status of the drive's data is BAD."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.faults.alarms import ALARMS
+from pnfarm.buses.profinet.faults.frames import ProfinetFramesEffect
+from pnfarm.faults.kind import FRAMES, InjectionKind
+from pnfarm.table.impairment import IOPS_BAD
+
+if TYPE_CHECKING:
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["KINDS"]
+
+
+class IopsBad(ProfinetFramesEffect):
+    """Ending it on the connection that saw it is a return of the submodules (alarm 0x000B)."""
+
+    needs = (*ProfinetFramesEffect.needs, ALARMS)
+    cyclic = IOPS_BAD
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._alarms = drive.part(ALARMS)
+
+    def end(self, now: int) -> None:
+        super().end(now)
+        last = self.evidence().last_ns
+        if last is not None:
+            self._alarms.return_of_submodules(last, now)
+
+
+KINDS = (
+    InjectionKind(
+        "iops-bad",
+        "cyclic",
+        "The drive's provider status (IOPS) is BAD.  When it is GOOD again while the connection stands, the alarm "
+        "'return of submodule' tells the controller.",
+        "a cyclic frame that is changed",
+        IopsBad,
+        directions=("out",),
+        takes=FRAMES,
+        place=30,
+    ),
+)

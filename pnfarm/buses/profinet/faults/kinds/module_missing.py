@@ -1,0 +1,23 @@
+"""module-missing: a module, or one submodule of it, is not there."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profinet.faults.slot_effect import ONE_SUBSLOT, SLOT, SlotEffect
+from pnfarm.faults.kind import HELD, InjectionKind
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "module-missing",
+        "connection",
+        "A module, or one submodule of it, is not there.  A controller that is connected gets a pull alarm and BAD "
+        "data, one that connects finds it in the ModuleDiffBlock.  A plug alarm tells of its return.",
+        "pulling the module",
+        SlotEffect,
+        {"slot": SLOT, "subslot": ONE_SUBSLOT},
+        takes=HELD,
+        preset={"missing": True},
+        place=70,
+    ),
+)

@@ -1,0 +1,36 @@
+"""module-wrong: another module stands in the slot than the controller expects."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profinet.faults.slot_effect import ONE_SUBSLOT, SLOT, SlotEffect
+from pnfarm.faults.kind import HELD, WORD, InjectionKind, ParamSpec
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "module-wrong",
+        "connection",
+        "Another module, or submodule, stands in the slot than the controller expects.  One that is connected gets "
+        "the alarm 'wrong submodule plugged' and BAD data, one that connects finds it in the ModuleDiffBlock.",
+        "plugging the wrong module",
+        SlotEffect,
+        {
+            "slot": SLOT,
+            "subslot": ONE_SUBSLOT,
+            "telegram": ParamSpec("whole number", "The module of this telegram of the model.", **WORD),
+            "ident": ParamSpec(
+                "whole number",
+                "A module ident, with `subslot` a submodule ident; left out, one that the drive does not have.",
+                low=1,
+                high=0xFFFF_FFFF,
+            ),
+            "substitute": ParamSpec(
+                "yes or no", "It works in the place of what the controller expects.", default=False
+            ),
+        },
+        takes=HELD,
+        preset={"missing": False},
+        place=80,
+    ),
+)

@@ -1,0 +1,21 @@
+"""no-application-ready: the drive never says that its application is ready."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profinet.faults.kinds.late_application_ready import LateReady
+from pnfarm.faults.kind import EACH, InjectionKind
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "no-application-ready",
+        "connection",
+        "After parametrisation the drive never says that its application is ready.",
+        "a connection whose ApplicationReady is withheld",
+        LateReady,
+        takes=EACH,
+        preset={"delay": None},
+        place=30,
+    ),
+)

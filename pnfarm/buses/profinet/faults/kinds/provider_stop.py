@@ -1,0 +1,29 @@
+"""provider-stop: the data status says STOP."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profinet.faults.frames import ProfinetFramesEffect
+from pnfarm.faults.kind import FRAMES, InjectionKind
+from pnfarm.table.impairment import PROVIDER_STOP
+
+__all__ = ["KINDS"]
+
+
+class ProviderStop(ProfinetFramesEffect):
+    """In each cyclic frame."""
+
+    cyclic = PROVIDER_STOP
+
+
+KINDS = (
+    InjectionKind(
+        "provider-stop",
+        "cyclic",
+        "The data status says that the drive's provider is in STOP.",
+        "a cyclic frame that is changed",
+        ProviderStop,
+        directions=("out",),
+        takes=FRAMES,
+        place=10,
+    ),
+)

@@ -1,0 +1,47 @@
+"""record-delay: answers to Read and Write come late, so that the drive's application seems slow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.faults.records import RECORDS
+from pnfarm.faults.kind import EACH, InjectionKind
+from pnfarm.faults.late import LATE_PARAMS, LateEffect
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effect import Window
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["KINDS"]
+
+
+class RecordDelay(LateEffect):
+    """In the server of the calls."""
+
+    needs = (RECORDS,)
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._records = drive.part(RECORDS)
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self._records.delay_answers(self)
+
+    def end(self, now: int) -> None:
+        self._records.answer_in_time(self, now)
+
+
+KINDS = (
+    InjectionKind(
+        "record-delay",
+        "records",
+        "The drive takes long over a Read or Write; when it is asked again meanwhile, it says that it works on it.",
+        "an answer that is late",
+        RecordDelay,
+        LATE_PARAMS,
+        takes=EACH,
+        place=30,
+    ),
+)

@@ -1,0 +1,51 @@
+"""rpc-delay: datagrams leave late, so that the drive's stack seems slow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.faults.frame_class import RPC
+from pnfarm.buses.profinet.faults.frames import PROFINET_FRAMES
+from pnfarm.faults.gate import DelayRule
+from pnfarm.faults.kind import EACH, InjectionKind
+from pnfarm.faults.late import LATE_PARAMS, LateEffect
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effect import Window
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["KINDS"]
+
+
+class RpcDelay(LateEffect):
+    """On their way to the link."""
+
+    needs = (PROFINET_FRAMES,)
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._wire = drive.part(PROFINET_FRAMES)
+        self._rule = DelayRule(frozenset({RPC}), self)
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self._wire.delay(self._rule)
+
+    def end(self, now: int) -> None:
+        del now
+        self._wire.undelay(self._rule)
+
+
+KINDS = (
+    InjectionKind(
+        "rpc-delay",
+        "connection",
+        "What the drive sends over UDP for connections, parameters and control (RPC) leaves late, in order.",
+        "a datagram that is late",
+        RpcDelay,
+        LATE_PARAMS,
+        takes=EACH,
+        place=100,
+    ),
+)

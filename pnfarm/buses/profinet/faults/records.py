@@ -1,0 +1,113 @@
+"""A PROFINET drive's records: refused, held back, answered late."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.protocols.profinet.wire.rpc import Opnum
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.faults.gate import LateRule
+    from pnfarm.protocols.profinet.errors import RecordError
+    from pnfarm.protocols.profinet.rpc_events import CallKey
+
+__all__ = ["RECORDS", "Records"]
+
+_RECORDS = frozenset({Opnum.READ, Opnum.WRITE, Opnum.READ_IMPLICIT})
+
+
+class Records(DrivePart):
+    """What is in force is put into the handler and the RPC server that the drive has now.
+
+    It is the :class:`~.rpc_events.LateAnswers` of that server.
+    """
+
+    def __init__(self, station: DriveStation, settle: Callable[[int], None]) -> None:
+        self._station = station
+        self._settle = settle
+        self._errors: list[RecordError] = []
+        self._hooks: list[Callable[[int], bool]] = []
+        self._late: list[LateRule] = []
+        self._kept: dict[CallKey, list[LateRule]] = {}
+
+    def rebooted(self, now: int) -> None:
+        del now
+        # what was kept back never leaves
+        kept, self._kept = self._kept, {}
+        for rules in kept.values():
+            for rule in rules:
+                rule.left(sent=False)
+        if self._late:
+            self._station.rpc.late = self
+        self._put()
+
+    def in_force(self) -> list[Any]:
+        return [*self._errors, *self._hooks, *self._late]
+
+    # refusals
+
+    def refuse_records(self, error: RecordError) -> None:
+        """Refuse the drive's own records with ``error``; its ``status`` is asked at each refusal.  The latest holds."""
+        self._errors.append(error)
+        self._put()
+
+    def allow_records(self, error: RecordError) -> None:
+        """Take it back."""
+        self._errors = [other for other in self._errors if other is not error]
+        self._put()
+
+    # parameter responses
+
+    def hold_responses(self, hook: Callable[[int], bool]) -> None:
+        """Ask ``hook`` at each read of a pending parameter response whether it is held back."""
+        self._hooks.append(hook)
+        self._put()
+
+    def let_responses(self, hook: Callable[[int], bool]) -> None:
+        """Take it back."""
+        self._hooks.remove(hook)
+        self._put()
+
+    def _put(self) -> None:
+        records = self._station.parameter_records
+        records.error = self._errors[-1] if self._errors else None
+        records.withhold = self._holding if self._hooks else None
+
+    def _holding(self, now: int) -> bool:
+        # every hook is asked, so that each one's sequence does not depend on the others
+        return any([hook(now) for hook in self._hooks])  # noqa: C419 - see above
+
+    # answers to Read and Write
+
+    def delay_answers(self, rule: LateRule) -> None:
+        """Ask ``rule`` about each answer to a Read or Write; what several rules say adds up."""
+        self._late.append(rule)
+        self._station.rpc.late = self
+
+    def answer_in_time(self, rule: LateRule, now: int) -> None:
+        """Take it back; when no other rule is left, the answers that are held back leave."""
+        self._late = [other for other in self._late if other is not rule]
+        if not self._late:
+            self._station.rpc.release_answers(now)
+            self._station.rpc.late = None
+        self._settle(now)
+
+    def wait_ns(self, call: CallKey, opnum: int, now: int) -> int:
+        if opnum not in _RECORDS:
+            return 0
+        waits = [(rule, rule.asked(now)) for rule in self._late]
+        acting = [rule for rule, wait in waits if wait]
+        if acting:
+            self._kept[call] = acting
+        return sum(wait for _, wait in waits)
+
+    def left(self, call: CallKey, *, sent: bool) -> None:
+        for rule in self._kept.pop(call, ()):
+            rule.left(sent=sent)
+
+
+RECORDS: Part[Records] = Part("records of PROFINET")

@@ -1,0 +1,104 @@
+"""The set-up of a PROFINET drive's connections: the Connect, and the ApplicationReady."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.protocols.profinet.errors import PnioStatus
+
+__all__ = ["SET_UP", "ReadyRule", "SetUp"]
+
+
+class ReadyRule(Protocol):
+    """Says whether a connection's ApplicationReady is held back."""
+
+    def decide(self) -> tuple[bool, int | None]:
+        """(whether this rule acts on the connection at hand, nanoseconds or None for never)."""
+        ...
+
+
+class SetUp(DrivePart):
+    """Rules on each AR with cyclic data, from the moment when a controller asks for it."""
+
+    def __init__(self, station: DriveStation, settle: Callable[[int], None]) -> None:
+        self._station = station
+        self._settle = settle
+        self._now = 0
+        self._connect_hooks: list[Callable[[int], PnioStatus | None]] = []
+        self._ready_rules: list[ReadyRule] = []
+
+    def refresh(self, now: int) -> None:
+        self._now = now
+        if self._connect_hooks or self._ready_rules:
+            self._station.cm.refuse_connect = self._connecting
+
+    def in_force(self) -> list[Any]:
+        return [*self._connect_hooks, *self._ready_rules]
+
+    def hook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
+        """Ask ``hook`` about every readable Connect for cyclic data; its status refuses it."""
+        self._connect_hooks.append(hook)
+        self._station.cm.refuse_connect = self._connecting
+
+    def unhook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
+        """Take it back."""
+        self._connect_hooks.remove(hook)
+        self._unhook_if_idle()
+
+    def _unhook_if_idle(self) -> None:
+        if not self._connect_hooks and not self._ready_rules:
+            self._station.cm.refuse_connect = None
+
+    def _connecting(self, request: ArBlockReq) -> PnioStatus | None:
+        if request.properties & ArProperties.DEVICE_ACCESS:
+            return None
+        for hook in self._connect_hooks:
+            status = hook(self._now)
+            if status is not None:
+                return status
+        self._decide_ready()
+        return None
+
+    def hold_ready(self, rule: ReadyRule) -> None:
+        """Ask ``rule`` about each connection, also the one that is being set up."""
+        self._ready_rules.append(rule)
+        self._station.cm.refuse_connect = self._connecting
+        if any(not ar.established for ar in self._station.ars.values()):
+            self._decide_ready()
+
+    def _decide_ready(self) -> None:
+        """For the connection that is being set up; the latest rule that acts on it holds."""
+        delay: int | None = 0
+        for rule in reversed(self._ready_rules):
+            acts, wanted = rule.decide()
+            if acts:
+                delay = wanted
+                break
+        self._station.connections.ready_delay_ns = delay
+
+    def unhold_ready(self, rule: ReadyRule, now: int) -> None:
+        """Take it back: connections that wait for nothing else get their ApplicationReady."""
+        self._ready_rules.remove(rule)
+        self._unhook_if_idle()
+        if self._ready_rules:
+            self._decide_ready()
+            return
+        self._station.connections.ready_delay_ns = 0
+        for key in self.waiting_for_ready():
+            self._station.cm.application_ready(key, now)
+        self._settle(now)
+
+    def waiting_for_ready(self) -> frozenset[int]:
+        """Keys of the ARs that are parametrised and have no ApplicationReady."""
+        return frozenset(ar.key for ar in self._station.cm.ars if ar.state is CmdevState.W_ARDY)
+
+
+SET_UP: Part[SetUp] = Part("connection set-up of PROFINET")

@@ -1,0 +1,56 @@
+"""Effects that change what stands in a slot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.faults.modules import ModuleChange
+from pnfarm.buses.profinet.faults.told import ToldEffect
+from pnfarm.faults.kind import WORD, ParamSpec
+from pnfarm.protocols.profinet.wire.alarms import AlarmType
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effect import Window
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+    from pnfarm.protocols.profinet.events import AlarmConfirmed
+
+__all__ = ["ONE_SUBSLOT", "SLOT", "SUBSLOT", "SlotEffect"]
+
+SLOT = ParamSpec("whole number", "The slot; left out, the telegram's.", **WORD)
+SUBSLOT = ParamSpec("whole number", "The subslot; left out, the one that carries the set points.", **WORD)
+ONE_SUBSLOT = ParamSpec("whole number", "One submodule; left out, the whole module.", **WORD)
+
+_GONE = frozenset({AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG_WRONG_SUBMODULE})
+
+
+class SlotEffect(ToldEffect):
+    """Confirmed by the alarms that say that a submodule is gone or wrong."""
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        _, slot, _ = self._modules.place(self.values["slot"], None)
+        given = {name: self.values[name] for name in ("telegram", "ident", "substitute") if name in self.values}
+        self._change = ModuleChange(slot, self.values["subslot"], self.values["missing"], **given)
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self._watch()
+        try:
+            self._modules.change(self._change, now)
+        except BaseException:
+            self._deaf()
+            raise
+        self._tally.note(now)
+        self.check(now)
+
+    def _is_about(self, event: AlarmConfirmed) -> bool:
+        change = self._change
+        return event.alarm_type in _GONE and event.slot == change.slot and change.subslot in {None, event.subslot}
+
+    def _stands_in_diff(self) -> bool:
+        return self._modules.told_at_connect(self._change.slot, self._change.subslot, self._standing)
+
+    def end(self, now: int) -> None:
+        super().end(now)
+        self._modules.unchange(self._change, now)

@@ -1,0 +1,96 @@
+"""Injections into the drives of a farm: their manager, and the ``impair:`` sections of a farm file."""
+
+from __future__ import annotations
+
+import fnmatch
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.bus import InjectionHost
+from pnfarm.buses.registry import bus, fault_kinds
+from pnfarm.drives import catalogue as drive_catalogue
+from pnfarm.errors import ConfigError
+from pnfarm.farm.events import CarrierNotChanged
+from pnfarm.faults.carrier import Carriers
+from pnfarm.faults.manager import InjectionManager
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.farm.config_model import Impairment
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.faults.gate import GatedLink
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.links.base import Clock
+
+__all__ = ["add_impairments", "make_manager"]
+
+
+def make_manager(core: FarmCore, gate: GatedLink, clock: Clock) -> InjectionManager:
+    """The manager of a farm whose stations stand behind ``gate``."""
+
+    def not_changed(drive: str, reason: str) -> None:
+        core.log.record(clock(), drive, CarrierNotChanged(reason))
+
+    carriers = Carriers(gate.inner, not_changed)
+    drives: dict[str, InjectedDrive] = {}
+    for station in core.stations:
+        host = InjectionHost(core.columns, core.impairments, gate, carriers, partial(core.settle, station))
+        drives[station.configured_name] = bus(station.model.bus).injected_drive(station, host)
+    return InjectionManager(fault_kinds(), drives, gate)
+
+
+def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int) -> None:
+    """Put the ``impair:`` sections of a farm file in force.
+
+    Raises :class:`ConfigError` that names the group's drives.
+    """
+    groups: dict[int, list[DriveConfig]] = {}
+    for drive in drives:
+        groups.setdefault(drive.group, []).append(drive)
+    for members in groups.values():
+        for index, impairment in enumerate(members[0].impair):
+            names = _within(impairment, members)
+            where = f"impair[{index}] of drives {members[0].name} to {members[-1].name}"
+            if not names:
+                raise ConfigError(f"{where}: `on` means none of them; allowed: globs over their names, or leave it out")
+            try:
+                manager.inject(_plain(impairment, names), now)
+            except ConfigError as exc:
+                raise ConfigError(f"{where}: {exc}") from exc
+
+
+def _within(impairment: Impairment, members: Sequence[DriveConfig]) -> list[str]:
+    if impairment.on is None:
+        return [drive.name for drive in members]
+
+    def means(glob: str, drive: DriveConfig) -> bool:
+        if glob.startswith("model:"):
+            model = drive_catalogue.model(drive.model)
+            return any(fnmatch.fnmatchcase(name, glob[6:]) for name in (model.name, *model.aliases))
+        return glob == "all" or fnmatch.fnmatchcase(drive.name, glob)
+
+    return [drive.name for drive in members if any(means(glob, drive) for glob in impairment.on)]
+
+
+def _plain(impairment: Impairment, names: list[str]) -> dict[str, Any]:
+    """The section as :meth:`InjectionManager.inject` takes it."""
+    given = {
+        "kind": impairment.kind,
+        "on": names,
+        "params": dict(impairment.params),
+        "probability": impairment.probability,
+        "seed": impairment.seed,
+        "direction": impairment.direction,
+        "after_cycles": impairment.after_cycles,
+        "after": _duration(impairment.after_ns),
+        "count": impairment.count,
+        "for": _duration(impairment.for_ns),
+        "cycles": impairment.cycles,
+    }
+    return {key: value for key, value in given.items() if value is not None}
+
+
+def _duration(ns: int | None) -> str | None:
+    return None if ns is None else f"{ns}ns"

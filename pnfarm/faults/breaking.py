@@ -1,0 +1,51 @@
+"""Effects that break connections, one after the other."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.effect import Chance, Effect, Window
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effect import Needs
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["BreakingEffect"]
+
+
+class BreakingEffect(Effect):
+    """Each connection that comes to data exchange is broken off; without ``count`` and ``for`` one."""
+
+    needs: ClassVar[Needs] = (CONNECTION,)
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._connection = drive.part(CONNECTION)
+        self._chance = Chance(spec, drive, spec.count if spec.count or spec.for_ns else 1)
+        self._passed: frozenset[int] = frozenset()
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self.check(now)
+
+    def check(self, now: int) -> None:
+        connection = self._connection.now()
+        if self.finished or connection is None or not connection.established or connection.keys & self._passed:
+            return
+        self._passed = connection.keys
+        happens = self._chance.falls()
+        if happens:
+            happens = self.break_off(now) > 0
+        self._chance.tally.note(now, happened=happens, confirmed=happens)
+        self.finished = self._chance.exhausted
+
+    @abstractmethod
+    def break_off(self, now: int) -> int:
+        """Do it; how many connections ended."""
+
+    def evidence(self) -> Evidence:
+        return self._chance.tally.seen

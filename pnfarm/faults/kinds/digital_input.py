@@ -1,0 +1,32 @@
+"""digital-input: a voltage at an input of the drive."""
+
+from __future__ import annotations
+
+from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+from pnfarm.faults.shown import StandingEffect
+
+__all__ = ["KINDS"]
+
+
+class DigitalInput(StandingEffect):
+    """On until it ends."""
+
+    def put(self) -> None:
+        self._servo.switch_input(int(self.values["input"]))
+
+    def take(self) -> None:
+        self._servo.release_input(int(self.values["input"]))
+
+
+KINDS = (
+    InjectionKind(
+        "digital-input",
+        "drive",
+        "A digital input of the drive is on: a switch, a touch probe.",
+        "switching it on",
+        DigitalInput,
+        {"input": ParamSpec("whole number", "Which one, from 0.", required=True, low=0, high=31)},
+        takes=HELD,
+        place=120,
+    ),
+)

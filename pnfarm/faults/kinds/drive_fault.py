@@ -1,0 +1,116 @@
+"""drive-fault: the drive has a fault."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.connection import Status
+from pnfarm.faults.kind import InjectionKind, ParamSpec
+from pnfarm.faults.shown import ShownEffect
+from pnfarm.faults.words import InjectionError, Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pnfarm.faults.effect import Window
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["HOLD", "KINDS", "DriveFault", "stays_or_comes_again"]
+
+#: How often a drive without supply is looked at.
+LOOK_NS = 50_000_000
+
+HOLD = ParamSpec("yes or no", "The cause stays: the fault cannot be acknowledged until this is cleared.", default=False)
+
+
+class DriveFault(ShownEffect):
+    """Raised once, or ``count`` times; or held, as its cause is."""
+
+    status = Status.FAULT
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._hold = bool(self.values["hold"]) or spec.for_ns is not None or spec.cycles is not None
+        self._fault = self._servo.find_fault(self.values["fault"])
+        self._holding = False
+        self._stood = False
+        self._count = 0
+        if self._fault.warning:
+            raise InjectionError(
+                [
+                    (
+                        "params.fault",
+                        f"{self._fault.label} is a warning of this drive",
+                        "a fault; drive-warning raises warnings",
+                    )
+                ]
+            )
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        if self._hold:
+            self._servo.hold_fault(self._fault)
+            self._holding = True
+            self._occurred(now)
+        else:
+            self._raise(now)
+
+    def _raise(self, now: int) -> None:
+        """Once; a drive without supply has none until it is back."""
+        if not self._servo.powered:
+            self._due = now + LOOK_NS
+            return
+        self._stood = False
+        self._count = self._servo.fault_count(self._fault)
+        self._servo.raise_fault(self._fault)
+        self._occurred(now)
+
+    def check(self, now: int) -> None:
+        self._look(now)
+        if self._hold:
+            return
+        seen = self._tally.seen.activations
+        stands = self._servo.fault_stands(self._fault)
+        if not seen:
+            self._raise(now)
+        elif stands:
+            self._stood = True
+        elif self._servo.ignores_fault(self._fault):
+            # nothing comes of it
+            self.finished = True
+        elif self._stood or self._servo.fault_count(self._fault) > self._count:
+            if seen >= (self.spec.count or 1):
+                self.finished = True
+            else:
+                self._raise(now)
+
+    def end(self, now: int) -> None:
+        self._look(now)
+        self._due = None
+        if self._holding:
+            self._holding = False
+            self._servo.release_fault(self._fault)
+
+
+def stays_or_comes_again(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
+    """A cause that stays gives the fault no chance to come again."""
+    stays = spec.params.get("hold") is True or spec.for_ns is not None or spec.cycles is not None
+    if spec.count is not None and stays:
+        yield "count", Problem("does not go with a cause that stays", "either count, or one of hold, for and cycles")
+
+
+KINDS = (
+    InjectionKind(
+        "drive-fault",
+        "drive",
+        "The drive has a fault: ZSW1.3, its reaction, its entry in the fault buffer.  With `for` or `cycles` its cause "
+        "stays so long.",
+        "the fault; with `count` it comes again once it was acknowledged",
+        DriveFault,
+        {"fault": ParamSpec("fault", "Which fault.", required=True), "hold": HOLD},
+        takes=frozenset({"count", "for", "cycles"}),
+        misfits=stays_or_comes_again,
+        place=10,
+    ),
+)

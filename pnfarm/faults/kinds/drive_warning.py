@@ -1,0 +1,56 @@
+"""drive-warning: the drive has a warning."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.connection import Status
+from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+from pnfarm.faults.shown import StandingEffect
+from pnfarm.faults.words import InjectionError
+
+if TYPE_CHECKING:
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["KINDS"]
+
+
+class DriveWarning(StandingEffect):
+    """In front of the warnings that the drive has."""
+
+    status = Status.WARNING
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._warning = self._servo.find_fault(self.values["warning"])
+        if not self._warning.warning:
+            raise InjectionError(
+                [
+                    (
+                        "params.warning",
+                        f"{self._warning.label} is a fault of this drive",
+                        "a warning; drive-fault raises faults",
+                    )
+                ]
+            )
+
+    def put(self) -> None:
+        self._servo.warn(self._warning)
+
+    def take(self) -> None:
+        self._servo.unwarn(self._warning)
+
+
+KINDS = (
+    InjectionKind(
+        "drive-warning",
+        "drive",
+        "The drive has a warning: ZSW1.7.",
+        "the warning",
+        DriveWarning,
+        {"warning": ParamSpec("fault", "Which warning.", required=True)},
+        takes=HELD,
+        place=30,
+    ),
+)

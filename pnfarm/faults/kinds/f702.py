@@ -1,0 +1,23 @@
+"""f702: shorthand for drive-fault 702."""
+
+from __future__ import annotations
+
+from pnfarm.faults.kind import InjectionKind
+from pnfarm.faults.kinds.drive_fault import HOLD, DriveFault, stays_or_comes_again
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "f702",
+        "drive",
+        "Fieldbus communication lost: drive-fault 702.",
+        "the fault; with `count` it comes again once it was acknowledged",
+        DriveFault,
+        {"hold": HOLD},
+        takes=frozenset({"count", "for", "cycles"}),
+        preset={"fault": 702},
+        misfits=stays_or_comes_again,
+        place=20,
+    ),
+)

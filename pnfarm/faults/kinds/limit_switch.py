@@ -1,0 +1,49 @@
+"""limit-switch: the axis stands on a limit of its travel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.connection import Status
+from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+from pnfarm.faults.shown import StandingEffect
+
+if TYPE_CHECKING:
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["KINDS"]
+
+
+class LimitSwitch(StandingEffect):
+    """Confirmed by the drive's warning, if its manual names one."""
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._side = str(self.values["side"])
+        self.status = Status.WARNING if self._servo.warns_of_limit(self._side) else None
+
+    def put(self) -> None:
+        self._servo.reach_limit(self._side)
+
+    def take(self) -> None:
+        self._servo.leave_limit(self._side)
+
+
+KINDS = (
+    InjectionKind(
+        "limit-switch",
+        "drive",
+        "The axis stands on a limit of its travel: no task goes further that way, and the drive warns if its manual "
+        "names a warning.",
+        "reaching the limit",
+        LimitSwitch,
+        {
+            "side": ParamSpec(
+                "word", "Which end of the travel.", default="positive", words={"positive": 0, "negative": 1}
+            )
+        },
+        takes=HELD,
+        place=80,
+    ),
+)

@@ -1,0 +1,36 @@
+"""link-down: the cable is pulled."""
+
+from __future__ import annotations
+
+from pnfarm.faults.cable import CableEffect
+from pnfarm.faults.effect import POLL_NS, Window
+from pnfarm.faults.kind import HELD, InjectionKind
+
+__all__ = ["KINDS"]
+
+
+class LinkDown(CableEffect):
+    """Once; looked at until the link has confirmed it."""
+
+    def begin(self, window: Window, now: int) -> None:
+        super().begin(window, now)
+        self._due = now + POLL_NS
+
+    def check(self, now: int) -> None:
+        if self._look():
+            self._due = None
+        if self._due is not None and now >= self._due:
+            self._due = now + POLL_NS
+
+
+KINDS = (
+    InjectionKind(
+        "link-down",
+        "link",
+        "The cable is pulled: no carrier, no frame in or out.",
+        "pulling the cable",
+        LinkDown,
+        takes=HELD,
+        place=30,
+    ),
+)

@@ -1,0 +1,79 @@
+"""link-flap: the cable is pulled and plugged again and again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.cable import CableEffect
+from pnfarm.faults.kind import InjectionKind, ParamSpec
+from pnfarm.faults.words import Problem, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["KINDS"]
+
+
+class LinkFlap(CableEffect):
+    """Out for ``down`` of each ``period``."""
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._period: int = self.values["period"]
+        self._down: int = self.values["down"] or self._period // 2
+
+    def _pull(self, now: int) -> None:
+        super()._pull(now)
+        self._due = now + self._down
+
+    def check(self, now: int) -> None:
+        self._look()
+        if self._due is None or now < self._due:
+            return
+        if self._is_out:
+            self._plug()
+            self.finished = self.spec.count is not None and self._tally.seen.activations >= self.spec.count
+            self._due = None if self.finished else now + self._period - self._down
+        else:
+            self._pull(now)
+
+
+def _misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
+    """Down for less than the period, and neither of them zero."""
+    if {"period", "down"}.isdisjoint(spec.params):
+        return
+    try:
+        period, down = spec.values()["period"], spec.values()["down"]
+    except Problem:
+        # the parameter's own error is told already
+        return
+    if period < 2:
+        yield "params.period", Problem(f"is {shown(spec.params['period'])}", "a duration above zero")
+    elif down is not None and not 0 < down < period:
+        yield (
+            "params.down",
+            Problem(f"is {shown(spec.params['down'])}", "a duration above zero and shorter than the period"),
+        )
+
+
+KINDS = (
+    InjectionKind(
+        "link-flap",
+        "link",
+        "The cable is pulled and plugged again and again.",
+        "pulling the cable",
+        LinkFlap,
+        {
+            "period": ParamSpec("duration", "From one pull to the next.", default="1s"),
+            "down": ParamSpec(
+                "duration", "How long the cable is out each time; left out, half the period.", default=None
+            ),
+        },
+        takes=frozenset({"count", "for"}),
+        misfits=_misfits,
+        place=40,
+    ),
+)

@@ -1,0 +1,51 @@
+"""load: the machine puts more on the shaft."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+from pnfarm.faults.shown import StandingEffect
+
+if TYPE_CHECKING:
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["KINDS", "AddedLoad"]
+
+_ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
+
+
+class AddedLoad(StandingEffect):
+    """Torque, inertia and friction beside those that are there."""
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._torque, self._inertia, self._friction = (
+            float(self.values[name]) for name in ("torque", "inertia", "friction")
+        )
+
+    def put(self) -> None:
+        self._servo.put_load(self._torque, self._inertia, self._friction)
+
+    def take(self) -> None:
+        self._servo.take_load(self._torque, self._inertia, self._friction)
+
+
+KINDS = (
+    InjectionKind(
+        "load",
+        "drive",
+        "The machine puts more on the shaft, beside the load of the farm file; several of these add up.  The drive's "
+        "controllers stay tuned for the load that they know.",
+        "the change",
+        AddedLoad,
+        {
+            "torque": ParamSpec("number", "Against forward motion.", default=0.0, unit="N m", **_ANY_LOAD),
+            "inertia": ParamSpec("number", "More of it.", default=0.0, unit="kg m^2", low=0.0, high=1e6),
+            "friction": ParamSpec("number", "More dry friction.", default=0.0, unit="N m", low=0.0, high=1e9),
+        },
+        takes=HELD,
+        place=90,
+    ),
+)

@@ -1,0 +1,43 @@
+"""not-ready: something that the drive needs is taken away."""
+
+from __future__ import annotations
+
+from pnfarm.faults.connection import Status
+from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+from pnfarm.faults.shown import StandingEffect
+
+__all__ = ["KINDS"]
+
+
+class NotReady(StandingEffect):
+    """No fault, but the drive cannot be switched on."""
+
+    status = Status.INHIBITED
+
+    def put(self) -> None:
+        self._servo.lack(str(self.values["missing"]))
+
+    def take(self) -> None:
+        self._servo.regain(str(self.values["missing"]))
+
+
+KINDS = (
+    InjectionKind(
+        "not-ready",
+        "drive",
+        "Something that the drive needs is taken away, and nothing is broken: it coasts, and cannot be switched on "
+        "before this ends.",
+        "taking it away",
+        NotReady,
+        {
+            "missing": ParamSpec(
+                "word",
+                "The hardware enable (ENPO of a Moog MSD, DRV.HWENABLE of an AKD), or the power supply of the DC link.",
+                default="enable",
+                words={"enable": 0, "supply": 1},
+            )
+        },
+        takes=HELD,
+        place=110,
+    ),
+)

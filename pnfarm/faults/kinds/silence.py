@@ -1,0 +1,21 @@
+"""silence: the drive is mute."""
+
+from __future__ import annotations
+
+from pnfarm.faults.frames import FramesEffect
+from pnfarm.faults.kind import FRAMES, InjectionKind
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "silence",
+        "link",
+        "The drive is powered but mute: nothing that it sends arrives, cyclic or not.  It still hears.",
+        "a frame that is lost; `count` holds for each direction",
+        FramesEffect,
+        directions=("out", "in", "both"),
+        takes=FRAMES,
+        place=10,
+    ),
+)

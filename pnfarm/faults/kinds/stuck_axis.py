@@ -1,0 +1,21 @@
+"""stuck-axis: the machine is jammed."""
+
+from __future__ import annotations
+
+from pnfarm.faults.kind import HELD, InjectionKind
+from pnfarm.faults.kinds.load import AddedLoad
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "stuck-axis",
+        "drive",
+        "The machine is jammed: no torque of the motor turns the shaft.",
+        "the jam",
+        AddedLoad,
+        takes=HELD,
+        preset={"torque": 0.0, "inertia": 0.0, "friction": 1e9},
+        place=100,
+    ),
+)

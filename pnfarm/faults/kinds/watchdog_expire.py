@@ -1,0 +1,29 @@
+"""watchdog-expire: the drive gives its controller up."""
+
+from __future__ import annotations
+
+from pnfarm.faults.breaking import BreakingEffect
+from pnfarm.faults.kind import EACH, InjectionKind
+
+__all__ = ["KINDS"]
+
+
+class WatchdogExpire(BreakingEffect):
+    """As if the controller's frames did not come."""
+
+    def break_off(self, now: int) -> int:
+        return self._connection.expire(now)
+
+
+KINDS = (
+    InjectionKind(
+        "watchdog-expire",
+        "connection",
+        "The drive behaves as if its data hold timer had run out, although the controller's frames come: the "
+        "connection ends (ERR-RTA-PDU), and the drive takes its fault for that.",
+        "one broken connection; without `count` and `for` it happens once",
+        WatchdogExpire,
+        takes=EACH,
+        place=90,
+    ),
+)

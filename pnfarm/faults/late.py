@@ -1,0 +1,60 @@
+"""Effects that let leave late what a drive says."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.effect import POLL_NS, Chance, Effect, seed_of
+from pnfarm.faults.kind import ParamSpec
+from pnfarm.station.splitmix import SplitMix64
+
+if TYPE_CHECKING:
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["LATE_PARAMS", "LateEffect"]
+
+LATE_PARAMS = {
+    "delay": ParamSpec("duration", "How late, at least.", default="500ms"),
+    "jitter": ParamSpec("duration", "Up to so much later still, at random.", default="0ms"),
+}
+
+
+class LateEffect(Effect):
+    """A :class:`~pnfarm.faults.gate.LateRule`: late by a fixed time, and up to ``jitter`` more."""
+
+    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._chance = Chance(spec, drive, spec.count)
+        self._delay: int = self.values["delay"]
+        self._jitter: int = self.values["jitter"]
+        # another sequence than that of the probability
+        self._random = SplitMix64(seed_of(spec, drive.name) + 1)
+        self._held = 0
+        self._due: int | None = None
+
+    def asked(self, now: int) -> int:
+        if self._chance.exhausted:
+            return 0
+        wait = self._delay + int(self._random.uniform() * (self._jitter + 1))
+        happens = self._chance.falls() and wait > 0
+        self._chance.tally.note(now, happened=happens)
+        self._held += happens
+        return wait if happens else 0
+
+    def left(self, *, sent: bool) -> None:
+        self._held -= 1
+        if sent:
+            self._chance.tally.confirm()
+
+    def check(self, now: int) -> None:
+        # ending earlier would let the last one go in time
+        self.finished = self._chance.exhausted and not self._held
+        self._due = now + POLL_NS if self._chance.exhausted and self._held else None
+
+    def evidence(self) -> Evidence:
+        return self._chance.tally.seen
+
+    def next_deadline(self) -> int | None:
+        return self._due

@@ -1,0 +1,102 @@
+"""A drive as injections see it: parts, each of which offers what can be done to it and what can be watched.
+
+Why parts: what can be injected depends on the bus.  A drive on any bus has a servo, a wire and a connection; other
+parts, such as modules in slots, only drives on one bus have.  So an effect names the parts that it needs, a bus gives
+its drives the parts that they have, and neither asks for the other's name.  Every method of a part that changes
+something has one that undoes it, and both may be called by several injections at once.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+from pnfarm.errors import InternalError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+__all__ = ["DrivePart", "InjectedDrive", "Part"]
+
+P = TypeVar("P")
+
+
+class Part(Generic[P]):
+    """The name of a part; ``words`` are what a drive lacks that does not have it, such as ``alarms``."""
+
+    __slots__ = ("words",)
+
+    def __init__(self, words: str) -> None:
+        self.words = words
+
+    def __repr__(self) -> str:
+        return f"Part({self.words!r})"
+
+
+class DrivePart:
+    """What every part does when the drive boots."""
+
+    def refresh(self, now: int) -> None:
+        """The drive is about to be given a frame, or was switched on.  ``now`` holds until the next call."""
+        del now
+
+    def rebooted(self, now: int) -> None:
+        """The drive has new machines, without a trace of what was in force: put it into them."""
+        del now
+
+    def in_force(self) -> list[Any]:
+        """What injections have put here and not taken back."""
+        return []
+
+
+class InjectedDrive:
+    """One drive.
+
+    ``names`` are the one in the farm file and the one that its bus gave; ``models`` the model's name and aliases.
+    ``machines`` gives an object that is another one after each boot.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        names: Callable[[], tuple[str, ...]],
+        models: tuple[str, ...],
+        parts: Mapping[Part[Any], DrivePart],
+        machines: Callable[[], object],
+    ) -> None:
+        self.name = name
+        self._names = names
+        self.models = models
+        self._parts = parts
+        self._machines = machines
+        self._known = machines()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that it answers to."""
+        return self._names()
+
+    def find(self, part: Part[P]) -> P | None:
+        """None where the drive's bus has no such part."""
+        # a mapping from keys to values of the key's own type cannot be written as a type
+        return cast("P | None", self._parts.get(part))
+
+    def part(self, part: Part[P]) -> P:
+        """A part that the effect named in ``needs``."""
+        found = self.find(part)
+        if found is None:
+            raise InternalError(f"an effect asks {self.name} for its {part.words} without having named them as needed")
+        return found
+
+    def refresh(self, now: int) -> None:
+        """The drive may have booted since: put everything that is in force into its machines."""
+        parts = dict.fromkeys(self._parts.values())
+        if self._known is not (machines := self._machines()):
+            self._known = machines
+            for part in parts:
+                part.rebooted(now)
+        for part in parts:
+            part.refresh(now)
+
+    def in_force(self) -> dict[str, list[Any]]:
+        """What injections have put on each part and not taken back."""
+        return {part.words: left for part, found in self._parts.items() if (left := found.in_force())}

@@ -1,0 +1,150 @@
+"""A drive's wire, as injections see it: its cyclic frames, its acyclic ones, its cable."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError, InternalError
+from pnfarm.faults.evidence import Evidence
+from pnfarm.faults.parts import DrivePart, Part
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.engine.impairments import CyclicEvidence, ImpairmentTable
+    from pnfarm.faults.carrier import Carriers
+    from pnfarm.faults.gate import DelayRule, GatedLink, GateRule
+    from pnfarm.wire.direction import Direction
+
+__all__ = ["WIRE", "Wire"]
+
+
+class Wire(DrivePart):
+    """``station`` is the drive's row of the table, ``port`` its port of the link.
+
+    ``carrier_changed(up)`` tells the drive of its cable.
+    """
+
+    def __init__(
+        self,
+        drive: str,
+        station: int,
+        port: int,
+        impairments: ImpairmentTable,
+        gate: GatedLink,
+        carriers: Carriers,
+        carrier_changed: Callable[[bool], None],
+    ) -> None:
+        self._drive = drive
+        self._station = station
+        self._port = port
+        self._impairments = impairments
+        self._gate = gate
+        self._carriers = carriers
+        self._carrier_changed = carrier_changed
+
+    def rebooted(self, now: int) -> None:
+        del now
+        self.forget()
+
+    def forget(self) -> None:
+        """The drive lost its supply: what is held back never leaves."""
+        self._gate.forget(self._port)
+
+    def in_force(self) -> list[Any]:
+        pulled = ["cable"] if self._carriers.is_pulled(self._port) else []
+        return [*self._impairments.of_station(self._station), *self._gate.in_force(self._port), *pulled]
+
+    # cyclic frames
+
+    def impair(
+        self,
+        direction: Direction,
+        kind: int,
+        *,
+        probability: float,
+        seed: int,
+        count: int,
+        after: int,
+        start_ns: int,
+        stop_ns: int,
+    ) -> int:
+        """Let the engine act on the cyclic frames of one direction, as in :mod:`pnfarm.table.impairment`; its number.
+
+        Raises :class:`~pnfarm.errors.ConfigError` when the engine's rows are all in use.
+        """
+        try:
+            return self._impairments.add(
+                self._station,
+                direction,
+                kind,
+                probability=probability,
+                seed=seed,
+                count=count,
+                after=after,
+                start_ns=start_ns,
+                stop_ns=stop_ns,
+            )
+        except InternalError as exc:
+            raise ConfigError(
+                f"{self._drive} cannot take one more injection into cyclic frames: {exc}; clear some"
+            ) from exc
+
+    def share_limit(self, one: int, other: int) -> None:
+        """Let two impairments count against one ``count``."""
+        self._impairments.share_limit(one, other)
+
+    def set_limit(self, number: int, count: int) -> None:
+        """What is left of an impairment's ``count``; 0 or less: nothing."""
+        self._impairments.set_limit(number, count)
+
+    def impairment(self, number: int) -> Evidence:
+        """What it did until now."""
+        return _evidence(self._impairments.evidence(number))
+
+    def unimpair(self, number: int) -> Evidence:
+        """Take it back; what it did."""
+        return _evidence(self._impairments.remove(number))
+
+    # acyclic frames
+
+    def gate(self, rule: GateRule) -> None:
+        """Let ``rule`` look at every acyclic frame."""
+        self._gate.add(self._port, rule)
+
+    def ungate(self, rule: GateRule) -> None:
+        """Take it back."""
+        self._gate.remove(self._port, rule)
+
+    def delay(self, rule: DelayRule) -> None:
+        """Let ``rule`` hold back acyclic frames that the drive sends."""
+        self._gate.delay(self._port, rule)
+
+    def undelay(self, rule: DelayRule) -> None:
+        """Take it back; what no other rule holds back leaves at once."""
+        self._gate.undelay(self._port, rule)
+
+    # the cable
+
+    def pull_cable(self) -> None:
+        """No carrier until everyone who pulled has plugged."""
+        self._carriers.pull(self._port, self._drive)
+        self._carrier_changed(False)
+
+    def plug_cable(self) -> None:
+        """Undo one :meth:`pull_cable`."""
+        self._carriers.plug(self._port, self._drive)
+        self._carrier_changed(not self._carriers.is_pulled(self._port))
+
+    @property
+    def carrier_off(self) -> bool:
+        """Whether the link has confirmed that the carrier is off."""
+        return self._carriers.is_off(self._port)
+
+
+def _evidence(seen: CyclicEvidence) -> Evidence:
+    # the engine counts on real frames: an activation is a frame that left changed, or did not leave
+    return Evidence(seen.checks, seen.activations, seen.first_ns, seen.last_ns, seen.activations > 0)
+
+
+WIRE: Part[Wire] = Part("wire")

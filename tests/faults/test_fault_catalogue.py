@@ -1,0 +1,160 @@
+"""A kind is one file that is found; a drive takes it if it has the parts that the kind needs."""
+
+import importlib
+import inspect
+import sys
+
+import pytest
+import toy_kinds
+from fault_line import FaultLine
+
+from pnfarm.buses.registry import BUSES, bus, fault_kinds
+from pnfarm.errors import ConfigError, InternalError
+from pnfarm.faults import kinds as neutral_kinds
+from pnfarm.faults.catalogue import Catalogue, kinds_in
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.effect import Effect
+from pnfarm.faults.gate import GatedLink
+from pnfarm.faults.kind import InjectionKind
+from pnfarm.faults.manager import InjectionManager
+from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.servo import SERVO
+from pnfarm.faults.words import InjectionError
+from pnfarm.links.memory import MemoryLink, MemorySwitch
+
+FIELDS = {"drive-fault": {"fault": 702}, "drive-warning": {"warning": 107}, "digital-input": {"input": 0}}
+
+
+def test_a_kind_in_a_file_of_its_own_is_injected_and_taken_back():
+    line = FaultLine()
+    line.connect()
+    line.enable()
+    catalogue = Catalogue([*fault_kinds().values(), *kinds_in(toy_kinds)])
+    manager = InjectionManager(catalogue, {"axis-01": line.faults.drive("axis-01")}, line.farm.link)
+    fields = {"kind": "hiccup", "on": "all", "params": {"pause": "100ms"}, "for": "950ms"}
+    injection = manager.inject(fields, line.world.now)
+    lost = []
+    for _ in range(120):
+        line.run(0.01)
+        manager.handle_timeout(line.world.now)
+        lost.append(not line.plc.all_running)
+    assert injection.state == "ended"
+    assert injection.evidence().activations == 5
+    assert any(lost)
+    assert manager.activations() == {("hiccup", "axis-01"): 5}
+    assert not line.faults.drive("axis-01").in_force()
+    line.enable()
+    assert catalogue["hiccup"].as_dict()["params"]["pause"]["default"] == "200ms"
+    with pytest.raises(InjectionError, match="'hiccup' is no kind of fault"):
+        line.add("hiccup")
+
+
+def test_each_file_of_a_package_of_kinds_is_found_in_the_order_of_its_name():
+    found = [kind.name for kind in kinds_in(neutral_kinds)]
+    assert found[:5] == ["undervoltage", "encoder-error", "following-error", "sto", "digital-input"]
+    assert {"loss", "silence", "f702", "power-cycle"} < set(found)
+
+
+def test_a_file_of_kinds_that_declares_none_is_told(tmp_path, monkeypatch):
+    package = tmp_path / "empty_kinds"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "nothing.py").touch()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "empty_kinds", raising=False)
+    with pytest.raises(InternalError, match=r"empty_kinds\.nothing declares no KINDS"):
+        kinds_in(importlib.import_module("empty_kinds"))
+
+
+def test_two_kinds_of_one_name_and_a_family_that_there_is_none_of_are_told():
+    (kind,) = kinds_in(toy_kinds)
+    with pytest.raises(InternalError, match="two kinds of injections named hiccup"):
+        Catalogue([kind, kind])
+    stray = InjectionKind("stray", "weather", "Rain.", "a drop", kind.effect)
+    with pytest.raises(InternalError, match="stray is of the family 'weather'"):
+        Catalogue([stray])
+
+
+@pytest.mark.parametrize("name", BUSES)
+def test_a_bus_brings_kinds_that_stand_in_its_room(name):
+    kinds = tuple(bus(name).fault_kinds())
+    assert kinds
+    for kind in kinds:
+        needed = {part for part in kind.effect.needs if part not in {CONNECTION, SERVO}}
+        assert needed, f"{kind.name} needs nothing that only drives on {name} have"
+        assert inspect.getmodule(kind.effect).__name__.startswith(f"pnfarm.buses.{name}.")
+
+
+def test_a_bus_that_there_is_none_of_is_told():
+    with pytest.raises(ConfigError, match="there is no bus 'token-ring'; there are profinet"):
+        bus("token-ring")
+
+
+def manager_of(drive: InjectedDrive) -> InjectionManager:
+    gate = GatedLink(MemoryLink(MemorySwitch(), lambda: 0), lambda: 0)
+    return InjectionManager(fault_kinds(), {drive.name: drive}, gate)
+
+
+@pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
+def test_a_drive_with_the_parts_that_a_kind_needs_takes_it_and_one_without_any_refuses_it(kind):
+    line = FaultLine(model="akd-profinet")
+    whole = line.faults.drive("axis-01")
+    parts = {part: whole.part(part) for part in kind.effect.needs}
+    fields = {"kind": kind.name, "on": "all", "params": FIELDS.get(kind.name, {})}
+    drive = InjectedDrive("axis-01", lambda: whole.names, whole.models, parts, lambda: None)
+    manager = manager_of(drive)
+    (injection,) = [manager.inject(fields, line.world.now)]
+    manager.clear(injection.id, line.world.now)
+    for missing in parts:
+        some = {part: found for part, found in parts.items() if part is not missing}
+        poor = InjectedDrive("axis-07", lambda: ("axis-07",), whole.models, some, lambda: None)
+        with pytest.raises(InjectionError) as caught:
+            manager_of(poor).inject(fields, line.world.now)
+        assert str(caught.value) == f"fault.kind: axis-07 has no {missing.words}, which {kind.name} needs"
+
+
+def test_a_drive_without_a_connection_cannot_count_its_cycles():
+    line = FaultLine()
+    parts = {SERVO: line.faults.drive("axis-01").part(SERVO)}
+    drive = InjectedDrive("axis-07", lambda: ("axis-07",), (), parts, lambda: None)
+
+    class Still(Effect):
+        needs = (SERVO,)
+
+        def begin(self, window, now):
+            pass
+
+    kind = InjectionKind("still", "drive", "Nothing.", "nothing", Still, takes=frozenset({"cycles"}))
+    gate = GatedLink(MemoryLink(MemorySwitch(), lambda: 0), lambda: 0)
+    manager = InjectionManager(Catalogue([kind]), {"axis-07": drive}, gate)
+    assert manager.inject({"kind": "still", "on": "all"}, 1).state == "active"
+    with pytest.raises(InjectionError, match=r"fault\.cycles: axis-07 has no cyclic connection"):
+        manager.inject({"kind": "still", "on": "all", "cycles": 3}, 1)
+    with pytest.raises(InjectionError, match=r"fault\.after_cycles: axis-07 has no cyclic connection"):
+        manager.inject({"kind": "still", "on": "all", "after_cycles": 3}, 1)
+
+
+def test_an_effect_that_asks_for_a_part_without_having_named_it_is_an_error_of_the_house():
+    drive = InjectedDrive("axis-07", lambda: ("axis-07",), (), {}, lambda: None)
+    with pytest.raises(InternalError, match="asks axis-07 for its servo"):
+        drive.part(SERVO)
+
+
+def test_what_is_in_force_goes_into_the_machines_of_a_drive_that_booted():
+    told, machines = [], [object()]
+
+    class Noted(DrivePart):
+        def refresh(self, now):
+            told.append(("refresh", now))
+
+        def rebooted(self, now):
+            told.append(("rebooted", now))
+
+    shared = Noted()
+    one, other = Part("one"), Part("other")
+    drive = InjectedDrive("a", lambda: ("a",), (), {one: shared, other: shared}, lambda: machines[-1])
+    drive.refresh(1)
+    machines.append(object())
+    drive.refresh(2)
+    drive.refresh(3)
+    assert told == [("refresh", 1), ("rebooted", 2), ("refresh", 2), ("refresh", 3)]

@@ -1,0 +1,1 @@
+"""Kinds of injections that only tests have."""
