@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import anyio
 from starlette.requests import ClientDisconnect
 
-from pnfarm.api.events import Messages
+from pnfarm.api.messages import Messages
 from pnfarm.api.problems import ClientGoneError, NotFoundError, RequestError, TooLargeError
 from pnfarm.errors import ConfigError
 from pnfarm.farm.snapshot import drive_snapshot

@@ -16,34 +16,15 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
     from pnfarm.api.context import ApiContext
-    from pnfarm.station.event_log import LogEntry
 
-__all__ = ["Messages", "event_stream", "start_of"]
+__all__ = ["event_stream", "start_of"]
 
 #: A comment now and then tells a proxy that the stream lives.
 ALIVE_SECONDS = 15.0
-#: Entries that leave in one piece, and events that are kept for other streams.
+#: Entries that leave in one piece.
 PIECE = 64
-MESSAGES = 256
 #: How soon a browser tries again.
 RETRY_MILLISECONDS = 2000
-
-
-class Messages:
-    """Log entries as events, each made once for all streams; the last of them are kept."""
-
-    def __init__(self) -> None:
-        self._kept: dict[int, str] = {}
-
-    def of(self, entry: LogEntry) -> str:
-        """The event of an entry of the farm's one log."""
-        found = self._kept.get(entry.sequence)
-        if found is None:
-            found = f"id: {entry.sequence}\ndata: {json.dumps(entry.as_dict(), default=str)}\n\n"
-            self._kept[entry.sequence] = found
-            if len(self._kept) > MESSAGES:
-                del self._kept[next(iter(self._kept))]
-        return found
 
 
 def start_of(context: ApiContext, last_event_id: str | None) -> int:

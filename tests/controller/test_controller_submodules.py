@@ -10,7 +10,8 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.core import ControllerCore
-from pnfarm.buses.profinet.controller.identification import UNDER_WAY, read_im
+from pnfarm.buses.profinet.controller.identification import UNDER_WAY
+from pnfarm.buses.profinet.controller.identity import read_im
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.links.base import PortSpec

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.profinet.controller.snapshot import PHASES
 from pnfarm.station.events import Event, Level, seconds
+from pnfarm.table import program
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.lldp import Neighbour
 
 __all__ = [
+    "PHASES",
     "AlarmReceived",
     "ConnectFailed",
     "Connected",
@@ -30,6 +31,17 @@ __all__ = [
     "Released",
     "SubmodulesChanged",
 ]
+
+
+#: Phases of an axis program by number.
+PHASES = {
+    program.OFFLINE: "offline",
+    program.SWITCHING_ON: "switching on",
+    program.RUNNING: "running",
+    program.FAULTED: "faulted",
+    program.ACKNOWLEDGING: "acknowledging",
+    program.STOPPED: "stopped",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,102 +7,27 @@ being connected.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.controller.events import IdentificationDiffers, IdentificationUnread
+from pnfarm.buses.profinet.controller.identity import read_im
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.records import parse_im0, parse_im_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pnfarm.buses.profinet.controller.identity import Identification
     from pnfarm.buses.profinet.controller.records import RecordJob, RecordJobs
     from pnfarm.buses.profinet.controller.session import DeviceSession
     from pnfarm.station.event_log import EventLog
 
-__all__ = ["IM0_INDEX", "Identification", "IdentificationReader", "read_im", "words_of_revision"]
+__all__ = ["IM0_INDEX", "IdentificationReader"]
 
 IM0_INDEX = 0xAFF0
 #: Drives that are read at once; while others are being connected, one.
 UNDER_WAY = 4
 #: Octets of I&M0 to I&M4 with their block's header, the longest of them.
 IM_LENGTH = 64
-#: I&M1: 32 octets of function, then 22 of location.
-_FUNCTION = 32
-
-
-@dataclass(frozen=True, slots=True)
-class Identification:
-    """``im_supported`` has bit n for I&M n; the texts of records that a drive does not have are empty.
-
-    ``signature`` is hexadecimal, without the zeros at its end.
-    """
-
-    vendor_id: int
-    order_id: str
-    serial_number: str
-    hardware_revision: int
-    software_revision: str
-    revision_counter: int
-    profile_id: int
-    profile_specific_type: int
-    im_supported: int
-    tag_function: str = ""
-    tag_location: str = ""
-    installation_date: str = ""
-    descriptor: str = ""
-    signature: str = ""
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
-
-
-def words_of_revision(revision: tuple[str, int, int, int]) -> str:
-    """``V1.17.0``."""
-    prefix, *numbers = revision
-    return prefix + ".".join(map(str, numbers))
-
-
-def _text(octets: bytes) -> str:
-    return octets.decode("latin-1").rstrip("\0 ")
-
-
-def read_im(before: Identification | None, data: bytes) -> Identification:
-    """Take one of I&M0 to I&M4 into what is known; I&M0 comes first.  Raises DecodeError."""
-    blocks = split_blocks(data)
-    if not blocks:
-        raise DecodeError("bad-count", "an I&M record without a block")
-    block = blocks[0]
-    if block.block_type == BlockType.IM0:
-        im0 = parse_im0(block)
-        return Identification(
-            vendor_id=im0.vendor_id,
-            order_id=_text(im0.order_id),
-            serial_number=_text(im0.serial_number),
-            hardware_revision=im0.hardware_revision,
-            software_revision=words_of_revision(im0.software_revision),
-            revision_counter=im0.revision_counter,
-            profile_id=im0.profile_id,
-            profile_specific_type=im0.profile_specific_type,
-            im_supported=im0.im_supported,
-        )
-    if before is None:
-        raise DecodeError("bad-type", f"block 0x{block.block_type:04X} before I&M0")
-    text = parse_im_text(block)
-    match text.block_type:
-        case BlockType.IM1:
-            function, location = _text(text.text[:_FUNCTION]), _text(text.text[_FUNCTION:])
-            return replace(before, tag_function=function, tag_location=location)
-        case BlockType.IM2:
-            return replace(before, installation_date=_text(text.text))
-        case BlockType.IM3:
-            return replace(before, descriptor=_text(text.text))
-        case BlockType.IM4:
-            return replace(before, signature=text.text.rstrip(b"\0").hex())
-    return before
 
 
 class IdentificationReader:

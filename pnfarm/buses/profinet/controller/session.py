@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from uuid import UUID
 
     from pnfarm.buses.profinet.controller.device_plan import DevicePlan
-    from pnfarm.buses.profinet.controller.identification import Identification
+    from pnfarm.buses.profinet.controller.identity import Identification
     from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cmctl import CmController
 

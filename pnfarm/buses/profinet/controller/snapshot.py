@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.table import program
+from pnfarm.buses.profinet.controller.events import PHASES
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.session import DeviceSession
     from pnfarm.table.columns import Columns
 
-__all__ = ["PHASES", "snapshot_row"]
-
-PHASES = {
-    program.OFFLINE: "offline",
-    program.SWITCHING_ON: "switching on",
-    program.RUNNING: "running",
-    program.FAULTED: "faulted",
-    program.ACKNOWLEDGING: "acknowledging",
-    program.STOPPED: "stopped",
-}
+__all__ = ["snapshot_row"]
 
 
 def snapshot_row(session: DeviceSession, columns: Columns) -> dict[str, Any]:

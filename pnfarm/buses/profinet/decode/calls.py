@@ -6,11 +6,11 @@ bounded number of them.  Fragments are put together first.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
-from pnfarm.buses.profinet.decode.packet import Said
+from pnfarm.buses.profinet.decode.packet import Call, Said
 from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
@@ -82,20 +82,6 @@ _DIRECTIONS: dict[int, str] = {PacketType.REQUEST: "req", PacketType.RESPONSE: "
 #: Records of a multiple write that are shown.
 MOST_RECORDS = 8
 _RESPONSE_BIT = 0x8000
-
-
-@dataclass(slots=True)
-class Call:
-    """A request and what its response needs to be understood.  ``client`` and ``server`` are addresses."""
-
-    service: str
-    opnum: int
-    client: bytes
-    server: bytes
-    answered: bool = False
-    blocks: tuple[Block, ...] = ()
-    write: WriteRequest | None = None
-    parts: dict[bool, Reassembly] = field(default_factory=dict)
 
 
 def is_call(source_port: int, destination_port: int, data: bytes) -> bool:

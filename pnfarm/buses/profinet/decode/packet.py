@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from uuid import UUID
 
-    from pnfarm.buses.profinet.decode.calls import Call
     from pnfarm.buses.profinet.decode.channels import Channel, Template
+    from pnfarm.protocols.profinet.rpc_fragments import Reassembly
+    from pnfarm.protocols.profinet.wire.blocks_any import Block
+    from pnfarm.protocols.profinet.wire.iod import WriteRequest
 
-__all__ = ["Packet", "Said", "Shared"]
+__all__ = ["Call", "Packet", "Said", "Shared"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +45,20 @@ class Said:
     details: Mapping[str, Any] = field(default_factory=dict)
     counts: Mapping[str, str] = field(default_factory=dict)
     family: str = ""
+
+
+@dataclass(slots=True)
+class Call:
+    """A request and what its response needs to be understood.  ``client`` and ``server`` are addresses."""
+
+    service: str
+    opnum: int
+    client: bytes
+    server: bytes
+    answered: bool = False
+    blocks: tuple[Block, ...] = ()
+    write: WriteRequest | None = None
+    parts: dict[bool, Reassembly] = field(default_factory=dict)
 
 
 class Shared:

@@ -34,7 +34,7 @@ from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.parts import DeviceParts
     from pnfarm.protocols.profinet.events import CmEvent
 
 __all__ = ["SLOWEST_STEP_NS", "StationConnections"]
@@ -53,7 +53,7 @@ def _step_ns(cycle_ns: int) -> int:
 class StationConnections:
     """See the module's head.  What is counted here outlives a power cycle."""
 
-    def __init__(self, station: DriveStation) -> None:
+    def __init__(self, station: DeviceParts) -> None:
         self._station = station
         self.connects = 0
         #: How often ARs were aborted, by ErrorCode1 and ErrorCode2 of the ERR-RTA.

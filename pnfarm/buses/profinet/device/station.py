@@ -26,8 +26,9 @@ from pnfarm.buses.profinet.device.neighbours import StationNeighbours, port_diag
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
 from pnfarm.buses.profinet.device.record_memory import record_word, records_of
-from pnfarm.buses.profinet.device.snmp import PortTraffic, snmp_view
+from pnfarm.buses.profinet.device.snmp import snmp_view
 from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
+from pnfarm.buses.profinet.device.traffic import PortTraffic
 from pnfarm.buses.profinet.device.view import connection_of, losses_in_words, losses_of, view_of
 from pnfarm.drives.given_values import raw_number
 from pnfarm.drives.store import (

@@ -12,7 +12,7 @@ from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.device.channels import ArChannels
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.parts import DeviceParts
 
 __all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "losses_in_words", "losses_of", "view_of"]
 
@@ -22,7 +22,7 @@ CONNECTION_STATES = tuple(state.value for state in CmdevState)
 USUAL_LOSSES = ("consumer-dht-expired", "cmi-timeout", "re-run-aborts-existing", "abort-request")
 
 
-def _with_data(station: DriveStation) -> tuple[int, ArChannels] | None:
+def _with_data(station: DeviceParts) -> tuple[int, ArChannels] | None:
     """Key and channels of the AR that carries IO data, or of any other; None while there is none."""
     for key, ar in station.ars.items():
         if ar.providers:
@@ -30,7 +30,7 @@ def _with_data(station: DriveStation) -> tuple[int, ArChannels] | None:
     return next(iter(station.ars.items()), None)
 
 
-def connection_of(station: DriveStation) -> ConnectionView | None:
+def connection_of(station: DeviceParts) -> ConnectionView | None:
     """The AR with IO data, or the only other one.
 
     An AR without channels (device access, or one that is being connected) has a state and nothing else.
@@ -57,17 +57,17 @@ def connection_of(station: DriveStation) -> ConnectionView | None:
     )
 
 
-def losses_of(station: DriveStation) -> Counter[str]:
+def losses_of(station: DeviceParts) -> Counter[str]:
     """Aborted ARs by the ERR-RTA's code."""
     return Counter({abort_label(*codes): count for codes, count in station.aborts.items()})
 
 
-def losses_in_words(station: DriveStation) -> dict[str, int]:
+def losses_in_words(station: DeviceParts) -> dict[str, int]:
     """The same, in words."""
     return {describe_status(abort_status(*codes)): count for codes, count in station.aborts.items()}
 
 
-def view_of(station: DriveStation, now: int) -> dict[str, Any]:
+def view_of(station: DeviceParts, now: int) -> dict[str, Any]:
     """Name, address, neighbours: what only PROFINET knows of a drive."""
     address, conflict = station.dcp.address, station.addressing.conflict_mac
     return {
@@ -80,7 +80,7 @@ def view_of(station: DriveStation, now: int) -> dict[str, Any]:
     }
 
 
-def _neighbours(station: DriveStation, now: int) -> list[dict[str, Any]]:
+def _neighbours(station: DeviceParts, now: int) -> list[dict[str, Any]]:
     """Who is at the other end of the drive's cable, as LLDP says it."""
     return [
         {

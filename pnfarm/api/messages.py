@@ -1,0 +1,31 @@
+"""Log entries as server-sent events, each made once for all streams."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pnfarm.station.event_log import LogEntry
+
+__all__ = ["Messages"]
+
+#: Messages that are kept for other streams.
+MESSAGES = 256
+
+
+class Messages:
+    """Log entries as events, each made once for all streams; the last of them are kept."""
+
+    def __init__(self) -> None:
+        self._kept: dict[int, str] = {}
+
+    def of(self, entry: LogEntry) -> str:
+        """The event of an entry of the farm's one log."""
+        found = self._kept.get(entry.sequence)
+        if found is None:
+            found = f"id: {entry.sequence}\ndata: {json.dumps(entry.as_dict(), default=str)}\n\n"
+            self._kept[entry.sequence] = found
+            if len(self._kept) > MESSAGES:
+                del self._kept[next(iter(self._kept))]
+        return found

@@ -1,0 +1,85 @@
+"""A device as its own helpers see it: the machines and the drive that they read, and the two things they may do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from collections import Counter
+    from collections.abc import Mapping
+
+    from pnfarm.buses.profinet.device.address import StationAddress
+    from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
+    from pnfarm.buses.profinet.device.neighbours import StationNeighbours
+    from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
+    from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
+    from pnfarm.buses.profinet.device.traffic import PortTraffic
+    from pnfarm.drives.axis_handle import AxisHandle
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.store import ParameterStore
+    from pnfarm.links.base import Port
+    from pnfarm.protocols.profinet.binding import DriveRecords
+    from pnfarm.protocols.profinet.cmdev import CmDevice
+    from pnfarm.protocols.profinet.dcp_device import DcpDevice
+    from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.mib_view import SystemText
+    from pnfarm.station.events import Event
+
+__all__ = ["DeviceParts"]
+
+
+class DeviceParts(Protocol):
+    """See the module's head; the machines are made anew at each power-on."""
+
+    model: Model
+    port: Port
+    handle: AxisHandle
+    store: ParameterStore
+    description: DeviceDescription
+    dcp: DcpDevice
+    cm: CmDevice
+    addressing: StationAddress
+    channels: StationChannels
+    neighbours: StationNeighbours
+    parameter_records: DriveRecords
+    parameter_words: StationParameterWords
+    traffic: PortTraffic
+    snmp_texts: dict[SystemText, str]
+    neighbour_rows: NeighbourRows
+
+    @property
+    def name(self) -> str:
+        """The station's name now."""
+        ...
+
+    @property
+    def powered(self) -> bool:
+        """Whether the control supply is on."""
+        ...
+
+    @property
+    def booted_ns(self) -> int:
+        """When it was powered on last."""
+        ...
+
+    @property
+    def ars(self) -> Mapping[int, ArChannels]:
+        """The connections that stand, by the key of their AR."""
+        ...
+
+    @property
+    def aborts(self) -> Counter[tuple[int, int]]:
+        """Aborted connections by the codes of the ERR-RTA."""
+        ...
+
+    def discards(self) -> dict[str, int]:
+        """Dropped frames and PDUs by reason."""
+        ...
+
+    def note(self, now: int, event: Event) -> None:
+        """Something happened to this drive."""
+        ...
+
+    def keep(self, now: int, key: str, value: Any) -> None:
+        """Write one value of non-volatile memory through; None forgets it."""
+        ...
