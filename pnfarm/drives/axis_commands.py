@@ -1,4 +1,4 @@
-"""Commands of parameters that the firmware carries out: what each is for it, and when a drive takes it.
+"""Command parameters that the firmware carries out: the code of each, and when a drive takes it.
 
 As the Kollmorgen AKD has them (PROFINET manual 5.6, 5.10.3; its parameter reference).  The control word alone enables
 the drive and gives velocity set points, and so these commands start and end what runs beside it.

@@ -1,4 +1,4 @@
-"""What a drive's parameters make of its axis record: every field of writer ``parameter``, in physical units."""
+"""From a drive's parameters to its axis record: every field of writer ``parameter``, in physical units."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ __all__ = ["AxisFields"]
 _SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n", "velocity_step": "reference/n"}
 #: Velocity steps to the velocity reference value (HIWIN E1 manual 6.1: 0x4000 is 100 %).
 _REFERENCE = 0x4000
-#: What a model does not speak of has the field's default.
+#: A field that no parameter and no section of the model sets has its default.
 _PARAMETER_FIELDS = tuple(field for field in AXIS.fields.values() if field.writer == "parameter")
-#: Fields that are places on the shaft; parameters count from the machine's zero.
-PLACES = frozenset({"position", "commanded_position"})
+#: Fields that are positions of the shaft; their parameters count from the home position.
+SHAFT_POSITIONS = frozenset({"position", "commanded_position"})
 #: Fields that hold the fault of a cause that the firmware itself sees.
 _FAULT_OF_CAUSE = {
     "encoder-error": "sensor_fault",
@@ -68,23 +68,23 @@ _CHANGED_BY = {"home_method": HOME_MODE, "home_distance": HOME_DIST, "accelerati
 #: Bits of ``home_signals``.
 _HOME_SIGNALS = {HOME_MODE: 0x1, HOME_DIST: 0x2}
 #: A ramp whose time is zero, rpm/s.
-AT_ONCE = 1e12
+IMMEDIATE = 1e12
 
 
 class AxisFields:
     """Writes the axis record of ``handle`` from the drive's stored values and its telegram."""
 
-    __slots__ = ("_generator_set", "_handle", "_places", "_selection", "_values", "_written")
+    __slots__ = ("_generator_set", "_handle", "_positions", "_selection", "_values", "_written")
 
     def __init__(self, values: StoredValues, selection: TelegramSelection, handle: AxisHandle) -> None:
         self._values = values
         self._selection = selection
         self._handle = handle
-        #: Parameters whose raw number is rounded since the unit changed: PNU -> that number, and the place, rev.
-        self._places: dict[int, tuple[int, float]] = {}
+        #: Raw numbers that were rounded when the unit changed: PNU -> that number, and the exact position, rev.
+        self._positions: dict[int, tuple[int, float]] = {}
         #: Set points that were written by their PNU: slot -> raw number.
         self._written: dict[int, int] = {}
-        #: How often a parameter set what becomes of velocity set points.
+        #: How often a parameter wrote ``ramp_generator``.
         self._generator_set = 0
 
     @property
@@ -94,19 +94,19 @@ class AxisFields:
 
     # from parameters
 
-    def forget(self) -> None:
-        """What parameters wrote of set points is gone."""
+    def clear_written(self) -> None:
+        """Set points that were written as parameters are forgotten."""
         self._written.clear()
 
     def apply_all(self) -> None:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
-        self._places.clear()
+        self._positions.clear()
         for column in _PARAMETER_FIELDS:
             axis[column.name] = column.default
         for field, value in model.firmware.items():
             setattr(axis, field, value)
-        self._fit_defaults()
+        self._convert_defaults()
         if model.factor_group is not None:
             apply_factor_group(model.factor_group, self._values, axis)
         if model.control_limits is not None:
@@ -131,7 +131,7 @@ class AxisFields:
         if parameter.backing is Backing.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
             self._apply_scaled(_SCALED_BY.get(parameter.argument, ""))
-            self._prevail(parameter)
+            self._override_signal(parameter)
         if model.factor_group is not None and parameter.pnu in model.factor_group.numbers:
             apply_factor_group(model.factor_group, self._values, self._handle.axis)
             self._apply_scaled("velocity")
@@ -155,7 +155,7 @@ class AxisFields:
         axis, telegram = self._handle.axis, self._selection.telegram
         if telegram.opmode is not None:
             axis.opmode = telegram.opmode
-        slots = self._brought()
+        slots = self._mapped_slots()
         axis.task_form = telegram.tasks
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
             axis.task_form = TASKS_TABLE
@@ -164,7 +164,7 @@ class AxisFields:
         axis.servo_control = XERR in slots and KPC in slots
         axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         axis.feedrate_signal = MT_FEEDRATE in slots
-        axis.spare_acceleration = self.spare(MDI_ACC)
+        axis.spare_acceleration = self.fallback(MDI_ACC)
         axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
         axis.parameter_channel = self._selection.frame.parameter_words > 0
         self._apply_shown()
@@ -173,7 +173,7 @@ class AxisFields:
         )
 
     def _apply_shown(self) -> None:
-        """What a free mapping shows that is no actual value: set points as they came, and stored parameters."""
+        """Mapped words that are not actual values: set points sent back as they came, and stored parameters."""
         axis, values = self._handle.axis, self._values
         shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
         stored = [signal for signal in shown if signal.stored]
@@ -183,32 +183,32 @@ class AxisFields:
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
             axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
 
-    def spare(self, slot: int) -> int:
-        """What a parameter wrote of a set point whose word of the telegram may be 0; 0 for none."""
+    def fallback(self, slot: int) -> int:
+        """The set point that was written as a parameter and counts while the telegram's word is 0; 0 for none."""
         return self._written.get(slot, 0) if self.falls_back(slot) else 0
 
     def falls_back(self, slot: int) -> bool:
         """Whether the telegram in force leaves this set point to its parameter where its own word is 0."""
         return any(SETPOINT_SLOTS[name] == slot for name in self._selection.telegram.falls_back)
 
-    def bring(self, slot: int, raw: int) -> None:
+    def set_point_written(self, slot: int, raw: int) -> None:
         """A set point was written by its PNU: where no telegram brings it, it counts from now on."""
         axis = self._handle.axis
         self._written[slot] = raw
-        axis.spare_acceleration = self.spare(MDI_ACC)
+        axis.spare_acceleration = self.fallback(MDI_ACC)
         axis.home_signals |= _HOME_SIGNALS.get(slot, 0)
         if slot == MT_FEEDRATE:
             axis.feedrate_signal = 1
 
-    def take_over(self, *, ended: bool = False) -> None:
-        """What the telegram made of parameters is theirs (AKD PROFINET manual 5.8: signals change them).
+    def store_signal_values(self, *, ended: bool = False) -> None:
+        """Store what signals of the telegram changed in the parameters that they change (AKD PROFINET manual 5.8).
 
-        With ``ended`` the telegram comes no more, and they count again.
+        With ``ended`` the telegram comes no more, and the parameters count again.
         """
-        brought = self._brought()
+        mapped = self._mapped_slots()
         for parameter in self._values.model.axis_parameters:
             slot = _CHANGED_BY.get(parameter.argument)
-            if slot not in _HOME_SIGNALS or slot not in brought:
+            if slot not in _HOME_SIGNALS or slot not in mapped:
                 continue
             value = self.changed_meanwhile(parameter)
             if ended:
@@ -217,16 +217,16 @@ class AxisFields:
                 self._values.current[parameter.pnu] = value
                 self._apply(parameter)
 
-    def _prevail(self, parameter: Parameter) -> None:
-        """A parameter counts again where its signal came by a PNU: the last one written does."""
+    def _override_signal(self, parameter: Parameter) -> None:
+        """A parameter was written whose signal was written as a parameter, too: the last one written counts."""
         slot = _CHANGED_BY.get(parameter.argument)
-        if slot is None or slot in self._brought():
+        if slot is None or slot in self._mapped_slots():
             return
         axis = self._handle.axis
         axis.home_signals = int(axis.home_signals) & ~_HOME_SIGNALS.get(slot, 0)
         self._handle.image.received[slot] = 0
 
-    def _brought(self) -> set[int]:
+    def _mapped_slots(self) -> set[int]:
         """The slots of the set points that the telegram in force brings."""
         return {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
 
@@ -239,14 +239,14 @@ class AxisFields:
         if parameter.scale == "2^-n":
             return 2.0**-raw
         if parameter.scale == "position":
-            number, place = self._places.get(parameter.pnu, (None, 0.0))
-            return place if number == raw else raw / self.position_units()
+            number, position = self._positions.get(parameter.pnu, (None, 0.0))
+            return position if number == raw else raw / self.position_units()
         if parameter.scale == "jog/n":
-            return 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else AT_ONCE
+            return 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else IMMEDIATE
         if parameter.scale == "reference/n":
-            return 1000.0 * _REFERENCE * float(self._handle.axis.velocity_step) / raw if raw else AT_ONCE
+            return 1000.0 * _REFERENCE * float(self._handle.axis.velocity_step) / raw if raw else IMMEDIATE
         if parameter.scale.endswith("/n"):
-            return parameter.factor / raw if raw else AT_ONCE
+            return parameter.factor / raw if raw else IMMEDIATE
         if parameter.scale.endswith("torque-constant") and raw == parameter.default:
             return AXIS.fields[parameter.argument].default
         return raw * self._factor(parameter)
@@ -287,14 +287,14 @@ class AxisFields:
         field = getattr(self._handle.axis, parameter.argument)
         physical = float(field[parameter.index] if parameter.index >= 0 else field)
         physical += deviation(self._handle.axis, parameter.argument)
-        if parameter.argument in PLACES:
+        if parameter.argument in SHAFT_POSITIONS:
             physical -= float(self._handle.axis.origin)
         return self.scaled(parameter, physical)
 
     def changed_meanwhile(self, parameter: Parameter) -> int | None:
-        """What a signal or homing made of a parameter that can be written, None where neither does.
+        """The value of a writable parameter that a signal or homing changed, None where neither did.
 
-        A ramp of zero is none (:func:`pnfarm.firmware.telegram.from_setpoints`).
+        A ramp of zero does not count (:func:`pnfarm.firmware.telegram.from_setpoints`).
         """
         if parameter.argument == "ramp_generator":
             left = int(self._handle.axis.ramp_generator_left)
@@ -310,20 +310,20 @@ class AxisFields:
     def _homing_signal(self, parameter: Parameter, slot: int, value: int) -> int | None:
         """HOME_MODE or HOME_DIST in its parameter's number, None where it does not count.
 
-        While the data of a telegram are not valid, what it brought last stays.
+        While the data of a telegram are not valid, what it sent last stays.
         """
         axis, bit = self._handle.axis, _HOME_SIGNALS[slot]
         if not int(axis.home_signals) & bit:
             return None
         distance = value * float(axis.position_step)
-        if slot in self._brought() and not self._handle.controlled:
+        if slot in self._mapped_slots() and not self._handle.controlled:
             if not int(axis.home_brought) & bit:
                 return None
             value, distance = int(axis.asked_home_method), float(axis.asked_home_distance)
         return value & 0xFFFF if slot == HOME_MODE else self.scaled(parameter, distance)
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
-        """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""
+        """A physical value as the parameter's raw number: positions wrap at its bits, others stop at its range."""
         if parameter.scale.startswith("float32"):
             return float_bits(physical / parameter.factor)
         if not isfinite(physical):
@@ -332,16 +332,16 @@ class AxisFields:
             return parameter.wrap(round(physical * self.position_units()))
         return parameter.clamp(round(physical / self._factor(parameter)))
 
-    def _fit_defaults(self) -> None:
-        """Defaults of places are places: their numbers follow the units in force."""
+    def _convert_defaults(self) -> None:
+        """Defaults are given in the model's units of positions; convert them to the units in force."""
         units = self._values.model.position_units
         if units is not None and self.position_units() != units.default:
-            self.carry_places(units.default, written=False)
+            self.convert_positions(units.default, written=False)
 
-    def carry_places(self, units: float, *, written: bool = True) -> None:
-        """The unit of positions changed from ``units`` to the revolution: places stay, their numbers follow.
+    def convert_positions(self, units: float, *, written: bool = True) -> None:
+        """The unit of positions changed from ``units`` to the revolution: positions stay, raw numbers are converted.
 
-        With ``written`` false the places that stand in values and tasks are left alone, which have the unit already.
+        With ``written`` false, written values and tasks are left alone: they have the unit already.
         AKD PROFINET manual 6.2: a PNU's value is the parameter's value divided by PN.POSSCALE.
         """
         now = self.position_units()
@@ -352,11 +352,11 @@ class AxisFields:
             if not written and parameter.pnu in current:
                 continue
             raw = self._values.raw(parameter.pnu)
-            number, place = self._places.get(parameter.pnu, (None, 0.0))
-            place = place if number == raw else raw / units
-            raw = self._numbered(parameter, place * now)
+            number, position = self._positions.get(parameter.pnu, (None, 0.0))
+            position = position if number == raw else raw / units
+            raw = self._numbered(parameter, position * now)
             current[parameter.pnu] = raw
-            self._places[parameter.pnu] = (raw, place)
+            self._positions[parameter.pnu] = (raw, position)
             for task in self._values.tasks.values() if written else ():
                 if parameter.pnu in task:
                     task[parameter.pnu] = self._numbered(parameter, task[parameter.pnu] / units * now)

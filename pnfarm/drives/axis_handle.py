@@ -1,4 +1,4 @@
-"""The two rows of the table that one drive lives in, as the event loop holds them."""
+"""The rows of one drive in the tables, as the event loop holds them."""
 
 from __future__ import annotations
 

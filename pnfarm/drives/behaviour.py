@@ -5,7 +5,7 @@ another value to the same fields of the axis record, defaults of parameters or k
 no code asks for a reading by its name:
 
 * ``firmware``: fields of writer ``parameter`` that neither a parameter nor the section ``firmware`` sets;
-* ``defaults``: PNU -> raw number, the default of a parameter that is no array;
+* ``defaults``: PNU -> raw number, the default of a parameter that is not an array;
 * ``model``: ``section.key`` of the sections that :data:`SECTIONS` names.
 """
 
@@ -40,8 +40,8 @@ SECTIONS = {
 }
 FILE = "behaviour.toml"
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
-#: YAML reads these as something else than a word.
-_NO_WORDS = frozenset({"false", "n", "no", "null", "off", "on", "true", "y", "yes"})
+#: YAML reads these as booleans or null.
+_NOT_TEXT = frozenset({"false", "n", "no", "null", "off", "on", "true", "y", "yes"})
 _SETS = ("firmware", "defaults", "model")
 
 
@@ -64,7 +64,7 @@ def read_behaviour(
     owners: dict[object, str] = {}
     for path, data in files.tomls(FILE):
         if unknown := sorted(data.keys() - {"behaviour"}):
-            raise ConfigError(f"{path}, {unknown[0]}: none of behaviour")
+            raise ConfigError(f"{path}, {unknown[0]}: unknown; only behaviour is allowed")
     for name, table in joined_tables(files, FILE, "behaviour", "name").items():
         where = table.where()
         if not _is_word(str(name)):
@@ -81,7 +81,7 @@ def read_behaviour(
 
 
 def _is_word(name: str) -> bool:
-    return bool(_NAME.fullmatch(name)) and name not in _NO_WORDS and not name.isdigit()
+    return bool(_NAME.fullmatch(name)) and name not in _NOT_TEXT and not name.isdigit()
 
 
 def _reading(
@@ -95,26 +95,26 @@ def _reading(
     if not _is_word(name):
         raise ConfigError(f"{where}: not a name of a-z, 0-9 and - between")
     if unknown := sorted(entry.keys() - {"does", *_SETS}):
-        raise ConfigError(f"{where}, {unknown[0]}: none of does, {', '.join(_SETS)}")
+        raise ConfigError(f"{where}, {unknown[0]}: unknown; allowed are does, {', '.join(_SETS)}")
     does = str(required(entry, "does", where))
     firmware: dict[str, float] = {}
     for key, value in entry.get("firmware", {}).items():
         column = AXIS.fields.get(key)
         if column is None or column.writer != "parameter" or column.unit not in {"", "ns", "s"}:
-            raise ConfigError(f"{where}, firmware.{key}: no field of the axis that a reading may set")
+            raise ConfigError(f"{where}, firmware.{key}: not a field of the axis that a reading may set")
         firmware[key] = value
     defaults: dict[int, int] = {}
     for key, value in entry.get("defaults", {}).items():
         pnu = numbers.of(key, f"{where}, defaults")
         parameter = parameters.get(pnu)
         if parameter is None or parameter.elements or type(value) is not int or not parameter.allows(value):
-            raise ConfigError(f"{where}, defaults.{key}: no plain parameter, or it does not take {value!r}")
+            raise ConfigError(f"{where}, defaults.{key}: not a plain parameter, or it does not allow {value!r}")
         defaults[pnu] = value
     model: dict[tuple[str, str], Any] = {}
     for key, value in entry.get("model", {}).items():
         section, _, inside = key.partition(".")
         if section not in SECTIONS:
-            raise ConfigError(f"{where}, model.{key}: the section is none of {', '.join(SECTIONS)}")
+            raise ConfigError(f"{where}, model.{key}: the section must be one of {', '.join(SECTIONS)}")
         given = tuple(value) if isinstance(value, list) else value
         model[SECTIONS[section], inside] = section_value(section, inside, given, f"{where}, model.{key}")
     return Reading(name, does, firmware, defaults, model)
@@ -123,11 +123,11 @@ def _reading(
 def _check_point(point: Point, fixed: AbstractSet[str], owners: dict[object, str], where: str) -> None:
     """Readings that set the same keys to other values, which nothing else sets."""
     if len(point.readings) < 2 or point.default not in point.readings:
-        raise ConfigError(f"{where}: wants two readings or more, and one of them as its default")
+        raise ConfigError(f"{where}: must have two readings or more, and one of them as its default")
     default = point.readings[point.default]
     for name, reading in point.readings.items():
         if not reading.keys or reading.keys != default.keys:
-            raise ConfigError(f"{where}.{name}: sets something else than {point.default} does, or nothing")
+            raise ConfigError(f"{where}.{name}: must set the same keys as {point.default}, at least one")
         same = [other.name for other in point.readings.values() if other.values == reading.values]
         if same != [name]:
             raise ConfigError(f"{where}.{name}: sets the same as {next(n for n in same if n != name)}")

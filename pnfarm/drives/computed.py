@@ -226,7 +226,7 @@ def _warning(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 
 def _bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    """P-0953: each stays until cyclic data begin anew (Moog MSD manual 8.3.2 says so of the sign of life)."""
+    """P-0953: each stays until cyclic data begin again (Moog MSD manual 8.3.2 says so of the sign of life)."""
     axis, lost = drive.handle.axis, int(drive.handle.image.lost)
     # the drive's own watchdog may run out while the connection still stands, or after it was taken down
     late = lost != LOST_NEVER and int(axis.loss_delay_ns) > 0 and int(axis.telegram_ns) == 0

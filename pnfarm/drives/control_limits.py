@@ -28,7 +28,7 @@ FINITE = 0x7F7FFFFF
 
 
 def read_control_limits(section: Section, parameters: Mapping[int, Parameter]) -> ControlLimits | None:
-    """Stored numbers, zero or more; raises :class:`ConfigError`."""
+    """The section ``control_limits``: stored numbers, zero or more; raises :class:`ConfigError`."""
     if not section:
         return None
     limits: ControlLimits = section.build(ControlLimits)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["EFFECTS", "effect_of", "read_effects"]
 
 
-#: Each effect in words, for people.
+#: Each effect as a sentence, for tables and help.
 EFFECTS = {
     Effect.ACTS.value: "writing it, or its value, changes what the drive does",
     Effect.LIVE.value: "it reads what the drive is or does",
@@ -88,6 +88,8 @@ def read_effects(model: Model, section: Section) -> dict[int, Effect]:
             known = ", ".join(each.value for each in Effect)
             raise ConfigError(f"{section.where(key)}: {fact.value!r} is none of {known}") from None
         if effect is _derived(model, model.canonical(model.parameters[pnu])) or not fact.note:
-            raise ConfigError(f"{section.where(key)}: that is so without this entry, or its reason is missing")
+            raise ConfigError(
+                f"{section.where(key)}: its row says the same without this entry, or the reason is missing"
+            )
         found[pnu] = effect
     return found

@@ -42,7 +42,7 @@ def float_bits(value: float) -> int:
 
 
 def read_factor_group(section: Section, parameters: Mapping[int, Parameter]) -> FactorGroup | None:
-    """Stored parameters that cannot be zero, lest a unit be nothing; raises :class:`ConfigError`."""
+    """The section ``factor_group``: stored parameters above zero, because they divide; raises :class:`ConfigError`."""
     if not section:
         return None
     group: FactorGroup = section.build(FactorGroup)

@@ -11,7 +11,7 @@ __all__ = ["deviation"]
 
 
 def deviation(axis: Any, field: str) -> float:
-    """What the measured value of a field is beside the true one, in the field's unit; 0 for what is not measured."""
+    """Measured value minus true value of a field, in the field's unit; 0 for what is not measured."""
     match field:
         case "velocity" | "current" | "position":
             return float(axis[f"{field}_deviation"])

@@ -1,4 +1,4 @@
-"""A drive model: everything that is known about one product before a drive of it is switched on.
+"""A drive model: everything that is known about a product on one bus before a drive of it is switched on.
 
 A model is immutable and shared by all drives of its kind.
 """
@@ -54,7 +54,7 @@ def _is_number(text: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """One product; see the module's head."""
+    """A product on a bus; see the module's head."""
 
     name: str
     aliases: tuple[str, ...]
@@ -100,7 +100,7 @@ class Model:
     axis_parameters: tuple[Parameter, ...]
     faults: Mapping[int, Fault]
     facts: Mapping[str, Fact]
-    #: Motors that a farm file may choose instead of the usual one, which turns.
+    #: Motors that a farm file may choose instead of the usual, rotary one.
     motor_kinds: Mapping[str, MotorKind]
     #: How the maker writes the numbers of parameters.
     numbering: Numbering = field(default_factory=Numbering)
@@ -109,7 +109,7 @@ class Model:
     #: What the manual leaves open, and of that the readings that a farm file chose; the others have their defaults.
     behaviour: tuple[Point, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
-    #: Rows that are no parameters with these readings.
+    #: Rows that with these readings are not parameters.
     absent: Mapping[int, Parameter] = field(default_factory=dict)
     #: Of a linear motor, mm that it moves in one revolution of the axis record; 0 for one that turns.
     pitch: float = 0.0

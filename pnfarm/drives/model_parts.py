@@ -95,7 +95,7 @@ class Identity:
 class Limits:
     """What the manual denies: cycle in ns, counts, octets.
 
-    A model may leave out the last ones: ``max_cycle_ns`` 0 is no slowest cycle, ``alarms`` False is a drive that sends
+    A model may leave out the last ones: ``max_cycle_ns`` 0 is no limit, ``alarms`` False is a drive that sends
     none, ``send_clocks`` (in 31.25 us) are all that a description file can name for RT, ``motion_tasks`` is how many
     a drive keeps, numbered from 0.
     """
@@ -167,8 +167,9 @@ class DescriptionFile:
 class CommunicationLoss:
     """The fault on lost cyclic data, and the parameters that govern it; 0 is a drive without such a parameter.
 
-    A value of 0 of ``action_parameter`` is no fault; a fault with an ``action`` of its own needs none.  Without
-    ``stop_parameter``, ``on_stop`` says whether the fault is also raised when the controller goes to STOP.
+    Where the value of ``action_parameter`` is 0, no fault is raised; a fault with an ``action`` of its own needs no
+    such parameter.  Without ``stop_parameter``, ``on_stop`` says whether the fault is also raised when the controller
+    goes to STOP.
     """
 
     fault: int
@@ -277,7 +278,7 @@ class ControlLimits:
 class MotorKind:
     """What differs with this motor: fields of the axis record in its own units, and defaults of parameters by PNU.
 
-    ``pitch`` is the way of one revolution in mm, 0 for a motor that turns.
+    ``pitch`` is the travel of one revolution in mm, 0 for a rotary motor.
     """
 
     pitch: float = 0.0
@@ -331,7 +332,7 @@ class Fault:
 
     @property
     def label(self) -> str:
-        """The manual's way to write the number."""
+        """The number as the manual writes it."""
         return fault_label(self.number)
 
     @property
@@ -351,7 +352,7 @@ class Effect(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One way to read a manual; ``does`` says what a drive of this reading does."""
+    """One interpretation of a manual; ``does`` says what a drive with this reading does."""
 
     name: str
     does: str
@@ -362,12 +363,12 @@ class Reading:
 
     @property
     def keys(self) -> frozenset[object]:
-        """All that it sets."""
+        """Everything that it sets."""
         return frozenset((*self.firmware, *self.defaults, *self.model))
 
     @property
     def values(self) -> tuple[Mapping[Any, Any], ...]:
-        """What tells it from the other readings."""
+        """What distinguishes it from the other readings."""
         return self.firmware, self.defaults, self.model
 
 
@@ -389,7 +390,7 @@ def fault_number(text: str) -> int:
     if not dash:
         return int(text, 0)
     if not (error.isascii() and error.isdigit() and location.isascii() and location.isdigit()):
-        raise ValueError(f"{text!r} is no fault number")
+        raise ValueError(f"{text!r} is not a fault number")
     if int(error) >= 1 << LOCATION_SHIFT or int(location) >= 1 << 8:
         raise ValueError(f"{text!r} is too large for a fault number")
     return int(error) | int(location) << LOCATION_SHIFT

@@ -49,7 +49,7 @@ _MS = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class MotionTask:
-    """One task: ``position`` in rev (a way from the commanded position if ``relative``), rpm, rpm/s.
+    """One task: ``position`` in rev (a distance from the commanded position if ``relative``), rpm, rpm/s.
 
     ``following`` is the task that begins ``dwell_ns`` behind it, None for none.
     """
@@ -89,7 +89,7 @@ class MotionTasks:
         self._given = {task.number: task for task in tasks}
 
     def power_on(self) -> None:
-        """The given tasks are among the others."""
+        """Put the given tasks among the others."""
         if self._numbers is not None:
             for number, task in self._given.items():
                 self._values.tasks[number] = self._raw(task, self._numbers)
@@ -124,7 +124,7 @@ class MotionTasks:
         return True
 
     def load(self) -> bool:
-        """Edit a copy of the task of the number at hand; false when there is none."""
+        """Copy the task whose number MT.NUM gives into the parameters; false when there is none."""
         kept = self._values.tasks.get(self._values.raw(self._edited.number))
         if kept is None:
             return False
@@ -138,7 +138,7 @@ class MotionTasks:
             self._apply(known)
 
     def apply_all(self) -> None:
-        """Write every task into the axis record; what is no task is empty there."""
+        """Write every task into the axis record; numbers without a task are empty there."""
         for number in range(MOTION_TASKS):
             self._apply(number)
 
@@ -150,7 +150,7 @@ class MotionTasks:
 
     def _apply(self, number: int) -> None:
         axis = self._fields.axis
-        # first: the firmware may look while the rest changes
+        # first, because the firmware may read the task while the rest changes
         axis.mt_flags[number] = 0
         if self._numbers is None:
             if number in self._given:
@@ -160,7 +160,7 @@ class MotionTasks:
         if kept is None:
             return
         if given is not None and kept == self._raw(given, numbers):
-            # the numbers may be too short for its target
+            # the raw numbers may be too coarse for its position
             self._write(given)
             return
         parameters, physical = self._values.model.parameters, self._fields.physical

@@ -1,8 +1,8 @@
 """Kinds of motors that one drive model can run: its usual rotary one, and those that a farm file may choose instead.
 
-The axis record turns: it counts revolutions, rpm and N m.  A linear motor is one whose revolution is a way, its pitch:
-its data stand in millimetres, newtons and kilograms and are carried over here.  What a kind does not speak of is as the
-model has it.
+The axis record is that of a rotary motor: it counts revolutions, rpm and N m.  A linear motor moves by its pitch in one
+revolution of the record: its data are given in millimetres, newtons and kilograms and converted here.  What a kind does
+not give is as in the model's own sections.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ ROTARY = "rotary"
 PARTS = ("kind", "motor", "firmware", "defaults")
 
 
-def _lever(pitch: float) -> float:
-    """Metres of way to a radian, for a pitch in millimetres."""
+def _metres_per_radian(pitch: float) -> float:
+    """Metres of travel for one radian, for a pitch in millimetres."""
     return pitch / 1000.0 / (2.0 * pi)
 
 
@@ -43,10 +43,10 @@ _LINEAR: dict[str, tuple[str, Callable[[float], float]]] = {
     "1/rev": ("1/mm", lambda pitch: pitch),
     "rpm": ("mm/s", lambda pitch: 60.0 / pitch),
     "rpm/s": ("mm/s^2", lambda pitch: 60.0 / pitch),
-    "N m": ("N", _lever),
-    "N m/A": ("N/A", _lever),
-    "kg m^2": ("kg", lambda pitch: _lever(pitch) ** 2),
-    "N m s/rad": ("N s/m", lambda pitch: _lever(pitch) ** 2),
+    "N m": ("N", _metres_per_radian),
+    "N m/A": ("N/A", _metres_per_radian),
+    "kg m^2": ("kg", lambda pitch: _metres_per_radian(pitch) ** 2),
+    "N m s/rad": ("N s/m", lambda pitch: _metres_per_radian(pitch) ** 2),
 }
 
 
@@ -66,17 +66,17 @@ def with_motor(model: Model, name: str | None, pitch: float | None = None) -> Mo
         raise ConfigError(f"{model.name} has no {name} motor; it has {', '.join((ROTARY, *model.motor_kinds))}")
     if pitch is not None and kind.pitch <= 0.0:
         raise ConfigError(f"a {name or ROTARY} motor turns and has no pitch")
-    way = kind.pitch if pitch is None else pitch
+    travel = kind.pitch if pitch is None else pitch
     if kind == MotorKind():
         return model
-    parameters = {pnu: _fitted(parameter, kind, way) for pnu, parameter in model.parameters.items()}
+    parameters = {pnu: _fitted(parameter, kind, travel) for pnu, parameter in model.parameters.items()}
     return replace(
         model,
-        pitch=way,
-        motor={**model.motor, **{key: axis_value(key, value, way) for key, value in kind.motor.items()}},
-        firmware={**model.firmware, **{key: axis_value(key, value, way) for key, value in kind.firmware.items()}},
+        pitch=travel,
+        motor={**model.motor, **{key: axis_value(key, value, travel) for key, value in kind.motor.items()}},
+        firmware={**model.firmware, **{key: axis_value(key, value, travel) for key, value in kind.firmware.items()}},
         parameters=parameters,
-        axis_parameters=axis_parameters(parameters, linear=way > 0.0),
+        axis_parameters=axis_parameters(parameters, linear=travel > 0.0),
     )
 
 
@@ -89,7 +89,7 @@ def _fitted(parameter: Parameter, kind: MotorKind, pitch: float) -> Parameter:
     return replace(parameter, factor=factor, default=default)
 
 
-# model.toml
+# the sections motors.<kind>
 
 
 def read_motor_kinds(

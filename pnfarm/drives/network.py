@@ -1,4 +1,4 @@
-"""What a drive's parameters show of its station on the network."""
+"""What parameters show of the drive's name and addresses on the network."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Network(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class NoNetwork:
-    """A drive that nothing is connected to."""
+    """A drive without a network."""
 
     name: str = ""
     ip: int = 0

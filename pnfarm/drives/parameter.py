@@ -1,7 +1,7 @@
 """One parameter as data, and the errors of its access.
 
 The error numbers are those of the PROFIdrive base mode parameter access (Moog MSD manual, table 9.7; profile 4.1,
-chapter 6.2.3); every other way to a parameter (API, command line) reports the same.
+chapter 6.2.3); every other access to a parameter (API, command line) reports the same.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class ParameterErrorNumber(IntEnum):
 
     @property
     def words(self) -> str:
-        """The profile's wording, for people."""
+        """The profile's wording."""
         return _WORDS[self]
 
     @property
@@ -152,8 +152,8 @@ class Parameter:
     ``minimum``, ``maximum`` and ``default`` are raw numbers as on the wire; ``standardisation`` times the raw number is
     the value in ``unit``, ``factor`` (or the named ``scale``) times it what a field of the axis becomes.  ``source`` is
     where number, name and type stand, ``values_source`` where access, limits, default and meaning do; ``elements`` is 0
-    unless the parameter is an array.  What ``after_power_on`` is written at once and takes effect with the next power
-    cycle.
+    unless the parameter is an array.  One with ``after_power_on`` is written at once and takes effect with the next
+    power cycle.
     """
 
     pnu: int
@@ -193,7 +193,7 @@ class Parameter:
 
     @property
     def only_reset(self) -> bool:
-        """Whether zero is all that it takes."""
+        """Whether zero is the only value that can be written."""
         counts = self.backing is Backing.COMPUTED and self.argument in {"fault-situations", "kept-situations"}
         return counts and self.writable
 
@@ -213,7 +213,7 @@ class Parameter:
 
     @property
     def highest(self) -> int:
-        """Largest number that the type holds; of a float the greatest bits that are a number."""
+        """Largest number that the type holds; of a float the largest bits that are a finite number."""
         if self.form is Form.FLOAT:
             return FLOAT_HIGHEST
         return (1 << (8 * self.octets - (1 if self.signed else 0))) - 1

@@ -32,20 +32,20 @@ _TYPES = {
     "String": ParameterType.BYTE,
 }
 _FORMS = {"Float": Form.FLOAT, "String": Form.TEXT}
-#: Scales that are no plain factor: 2 to the minus n; times the axis's acceleration step; positions by PN.POSSCALE and
-#: UNIT.PROTARY.
+#: Scales that are not a plain factor: 2 to the minus n; times the axis's acceleration step; positions by the section
+#: ``position_units``.
 #: ``jog/n`` and ``reference/n`` are ramps in so many milliseconds to or from the first jogging velocity, or from the
 #: velocity reference value; ``rated-torque`` is a percentage of it.
 #: ``torque-constant`` and ``-torque-constant`` are thousandths of an ampere times the motor's torque constant; the
 #: default of such a parameter leaves it to motor and drive.
-#: ``velocity`` is times what NSOLL_A counts in; with ``float32`` the raw number is the bits of one.
+#: ``velocity`` is times the unit of NSOLL_A; with ``float32`` the raw number is the bits of a float.
 #: A factor in front of ``*`` makes the value in the parameter's unit; what is behind it makes the axis's field of that.
 #: A number followed by ``/n`` is divided by that value: a rate given for a time.
 _NAMED_SCALES = {
     "-torque-constant", "2^-n", "acceleration", "float32", "jog/n", "position", "rated-torque", "reference/n",
     "torque-constant", "velocity",
 }  # fmt: skip
-#: Behind a factor: divided by the pitch of the linear motor at hand, so that the factor stands in mm.
+#: Behind a factor: divided by the pitch of the linear motor in use, so that the factor is given in mm.
 PER_PITCH = "/pitch"
 FLOAT = "float32"
 TIMES = "*"
@@ -78,7 +78,7 @@ def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
     try:
         choices = tuple(float(text) for text in scale.split("|"))
     except ValueError:
-        raise ConfigError(f"{where}, scale: {scale!r} has something that is no number between its bars") from None
+        raise ConfigError(f"{where}, scale: {scale!r} must have a number between its bars") from None
     if len(choices) != maximum + 1:
         raise ConfigError(f"{where}, scale: {scale!r} must have a value for each of 0..{maximum}")
     return choices
@@ -90,7 +90,7 @@ def _fraction(text: str) -> float:
 
 
 def _factors(scale: str, where: str) -> tuple[float, float]:
-    """What times the raw number is the value in the unit, and what is that of the axis's field."""
+    """The factors from the raw number to the value in the unit, and to the axis's field."""
     if scale in _NAMED_SCALES or not scale or "|" in scale:
         return 1.0, 1.0
     first, times, second = scale.removesuffix(PER_PITCH).partition(TIMES)

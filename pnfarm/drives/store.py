@@ -54,7 +54,7 @@ class ParameterWritten:
 
 @dataclass(frozen=True, slots=True)
 class TelegramChanged:
-    """PNU 922, 915 or 916 was written: the words of the cyclic channel must be laid out anew."""
+    """PNU 922, 915 or 916 was written: the layout of the cyclic channel's words changes."""
 
     number: int
 
@@ -71,7 +71,7 @@ class RebootRequested:
 
 @dataclass(frozen=True, slots=True)
 class DisplayBlinkRequested:
-    """The drive shall make itself noticed."""
+    """The drive shall blink its display, so that a person finds it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,8 +141,8 @@ class ParameterStore:
         target = self.model.canonical(parameter)
         if target.pnu in self.model.access.disabled_only and self.handle.in_operation:
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter, subindex)
-        brought = self._brought(target)
-        if brought is not None and not self._axis.falls_back(brought.slot):
+        mapped = self._mapped_setpoint(target)
+        if mapped is not None and not self._axis.falls_back(mapped.slot):
             raise refusal(ParameterErrorNumber.NO_OPERATION_PRIORITY, parameter)
         if target.backing is Backing.COMMAND:
             self._execute(target, values[0])
@@ -160,9 +160,9 @@ class ParameterStore:
             self._values.write(target, subindex, values)
             if not target.after_power_on:
                 self._axis.apply_written(target)
-            self._bring_about(target.pnu, subindex, values)
+            self._apply_consequences(target.pnu, subindex, values)
             if self._axis.position_units() != units:
-                self._axis.carry_places(units)
+                self._axis.convert_positions(units)
                 if self._tasks is not None:
                     self._tasks.apply_all()
         if self.model.access.saves_at_once and target.nonvolatile:
@@ -222,7 +222,7 @@ class ParameterStore:
         ``module_ident`` says which of the telegram's modules it is, its first if not given.  Another module than the
         one before brings its settings with it.  Raises :class:`ConfigError` for a number that the model does not know.
         """
-        self._axis.take_over(ended=True)
+        self._axis.store_signal_values(ended=True)
         if number is None:
             self._selection.unplug()
         else:
@@ -232,8 +232,8 @@ class ParameterStore:
         self._axis.apply_telegram()
 
     def channels_closed(self) -> None:
-        """No controller brings a telegram any more: what its signals changed stays changed."""
-        self._axis.take_over(ended=True)
+        """No controller sends a telegram any more: parameters keep what its signals changed."""
+        self._axis.store_signal_values(ended=True)
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
         """The signals of the frames, word by word."""
@@ -255,7 +255,7 @@ class ParameterStore:
 
     def power_on(self) -> None:
         """As after a power cycle: the permanent values are in force and on the axis record, no module is plugged."""
-        self._axis.forget()
+        self._axis.clear_written()
         self._load()
         self._selection.unplug()
         self.watchdog_ns = 0
@@ -349,10 +349,10 @@ class ParameterStore:
 
     def _value(self, parameter: Parameter) -> int:
         target = self.model.canonical(parameter)
-        brought = self._brought(target)
-        if brought is not None:
-            value = int(self.handle.image.received[brought.slot]) or self._axis.spare(brought.slot)
-            return target.clamp(value) if brought.bits > 8 * target.octets else target.wrap(value)
+        mapped = self._mapped_setpoint(target)
+        if mapped is not None:
+            value = int(self.handle.image.received[mapped.slot]) or self._axis.fallback(mapped.slot)
+            return target.clamp(value) if mapped.bits > 8 * target.octets else target.wrap(value)
         if target.backing is Backing.COMMAND:
             return 0
         if target.backing is Backing.COMPUTED:
@@ -360,13 +360,13 @@ class ParameterStore:
         if target.backing is Backing.SIGNAL:
             if target.argument == "sent":
                 return target.wrap(int(self.handle.image.sent[target.index]))
-            return target.wrap(int(self.handle.image.received[target.index]) or self._axis.spare(target.index))
+            return target.wrap(int(self.handle.image.received[target.index]) or self._axis.fallback(target.index))
         if target.backing is Backing.FIELD:
             shown = self._axis.changed_meanwhile(target) if target.writable else self._axis.shown(target)
             return self.raw(target.pnu) if shown is None else shown
         return self.raw(target.pnu)
 
-    def _brought(self, parameter: Parameter) -> Signal | None:
+    def _mapped_setpoint(self, parameter: Parameter) -> Signal | None:
         """The set point of the same number that the running cyclic channel brings: it is this parameter's value.
 
         Moog MSD manual 8.2.3, P-0915: process data are linked to parameters.
@@ -392,7 +392,7 @@ class ParameterStore:
         array[subindex : subindex + len(values)] = values
         text = bytes(array).partition(b"\0")[0]
         if tuple(text.ljust(parameter.elements, b"\0")) == parameter.defaults:
-            # what a station without a name shows is none
+            # the default is what a station without a name shows: not a name
             text = b""
         if not text.isascii() or not self.network.allows(text.decode("ascii")):
             raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, subindex)
@@ -403,9 +403,9 @@ class ParameterStore:
         bits = 8 * parameter.octets
         value &= (1 << bits) - 1
         raw = value - (1 << 32) if value >> 31 else value
-        if self._brought(parameter) is None:
+        if self._mapped_setpoint(parameter) is None:
             self.handle.image.received[parameter.index] = raw
-        self._axis.bring(parameter.index, raw)
+        self._axis.set_point_written(parameter.index, raw)
 
     def _write_telegram(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
         """What the telegram is (PNU 922, 915, 916, the elements of these): not while the axis is in operation.
@@ -418,8 +418,8 @@ class ParameterStore:
         self._axis.apply_telegram()
         self._events.append(TelegramChanged(self.telegram_number))
 
-    def _bring_about(self, pnu: int, subindex: int, values: Sequence[int]) -> None:
-        """What the manual says that this does to other parameters."""
+    def _apply_consequences(self, pnu: int, subindex: int, values: Sequence[int]) -> None:
+        """Change other parameters as the manual says."""
         for consequence in self.model.consequences:
             if consequence.follows(pnu, subindex, values):
                 other = self.model.parameters[consequence.other]
@@ -464,7 +464,7 @@ class ParameterStore:
             raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter)
 
     def _save(self) -> None:
-        self._axis.take_over()
+        self._axis.store_signal_values()
         self._values.save()
         self._events.append(NonVolatileSaved())
 

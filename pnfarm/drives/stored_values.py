@@ -89,7 +89,7 @@ class StoredValues:
         return stored if isinstance(stored, tuple) else parameter.defaults
 
     def changed(self, parameter: Parameter) -> bool:
-        """Whether the value in force is another than the model's default."""
+        """Whether the value in force differs from the model's default."""
         factory = parameter.defaults or parameter.default
         if parameter.backing not in {Backing.STORED, Backing.FIELD}:
             # a telegram or a mapping, whose default is the module's
@@ -105,7 +105,7 @@ class StoredValues:
         else:
             self.current[parameter.pnu] = values[0]
 
-    # a station name, which a parameter of some models is
+    # the name of the station, which is a parameter of some models
 
     @property
     def _name(self) -> Parameter | None:

@@ -46,7 +46,7 @@ class MappingError(ConfigError):
 class Signal:
     """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` tells set points from actual values.
 
-    A set point that is ``readable`` can be sent back as it came.  ``stored``: it is no actual value but a stored
+    A set point that is ``readable`` can be sent back as it came.  ``stored``: it is not an actual value but a stored
     parameter of this number, of an array its ``element``.  ``shown_as``: no list names it by its own number, which it
     has from the profile alone, but by that of its parameter; 0 for its own.  ``signed``: it is a number with a sign,
     which need not be told where a parameter of the same name tells it.

@@ -53,7 +53,7 @@ def _signal(table: Table) -> Signal:
     if table.required("bits") not in {16, 32}:
         raise ConfigError(f"{table.where('bits')}: {table['bits']!r} is neither 16 nor 32")
     if table.get("readable") and not (setpoint and SETPOINT_SLOTS[name] in SENT_BACK):
-        raise ConfigError(f"{table.where('readable')}: {name!r} is no set point that the process image sends back")
+        raise ConfigError(f"{table.where('readable')}: {name!r} is not a set point that the process image sends back")
     if table.get("stored", False) != name.startswith("SHOWN_"):
         raise ConfigError(f"{table.where('stored')}: of a signal SHOWN_0, which is a stored parameter, and of no other")
     return Signal(

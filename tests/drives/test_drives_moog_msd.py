@@ -348,7 +348,7 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
     ("file", "old", "new", "message"),
     [
         ("parameters.csv", "1|0|1|2", "1|0|1", r"scale: '1\|0\|1' must have a value for each of 0\.\.3"),
-        ("parameters.csv", "1|0|1|2", "1|0|x|2", r"scale: .* no number"),
+        ("parameters.csv", "1|0|1|2", "1|0|x|2", r"scale: .* must have a number"),
         ("parameters.csv", ",4 10,", ",4 10 5,", r"default: '4 10 5' does not fit"),
         ("parameters.csv", ",4 10,", ",4 70000,", r"default: '4 70000' does not fit"),
         ("telegrams.toml", "ident = 0x0101,", "ident = 0x1002,", r"0x1002 is the module ident of telegram 1"),

@@ -68,7 +68,7 @@ class ParameterChannel:
     the connection that asks, which alone gets the answer; a read without a connection is client 0, and never asked.
     With ``strict`` limits a request holds as many parameters as the drive says, else as many as its field can say.
 
-    ``latency`` gives the time that the next request takes, ns; None is no time.  The request is carried out at its end.
+    ``latency`` gives the time in ns after which the next request is carried out; None is no delay.
     """
 
     __slots__ = ("_latency", "_local", "_most", "_responses", "_store", "_working")
@@ -94,7 +94,7 @@ class ParameterChannel:
         return client in self._responses
 
     def reset(self, client: int = 0) -> None:
-        """The connection went down: forget what it asked; what the drive still worked on is not carried out."""
+        """The connection went down: drop its requests; one that the drive still works on is not carried out."""
         self._responses.pop(client, None)
         self._working.pop(client, None)
 
@@ -183,7 +183,7 @@ class ParameterChannel:
         return ParameterResponse(request.reference, response_id, request.axis, request.count, tuple(entries))
 
     def _refused(self, request: ParameterRequest, number: ParameterErrorNumber) -> ParameterResponse:
-        """The same error for every parameter; one entry when the number of parameters is not to be believed."""
+        """The same error for every parameter; one entry when the number of parameters is out of range."""
         count = request.count if request.addresses else 1
         entry = error_values(ParameterError(number))
         return ParameterResponse(

@@ -1,4 +1,4 @@
-"""The cyclic parameter channel (PKW): eight octets in front of a telegram, alike in both directions.
+"""The cyclic parameter channel (PKW): eight octets in front of a telegram, with the same layout in both directions.
 
 Moog MSD manual 8.2.4, tables 8.11 to 8.13; PROFIdrive profile 2, "PKW mechanism".  Every number is big-endian.
 
