@@ -10,10 +10,10 @@ from collections import Counter, deque
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.drives.axis_handle import CommandRingFullError
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
 from pnfarm.errors import ConfigError
 from pnfarm.faults.parts import DrivePart, Part
 from pnfarm.faults.words import InjectionError
-from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.table.axis import FAULT_SLOTS, WARNING_SLOTS
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
@@ -169,7 +169,7 @@ class Servo(DrivePart):
 
     def fault_stands(self, fault: Fault) -> bool:
         """Whether it is active in the drive."""
-        return any(int(code) & NUMBER_MASK == fault.number for code in self._station.handle.axis.fault_code)
+        return fault.number in active_faults(self._station.handle.axis)
 
     def ignores_fault(self, fault: Fault) -> bool:
         """Whether the drive does not raise it, because a parameter of its own says so."""
