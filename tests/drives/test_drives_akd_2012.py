@@ -77,7 +77,7 @@ def test_both_editions_are_models_of_their_own() -> None:
     assert not set(models()[NAME].aliases) & set(models()["akd-profinet"].aliases)
 
 
-def test_each_source_is_a_section_of_the_manual_or_says_that_it_is_none(manual: str) -> None:
+def test_each_source_is_a_section_of_the_manual_or_says_where_else_it_comes_from(manual: str) -> None:
     described = model(NAME)
     sources: Iterator[str] = iter(
         [fact.source for fact in described.facts.values()]
@@ -106,7 +106,7 @@ def test_3_6_2_the_request_of_the_example_with_the_tables_attribute_switches_the
     assert akd_2012.axis.opmode == 2
 
 
-def test_3_6_2_the_examples_own_attribute_is_none_of_3_6(akd_2012: Drive) -> None:
+def test_3_6_2_the_attribute_of_the_example_is_not_one_of_3_6(akd_2012: Drive) -> None:
     response = parse_response(ask(akd_2012, bytes.fromhex("05 02 00 01 0A 01 03 A2 00 00 42 01 00 02")))
     assert response.response_id == 0x82
     error = response_error(response.entries[0])

@@ -251,7 +251,7 @@ def test_a_read_that_cannot_be_says_why(akd: Drive, address: ParameterAddress, n
         (ParameterAddress(9), (1,), E.IMPERMISSIBLE_PNU),
     ],
 )
-def test_a_change_that_cannot_be_says_why(
+def test_a_change_that_is_refused_says_why(
     akd: Drive, address: ParameterAddress, values: tuple[int, ...], number: int
 ) -> None:
     before = akd.store.read(930)
@@ -392,7 +392,7 @@ def test_a_response_is_read_once_and_a_read_before_it_is_a_state_conflict(akd: D
     assert channel.read_response() is None
 
 
-def test_a_new_request_replaces_one_that_nobody_asked_after(akd: Drive) -> None:
+def test_a_new_request_replaces_one_whose_response_was_not_read(akd: Drive) -> None:
     channel = ParameterChannel(akd.store)
     channel.write_request(MANUAL_REQUEST)
     channel.write_request(bytes.fromhex("06 01 00 01 10 01 039A 0000"))
@@ -416,7 +416,7 @@ def test_a_response_longer_than_the_reader_takes_is_too_long(akd: Drive) -> None
     assert channel.read_response(4) is None
 
 
-def test_a_drive_of_another_habit_answers_a_change_with_its_header_alone(akd: Drive) -> None:
+def test_a_drive_may_answer_a_change_with_its_header_alone(akd: Drive) -> None:
     described = replace(akd.model, access=replace(akd.model.access, change_response_values=False))
     channel = ParameterChannel(ParameterStore(described, akd.store.handle))
     channel.write_request(MANUAL_REQUEST)

@@ -482,7 +482,7 @@ def test_4_3_only_one_parameter_a_request(e1: Drive, count: int) -> None:
     assert e1.store.get("Pt534") == 100
 
 
-def test_4_3_a_multi_parameter_request_is_told_from_none(e1: Drive) -> None:
+def test_4_3_a_request_without_parameters_is_not_a_multi_parameter_request(e1: Drive) -> None:
     refused(0x16, e1, "08 01 00 00")
 
 

@@ -110,7 +110,7 @@ def test_kept_tasks_that_do_not_fit_are_left_out_with_a_sentence(tasks, words):
     assert words in sentence
 
 
-def test_6_2_a_new_scale_of_positions_changes_the_numbers_of_tasks_and_not_their_places():
+def test_6_2_a_new_scale_of_positions_changes_the_numbers_of_tasks_and_not_their_positions():
     """Section 6.2: PNU value = parameter value / PN.POSSCALE."""
     drive = store()
     edit(drive, 1, 1.0)
@@ -194,7 +194,7 @@ def test_mt_move_and_home_move_need_operation_in_position_mode():
     assert list(axis.command[:2]) == [CMD_START_TASK | 1 << 8, CMD_HOME]
 
 
-def test_nvload_brings_the_saved_motion_tasks_back_and_rstvar_leaves_none():
+def test_nvload_restores_the_saved_motion_tasks_and_rstvar_clears_them():
     drive = store()
     drive.set("PN.POSSCALE", 500)
     edit(drive, 3, 4.0, V=600_000, ACC=5_000_000, DEC=5_000_000)

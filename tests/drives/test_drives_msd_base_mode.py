@@ -149,7 +149,7 @@ def test_each_error_that_the_drive_has_a_reason_for_is_told(msd: Drive, request_
     assert error(msd, f"07 {request_}") == number
 
 
-def test_a_set_point_that_the_telegram_brings_is_not_the_channels_to_change(msd: Drive) -> None:
+def test_the_channel_cannot_change_a_set_point_that_the_telegram_carries(msd: Drive) -> None:
     """Table 9.7, 0x0B."""
     msd.store.plug_telegram(1)
     msd.image.valid = 1

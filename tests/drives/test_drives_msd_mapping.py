@@ -135,7 +135,7 @@ def test_a_wrong_entry_is_refused_and_changes_nothing(
         (1288, "TORQUE_LIMIT_NEGATIVE", 500),
     ],
 )  # fmt: skip
-def test_what_the_telegram_brings_is_the_parameters_value_and_not_the_channels_to_change(
+def test_a_set_point_of_the_telegram_is_its_parameters_value_and_the_channel_cannot_change_it(
     msd: Drive, pnu: int, name: str, value: int
 ) -> None:
     """P-0915 links the process data to the parameter; without a controller it has its own value again."""

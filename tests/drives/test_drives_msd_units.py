@@ -63,7 +63,7 @@ def test_13_2_an_acceleration_of_the_example_is_one_rev_per_minute_and_second(ms
     assert msd.axis.acceleration_step == pytest.approx(1.0, rel=1e-6)
 
 
-def test_what_is_written_before_the_factors_is_counted_anew_when_they_change(msd: Drive) -> None:
+def test_values_written_before_the_factors_are_converted_when_they_change(msd: Drive) -> None:
     msd.store.set("P-1278", 100)
     msd.store.set("P-1268", 50)
     assert (msd.axis.acceleration, msd.axis.jog_velocity[0]) == (6000.0, 50.0)

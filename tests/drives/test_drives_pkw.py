@@ -66,7 +66,7 @@ def test_any_eight_octets_are_a_task_and_come_back(octets: bytes) -> None:
 
 
 @pytest.mark.parametrize("octets", [b"", bytes(7), bytes(9)])
-def test_another_number_of_octets_is_none(octets: bytes) -> None:
+def test_another_number_of_octets_is_a_decode_error(octets: bytes) -> None:
     with pytest.raises(DecodeError, match="octets"):
         parse_pkw(octets)
 

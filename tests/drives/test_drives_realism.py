@@ -64,6 +64,6 @@ def test_a_wrong_figure_is_named_by_file_section_and_key(folder: Path, old: str,
     assert str(path) in str(caught.value)
 
 
-def test_a_model_needs_none_of_it(folder: Path) -> None:
+def test_a_model_may_leave_the_section_out(folder: Path) -> None:
     drop_section(folder, "realism")
     assert load_model(folder).realism == Realism()
