@@ -52,7 +52,7 @@ def make_app(
     token: str | None = None,
     collector: FarmCollector | None = None,
 ) -> FastAPI:
-    """The API of one farm, which has its fault manager already.
+    """The API of one farm.
 
     ``now`` is the farm's clock and ``poke`` what makes its runtime look at a change
     (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`).  With ``token`` every client must show it; without, only

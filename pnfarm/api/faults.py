@@ -1,4 +1,4 @@
-"""The catalogue of faults, and faults put in force and taken back."""
+"""The catalogue of what can be injected, and injections put in force and taken back."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _SPEC_BODY = {
 
 
 def add_faults(app: FastAPI, context: ApiContext) -> None:
-    """Handlers of faults."""
+    """Handlers of injections; their paths say ``faults``, as the command does."""
     tags: list[str | Enum] = ["faults"]
 
     def manager() -> InjectionManager:
@@ -49,14 +49,14 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
 
     @app.get(f"{PREFIX}/faults", tags=tags, summary="Faults that wait or are in force, with their evidence")
     async def get_faults() -> Json:
-        return Json({"faults": [fault.as_dict() for fault in manager().list()]})
+        return Json({"faults": [injection.as_dict() for injection in manager().list()]})
 
     @app.post(f"{PREFIX}/faults", tags=tags, summary="Put a fault in force", status_code=201, openapi_extra=_SPEC_BODY)
     async def post_fault(request: Request) -> Json:
-        fault = manager().inject(await read_object(request), context.now())
+        injection = manager().inject(await read_object(request), context.now())
         context.poke()
-        place = f"{PREFIX}/faults/{quote(fault.id, safe='')}"
-        return Json(fault.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
+        place = f"{PREFIX}/faults/{quote(injection.id, safe='')}"
+        return Json(injection.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
 
     @app.get(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="One fault, also one that ended not long ago")
     async def get_fault(fault_id: str) -> Json:
@@ -68,15 +68,15 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     @app.delete(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="End a fault; its last evidence")
     async def delete_fault(fault_id: str) -> Json:
         try:
-            (fault,) = manager().clear(fault_id, context.now())
+            (injection,) = manager().clear(fault_id, context.now())
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
         context.poke()
-        return Json(fault.as_dict())
+        return Json(injection.as_dict())
 
     @app.post(f"{PREFIX}/reset", tags=tags, summary="End every injected fault", responses={200: {"model": Reset}})
     async def reset() -> Json:
         cleared = manager().clear(None, context.now())
         context.poke()
-        view: dict[str, Any] = {"cleared": [fault.id for fault in cleared]}
+        view: dict[str, Any] = {"cleared": [injection.id for injection in cleared]}
         return Json(view)

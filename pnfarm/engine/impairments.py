@@ -99,7 +99,7 @@ class ImpairmentTable:
         return [row for (owner, _), chain in self._chains.items() if owner == station for row in chain]
 
     def share_limit(self, one: int, other: int) -> None:
-        """Let two rows count against one limit: a fault on both ways happens so many times altogether."""
+        """Let two rows count against one limit: an injection into both directions happens so many times altogether."""
         self._columns.impairment[one].shares = other + 1
         self._columns.impairment[other].shares = one + 1
 

@@ -54,7 +54,7 @@ _OF_CONSUMERS = frozenset(
 
 __all__ = ["FarmCore", "Node"]
 
-#: Impairment rows for each drive: faults on its frames that can be active at once.
+#: Impairment rows for each drive: injections into its cyclic frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
 
 

@@ -56,17 +56,17 @@ def discards(core: FarmCore, station: DriveStation) -> dict[str, int]:
 def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
     """Ids of the injections that wait or are in force, by drive."""
     found: dict[str, list[str]] = {}
-    for fault in manager.list() if manager is not None else ():
-        for drive, run in fault.runs.items():
+    for injection in manager.list():
+        for drive, run in injection.runs.items():
             if run.state is not RunState.ENDED:
-                found.setdefault(drive, []).append(fault.id)
+                found.setdefault(drive, []).append(injection.id)
     return found
 
 
 def drive_snapshot(
     core: FarmCore, station: DriveStation, now: int, *, injected: Mapping[str, list[str]] | None = None
 ) -> dict[str, Any]:
-    """One drive.  ``injected`` saves asking the fault manager again for each of many drives."""
+    """One drive.  ``injected`` saves asking the manager of injections again for each of many drives."""
     axis = station.handle.axis
     powered = station.powered
     state = int(axis.state)

@@ -23,7 +23,7 @@ AGAIN_SECONDS = 0.5
 
 
 class Carriers:
-    """Pulls and plugs cables; several faults may hold one cable out.
+    """Pulls and plugs cables; several injections may hold one cable out.
 
     In memory it happens at once.  Elsewhere a task of the running event loop does it, one for each port at a time;
     :meth:`is_off` says what it has come to.  ``failed(drive, reason)`` hears of a

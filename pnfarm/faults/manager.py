@@ -478,7 +478,7 @@ class InjectionManager:
 
     # last, because the name hides the type in the annotations behind it
     def list(self) -> list[Injection]:
-        """Faults that wait or are in force, oldest first."""
+        """Injections that wait or are in force, oldest first."""
         return list(self._injections.values())
 
 

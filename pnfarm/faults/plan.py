@@ -242,7 +242,7 @@ def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
         return field, "is missing", _ALLOWED.get(field, "a kind of `pnfarm fault kinds`")
     if kind == "extra_forbidden":
         keys = [info.alias or name for name, info in InjectionSpec.model_fields.items()]
-        return field, f"is no field of a fault{did_you_mean(str(error['loc'][-1]), keys)}", ", ".join(keys)
+        return field, f"is not a field of an injection{did_you_mean(str(error['loc'][-1]), keys)}", ", ".join(keys)
     return field, f"is {shown(error.get('input'))}", _ALLOWED.get(field.split(".", maxsplit=1)[0], error["msg"])
 
 

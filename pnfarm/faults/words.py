@@ -1,4 +1,4 @@
-"""What a fault's fields may hold: durations, and errors that name the field and what is allowed."""
+"""What an injection's fields may hold: durations, and errors that name the field and what is allowed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Problem(ValueError):  # noqa: N818 - a finding about one value, turned int
 
 
 class InjectionError(ConfigError):
-    """A fault that cannot be put in force; one line for each wrong field."""
+    """An injection that cannot be put in force; one line for each wrong field."""
 
     def __init__(self, issues: Iterable[tuple[str, str, str]]) -> None:
         self.issues = tuple(issues)

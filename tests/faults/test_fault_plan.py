@@ -53,7 +53,7 @@ def test_every_wrong_field_is_told_with_what_is_allowed():
     assert len(lines) == 4
     assert any(line.startswith("fault.on: is []; allowed: a glob") for line in lines)
     assert "fault.probability: is 2; allowed: a number above 0, at most 1" in lines
-    assert any("fault.cout: is no field of a fault, did you mean count?" in line for line in lines)
+    assert any("fault.cout: is not a field of an injection, did you mean count?" in line for line in lines)
     assert any(line.startswith("fault.for: is 3, which has no unit") for line in lines)
 
 

@@ -31,7 +31,7 @@ NEVER_BY_ITSELF = (
 
 
 def _slugs(tables: Iterable[Mapping[int, str]]) -> dict[str, int]:
-    """The words for codes as they are written in a fault: ``wire-break``."""
+    """The words for codes as a user writes them: ``wire-break``."""
     found: dict[str, int] = {}
     for table in tables:
         for code, words in table.items():
