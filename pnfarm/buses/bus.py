@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from ipaddress import IPv4Address
 
+    from pnfarm.engine.columns import Columns
     from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.faults.carrier import Carriers
     from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.kind import InjectionKind
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.table.columns import Columns
 
 __all__ = ["Bus", "ChannelCounts", "ConnectionView", "Device", "InjectionHost", "Segment"]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from pnfarm.engine.columns import Columns
 from pnfarm.errors import InternalError
-from pnfarm.table.columns import Columns
 from pnfarm.wire.direction import Direction
 
 __all__ = ["CyclicEvidence", "ImpairmentTable"]

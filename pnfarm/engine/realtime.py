@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.libc import CLOCK_MONOTONIC, TIMER_ABSTIME, clock_nanosleep, time_ns, write
 from pnfarm.engine.rings import Ring, make_ring, receive_batch, send_batch
 from pnfarm.engine.tick import next_due, receive, tick
 from pnfarm.errors import InternalError
-from pnfarm.table.columns import RX_BATCH, Columns
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 

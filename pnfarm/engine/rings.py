@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, MSG_DONTWAIT, recvmmsg, sendmmsg, time_ns
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
-from pnfarm.table.columns import RX_BATCH, Columns
 from pnfarm.table.compiled import compiled
 
 __all__ = ["Ring", "make_ring", "receive_batch", "send_batch"]

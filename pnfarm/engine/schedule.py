@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pnfarm.engine.columns import Columns, lookup_rebuild
 from pnfarm.errors import InternalError
 from pnfarm.firmware.drive_clock import true_duration
 from pnfarm.table.channel import FRAME_SLOT, IDLE, IOXS_GOOD, MAX_IOPS, MAX_WORDS, STATUS_GOOD
-from pnfarm.table.columns import Columns, lookup_rebuild
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
 
 __all__ = ["UNIT_NS", "ChannelTable", "ConsumerPlan", "ProviderPlan"]

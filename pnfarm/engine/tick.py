@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pnfarm.engine.columns import Columns, lookup_find
 from pnfarm.engine.impair import impair_received, impair_sent
 from pnfarm.firmware.axis_program import step_program
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -36,7 +37,6 @@ from pnfarm.table.channel import (
     STATUS_VALID,
     W_START,
 )
-from pnfarm.table.columns import Columns, lookup_find
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import (
     EXPIRED,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.tick import next_due, receive, tick
-from pnfarm.table.columns import RX_BATCH, Columns
 from pnfarm.table.compiled import compiled
 
 __all__ = ["deliver", "run_alone", "run_virtual"]

@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba.core import event
 
+from pnfarm.engine.columns import allocate, lookup_rebuild
 from pnfarm.engine.realtime import run_loop
 from pnfarm.engine.rings import make_ring
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.engine.virtual import run_alone, run_virtual
-from pnfarm.table.columns import allocate, lookup_rebuild
 from pnfarm.table.compiled import IS_COMPILED, cache_directory, function_count, kept_functions, mark_cached
 
 if TYPE_CHECKING:

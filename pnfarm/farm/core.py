@@ -13,6 +13,7 @@ from pnfarm.buses.profinet.device.segment import ProfinetSegment
 from pnfarm.buses.profinet.device.station import DriveStation, StationServices
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.engine.columns import Columns, allocate
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, InternalError
@@ -34,7 +35,6 @@ from pnfarm.station.events import (
 )
 from pnfarm.table import engine_row
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
-from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
 
 if TYPE_CHECKING:

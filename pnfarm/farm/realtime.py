@@ -12,13 +12,13 @@ import os
 import time
 from typing import TYPE_CHECKING
 
+from pnfarm.engine.columns import RX_BATCH
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.errors import InternalError
 from pnfarm.links.base import EngineLink, unwrap
 from pnfarm.links.linux import PacketLink
 from pnfarm.links.tap import TapLink
-from pnfarm.table.columns import RX_BATCH
 
 if TYPE_CHECKING:
     import socket

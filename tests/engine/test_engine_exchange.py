@@ -5,11 +5,11 @@ import pytest
 from bench_axis import MS
 from virtual_pair import Pair
 
+from pnfarm.engine.columns import allocate, lookup_find, lookup_rebuild
 from pnfarm.engine.schedule import ChannelTable, ProviderPlan
 from pnfarm.engine.tick import receive
 from pnfarm.errors import InternalError
 from pnfarm.table.channel import MAX_WORDS
-from pnfarm.table.columns import allocate, lookup_find, lookup_rebuild
 from pnfarm.table.impairment import DATA_INVALID, IOPS_BAD, LOSS, PROVIDER_STOP
 from pnfarm.table.program import FAULTED, RUNNING
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from virtual_pair import Pair
 
+from pnfarm.engine.columns import RX_BATCH
 from pnfarm.engine.tick import receive
 from pnfarm.table.channel import FRAME_SLOT
-from pnfarm.table.columns import RX_BATCH
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What an inner run takes: all but the tests that start one.

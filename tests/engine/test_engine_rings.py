@@ -4,9 +4,9 @@ import socket
 
 from virtual_pair import Pair
 
+from pnfarm.engine.columns import allocate
 from pnfarm.engine.rings import make_ring, receive_batch, send_batch
 from pnfarm.engine.tick import tick
-from pnfarm.table.columns import allocate
 
 
 def test_all_due_frames_go_out_and_come_in_as_they_were():

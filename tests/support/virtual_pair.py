@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from bench_axis import MS, VELOCITY_STEP, configure
 
+from pnfarm.engine.columns import Columns, allocate
 from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 from pnfarm.engine.virtual import run_virtual
 from pnfarm.table import engine_row
-from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.program import CONSTANT
 from pnfarm.table.signals import ITIST_GLATT, NIST_A, NSOLL_A, STW1, ZSW1, word_code
 

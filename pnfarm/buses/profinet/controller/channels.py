@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from collections.abc import Container
 
     from pnfarm.buses.profinet.controller.session import DeviceSession
+    from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Port
     from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cmctl_events import Connected
-    from pnfarm.table.columns import Columns
 
 __all__ = ["SessionChannels"]
 

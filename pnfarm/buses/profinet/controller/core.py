@@ -19,6 +19,7 @@ from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState
 from pnfarm.buses.profinet.controller.session_life import SessionLife
 from pnfarm.buses.profinet.controller.snapshot import snapshot_row
 from pnfarm.buses.profinet.uuids import uuid_source
+from pnfarm.engine.columns import Columns, allocate
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
@@ -46,7 +47,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
 )
 from pnfarm.table import engine_row, program
 from pnfarm.table.channel import W_START
-from pnfarm.table.columns import Columns, allocate
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.table.signals import PKW_HEAD, WORD_NONE
 from pnfarm.wire.ethernet import (

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.controller.channels import SessionChannels
     from pnfarm.buses.profinet.controller.search import Search
+    from pnfarm.engine.columns import Columns
     from pnfarm.station.event_log import EventLog
-    from pnfarm.table.columns import Columns
 
 __all__ = ["SessionLife"]
 

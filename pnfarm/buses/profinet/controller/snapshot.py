@@ -8,7 +8,7 @@ from pnfarm.buses.profinet.controller.events import PHASES
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.session import DeviceSession
-    from pnfarm.table.columns import Columns
+    from pnfarm.engine.columns import Columns
 
 __all__ = ["snapshot_row"]
 

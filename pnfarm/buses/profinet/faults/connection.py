@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.buses.profinet.device.station import DriveStation
-    from pnfarm.table.columns import Columns
+    from pnfarm.engine.columns import Columns
 
 __all__ = ["ArKeys", "ProfinetConnection"]
 
