@@ -21,9 +21,9 @@ from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS
 from pnfarm.farm.config_lists import MAX_OCTETS
 from pnfarm.farm.schema import farm_schema
 from pnfarm.firmware import positioning, sensor_interface, state_machine
+from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.ip import claim
 from pnfarm.protocols.profinet import alarm_states, cmctl_rounds, cmctl_states, cmdev_plug, cmdev_states
-from pnfarm.table.axis import AXIS
 from pnfarm.table.channel import CPM, PPM
 from pnfarm.table.engine_row import ENGINE, EVENT
 from pnfarm.table.image import IMAGE

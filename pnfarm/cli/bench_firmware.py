@@ -55,7 +55,7 @@ def _step_all(axes: Any, images: Any, now: int, period: int, steps: int) -> None
 
 def _moving(line: VirtualLine) -> bool:
     axes = line.farm.columns.axis
-    return bool((axes.state == 4).all()) and float(abs(axes.velocity).mean()) > 1.0
+    return bool((axes.drive.state == 4).all()) and float(abs(axes.motor.velocity).mean()) > 1.0
 
 
 def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
@@ -74,7 +74,7 @@ def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
         line.world.run(0.1)
         axes, images = columns.axis.copy(), columns.image.copy()
         if motor_step_ns:
-            axes.motor_step_ns = motor_step_ns
+            axes.motor.settings.step_ns = motor_step_ns
         begin = time.process_time_ns()
         _step_all(axes, images, line.world.now, MS, STEPS)
         if turn:

@@ -169,8 +169,8 @@ class Demo:
             return (
                 reconnected
                 and session is not None
-                and int(station.handle.axis.state) == 4
-                and int(station.handle.axis.fault_code[0]) == 0
+                and int(station.handle.axis.drive.state) == 4
+                and int(station.handle.axis.faults.code[0]) == 0
                 and bool(self._plc.columns.image[session.index].valid)
             )
 

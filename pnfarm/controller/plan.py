@@ -13,13 +13,13 @@ from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_expand import clock_of
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.tasks import ramp_step
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.table import program
-from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import TASKS_NONE
 from pnfarm.table.image import IMAGE
 
@@ -53,18 +53,30 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
     store.commission(numbers)
     store.power_on()
     return SignalSteps(
-        velocity_step=float(axis.velocity_step),
-        velocity_step_b=float(axis.velocity_step_b),
+        velocity_step=float(axis.profidrive.settings.velocity_step),
+        velocity_step_b=float(axis.profidrive.settings.velocity_step_b),
         task_form=model.telegrams[telegram].tasks if telegram in model.telegrams else TASKS_NONE,
-        control_config=int(axis.control_config),
-        target_step=float(axis.target_step) or float(axis.position_step),
-        task_velocity_step=float(axis.task_velocity_step) or 1.0,
-        task_acceleration_step=float(ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration))
+        control_config=int(axis.asked.settings.control_config),
+        target_step=float(axis.profidrive.settings.target_step) or float(axis.profidrive.settings.position_step),
+        task_velocity_step=float(axis.profidrive.settings.task_velocity_step) or 1.0,
+        task_acceleration_step=float(
+            ramp_step(
+                axis.profidrive.settings.task_acceleration_step,
+                axis.jog.settings.acceleration,
+                axis.ramp.settings.acceleration,
+            )
+        )
         or 1.0,
-        task_deceleration_step=float(ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration))
+        task_deceleration_step=float(
+            ramp_step(
+                axis.profidrive.settings.task_deceleration_step,
+                axis.jog.settings.deceleration,
+                axis.ramp.settings.deceleration,
+            )
+        )
         or 1.0,
-        task_ramps_signed=bool(axis.task_ramps_signed),
-        ramp_step=float(axis.acceleration_step) or 1.0,
+        task_ramps_signed=bool(axis.profidrive.settings.task_ramps_signed),
+        ramp_step=float(axis.profidrive.settings.acceleration_step) or 1.0,
     )
 
 

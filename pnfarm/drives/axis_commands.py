@@ -58,7 +58,7 @@ def command_axis(handle: AxisHandle, parameter: Parameter, value: int) -> None:
     if command is None or (name in {"disable", "stop"} and not handle.in_operation):
         return
     argument = {
-        "set-position": round(float(handle.axis.home_position) * 1e6),
+        "set-position": round(float(handle.axis.homing.settings.position) * 1e6),
         "task-move": value,
         "stop": STOP_HALT,
     }.get(name, 0)
@@ -70,18 +70,23 @@ def command_axis(handle: AxisHandle, parameter: Parameter, value: int) -> None:
 
 def _allowed(handle: AxisHandle, name: str) -> bool:
     axis, running = handle.axis, handle.in_operation
-    positions = int(axis.opmode) == POSITION_MODE
+    positions = int(axis.drive.settings.opmode) == POSITION_MODE
     match name:
         case "enable":
             return running
         case "home" | "task-move":
             return running and positions
         case "task-continue":
-            return int(axis.motion) == MOTION_HALTED
+            return int(axis.positioning.state) == MOTION_HALTED
         case "stop":
-            return not running or positions or bool(axis.service)
+            return not running or positions or bool(axis.service.leg)
         case "service":
-            turns = int(axis.service_mode) in {SERVICE_CONSTANT, SERVICE_ALTERNATING}
-            return running and turns and int(axis.opmode) == VELOCITY_MODE and bool(axis.setpoint_ignored)
+            turns = int(axis.service.settings.mode) in {SERVICE_CONSTANT, SERVICE_ALTERNATING}
+            return (
+                running
+                and turns
+                and int(axis.drive.settings.opmode) == VELOCITY_MODE
+                and bool(axis.profidrive.settings.setpoint_ignored)
+            )
         case _:
             return True

@@ -9,8 +9,9 @@ from pnfarm.drives.control_limits import apply_control_limits
 from pnfarm.drives.factor_group import apply_factor_group, float_bits, float_of
 from pnfarm.drives.measured import deviation
 from pnfarm.drives.parameter import Backing, Parameter
-from pnfarm.table.axis import AXIS, FAULT_ACTIONS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
+    FAULT_ACTIONS,
     RAMP_GENERATED,
     TASKS_TABLE,
     TASKS_TARPOS,
@@ -47,24 +48,33 @@ if TYPE_CHECKING:
 __all__ = ["AxisFields"]
 
 #: Fields that other parameters' scales follow.
-_SCALED_BY = {"acceleration_step": "acceleration", "jog_velocity": "jog/n", "velocity_step": "reference/n"}
+_SCALED_BY = {
+    "profidrive.acceleration_step": "acceleration",
+    "jog.velocity": "jog/n",
+    "profidrive.velocity_step": "reference/n",
+}
 #: Velocity steps to the velocity reference value (HIWIN E1 manual 6.1: 0x4000 is 100 %).
 _REFERENCE = 0x4000
 #: A field that no parameter and no section of the model sets has its default.
-_PARAMETER_FIELDS = tuple(field for field in AXIS.fields.values() if field.writer == "parameter")
+_PARAMETER_FIELDS = tuple((key, field.default) for key, field in AXIS.fields.items() if field.writer == "parameter")
 #: Fields that are positions of the shaft; their parameters count from the home position.
-SHAFT_POSITIONS = frozenset({"position", "commanded_position"})
+SHAFT_POSITIONS = frozenset({"motor.position", "profile.position"})
 #: Fields that hold the fault of a cause that the firmware itself sees.
 _FAULT_OF_CAUSE = {
-    "encoder-error": "sensor_fault",
-    "overvoltage": "overvoltage_fault",
-    "undervoltage": "undervoltage_fault",
-    "overload": "overload_fault",
-    "drive-overload": "drive_overload_fault",
-    "overspeed": "overspeed_fault",
+    "encoder-error": "sensor.fault",
+    "overvoltage": "supply.overvoltage_fault",
+    "undervoltage": "supply.undervoltage_fault",
+    "overload": "motor.overload_fault",
+    "drive-overload": "foldback.drive_fault",
+    "overspeed": "motor.overspeed_fault",
 }
 #: Fields whose parameters a signal changes (AKD PROFINET manual 5.8), and that signal.
-_CHANGED_BY = {"home_method": HOME_MODE, "home_distance": HOME_DIST, "acceleration": DRV_ACC, "deceleration": DRV_DEC}
+_CHANGED_BY = {
+    "homing.method": HOME_MODE,
+    "homing.distance": HOME_DIST,
+    "ramp.acceleration": DRV_ACC,
+    "ramp.deceleration": DRV_DEC,
+}
 #: Bits of ``home_signals``.
 _HOME_SIGNALS = {HOME_MODE: 0x1, HOME_DIST: 0x2}
 #: A ramp whose time is zero, rpm/s.
@@ -102,10 +112,10 @@ class AxisFields:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
         self._positions.clear()
-        for column in _PARAMETER_FIELDS:
-            axis[column.name] = column.default
+        for field, default in _PARAMETER_FIELDS:
+            AXIS.write(axis, field, default)
         for field, value in model.firmware.items():
-            setattr(axis, field, value)
+            AXIS.write(axis, field, value)
         self._convert_defaults()
         if model.factor_group is not None:
             apply_factor_group(model.factor_group, self._values, axis)
@@ -116,13 +126,13 @@ class AxisFields:
         self._apply_communication_loss()
         self._apply_fault_actions()
         if model.sign_of_life is not None:
-            axis.life = 1
-            axis.life_fault = model.faults[model.sign_of_life.fault].code
+            axis.life.settings.watched = 1
+            axis.life.settings.fault = model.faults[model.sign_of_life.fault].code
         if model.following_error is not None:
-            axis.following_fault = model.faults[model.following_error.fault].code
+            axis.positioning.settings.following_fault = model.faults[model.following_error.fault].code
         for fault in model.faults.values():
             if fault.cause in _FAULT_OF_CAUSE:
-                axis[_FAULT_OF_CAUSE[fault.cause]] = fault.code
+                AXIS.write(axis, _FAULT_OF_CAUSE[fault.cause], fault.code)
         self.apply_telegram()
 
     def apply_written(self, parameter: Parameter) -> None:
@@ -142,7 +152,7 @@ class AxisFields:
             self._apply_fault_actions()
         if parameter.pnu in {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}:
             self._apply_communication_loss()
-        if int(self._handle.axis.shows):
+        if int(self._handle.axis.profidrive.settings.shows):
             self._apply_shown()
 
     def _apply_scaled(self, scale: str) -> None:
@@ -154,21 +164,23 @@ class AxisFields:
         """Write what comes with the telegram in force: operation mode, tasks, velocity set point, bit of ZSW2."""
         axis, telegram = self._handle.axis, self._selection.telegram
         if telegram.opmode is not None:
-            axis.opmode = telegram.opmode
+            axis.drive.settings.opmode = telegram.opmode
         slots = self._mapped_slots()
-        axis.task_form = telegram.tasks
+        axis.profidrive.settings.task_form = telegram.tasks
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
-            axis.task_form = TASKS_TABLE
-        axis.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (TORQUE_LIMIT_NEGATIVE in slots) << 1
-        axis.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
-        axis.servo_control = XERR in slots and KPC in slots
-        axis.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
-        axis.feedrate_signal = MT_FEEDRATE in slots
-        axis.spare_acceleration = self.fallback(MDI_ACC)
-        axis.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
-        axis.parameter_channel = self._selection.frame.parameter_words > 0
+            axis.profidrive.settings.task_form = TASKS_TABLE
+        axis.profidrive.settings.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (
+            TORQUE_LIMIT_NEGATIVE in slots
+        ) << 1
+        axis.profidrive.settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
+        axis.interpolation.settings.servo_control = XERR in slots and KPC in slots
+        axis.profidrive.settings.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
+        axis.profidrive.settings.feedrate_signal = MT_FEEDRATE in slots
+        axis.profidrive.settings.spare_acceleration = self.fallback(MDI_ACC)
+        axis.profidrive.settings.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
+        axis.profidrive.settings.parameter_channel = self._selection.frame.parameter_words > 0
         self._apply_shown()
-        axis.velocity_signal = (
+        axis.profidrive.settings.velocity_signal = (
             VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
         )
 
@@ -177,11 +189,11 @@ class AxisFields:
         axis, values = self._handle.axis, self._values
         shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
         stored = [signal for signal in shown if signal.stored]
-        axis.shows = any(signal.readable for signal in shown) | bool(stored) << 1
+        axis.profidrive.settings.shows = any(signal.readable for signal in shown) | bool(stored) << 1
         for signal in stored:
             parameter = values.model.parameters[signal.number]
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
-            axis.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
+            axis.profidrive.settings.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
 
     def fallback(self, slot: int) -> int:
         """The set point that was written as a parameter and counts while the telegram's word is 0; 0 for none."""
@@ -195,10 +207,10 @@ class AxisFields:
         """A set point was written by its PNU: where no telegram brings it, it counts from now on."""
         axis = self._handle.axis
         self._written[slot] = raw
-        axis.spare_acceleration = self.fallback(MDI_ACC)
-        axis.home_signals |= _HOME_SIGNALS.get(slot, 0)
+        axis.profidrive.settings.spare_acceleration = self.fallback(MDI_ACC)
+        axis.profidrive.settings.home_signals |= _HOME_SIGNALS.get(slot, 0)
         if slot == MT_FEEDRATE:
-            axis.feedrate_signal = 1
+            axis.profidrive.settings.feedrate_signal = 1
 
     def store_signal_values(self, *, ended: bool = False) -> None:
         """Store what signals of the telegram changed in the parameters that they change (AKD PROFINET manual 5.8).
@@ -212,7 +224,9 @@ class AxisFields:
                 continue
             value = self.changed_meanwhile(parameter)
             if ended:
-                self._handle.axis.home_signals = int(self._handle.axis.home_signals) & ~_HOME_SIGNALS[slot]
+                self._handle.axis.profidrive.settings.home_signals = (
+                    int(self._handle.axis.profidrive.settings.home_signals) & ~_HOME_SIGNALS[slot]
+                )
             if value is not None and parameter.allows(value):
                 self._values.current[parameter.pnu] = value
                 self._apply(parameter)
@@ -223,7 +237,7 @@ class AxisFields:
         if slot is None or slot in self._mapped_slots():
             return
         axis = self._handle.axis
-        axis.home_signals = int(axis.home_signals) & ~_HOME_SIGNALS.get(slot, 0)
+        axis.profidrive.settings.home_signals = int(axis.profidrive.settings.home_signals) & ~_HOME_SIGNALS.get(slot, 0)
         self._handle.image.received[slot] = 0
 
     def _mapped_slots(self) -> set[int]:
@@ -242,9 +256,13 @@ class AxisFields:
             number, position = self._positions.get(parameter.pnu, (None, 0.0))
             return position if number == raw else raw / self.position_units()
         if parameter.scale == "jog/n":
-            return 1000.0 * abs(float(self._handle.axis.jog_velocity[0])) / raw if raw else IMMEDIATE
+            return 1000.0 * abs(float(self._handle.axis.jog.settings.velocity[0])) / raw if raw else IMMEDIATE
         if parameter.scale == "reference/n":
-            return 1000.0 * _REFERENCE * float(self._handle.axis.velocity_step) / raw if raw else IMMEDIATE
+            return (
+                1000.0 * _REFERENCE * float(self._handle.axis.profidrive.settings.velocity_step) / raw
+                if raw
+                else IMMEDIATE
+            )
         if parameter.scale.endswith("/n"):
             return parameter.factor / raw if raw else IMMEDIATE
         if parameter.scale.endswith("torque-constant") and raw == parameter.default:
@@ -253,42 +271,42 @@ class AxisFields:
 
     def _apply(self, parameter: Parameter) -> None:
         if parameter.elements:
-            field = getattr(self._handle.axis, parameter.argument)
+            field = AXIS.read(self._handle.axis, parameter.argument)
             for index, raw in enumerate(self._values.array(parameter)):
                 field[index] = self.physical(parameter, raw)
             return
-        if parameter.argument == "ramp_generator":
+        if parameter.argument == "ramp.generator":
             self._generator_set += 1
-            self._handle.axis.ramp_generator_set = self._generator_set
+            self._handle.axis.ramp.settings.generator_set = self._generator_set
         value = self.physical(parameter, self._values.raw(parameter.pnu))
         if parameter.index >= 0:
-            getattr(self._handle.axis, parameter.argument)[parameter.index] = value
+            AXIS.read(self._handle.axis, parameter.argument)[parameter.index] = value
         else:
-            setattr(self._handle.axis, parameter.argument, value)
+            AXIS.write(self._handle.axis, parameter.argument, value)
 
     def _apply_communication_loss(self) -> None:
         loss = self._values.model.communication_loss
         raised = not loss.action_parameter or self._values.raw(loss.action_parameter)
         code = self._values.model.faults[loss.fault].code if raised else 0
         on_stop = self._values.raw(loss.stop_parameter) >> loss.stop_bit & 1 if loss.stop_parameter else loss.on_stop
-        self._handle.axis.loss_fault = code
-        self._handle.axis.stop_fault = code if on_stop else 0
+        self._handle.axis.faults.settings.loss_fault = code
+        self._handle.axis.faults.settings.stop_fault = code if on_stop else 0
 
     def _apply_fault_actions(self) -> None:
         """Which faults are ignored: those whose parameter is not 0."""
         raw = self._values.raw
         found = [number for pnu, number in self._values.model.fault_actions.items() if raw(pnu)]
-        self._handle.axis.ignored_faults[:] = found + [0] * (FAULT_ACTIONS - len(found))
+        self._handle.axis.faults.settings.ignored[:] = found + [0] * (FAULT_ACTIONS - len(found))
 
     # and back
 
     def shown(self, parameter: Parameter) -> int:
         """A field as the raw number of the parameter that shows it."""
-        field = getattr(self._handle.axis, parameter.argument)
+        field = AXIS.read(self._handle.axis, parameter.argument)
         physical = float(field[parameter.index] if parameter.index >= 0 else field)
         physical += deviation(self._handle.axis, parameter.argument)
         if parameter.argument in SHAFT_POSITIONS:
-            physical -= float(self._handle.axis.origin)
+            physical -= float(self._handle.axis.homing.origin)
         return self.scaled(parameter, physical)
 
     def changed_meanwhile(self, parameter: Parameter) -> int | None:
@@ -296,8 +314,8 @@ class AxisFields:
 
         A ramp of zero does not count (:func:`pnfarm.firmware.telegram.from_setpoints`).
         """
-        if parameter.argument == "ramp_generator":
-            left = int(self._handle.axis.ramp_generator_left)
+        if parameter.argument == "ramp.generator":
+            left = int(self._handle.axis.ramp.generator_left)
             return self.scaled(parameter, RAMP_GENERATED) if left == self._generator_set + 1 else None
         slot = _CHANGED_BY.get(parameter.argument)
         if slot is None:
@@ -305,7 +323,11 @@ class AxisFields:
         axis, value = self._handle.axis, int(self._handle.image.received[slot])
         if slot in _HOME_SIGNALS:
             return self._homing_signal(parameter, slot, value)
-        return self.scaled(parameter, (value & 0xFFFF) * float(axis.acceleration_step)) if value & 0xFFFF else None
+        return (
+            self.scaled(parameter, (value & 0xFFFF) * float(axis.profidrive.settings.acceleration_step))
+            if value & 0xFFFF
+            else None
+        )
 
     def _homing_signal(self, parameter: Parameter, slot: int, value: int) -> int | None:
         """HOME_MODE or HOME_DIST in its parameter's number, None where it does not count.
@@ -313,13 +335,13 @@ class AxisFields:
         While the data of a telegram are not valid, what it sent last stays.
         """
         axis, bit = self._handle.axis, _HOME_SIGNALS[slot]
-        if not int(axis.home_signals) & bit:
+        if not int(axis.profidrive.settings.home_signals) & bit:
             return None
-        distance = value * float(axis.position_step)
+        distance = value * float(axis.profidrive.settings.position_step)
         if slot in self._mapped_slots() and not self._handle.controlled:
-            if not int(axis.home_brought) & bit:
+            if not int(axis.homing.brought) & bit:
                 return None
-            value, distance = int(axis.asked_home_method), float(axis.asked_home_distance)
+            value, distance = int(axis.homing.method_in_force), float(axis.homing.distance_in_force)
         return value & 0xFFFF if slot == HOME_MODE else self.scaled(parameter, distance)
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
@@ -377,11 +399,13 @@ class AxisFields:
 
     def _factor(self, parameter: Parameter) -> float:
         if parameter.scale == "velocity":
-            return float(self._handle.axis.velocity_step)
+            return float(self._handle.axis.profidrive.settings.velocity_step)
         if parameter.scale == "acceleration":
-            return float(self._handle.axis.acceleration_step)
+            return float(self._handle.axis.profidrive.settings.acceleration_step)
         if parameter.scale.endswith("torque-constant"):
-            return float(self._handle.axis.torque_constant) / (-1000.0 if parameter.scale[0] == "-" else 1000.0)
+            return float(self._handle.axis.motor.settings.torque_constant) / (
+                -1000.0 if parameter.scale[0] == "-" else 1000.0
+            )
         if parameter.scale == "rated-torque":
-            return float(self._handle.axis.rated_torque) / 100.0
+            return float(self._handle.axis.torque.settings.rated) / 100.0
         return parameter.factor

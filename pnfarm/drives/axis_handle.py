@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.errors import PnfarmError
-from pnfarm.table.axis import COMMANDS
+from pnfarm.table.axis_codes import COMMANDS
 
 __all__ = ["AxisHandle", "CommandRingFullError"]
 
@@ -19,7 +19,7 @@ class CommandRingFullError(PnfarmError):
 class AxisHandle:
     """One axis record and its process image.
 
-    ``axis`` and ``image`` are single rows (``table[i]``) of :data:`pnfarm.table.axis.AXIS` and
+    ``axis`` and ``image`` are single rows (``table[i]``) of :data:`pnfarm.firmware.axis.AXIS` and
     :data:`pnfarm.table.image.IMAGE`; writing an attribute writes into the table.
     """
 
@@ -36,18 +36,18 @@ class AxisHandle:
         """
         if not 0 <= code <= 0xFF:
             raise ValueError(f"command code {code} does not fit in an octet")
-        head = int(self.axis.command_head)
-        if (head - int(self.axis.command_tail)) & 0xFFFFFFFF >= COMMANDS:
+        head = int(self.axis.commands.settings.head)
+        if (head - int(self.axis.commands.tail)) & 0xFFFFFFFF >= COMMANDS:
             raise CommandRingFullError(
                 "the drive has not taken its last 16 commands; it is off or the engine does not run"
             )
-        self.axis.command[head % COMMANDS] = code | argument << 8
-        self.axis.command_head = (head + 1) & 0xFFFFFFFF
+        self.axis.commands.settings.ring[head % COMMANDS] = code | argument << 8
+        self.axis.commands.settings.head = (head + 1) & 0xFFFFFFFF
 
     @property
     def in_operation(self) -> bool:
         """Whether the power stage is on: states S4 and S5."""
-        return int(self.axis.state) >= 4
+        return int(self.axis.drive.state) >= 4
 
     @property
     def controlled(self) -> bool:

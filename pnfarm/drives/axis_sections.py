@@ -18,7 +18,7 @@ from pnfarm.drives.model_parts import (
 )
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import MOTION_TASKS
+from pnfarm.table.axis_codes import MOTION_TASKS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -15,11 +15,11 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.model_files import joined_tables, required
+from pnfarm.drives.model_files import flat, joined_tables, required
 from pnfarm.drives.model_parts import Point, Reading
 from pnfarm.drives.parameter_rows import axis_parameters
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -98,7 +98,7 @@ def _reading(
         raise ConfigError(f"{where}, {unknown[0]}: unknown; allowed are does, {', '.join(_SETS)}")
     does = str(required(entry, "does", where))
     firmware: dict[str, float] = {}
-    for key, value in entry.get("firmware", {}).items():
+    for key, value in flat(entry.get("firmware", {})).items():
         column = AXIS.fields.get(key)
         if column is None or column.writer != "parameter" or column.unit not in {"", "ns", "s"}:
             raise ConfigError(f"{where}, firmware.{key}: not a field of the axis that a reading may set")

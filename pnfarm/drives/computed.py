@@ -14,8 +14,16 @@ from pnfarm.drives.factor_group import float_bits
 from pnfarm.drives.measured import deviation
 from pnfarm.drives.parameter import Parameter
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
-from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_RELEASE, LACKS_SUPPLY, LIFE_GOOD, RAMP_GENERATED
+from pnfarm.firmware.axis import AXIS
+from pnfarm.table.axis_codes import (
+    FAULT_SITUATIONS,
+    FAULT_SLOTS,
+    LACKS_ENABLE,
+    LACKS_RELEASE,
+    LACKS_SUPPLY,
+    LIFE_GOOD,
+    RAMP_GENERATED,
+)
 from pnfarm.table.image import LOST_EXPIRED, LOST_NEVER, LOST_STOP
 from pnfarm.table.signals import DRIVE_INPUTS
 
@@ -104,7 +112,7 @@ def _fault_counter(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 def _kept_situations(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 952 of a drive that keeps its fault buffer without power: what it kept, and what came since."""
     axis = drive.handle.axis
-    return [int(axis.fault_kept) + fault_counter(axis) & 0xFFFF]
+    return [int(axis.faults.kept) + fault_counter(axis) & 0xFFFF]
 
 
 def _fault_buffer(drive: DriveView, parameter: Parameter) -> Sequence[int]:
@@ -113,7 +121,7 @@ def _fault_buffer(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 
 def _fault_changes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    return [int(drive.handle.axis.fault_changes)]
+    return [int(drive.handle.axis.faults.changes)]
 
 
 def _fault_codes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
@@ -130,9 +138,9 @@ def _fault_scaling(_drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 def _operation_mode(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without; it has none for torque: 0."""
     axis = drive.handle.axis
-    if int(axis.opmode) != VELOCITY_MODE:
-        return [int(axis.opmode)]
-    return [1 if int(axis.ramp_generator) == RAMP_GENERATED else 3]
+    if int(axis.drive.settings.opmode) != VELOCITY_MODE:
+        return [int(axis.drive.settings.opmode)]
+    return [1 if int(axis.ramp.settings.generator) == RAMP_GENERATED else 3]
 
 
 def _encoder_format(drive: DriveView, parameter: Parameter) -> Sequence[int]:
@@ -143,8 +151,10 @@ def _encoder_format(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """
     axis, pitch = drive.handle.axis, drive.model.pitch
     # one that keeps the home position without power is absolute
-    turns = inf if axis.home_stays else float(axis.sensor_revolutions)
-    step = float(axis.sensor_step) or (1.0 / float(axis.encoder_steps) if axis.encoder_steps else 0.0)
+    turns = inf if axis.homing.settings.stays else float(axis.sensor.settings.revolutions)
+    step = float(axis.sensor.settings.step) or (
+        1.0 / float(axis.motor.settings.encoder_steps) if axis.motor.settings.encoder_steps else 0.0
+    )
     if pitch > 0.0:
         return _fill([ENCODER_HEADER, ENCODER_TYPE | ENCODER_LINEAR, round(step * pitch * 1e6)], parameter)
     known = round(turns) if isfinite(turns) else EVERY_REVOLUTION
@@ -222,15 +232,15 @@ def _fault(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 def _warning(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the warnings at hand, the first of which a word of warning shows; 0 for none."""
-    return [int(drive.handle.axis.warnings[parameter.index])]
+    return [int(drive.handle.axis.warnings.active[parameter.index])]
 
 
 def _bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """P-0953: each stays until cyclic data begin again (Moog MSD manual 8.3.2 says so of the sign of life)."""
     axis, lost = drive.handle.axis, int(drive.handle.image.lost)
     # the drive's own watchdog may run out while the connection still stands, or after it was taken down
-    late = lost != LOST_NEVER and int(axis.loss_delay_ns) > 0 and int(axis.telegram_ns) == 0
-    word = LIFE_WARNING if int(axis.life_failed) != LIFE_GOOD else 0
+    late = lost != LOST_NEVER and int(axis.faults.settings.loss_delay_ns) > 0 and int(axis.profidrive.telegram_ns) == 0
+    word = LIFE_WARNING if int(axis.life.failed) != LIFE_GOOD else 0
     word |= TIMEOUT_WARNING if late or lost == LOST_EXPIRED else 0
     return [word | (STOP_WARNING if lost == LOST_STOP else 0)]
 
@@ -246,12 +256,12 @@ def _software_limits(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 def _limit_switch(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the two: 0 the negative, 1 the positive."""
-    return [int(drive.handle.axis.limit_switch) >> parameter.index & 1]
+    return [int(drive.handle.axis.machine.limit_switch) >> parameter.index & 1]
 
 
 def _controlled_stop(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     axis = drive.handle.axis
-    return [int(int(axis.state) == 5 and int(axis.stop) in {2, 3})]
+    return [int(int(axis.drive.state) == 5 and int(axis.drive.stop) in {2, 3})]
 
 
 def _disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
@@ -260,13 +270,13 @@ def _disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     Bit 0 software, 1 fault, 2 hardware, 3 no supply of power, 4 not started up yet, 5 an input for a controlled stop.
     """
     axis = drive.handle.axis
-    lacks = int(axis.lacked)
+    lacks = int(axis.drive.lacks)
     reasons = (
         not drive.handle.in_operation,
-        int(axis.fault_code[0]) != 0,
+        int(axis.faults.code[0]) != 0,
         lacks & LACKS_ENABLE,
         lacks & LACKS_SUPPLY,
-        int(axis.state) == 0,
+        int(axis.drive.state) == 0,
         lacks & LACKS_RELEASE,
     )
     return [sum(1 << bit for bit, there in enumerate(reasons) if there)]
@@ -274,12 +284,12 @@ def _disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 def _hardware_enable(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """DRV.HWENABLE (AKD parameter reference): 1 while the hardware enables the drive."""
-    return [int(not int(drive.handle.axis.lacked) & LACKS_ENABLE)]
+    return [int(not int(drive.handle.axis.drive.lacks) & LACKS_ENABLE)]
 
 
 def _digital_input(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The level of one input, the first is 0."""
-    return [int(drive.handle.axis.digital_inputs) >> parameter.index & 1]
+    return [int(drive.handle.axis.machine.inputs) >> parameter.index & 1]
 
 
 def _torque_allowed(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
@@ -290,47 +300,63 @@ def _torque_allowed(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 def _measured(drive: DriveView, field: str) -> float:
     """A field of the axis record as the drive measures it."""
     axis = drive.handle.axis
-    return float(axis[field]) + deviation(axis, field)
+    return float(AXIS.read(axis, field)) + deviation(axis, field)
 
 
 def _mechanical_position(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """FB1.MECHPOS (AKD parameter reference): the angle of the shaft, 2^32 to the revolution."""
-    return [int(_measured(drive, "position") % 1.0 * 2**32) & 0xFFFFFFFF]
+    return [int(_measured(drive, "motor.position") % 1.0 * 2**32) & 0xFFFFFFFF]
 
 
 def _shaft_position(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The feedback's own position, which no homing moves."""
-    return [drive.scaled(parameter, _measured(drive, "position"))]
+    return [drive.scaled(parameter, _measured(drive, "motor.position"))]
 
 
 def _velocity_error(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    return [drive.scaled(parameter, float(drive.handle.axis.ramp) - _measured(drive, "velocity"))]
+    return [drive.scaled(parameter, float(drive.handle.axis.ramp.command) - _measured(drive, "motor.velocity"))]
 
 
 def _position_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """The following error in position units, as a float32 (Moog MSD manual, table 10.14, P-0414)."""
-    return [float_bits(_measured(drive, "following_error") / float(drive.handle.axis.position_step))]
+    return [
+        float_bits(
+            _measured(drive, "positioning.following_error") / float(drive.handle.axis.profidrive.settings.position_step)
+        )
+    ]
 
 
 def _speed_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """What the speed controller sees, in speed units, as a float32 (table 10.13, P-0417)."""
     axis = drive.handle.axis
-    return [float_bits((float(axis.speed_reference) - _measured(drive, "velocity")) / float(axis.velocity_step))]
+    return [
+        float_bits(
+            (float(axis.ramp.reference) - _measured(drive, "motor.velocity"))
+            / float(axis.profidrive.settings.velocity_step)
+        )
+    ]
 
 
 def _foldback_level(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """IL.FOLDFTHRESH (AKD parameter reference): what was asked for, and the peak current at most."""
     axis = drive.handle.axis
-    return [drive.scaled(parameter, min(float(axis.peak_current), float(axis.foldback_fault_level)))]
+    return [
+        drive.scaled(parameter, min(float(axis.motor.settings.peak_current), float(axis.foldback.settings.fault_level)))
+    ]
 
 
 def _foldback_recovery(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """IL.MFOLDR: how long no current must flow for the peak to be there for IL.MFOLDD again (`firmware.foldback`)."""
     axis = drive.handle.axis
-    if not axis.continuous_current:
+    if not axis.motor.settings.continuous_current:
         return [0]
-    times = float(axis.foldback_delay[0]) + float(axis.foldback_time[0])
-    return [drive.scaled(parameter, times * (float(axis.peak_current) / float(axis.continuous_current) - 1.0))]
+    times = float(axis.foldback.settings.delay[0]) + float(axis.foldback.settings.time[0])
+    return [
+        drive.scaled(
+            parameter,
+            times * (float(axis.motor.settings.peak_current) / float(axis.motor.settings.continuous_current) - 1.0),
+        )
+    ]
 
 
 def _timeout(drive: DriveView, _parameter: Parameter) -> Sequence[int]:

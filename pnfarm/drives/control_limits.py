@@ -46,11 +46,15 @@ def apply_control_limits(limits: ControlLimits, values: StoredValues, axis: Any)
     def number(pnu: int) -> float:
         return float_of(values.raw(pnu))
 
-    speed = number(limits.nominal_speed) or float(axis.max_velocity)
-    torque = number(limits.nominal_torque) or float(axis.rated_torque)
-    torque = torque or float(axis.torque_constant * axis.peak_current)
+    speed = number(limits.nominal_speed) or float(axis.motor.settings.max_velocity)
+    torque = number(limits.nominal_torque) or float(axis.torque.settings.rated)
+    torque = torque or float(axis.motor.settings.torque_constant * axis.motor.settings.peak_current)
     torque *= PERCENT * number(limits.torque_scale)
-    axis.velocity_limit_positive = speed * PERCENT * min(number(limits.speed), number(limits.speed_positive))
-    axis.velocity_limit_negative = speed * PERCENT * min(number(limits.speed), number(limits.speed_negative))
-    axis.torque_limit_positive = torque * PERCENT * min(number(limits.torque), number(limits.torque_positive))
-    axis.torque_limit_negative = torque * PERCENT * min(number(limits.torque), number(limits.torque_negative))
+    axis.travel.settings.velocity_limit_positive = (
+        speed * PERCENT * min(number(limits.speed), number(limits.speed_positive))
+    )
+    axis.travel.settings.velocity_limit_negative = (
+        speed * PERCENT * min(number(limits.speed), number(limits.speed_negative))
+    )
+    axis.torque.settings.limit_positive = torque * PERCENT * min(number(limits.torque), number(limits.torque_positive))
+    axis.torque.settings.limit_negative = torque * PERCENT * min(number(limits.torque), number(limits.torque_negative))

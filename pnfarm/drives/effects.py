@@ -13,7 +13,7 @@ from pnfarm.drives.computed import CONSTANT_COMPUTED
 from pnfarm.drives.model_parts import Effect
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model

@@ -55,7 +55,9 @@ def read_factor_group(section: Section, parameters: Mapping[int, Parameter]) -> 
 
 def apply_factor_group(group: FactorGroup, values: StoredValues, axis: Any) -> None:
     """Write what one unit is into the axis record."""
-    axis.position_step = values.raw(group.numerator) / values.raw(group.denominator)
-    axis.velocity_step = axis.task_velocity_step = float_of(values.raw(group.speed))
-    axis.acceleration_step = float_of(values.raw(group.acceleration)) * RPM_PER_SECOND
-    axis.torque_step = float_of(values.raw(group.torque))
+    axis.profidrive.settings.position_step = values.raw(group.numerator) / values.raw(group.denominator)
+    axis.profidrive.settings.velocity_step = axis.profidrive.settings.task_velocity_step = float_of(
+        values.raw(group.speed)
+    )
+    axis.profidrive.settings.acceleration_step = float_of(values.raw(group.acceleration)) * RPM_PER_SECOND
+    axis.profidrive.settings.torque_step = float_of(values.raw(group.torque))

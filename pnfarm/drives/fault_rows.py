@@ -8,7 +8,7 @@ from pnfarm.drives.model_files import integer, place_of, rows
 from pnfarm.drives.model_parts import REACTIONS, Fault, fault_number
 from pnfarm.drives.parameter import Backing
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import FAULT_ACTIONS, FAULT_WORDS
+from pnfarm.table.axis_codes import FAULT_ACTIONS, FAULT_WORDS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -13,11 +13,15 @@ __all__ = ["deviation"]
 def deviation(axis: Any, field: str) -> float:
     """Measured value minus true value of a field, in the field's unit; 0 for what is not measured."""
     match field:
-        case "velocity" | "current" | "position":
-            return float(axis[f"{field}_deviation"])
-        case "torque":
-            return float(axis.torque_constant) * float(axis.current_deviation)
-        case "following_error":
-            return -float(axis.position_deviation)
+        case "motor.velocity":
+            return float(axis.measurement.velocity_deviation)
+        case "motor.current":
+            return float(axis.measurement.current_deviation)
+        case "motor.position":
+            return float(axis.measurement.position_deviation)
+        case "motor.torque":
+            return float(axis.motor.settings.torque_constant) * float(axis.measurement.current_deviation)
+        case "positioning.following_error":
+            return -float(axis.measurement.position_deviation)
         case _:
             return 0.0

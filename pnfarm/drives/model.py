@@ -13,7 +13,8 @@ from pnfarm.drives.numbering import Numbering, read_number
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import FAULT_WORDS
+from pnfarm.firmware.axis import AXIS
+from pnfarm.table.axis_codes import FAULT_WORDS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -192,14 +193,14 @@ class Model:
     def apply_motor(self, axis: Any) -> None:
         """Write motor and hardware of this model into an axis record (fields of writer ``station``)."""
         for column, value in self.motor.items():
-            setattr(axis, column, value)
+            AXIS.write(axis, column, value)
         for fault in self.faults.values():
             if fault.number < FAULT_WORDS:
-                axis.fault_words[fault.number] = fault.word
+                axis.profidrive.settings.fault_words[fault.number] = fault.word
             if fault.cause in SWITCH_CAUSES:
-                axis.switch_warnings[SWITCH_CAUSES.index(fault.cause)] = fault.number
+                axis.warnings.settings.switch[SWITCH_CAUSES.index(fault.cause)] = fault.number
             if fault.cause in MESSAGE_CAUSES:
-                axis.message_warnings[MESSAGE_CAUSES.index(fault.cause)] = fault.number
+                axis.profidrive.settings.message_warnings[MESSAGE_CAUSES.index(fault.cause)] = fault.number
 
 
 def _code_in(name: str) -> str:

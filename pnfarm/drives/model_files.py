@@ -29,6 +29,7 @@ __all__ = [
     "MODEL_FILE",
     "ModelFiles",
     "Table",
+    "flat",
     "integer",
     "joined_tables",
     "line_of",
@@ -139,6 +140,20 @@ def line_of(path: Path, section: str, key: str = "") -> int:
         elif here and key and re.match(rf'"?{re.escape(key)}"?\s*=', line):
             return number
     return 0
+
+
+def flat(table: Mapping[str, Any]) -> dict[str, Any]:
+    """The entries of a table whose keys are fields of the axis, by those fields: TOML makes tables of their parts.
+
+    An entry is a value, or a table with the key ``value``.
+    """
+    found: dict[str, Any] = {}
+    for key, entry in table.items():
+        if isinstance(entry, dict) and "value" not in entry:
+            found |= {f"{key}.{inner}": value for inner, value in flat(entry).items()}
+        else:
+            found[key] = entry
+    return found
 
 
 class Table(dict[str, Any]):

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.table.axis import MOTION_TASKS
 from pnfarm.table.axis_codes import (
+    MOTION_TASKS,
     TASK_CHAINED,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,
@@ -151,7 +151,7 @@ class MotionTasks:
     def _apply(self, number: int) -> None:
         axis = self._fields.axis
         # first, because the firmware may read the task while the rest changes
-        axis.mt_flags[number] = 0
+        axis.motion_tasks.settings.kind[number] = 0
         if self._numbers is None:
             if number in self._given:
                 self._write(self._given[number])
@@ -177,14 +177,14 @@ class MotionTasks:
         """Into the axis record; ``control`` is MT.CNTL where the drive has one."""
         axis, number = self._fields.axis, task.number
         control = task.control if control is None else control
-        axis.mt_position[number] = task.position
-        axis.mt_velocity[number] = task.velocity
-        axis.mt_acceleration[number] = task.acceleration
-        axis.mt_deceleration[number] = task.deceleration
+        axis.motion_tasks.settings.position[number] = task.position
+        axis.motion_tasks.settings.velocity[number] = task.velocity
+        axis.motion_tasks.settings.acceleration[number] = task.acceleration
+        axis.motion_tasks.settings.deceleration[number] = task.deceleration
         following = (control & FOLLOWS) >> FOLLOWS_SHIFT if control & CHAINED else AT_ONCE
-        axis.mt_dwell_ns[number] = task.dwell_ns if following in {DELAYED, DELAYED_OR_EVENT} else 0
-        axis.mt_next[number] = task.following or 0
-        axis.mt_flags[number] = (
+        axis.motion_tasks.settings.dwell_ns[number] = task.dwell_ns if following in {DELAYED, DELAYED_OR_EVENT} else 0
+        axis.motion_tasks.settings.next[number] = task.following or 0
+        axis.motion_tasks.settings.kind[number] = (
             TASK_DEFINED
             | KINDS.get(control & KIND, 0)
             | (TASK_CHAINED if control & CHAINED else 0)

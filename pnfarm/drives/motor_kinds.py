@@ -15,7 +15,7 @@ from pnfarm.drives.model_files import integer
 from pnfarm.drives.model_parts import MotorKind
 from pnfarm.drives.parameter_rows import PER_PITCH, axis_parameters
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

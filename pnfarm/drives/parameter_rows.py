@@ -11,7 +11,7 @@ from pnfarm.drives.model_parts import COMMANDS
 from pnfarm.drives.parameter import FLOAT_HIGHEST, Backing, Form, Parameter, ParameterType
 from pnfarm.drives.parameter_numbers import ParameterNumbers
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ _MORE = (_EFFECTIVE, _MOTOR)
 NUMBERS_FILE = "numbers.csv"
 #: A row and its place.
 Row = tuple[str, dict[str, str]]
-_FIELD = re.compile(r"(\w+)(?:\[(\d+)\])?")
+_FIELD = re.compile(r"([\w.]+)(?:\[(\d+)\])?")
 
 
 def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
@@ -112,7 +112,7 @@ def _factors(scale: str, where: str) -> tuple[float, float]:
 def _backing(
     text: str, where: str, numbers: ParameterNumbers, *, writable: bool, elements: int
 ) -> tuple[Backing, str, int]:
-    """Kind, argument and index of what backs a row, such as ``field:jog_velocity[1]``; an array fills a whole field."""
+    """Kind, argument and index of what backs a row, such as ``field:jog.velocity[1]``; an array fills a whole field."""
     kind_name, _, argument = text.partition(":")
     try:
         kind = Backing[kind_name.upper()]
@@ -133,7 +133,7 @@ def _backing(
             raise ConfigError(f"{where}, backed_by: {argument!r} does not fit the field's shape {field.shape}")
         if writable and field.writer != "parameter":
             raise ConfigError(f"{where}, backed_by: {argument!r} is written by {field.writer}, not by a parameter")
-        return kind, field.name, index
+        return kind, match[1], index
     if kind is Backing.SIGNAL:
         direction, _, name = argument.partition(".")
         slots = {"received": SETPOINT_SLOTS, "sent": ACTUAL_SLOTS}.get(direction, {})

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.model_files import MODEL_FILE, ModelFiles, line_of, read_toml
+from pnfarm.drives.model_files import MODEL_FILE, ModelFiles, flat, line_of, read_toml
 from pnfarm.drives.model_parts import Fact
 from pnfarm.errors import ConfigError
 
@@ -33,6 +33,8 @@ OPTIONAL = (
     "following_error", "lamps", "motion_tasks", "numbering", "parameter_texts", "position_units", "parameter_words",
     "realism", "sign_of_life",
 )  # fmt: skip
+#: Sections whose keys are fields of the axis (:attr:`pnfarm.table.layout.Layout.fields`).
+_OF_THE_AXIS = frozenset({"motor", "firmware"})
 #: Other motors: sections ``motors.<kind>.<part>``.
 MOTORS = "motors"
 #: Dotted names of what the folders above have and this model has not.
@@ -162,7 +164,8 @@ class Sections:
     def place(self, section: str, key: str = "") -> str:
         """File, line and name of a section's key, or of the section; without a section of a key that stands alone."""
         names = [*filter(None, section.split(".")), *filter(None, [key])]
-        path = self._origins.get(tuple(names), self._file)
+        apart = (*section.split("."), *key.split("."))
+        path = self._origins.get(tuple(names)) or self._origins.get(apart, self._file)
         line = line_of(path, section, key)
         return f"{path}, {f'line {line}, ' if line else ''}{'.'.join(names)}"
 
@@ -177,12 +180,19 @@ class Sections:
     def _leave_out(self, name: str) -> None:
         section, _, key = name.partition(".")
         table = self.data.get(section, {}) if key else self.data
+        if section in _OF_THE_AXIS:
+            *parts, key = key.split(".")
+            for part in parts:
+                table = table.get(part, {})
         if section != FAULTS and table.pop(key or section, None) is None:
             raise ConfigError(f"{self.place('', WITHOUT)}: the folders above have no {name}")
 
     def _read(self, name: str, table: Mapping[str, Any] | None = None) -> Section:
         facts: dict[str, Fact] = {}
-        for key, entry in (self.data[name] if table is None else table).items():
+        entries = self.data[name] if table is None else table
+        if name in _OF_THE_AXIS or name.startswith(f"{MOTORS}."):
+            entries = flat(entries)
+        for key, entry in entries.items():
             if missing := [part for part in ("value", "source") if part not in entry]:
                 raise ConfigError(f"{self.place(name, key)}, {missing[0]}: missing")
             value, source = entry["value"], entry["source"]

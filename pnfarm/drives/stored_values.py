@@ -13,7 +13,7 @@ from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.telegram import MappingError, signal_codes
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import MOTION_TASKS
+from pnfarm.table.axis_codes import MOTION_TASKS
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model

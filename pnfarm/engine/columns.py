@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS

@@ -18,7 +18,7 @@ from pnfarm.firmware.drive_clock import drive_time
 from pnfarm.firmware.parameter_words import exchange
 from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SLOTS
 from pnfarm.table.channel import (
     DISCARD_COUNTER,
     DISCARD_IMPAIRED,
@@ -278,7 +278,7 @@ def _watch(columns: Columns, now: int) -> None:
 def _faults(axis: Any) -> int:
     """How many faults the active situation has."""
     count = 0
-    while count < FAULT_SLOTS and axis.fault_code[count] != 0:
+    while count < FAULT_SLOTS and axis.faults.code[count] != 0:
         count += 1
     return count
 
@@ -290,35 +290,35 @@ def run_firmware(columns: Columns, now: int) -> None:
     events = columns.events
     for number in range(engine.axis_rows):
         axis = columns.axis[number]
-        if axis.firmware == 0:
+        if axis.front == 0:
             continue
         own = now
-        if axis.clock_drift != 0.0:
+        if axis.clock.settings.drift != 0.0:
             own = drive_time(axis, now)
-        if axis.life and axis.powered:
+        if axis.life.settings.watched and axis.powered:
             count_life(axis, columns.image[number])
-        if axis.parameter_channel and exchange(columns.image[number], own):
+        if axis.profidrive.settings.parameter_channel and exchange(columns.image[number], own):
             emit(engine, events, PARAMETER_TASK, number, now, int(columns.image[number].parameter_task))
         if own - axis.last_ns < axis.step_ns:
             continue
-        state = axis.state
+        state = axis.drive.state
         faults = _faults(axis)
-        fault_ns = axis.fault_ns
-        fault_ends = axis.fault_ends
-        reacted = axis.reacted
-        warning = axis.warning_code
+        fault_ns = axis.faults.since_ns
+        fault_ends = axis.faults.ends
+        reacted = axis.faults.reacted
+        warning = axis.warnings.code
         step(axis, columns.image[number], own)
-        if axis.state != state:
-            emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.state))
-        if axis.fault_ends != fault_ends and faults:
+        if axis.drive.state != state:
+            emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.drive.state))
+        if axis.faults.ends != fault_ends and faults:
             emit(engine, events, FAULTS_CLEARED, number, now, own - fault_ns)
             faults = 0
         for i in range(faults, _faults(axis)):
-            emit(engine, events, FAULT_RAISED, number, now, int(axis.fault_code[i]) & NUMBER_MASK)
-        if axis.reacted and not reacted and axis.fault_ns != 0:
-            emit(engine, events, FAULT_REACTED, number, now, own - axis.fault_ns)
-        if axis.warning_code != warning:
-            emit(engine, events, WARNING_CHANGED, number, now, int(axis.warning_code))
+            emit(engine, events, FAULT_RAISED, number, now, int(axis.faults.code[i]) & NUMBER_MASK)
+        if axis.faults.reacted and not reacted and axis.faults.since_ns != 0:
+            emit(engine, events, FAULT_REACTED, number, now, own - axis.faults.since_ns)
+        if axis.warnings.code != warning:
+            emit(engine, events, WARNING_CHANGED, number, now, int(axis.warnings.code))
     for number in range(engine.program_rows):
         program = columns.program[number]
         if program.active == 0:

@@ -12,7 +12,7 @@ from pnfarm.farm.config_cycle import format_duration
 from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import Duration
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FASTEST_RPM
 from pnfarm.vocabulary.quoting import shown
 
@@ -89,7 +89,7 @@ class Load(Section):
 
     def referred_torque(self, pitch: float) -> float:
         """N m that the machine puts on the motor."""
-        return axis_value("load_torque", self.torque, pitch) + self.force * self._way(pitch)
+        return axis_value("load.torque", self.torque, pitch) + self.force * self._way(pitch)
 
     def revolutions(self, pitch: float) -> float:
         """Of the motor, to one unit of the machine's places: mm of what moves straight, else a turn behind the gear."""
@@ -151,11 +151,12 @@ class Motor(Section):
 
 
 #: What the numbers may make together, in the units of the axis record: a linear motor's become revolutions by its
-#: pitch, what is behind a gear counts as the motor feels it.  Field: lowest, highest, the section that makes it.
-_TOGETHER: dict[str, tuple[float, float, str]] = {
-    "inertia": (1e-12, 1e6, "load"),
-    "load_torque": (-1e7, 1e7, "load"),
-    "max_velocity": (1e-3, FASTEST_RPM, "motor"),
+#: pitch, what is behind a gear counts as the motor feels it.  Field: lowest, highest, the section that makes it,
+#: and what it is called there.
+_TOGETHER: dict[str, tuple[float, float, str, str]] = {
+    "load.inertia": (1e-12, 1e6, "load", "inertia"),
+    "load.torque": (-1e7, 1e7, "load", "load torque"),
+    "motor.max_velocity": (1e-3, FASTEST_RPM, "motor", "max velocity"),
 }
 #: Places of the machine on the shaft, revolutions.
 FARTHEST = 1e9
@@ -168,11 +169,11 @@ def axis_complaints(axis: Any, load: Load, motor: Motor, pitch: float) -> list[t
     """
     apply_axis(axis, load, motor, pitch)
     complaints = []
-    for field, (low, high, section) in _TOGETHER.items():
-        value = float(axis[field])
+    for field, (low, high, section, name) in _TOGETHER.items():
+        value = float(AXIS.read(axis, field))
         if not low <= value <= high:
             unit = AXIS.fields[field].unit
-            what = f"makes the motor's {field.replace('_', ' ')} {value:g} {unit}"
+            what = f"makes the motor's {name} {value:g} {unit}"
             complaints.append((section, what, f"{low:g} to {high:g} {unit} in all"))
     if abs(load.revolutions(pitch)) * MOST_PLACE > FARTHEST:
         what = f"makes {load.revolutions(pitch):g} revolutions of the motor to one unit of the machine"
@@ -186,29 +187,29 @@ def apply_axis(axis: Any, load: Load, motor: Motor, pitch: float) -> None:
     ``pitch``: of a linear motor, mm, else 0.
     """
     for field, value in (
-        ("inertia", load.inertia),
-        ("friction", load.friction),
-        ("damping", load.damping),
-        ("torque_constant", motor.torque_constant),
-        ("rated_torque", motor.rated_torque),
-        ("peak_current", motor.peak_current),
-        ("continuous_current", motor.continuous_current),
-        ("thermal_time", motor.thermal_time),
-        ("velocity_time_constant", motor.velocity_time_constant),
-        ("current_time_constant", motor.current_time_constant),
-        ("max_velocity", motor.max_velocity),
-        ("winding_resistance", motor.resistance),
-        ("winding_inductance", motor.inductance),
-        ("bus_nominal", motor.bus_voltage),
-        ("encoder_steps", motor.encoder_steps),
-        ("holding_brake", motor.holding_brake),
-        ("brake_release", motor.brake_release),
-        ("brake_apply", motor.brake_apply),
-        ("motor_step_ns", motor.step_ns),
+        ("load.inertia", load.inertia),
+        ("load.friction", load.friction),
+        ("load.damping", load.damping),
+        ("motor.torque_constant", motor.torque_constant),
+        ("torque.rated", motor.rated_torque),
+        ("motor.peak_current", motor.peak_current),
+        ("motor.continuous_current", motor.continuous_current),
+        ("motor.thermal_time", motor.thermal_time),
+        ("motor.velocity_time_constant", motor.velocity_time_constant),
+        ("motor.current_time_constant", motor.current_time_constant),
+        ("motor.max_velocity", motor.max_velocity),
+        ("motor.resistance", motor.resistance),
+        ("motor.inductance", motor.inductance),
+        ("supply.nominal", motor.bus_voltage),
+        ("motor.encoder_steps", motor.encoder_steps),
+        ("brake.torque", motor.holding_brake),
+        ("brake.release", motor.brake_release),
+        ("brake.apply", motor.brake_apply),
+        ("motor.step_ns", motor.step_ns),
     ):
         if value is not None:
-            axis[field] = axis_value(field, value, pitch)
-    axis.inertia += load.referred_inertia(pitch)
-    axis.load_torque = load.referred_torque(pitch)
+            AXIS.write(axis, field, axis_value(field, value, pitch))
+    axis.load.settings.inertia += load.referred_inertia(pitch)
+    axis.load.settings.torque = load.referred_torque(pitch)
     if not motor.braking_resistor:
-        axis.bus_brake = 0.0
+        axis.supply.settings.brake = 0.0

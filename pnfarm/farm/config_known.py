@@ -19,7 +19,7 @@ from pnfarm.drives.parameter_list import read_parameter_list
 from pnfarm.errors import ConfigError
 from pnfarm.farm.config_axis import axis_complaints
 from pnfarm.farm.realism import missing_figures
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:

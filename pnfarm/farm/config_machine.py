@@ -9,8 +9,9 @@ from pydantic import AfterValidator, Field
 from pnfarm.farm.config_axis import MOST_PLACE
 from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
-from pnfarm.table.axis import CAMS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
+    CAMS,
     MACHINE_CAMS,
     MACHINE_STOP_HIGH,
     MACHINE_STOP_LOW,
@@ -74,14 +75,18 @@ def apply_machine(axis: Any, machine: Machine, load: Load, pitch: float) -> None
     """Write the machine into an axis record; ``pitch``: of a linear motor, mm, else 0."""
     unit = load.revolutions(pitch)
     for ends, fields, bits in (
-        (machine.limit_switches, ("switch_low", "switch_high"), (MACHINE_SWITCH_LOW, MACHINE_SWITCH_HIGH)),
-        (machine.end_stops, ("stop_low", "stop_high"), (MACHINE_STOP_LOW, MACHINE_STOP_HIGH)),
+        (
+            machine.limit_switches,
+            ("machine.switch_low", "machine.switch_high"),
+            (MACHINE_SWITCH_LOW, MACHINE_SWITCH_HIGH),
+        ),
+        (machine.end_stops, ("machine.stop_low", "machine.stop_high"), (MACHINE_STOP_LOW, MACHINE_STOP_HIGH)),
     ):
         for place, field, bit in zip(ends or (), fields, bits, strict=False):
             if place is not None:
-                axis[field] = place * unit
-                axis.machine |= bit
+                AXIS.write(axis, f"machine.{field}", place * unit)
+                axis.machine.settings.parts |= bit
     for i, cam in enumerate(machine.cams):
-        axis.machine |= MACHINE_CAMS
-        axis.cam_inputs[i] = 1 << cam.input
-        axis.cam_low[i], axis.cam_high[i] = (place * unit for place in cam.between)
+        axis.machine.settings.parts |= MACHINE_CAMS
+        axis.machine.settings.cam_inputs[i] = 1 << cam.input
+        axis.machine.settings.cam_low[i], axis.machine.settings.cam_high[i] = (place * unit for place in cam.between)

@@ -7,7 +7,7 @@ from pydantic import Field
 from pnfarm.drives.motion_tasks import MotionTask
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import Duration
-from pnfarm.table.axis import MOTION_TASKS
+from pnfarm.table.axis_codes import MOTION_TASKS
 
 __all__ = ["Task", "drive_task"]
 

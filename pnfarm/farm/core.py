@@ -134,7 +134,7 @@ class FarmCore:
             services = StationServices(self.channels, self.impairments, memory, log, uuids, lldp)
             station = DriveStation(config, model, index, port, AxisHandle(axis, image), services, flaws)
             axis.powered = 1
-            axis.firmware = FIRMWARE_PROFIDRIVE
+            axis.front = FIRMWARE_PROFIDRIVE
             self.stations.append(station)
             self._by_port[port.index] = station
             self._by_name[config.name] = station
@@ -150,7 +150,7 @@ class FarmCore:
         for axis in self.columns.axis[: len(self.stations)]:
             axis.last_ns = now
             axis.boot_ns = now
-            axis.clock_start_ns = now
+            axis.clock.settings.start_ns = now
         for station in self.stations:
             station.boot(now)
             self.settle(station, now)

@@ -51,7 +51,7 @@ def imperfections(section: Realism, model: Model, drive: str, *, by_source: bool
             fact = model.facts.get(f"realism.{name}")
             given = ON if by_source and fact is not None and fact.source != "assumed" else OFF
         elif name in NOISES and not isinstance(given, str):
-            given = axis_value(name, given, model.pitch)
+            given = axis_value(f"measurement.{name}", given, model.pitch)
         none = (0, 0) if name in RANGES else 0
         figures[name] = own if given in {ON, ALL} else none if given == OFF else given
     seed = _seed(section.seed, drive)

@@ -11,7 +11,7 @@ from pnfarm.drives.model_parts import fault_label
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.causes import NUMBER_MASK
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.channel import DISCARDS
 from pnfarm.wire.mac import format_mac
 
@@ -69,10 +69,10 @@ def drive_snapshot(
     """One drive.  ``injected`` saves asking the manager of injections again for each of many drives."""
     axis = station.handle.axis
     powered = station.powered
-    state = int(axis.state)
-    zsw1, stw1 = int(axis.zsw1), int(axis.stw1)
+    state = int(axis.drive.state)
+    zsw1, stw1 = int(axis.profidrive.zsw1), int(axis.profidrive.stw1)
     telegram = station.store.telegram_number
-    codes = [int(code) & NUMBER_MASK for code in axis.fault_code if code]
+    codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code]
     connection = station.connection()
     known = connection if connection is not None and connection.ip is not None else None
     exchanging = powered and connection is not None and connection.exchanging
@@ -113,16 +113,16 @@ def drive_snapshot(
         "last_fault": _last_fault(station),
         "neighbours": seen["neighbours"],
         "fault_counts": {fault_label(number): count for number, count in sorted(station.fault_counts.items())},
-        "warning": _fault(station, int(axis.warning_code)) if axis.warning_code else None,
-        "setpoint_rpm": float(axis.setpoint),
-        "velocity_rpm": float(axis.velocity),
-        "position_revolutions": float(axis.position) - float(axis.origin),
+        "warning": _fault(station, int(axis.warnings.code)) if axis.warnings.code else None,
+        "setpoint_rpm": float(axis.ramp.setpoint),
+        "velocity_rpm": float(axis.motor.velocity),
+        "position_revolutions": float(axis.motor.position) - float(axis.homing.origin),
         "pitch_millimetres": station.model.pitch or None,
-        "current_amperes": float(axis.current),
-        "following_error_revolutions": float(axis.following_error),
-        "torque_newton_metres": float(axis.torque),
-        "bus_volts": float(axis.bus_voltage),
-        "thermal_load": float(axis.thermal_load),
+        "current_amperes": float(axis.motor.current),
+        "following_error_revolutions": float(axis.positioning.following_error),
+        "torque_newton_metres": float(axis.motor.torque),
+        "bus_volts": float(axis.supply.voltage),
+        "thermal_load": float(axis.motor.thermal_load),
         "signalling": seen["signalling"],
         "lamps": _lamps(station, exchanging=exchanging, signalling=seen["signalling"]),
         "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
@@ -141,7 +141,7 @@ def _lamps(station: DriveStation, *, exchanging: bool, signalling: bool) -> dict
         return {}
     return lamps.show(
         powered=station.powered,
-        booting=int(station.handle.axis.state) == 0,
+        booting=int(station.handle.axis.drive.state) == 0,
         exchanging=exchanging,
         signalling=signalling,
     )
@@ -201,8 +201,8 @@ def _fault(station: DriveStation, number: int) -> dict[str, Any]:
 def _last_fault(station: DriveStation) -> dict[str, Any] | None:
     """First fault of the newest situation: the active one, or the one acknowledged last."""
     axis = station.handle.axis
-    buffer = axis.fault_buffer
-    for place in range(0, FAULT_SLOTS * FAULT_SITUATIONS, int(axis.fault_places) or FAULT_SLOTS):
+    buffer = axis.faults.buffer
+    for place in range(0, FAULT_SLOTS * FAULT_SITUATIONS, int(axis.faults.settings.places) or FAULT_SLOTS):
         if buffer[place]:
             return _fault(station, int(buffer[place]) & NUMBER_MASK)
     return None

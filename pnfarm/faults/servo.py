@@ -14,15 +14,16 @@ from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
 from pnfarm.errors import ConfigError
 from pnfarm.faults.parts import DrivePart, Part
 from pnfarm.faults.words import InjectionError
-from pnfarm.table.axis import FAULT_SLOTS, WARNING_SLOTS
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
     CMD_HOLD_FAULT,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,
     CMD_RELEASE_FAULT,
+    FAULT_SLOTS,
     LACKS_ENABLE,
     LACKS_SUPPLY,
+    WARNING_SLOTS,
 )
 
 if TYPE_CHECKING:
@@ -173,7 +174,7 @@ class Servo(DrivePart):
 
     def ignores_fault(self, fault: Fault) -> bool:
         """Whether the drive does not raise it, because a parameter of its own says so."""
-        return any(int(number) == fault.number for number in self._station.handle.axis.ignored_faults)
+        return any(int(number) == fault.number for number in self._station.handle.axis.faults.settings.ignored)
 
     def fault_count(self, fault: Fault) -> int:
         """How often it has begun a fault situation."""
@@ -228,7 +229,7 @@ class Servo(DrivePart):
     def _put_limits(self) -> None:
         """The switches belong to the machine: the drive's supply changes nothing of them."""
         reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
-        self._station.handle.axis.fault_limits = reached
+        self._station.handle.axis.machine.settings.fault_limits = reached
 
     def lack(self, what: str) -> None:
         """Take ``enable`` or ``supply`` away from the drive, until each caller has called :meth:`regain`."""
@@ -242,7 +243,7 @@ class Servo(DrivePart):
 
     def _put_lacks(self) -> None:
         missing = sum(bit for what, bit in _LACKS.items() if self._lacks[what])
-        self._station.handle.axis.hindrances = missing
+        self._station.handle.axis.drive.settings.interlocks = missing
 
     def switch_input(self, number: int) -> None:
         """Put a digital input of the drive on, until each caller has called :meth:`release_input`."""
@@ -255,7 +256,9 @@ class Servo(DrivePart):
         self._put_inputs()
 
     def _put_inputs(self) -> None:
-        self._station.handle.axis.fault_inputs = sum(1 << number for number, count in self._inputs.items() if count)
+        self._station.handle.axis.machine.settings.fault_inputs = sum(
+            1 << number for number, count in self._inputs.items() if count
+        )
 
     def put_load(self, torque: float, inertia: float, friction: float) -> None:
         """Put so much more on the shaft, N m, kg m^2, N m; the loads that are there add up."""
@@ -270,9 +273,9 @@ class Servo(DrivePart):
     def _put_loads(self) -> None:
         """Summed anew each time: a running sum of floats would keep a remainder of what is gone."""
         axis = self._station.handle.axis
-        axis.added_torque = math.fsum(torque for torque, _, _ in self._loads)
-        axis.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
-        axis.added_friction = math.fsum(friction for _, _, friction in self._loads)
+        axis.load.settings.added_torque = math.fsum(torque for torque, _, _ in self._loads)
+        axis.load.settings.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
+        axis.load.settings.added_friction = math.fsum(friction for _, _, friction in self._loads)
 
 
 SERVO: Part[Servo] = Part("servo")

@@ -218,6 +218,7 @@ def step_program(program: Any, image: Any, now: int) -> None:
     program.stw1 = stw1
     image.sent[STW1] = stw1
     image.sent[NSOLL_A] = clamp16(speed / program.velocity_step) if program.velocity_step > 0.0 else 0
-    image.sent[NSOLL_B] = clamp32(speed / long_step(program)) if long_step(program) > 0.0 else 0
+    step = long_step(program.velocity_step, program.velocity_step_b)
+    image.sent[NSOLL_B] = clamp32(speed / step) if step > 0.0 else 0
     if program.life:
         image.sent[STW2] = (1 + int(image.filled) % 15) << 12

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis import FAULT_ACTIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_ACTIONS, FAULT_SLOTS
 from pnfarm.table.compiled import compiled
 
 __all__ = ["NUMBER_MASK", "cause_held", "ignored"]
@@ -19,7 +19,7 @@ def cause_held(axis: Any, code: int) -> bool:
     number = code & NUMBER_MASK
     held = False
     for i in range(FAULT_SLOTS):
-        held = held or (number != 0 and (int(axis.fault_held[i]) & NUMBER_MASK) == number)
+        held = held or (number != 0 and (int(axis.faults.held[i]) & NUMBER_MASK) == number)
     return held
 
 
@@ -28,6 +28,6 @@ def ignored(axis: Any, code: int) -> bool:
     """Whether a parameter keeps this fault from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and its kin)."""
     number = code & NUMBER_MASK
     for i in range(FAULT_ACTIONS):
-        if int(axis.ignored_faults[i]) == number:
+        if int(axis.faults.settings.ignored[i]) == number:
             return number != 0
     return False

@@ -16,18 +16,18 @@ __all__ = ["shaft_sign", "take_direction"]
 @compiled
 def shaft_sign(axis: Any) -> float:
     """1, or -1 for a drive that counts the other way than its shaft."""
-    return -1.0 if axis.turned else 1.0
+    return -1.0 if axis.direction.turned else 1.0
 
 
 @compiled
 def take_direction(axis: Any) -> None:
     """Take the direction over that a parameter asks for, with the power stage off only."""
-    if axis.turned == axis.direction or axis.state >= 4:
+    if axis.direction.turned == axis.direction.settings.reversed or axis.drive.state >= 4:
         return
-    axis.turned = axis.direction
-    axis.position = -axis.position
-    axis.measured_position = -axis.measured_position
-    axis.encoder_low = -axis.encoder_low
-    axis.velocity = -axis.velocity
-    axis.homed = 0
-    axis.target_reached = 0
+    axis.direction.turned = axis.direction.settings.reversed
+    axis.motor.position = -axis.motor.position
+    axis.motor.measured_position = -axis.motor.measured_position
+    axis.motor.encoder_low = -axis.motor.encoder_low
+    axis.motor.velocity = -axis.motor.velocity
+    axis.homing.homed = 0
+    axis.positioning.target_reached = 0

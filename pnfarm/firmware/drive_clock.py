@@ -21,7 +21,7 @@ __all__ = ["drive_time", "true_duration"]
 @compiled
 def drive_time(axis: Any, now: int) -> int:
     """What the drive's clock shows at ``now``, ns."""
-    return now + int((now - axis.clock_start_ns) * axis.clock_drift)
+    return now + int((now - axis.clock.settings.start_ns) * axis.clock.settings.drift)
 
 
 def true_duration(duration_ns: int, drift: float) -> float:

@@ -2,8 +2,8 @@
 
 AKD PROFINET manual 5.14: a fault situation has up to eight faults; acknowledging moves it down by eight
 places in the fault buffer (PNU 947) and every new situation counts PNU 944 up.  A drive with other numbers of places
-(Moog MSD manual 10.9: one fault, twenty situations) says so in ``fault_places``, and in ``fault_stays`` that its latest
-situation has the first places until another one begins.
+(Moog MSD manual 10.9: one fault, twenty situations) says so in ``faults.places``, and in ``faults.stays`` that its
+latest situation has the first places until another one begins.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, ignored
 from pnfarm.firmware.supply import mains
-from pnfarm.table.axis import COMMANDS, FAULT_SITUATIONS, FAULT_SLOTS, WARNING_SLOTS
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_HISTORY,
@@ -30,7 +29,11 @@ from pnfarm.table.axis_codes import (
     CMD_SET_POSITION,
     CMD_START_TASK,
     CMD_STOP,
+    COMMANDS,
+    FAULT_SITUATIONS,
+    FAULT_SLOTS,
     STOP_DROP,
+    WARNING_SLOTS,
 )
 from pnfarm.table.compiled import compiled
 
@@ -40,7 +43,7 @@ __all__ = ["acknowledge", "raise_fault", "take_commands"]
 @compiled
 def _places(axis: Any) -> int:
     """Faults of one situation in the fault buffer."""
-    return int(axis.fault_places) or FAULT_SLOTS
+    return int(axis.faults.settings.places) or FAULT_SLOTS
 
 
 @compiled
@@ -48,14 +51,14 @@ def _situations(axis: Any) -> int:
     """How many situations the fault buffer holds."""
     count = 0
     for i in range(0, FAULT_SLOTS * FAULT_SITUATIONS, _places(axis)):
-        if axis.fault_buffer[i] != 0:
+        if axis.faults.buffer[i] != 0:
             count += 1
     return count
 
 
 @compiled
 def _changed(axis: Any) -> None:
-    axis.fault_changes = (int(axis.fault_changes) + 1) & 0xFFFF
+    axis.faults.changes = (int(axis.faults.changes) + 1) & 0xFFFF
 
 
 @compiled
@@ -63,9 +66,9 @@ def _move_down(axis: Any) -> None:
     """Every situation moves down by its places, the first ones are free."""
     places = _places(axis)
     for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, places - 1, -1):
-        axis.fault_buffer[i] = axis.fault_buffer[i - places]
+        axis.faults.buffer[i] = axis.faults.buffer[i - places]
     for i in range(places):
-        axis.fault_buffer[i] = 0
+        axis.faults.buffer[i] = 0
 
 
 @compiled
@@ -75,19 +78,19 @@ def raise_fault(axis: Any, code: int, now: int) -> None:
     if number == 0 or ignored(axis, number):
         return
     for i in range(FAULT_SLOTS):
-        present = axis.fault_code[i]
+        present = axis.faults.code[i]
         if (present & NUMBER_MASK) == number:
             return
         if present == 0:
             if i == 0:
-                axis.fault_counter = (axis.fault_counter + 1) & 0xFFFF
-                axis.fault_ns = now
-                axis.reacted = 0
-                if axis.fault_stays and axis.fault_buffer[0] != 0:
+                axis.faults.counter = (axis.faults.counter + 1) & 0xFFFF
+                axis.faults.since_ns = now
+                axis.faults.reacted = 0
+                if axis.faults.settings.stays and axis.faults.buffer[0] != 0:
                     _move_down(axis)
-            axis.fault_code[i] = code
+            axis.faults.code[i] = code
             if i < _places(axis):
-                axis.fault_buffer[i] = number
+                axis.faults.buffer[i] = number
             _changed(axis)
             return
 
@@ -96,51 +99,51 @@ def raise_fault(axis: Any, code: int, now: int) -> None:
 def _hold(axis: Any, code: int) -> None:
     free = -1
     for i in range(FAULT_SLOTS):
-        if (axis.fault_held[i] & NUMBER_MASK) == (code & NUMBER_MASK):
+        if (axis.faults.held[i] & NUMBER_MASK) == (code & NUMBER_MASK):
             return
-        if axis.fault_held[i] == 0 and free < 0:
+        if axis.faults.held[i] == 0 and free < 0:
             free = i
     if free >= 0:
-        axis.fault_held[free] = code
+        axis.faults.held[free] = code
 
 
 @compiled
 def _release(axis: Any, number: int) -> None:
     for i in range(FAULT_SLOTS):
-        if (axis.fault_held[i] & NUMBER_MASK) == number:
-            axis.fault_held[i] = 0
+        if (axis.faults.held[i] & NUMBER_MASK) == number:
+            axis.faults.held[i] = 0
 
 
 @compiled
 def _raise_held(axis: Any, now: int) -> None:
     """Causes that are there are faults, also when the drive was off or ignored them."""
     for i in range(FAULT_SLOTS):
-        if axis.fault_held[i] != 0:
-            raise_fault(axis, int(axis.fault_held[i]), now)
+        if axis.faults.held[i] != 0:
+            raise_fault(axis, int(axis.faults.held[i]), now)
 
 
 @compiled
 def _into_history(axis: Any) -> None:
     """The active situation becomes the newest acknowledged one."""
-    if not axis.fault_stays:
+    if not axis.faults.settings.stays:
         _move_down(axis)
-    axis.fault_ends = (int(axis.fault_ends) + 1) & 0xFFFF
+    axis.faults.ends = (int(axis.faults.ends) + 1) & 0xFFFF
     for i in range(FAULT_SLOTS):
-        axis.fault_code[i] = 0
-    axis.fault_ns = 0
+        axis.faults.code[i] = 0
+    axis.faults.since_ns = 0
     _changed(axis)
 
 
 @compiled
 def _clear_history(axis: Any) -> None:
     """Forget what was acknowledged; a situation that is still active stays, as the only one."""
-    active = axis.fault_code[0] != 0
+    active = axis.faults.code[0] != 0
     forgotten = False
     for i in range(_places(axis) if active else 0, FAULT_SLOTS * FAULT_SITUATIONS):
-        forgotten = forgotten or axis.fault_buffer[i] != 0
-        axis.fault_buffer[i] = 0
-    axis.fault_counter = 1 if active else 0
-    axis.fault_kept = 0
+        forgotten = forgotten or axis.faults.buffer[i] != 0
+        axis.faults.buffer[i] = 0
+    axis.faults.counter = 1 if active else 0
+    axis.faults.kept = 0
     if forgotten:
         _changed(axis)
 
@@ -148,11 +151,11 @@ def _clear_history(axis: Any) -> None:
 @compiled
 def acknowledge(axis: Any) -> bool:
     """Clear the situation unless a cause is still there; true when it was cleared."""
-    axis.task_error = 0
-    if axis.fault_code[0] == 0:
+    axis.positioning.error = 0
+    if axis.faults.code[0] == 0:
         return False
     for i in range(FAULT_SLOTS):
-        if axis.fault_held[i] != 0 and not ignored(axis, int(axis.fault_held[i])):
+        if axis.faults.held[i] != 0 and not ignored(axis, int(axis.faults.held[i])):
             return False
     _into_history(axis)
     return True
@@ -162,10 +165,10 @@ def acknowledge(axis: Any) -> bool:
 def _clear_warning(axis: Any, number: int) -> None:
     kept = 0
     for i in range(WARNING_SLOTS):
-        raised = axis.warning_raised[i]
-        axis.warning_raised[i] = 0
+        raised = axis.warnings.raised[i]
+        axis.warnings.raised[i] = 0
         if raised != number:
-            axis.warning_raised[kept] = raised
+            axis.warnings.raised[kept] = raised
             kept += 1
 
 
@@ -174,8 +177,8 @@ def _raise_warning(axis: Any, number: int) -> None:
     """The newest of those raised; where no place is left, the oldest goes."""
     _clear_warning(axis, number)
     for i in range(WARNING_SLOTS - 1, 0, -1):
-        axis.warning_raised[i] = axis.warning_raised[i - 1]
-    axis.warning_raised[0] = number
+        axis.warnings.raised[i] = axis.warnings.raised[i - 1]
+    axis.warnings.raised[0] = number
 
 
 @compiled
@@ -184,98 +187,98 @@ def _count_from_here(axis: Any) -> None:
 
     One that knows its angle counts on from that, an incremental one from 0; positions count as it does.
     """
-    known = axis.sensor_revolutions
-    if known == inf or axis.home_stays:
+    known = axis.sensor.settings.revolutions
+    if known == inf or axis.homing.settings.stays:
         return
     if known > 0.0:
-        axis.sensor_zero = floor(axis.position / known) * known
+        axis.sensor.zero = floor(axis.motor.position / known) * known
     else:
-        axis.sensor_zero = axis.position
-    axis.origin = axis.sensor_zero
+        axis.sensor.zero = axis.motor.position
+    axis.homing.origin = axis.sensor.zero
 
 
 @compiled
 def _power_on(axis: Any, now: int) -> None:
-    axis.state = 0
-    axis.stop = 0
+    axis.drive.state = 0
+    axis.drive.stop = 0
     axis.boot_ns = now
-    axis.stw1 = 0
-    axis.stw1_seen = 0
-    axis.setpoint = 0.0
-    axis.ramp = axis.velocity
-    axis.speed_integral = 0.0
-    axis.brake_asked = 0
-    axis.brake_open = 0
-    axis.brake_left = 0.0
-    axis.bus_voltage = max(float(axis.bus_voltage), mains(axis))
-    axis.foldback_used[:] = 0.0
-    axis.following_error = 0.0
-    axis.profile_velocity = 0.0
-    axis.motion = 0
-    axis.motion_seen = 0
-    axis.acknowledged = 0
-    if not axis.home_stays:
-        axis.homed = 0
-    axis.ramp_generator_left = 0
+    axis.profidrive.stw1 = 0
+    axis.profidrive.stw1_seen = 0
+    axis.ramp.setpoint = 0.0
+    axis.ramp.command = axis.motor.velocity
+    axis.motor.speed_integral = 0.0
+    axis.brake.asked = 0
+    axis.brake.open = 0
+    axis.brake.left = 0.0
+    axis.supply.voltage = max(float(axis.supply.voltage), mains(axis))
+    axis.foldback.used[:] = 0.0
+    axis.positioning.following_error = 0.0
+    axis.profile.velocity = 0.0
+    axis.positioning.state = 0
+    axis.positioning.stw1_seen = 0
+    axis.positioning.acknowledged = 0
+    if not axis.homing.settings.stays:
+        axis.homing.homed = 0
+    axis.ramp.generator_left = 0
     _count_from_here(axis)
-    axis.pos_stw2 = 0
-    axis.target_reached = 0
-    axis.task_command = 0
-    axis.task_new = 0
-    axis.home_command = 0
-    axis.over_ns = 0
-    axis.jogging = 0
-    axis.home_seen = 0
-    axis.home_error = 0
-    axis.task_error = 0
-    axis.disable_command = 0
-    axis.stop_command = 0
-    axis.continue_command = 0
-    axis.service = 0
-    axis.service_command = 0
-    axis.warning_code = 0
-    axis.warning_raised[:] = 0
-    axis.warnings[:] = 0
-    axis.image_valid = 0
-    axis.telegram_ns = 0
+    axis.asked.pos_stw2 = 0
+    axis.positioning.target_reached = 0
+    axis.commands.task = 0
+    axis.asked.renewed = 0
+    axis.commands.home = 0
+    axis.positioning.over_ns = 0
+    axis.ramp.jogging = 0
+    axis.homing.seen = 0
+    axis.homing.error = 0
+    axis.positioning.error = 0
+    axis.commands.disable = 0
+    axis.commands.stop = 0
+    axis.commands.resume = 0
+    axis.service.leg = 0
+    axis.commands.service = 0
+    axis.warnings.code = 0
+    axis.warnings.raised[:] = 0
+    axis.warnings.active[:] = 0
+    axis.profidrive.image_valid = 0
+    axis.profidrive.telegram_ns = 0
     # an active situation becomes history, as if it had been acknowledged; held causes come back at once
-    if axis.fault_code[0] != 0:
+    if axis.faults.code[0] != 0:
         _into_history(axis)
-    if axis.history_lost:
-        axis.fault_buffer[:] = 0
-    axis.fault_counter = 0
-    axis.fault_kept = _situations(axis)
-    axis.fault_changes = 0
-    axis.life_sent = 0
+    if axis.faults.settings.history_lost:
+        axis.faults.buffer[:] = 0
+    axis.faults.counter = 0
+    axis.faults.kept = _situations(axis)
+    axis.faults.changes = 0
+    axis.life.sent = 0
 
 
 @compiled
 def _take_motion_command(axis: Any, code: int, argument: int) -> None:
     """What parameters start and end; the step of this moment carries it out."""
     if code == CMD_SET_POSITION:
-        axis.origin = axis.position - argument / 1e6
-        axis.homed = 1
-        axis.home_error = 0
-        axis.stop_command = STOP_DROP
+        axis.homing.origin = axis.motor.position - argument / 1e6
+        axis.homing.homed = 1
+        axis.homing.error = 0
+        axis.commands.stop = STOP_DROP
     elif code == CMD_START_TASK:
-        axis.task_command = (argument & 0x7FFF) + 1
+        axis.commands.task = (argument & 0x7FFF) + 1
     elif code == CMD_HOME:
-        axis.home_command = 1
+        axis.commands.home = 1
     elif code == CMD_DISABLE:
-        axis.disable_command = 1
+        axis.commands.disable = 1
     elif code == CMD_STOP:
-        axis.stop_command = argument & 0xFF
+        axis.commands.stop = argument & 0xFF
     elif code == CMD_CONTINUE:
-        axis.continue_command = 1
+        axis.commands.resume = 1
     elif code == CMD_SERVICE:
-        axis.service_command = 1
+        axis.commands.service = 1
 
 
 @compiled
 def take_commands(axis: Any, now: int) -> None:
     """Carry out what the event loop wrote into the command ring since the last step."""
-    while axis.command_tail != axis.command_head:
-        entry = axis.command[axis.command_tail % COMMANDS]
+    while axis.commands.tail != axis.commands.settings.head:
+        entry = axis.commands.settings.ring[axis.commands.tail % COMMANDS]
         code = entry & 0xFF
         argument = entry >> 8
         if code == CMD_RAISE_FAULT:
@@ -297,5 +300,5 @@ def take_commands(axis: Any, now: int) -> None:
             _clear_warning(axis, argument & NUMBER_MASK)
         else:
             _take_motion_command(axis, code, argument)
-        axis.command_tail = (axis.command_tail + 1) & 0xFFFFFFFF
+        axis.commands.tail = (axis.commands.tail + 1) & 0xFFFFFFFF
     _raise_held(axis, now)

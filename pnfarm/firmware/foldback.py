@@ -23,7 +23,11 @@ __all__ = ["folds", "step_foldback", "watch_foldback"]
 @compiled
 def folds(axis: Any) -> bool:
     """Whether the drive folds back; one whose motor stays cool does not."""
-    return axis.foldback_time[0] > 0.0 and axis.continuous_current > 0.0 and axis.thermal_time > 0.0
+    return (
+        axis.foldback.settings.time[0] > 0.0
+        and axis.motor.settings.continuous_current > 0.0
+        and axis.motor.settings.thermal_time > 0.0
+    )
 
 
 @compiled
@@ -31,20 +35,22 @@ def step_foldback(axis: Any, seconds: float) -> None:
     """Advance both limits by ``seconds`` of the current that flows."""
     if not folds(axis):
         return
-    above = axis.peak_current - axis.continuous_current
-    change = (abs(axis.current) - axis.continuous_current) * seconds
+    above = axis.motor.settings.peak_current - axis.motor.settings.continuous_current
+    change = (abs(axis.motor.current) - axis.motor.settings.continuous_current) * seconds
     for i in range(2):
-        time = axis.foldback_time[i]
-        axis.foldback_used[i] = max(0.0, axis.foldback_used[i] + change / time)
-        axis.foldback_limit[i] = axis.peak_current + axis.foldback_delay[i] * above / time - axis.foldback_used[i]
-    axis.foldback_current = min(axis.foldback_limit[0], axis.foldback_limit[1])
+        time = axis.foldback.settings.time[i]
+        axis.foldback.used[i] = max(0.0, axis.foldback.used[i] + change / time)
+        axis.foldback.limit[i] = (
+            axis.motor.settings.peak_current + axis.foldback.settings.delay[i] * above / time - axis.foldback.used[i]
+        )
+    axis.foldback.current = min(axis.foldback.limit[0], axis.foldback.limit[1])
 
 
 @compiled
 def watch_foldback(axis: Any, now: int) -> None:
     """Raise the fault of motor or drive while its limit is below the level, which is the peak current at most."""
-    level = min(axis.peak_current, axis.foldback_fault_level)
-    if axis.foldback_limit[0] < level:
-        raise_fault(axis, axis.overload_fault, now)
-    if axis.foldback_limit[1] < level:
-        raise_fault(axis, axis.drive_overload_fault, now)
+    level = min(axis.motor.settings.peak_current, axis.foldback.settings.fault_level)
+    if axis.foldback.limit[0] < level:
+        raise_fault(axis, axis.motor.settings.overload_fault, now)
+    if axis.foldback.limit[1] < level:
+        raise_fault(axis, axis.foldback.settings.drive_fault, now)

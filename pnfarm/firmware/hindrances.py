@@ -49,45 +49,45 @@ ON_BITS = 0x0006  # STW1.1 and 2
 NO_QUICK_STOP = 0x0004
 ENABLE_BITS = 0x0009  # STW1.0 and 3
 ENABLE_BIT = 0x0008
-RAMP_STOP = 1  # ``stop``
+RAMP_STOP = 1  # ``drive.stop``
 
 
 @compiled
 def take_hindrances(axis: Any) -> None:
     """Once in each step, before the events: what the drive lacks, edges of the hardware enable and of that by STW1.
 
-    Everything that shows hardware enable, stop inputs and supply goes by ``lacked``.
+    Everything that shows hardware enable, stop inputs and supply goes by ``drive.lacks``.
     """
-    lacks = int(axis.hindrances)
-    if axis.stop_input:
+    lacks = int(axis.drive.settings.interlocks)
+    if axis.machine.stop_input:
         lacks |= LACKS_RELEASE
-    if axis.enable_acknowledges and int(axis.lacked) & ~lacks & LACKS_ENABLE:
+    if axis.drive.settings.enable_acknowledges and int(axis.drive.lacks) & ~lacks & LACKS_ENABLE:
         acknowledge(axis)
-    axis.lacked = lacks
-    if (int(axis.stw1) & ENABLE_BITS) != ENABLE_BITS or axis.state < 2 or axis.state > 3:
-        axis.enable_rose = 0
-    elif int(axis.stw1_changed) & ENABLE_BITS:
-        axis.enable_rose = 1
+    axis.drive.lacks = lacks
+    if (int(axis.profidrive.stw1) & ENABLE_BITS) != ENABLE_BITS or axis.drive.state < 2 or axis.drive.state > 3:
+        axis.drive.enable_rose = 0
+    elif int(axis.profidrive.stw1_changed) & ENABLE_BITS:
+        axis.drive.enable_rose = 1
 
 
 @compiled
 def _stays(axis: Any) -> bool:
-    return axis.quick_stop_option > QUICK_STOP_STAYS
+    return axis.drive.settings.quick_stop_option > QUICK_STOP_STAYS
 
 
 @compiled
 def _with_quick_stop(axis: Any, held: int) -> int:
     """The option codes: a coast instead of a stop, and a stop that the drive stays in until it is taken back."""
-    if axis.quick_stop_option == QUICK_STOP_PROFILE:
+    if axis.drive.settings.quick_stop_option == QUICK_STOP_PROFILE:
         return held
-    if axis.quick_stop_option == QUICK_STOP_COAST and held & (1 << QUICK):
+    if axis.drive.settings.quick_stop_option == QUICK_STOP_COAST and held & (1 << QUICK):
         held |= 1 << COAST
-    if axis.state == 5 and axis.stop == 2:
+    if axis.drive.state == 5 and axis.drive.stop == 2:
         # "first reset quick stop request": taking STW1.3 back is of no effect until then
         held &= ~(1 << DISABLE)
         if _stays(axis):
             held &= ~(1 << STANDSTILL)
-            if int(axis.stw1) & NO_QUICK_STOP:
+            if int(axis.profidrive.stw1) & NO_QUICK_STOP:
                 held |= 1 << RELEASED
     return held
 
@@ -95,18 +95,18 @@ def _with_quick_stop(axis: Any, held: int) -> int:
 @compiled
 def with_hindrances(axis: Any, held: int, stw1: int, faulty: int) -> int:
     """The events of :func:`~pnfarm.firmware.state_machine.conditions`, as this drive sees them."""
-    if axis.ready_with_on and (stw1 & ON_BITS) == ON_BITS and not faulty:
+    if axis.profidrive.settings.ready_with_on and (stw1 & ON_BITS) == ON_BITS and not faulty:
         held |= 1 << READY
-    if axis.enable_by_edge and not axis.enable_rose:
+    if axis.profidrive.settings.enable_by_edge and not axis.drive.enable_rose:
         held &= ~(1 << ENABLE)
-    if axis.on_by_enable and axis.state < 4 and stw1 & ENABLE_BITS == ENABLE_BIT:
+    if axis.profidrive.settings.on_by_enable and axis.drive.state < 4 and stw1 & ENABLE_BITS == ENABLE_BIT:
         held = (held | 1 << ON) & ~(1 << OFF | 1 << ENABLE)
-    if axis.off_at_once and axis.state == 5 and axis.stop == RAMP_STOP:
+    if axis.profidrive.settings.off_at_once and axis.drive.state == 5 and axis.drive.stop == RAMP_STOP:
         held |= 1 << DISABLE
-    if int(axis.lacked) & (LACKS_ENABLE | LACKS_SUPPLY) or parked(axis):
+    if int(axis.drive.lacks) & (LACKS_ENABLE | LACKS_SUPPLY) or parked(axis):
         held |= 1 << COAST
         held &= ~(1 << READY)
-    if int(axis.lacked) & LACKS_RELEASE:
+    if int(axis.drive.lacks) & LACKS_RELEASE:
         held |= 1 << QUICK
         held &= ~(1 << READY)
     return _with_quick_stop(axis, held)
@@ -115,16 +115,16 @@ def with_hindrances(axis: Any, held: int, stw1: int, faulty: int) -> int:
 @compiled
 def quick_stop_ramp(axis: Any, usual: float) -> float:
     """The ramp of the quick stop at hand, rpm/s; ``usual`` is the quick stop ramp."""
-    option = int(axis.quick_stop_option)
+    option = int(axis.drive.settings.quick_stop_option)
     if _stays(axis):
         option -= QUICK_STOP_STAYS
-    return axis.ramp_down if option == QUICK_STOP_RAMP else usual
+    return axis.ramp.down if option == QUICK_STOP_RAMP else usual
 
 
 @compiled
 def at_once(axis: Any) -> bool:
     """Whether the quick stop at hand knows no ramp: speed 0 at the current limit."""
-    option = int(axis.quick_stop_option)
+    option = int(axis.drive.settings.quick_stop_option)
     if _stays(axis):
         option -= QUICK_STOP_STAYS
     return option == QUICK_STOP_CURRENT
@@ -133,4 +133,4 @@ def at_once(axis: Any) -> bool:
 @compiled
 def enabled_by_hardware(axis: Any) -> bool:
     """Whether hardware enable and safe stop let the drive run: ZSW1.14 of Moog MSD manual, table 10.8."""
-    return not torque_free(axis) and not int(axis.lacked) & LACKS_ENABLE
+    return not torque_free(axis) and not int(axis.drive.lacks) & LACKS_ENABLE

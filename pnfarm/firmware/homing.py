@@ -35,6 +35,7 @@ from pnfarm.table.compiled import compiled
 
 __all__ = ["homing_fails", "homing_over", "start_homing", "step_homing"]
 
+
 # What a method looks for.
 HERE = 0
 LIMIT = 1
@@ -57,7 +58,7 @@ _BEHIND = np.array([
 TURNS_AT_STOP = 12
 ONE_WAY = 14
 
-# Legs (``home_leg``).
+# Legs (``homing.leg``).
 TO_THE_MARK = 0  # its place is known
 WAY_OFF = 1  # the home is found, the axis goes to where homing ends
 SEEK = 2  # in the direction of homing
@@ -75,26 +76,31 @@ ON_THE_MARK = 1e-6
 
 @compiled
 def _sought(axis: Any) -> int:
-    method = int(axis.asked_home_method)
+    method = int(axis.homing.method_in_force)
     return int(_SOUGHT[method]) if method < len(_SOUGHT) else UNKNOWN
 
 
 @compiled
 def _run(axis: Any, way: float, velocity: float) -> None:
     """In a direction, without an end."""
-    axis.home_way = way
-    take_ramps(axis, way * fastest(axis, velocity, way > 0.0), axis.home_acceleration, axis.home_deceleration)
-    axis.profile = PROFILE_VELOCITY
+    axis.homing.sense = way
+    take_ramps(
+        axis,
+        way * fastest(axis, velocity, way > 0.0),
+        axis.homing.settings.acceleration,
+        axis.homing.settings.deceleration,
+    )
+    axis.profile.mode = PROFILE_VELOCITY
 
 
 @compiled
 def _go(axis: Any, target: float, velocity: float) -> None:
     """To a place."""
-    axis.target = target
-    axis.task_top = velocity
-    top = fastest(axis, velocity, target >= axis.commanded_position)
-    take_ramps(axis, top, axis.home_acceleration, axis.home_deceleration)
-    axis.profile = PROFILE_TARGET
+    axis.profile.target = target
+    axis.positioning.top = velocity
+    top = fastest(axis, velocity, target >= axis.profile.position)
+    take_ramps(axis, top, axis.homing.settings.acceleration, axis.homing.settings.deceleration)
+    axis.profile.mode = PROFILE_TARGET
 
 
 @compiled
@@ -105,159 +111,166 @@ def _next_mark(place: float, way: float) -> float:
 @compiled
 def start_homing(axis: Any) -> None:
     """Begin; the home position is unknown until it is found."""
-    axis.homed = 0
-    axis.home_seen = 1
-    axis.task_endless = 0
-    axis.home_error = 0
-    axis.target_reached = 0
-    axis.home_command = 0
-    axis.home_start = axis.commanded_position
-    way = 1.0 if axis.home_direction > 0.0 else -1.0
-    axis.home_way = way
+    axis.homing.homed = 0
+    axis.homing.seen = 1
+    axis.positioning.endless = 0
+    axis.homing.error = 0
+    axis.positioning.target_reached = 0
+    axis.commands.home = 0
+    axis.homing.start = axis.profile.position
+    way = 1.0 if axis.homing.settings.direction > 0.0 else -1.0
+    axis.homing.sense = way
     sought = _sought(axis)
     if sought == UNKNOWN:
-        axis.home_leg = FAILED
+        axis.homing.leg = FAILED
     elif sought in (HERE, ENCODER):
-        axis.home_leg = TO_THE_MARK
-        _go(axis, axis.commanded_position, axis.home_velocity)
+        axis.homing.leg = TO_THE_MARK
+        _go(axis, axis.profile.position, axis.homing.settings.velocity)
     elif sought == MARK:
-        axis.home_leg = TO_THE_MARK
-        _go(axis, _next_mark(axis.commanded_position, way), axis.home_velocity)
+        axis.homing.leg = TO_THE_MARK
+        _go(axis, _next_mark(axis.profile.position, way), axis.homing.settings.velocity)
     else:
-        axis.home_leg = LEAVE if sought == SWITCH and axis.home_switch else SEEK
-        _run(axis, way, axis.home_velocity)
+        axis.homing.leg = LEAVE if sought == SWITCH and axis.machine.home_switch else SEEK
+        _run(axis, way, axis.homing.settings.velocity)
 
 
 @compiled
 def _brake(axis: Any, home: float) -> None:
     """The home is found: come to rest."""
-    axis.origin = home - axis.home_position
-    axis.home_leg = BRAKE
-    axis.profile = PROFILE_STOP
+    axis.homing.origin = home - axis.homing.settings.position
+    axis.homing.leg = BRAKE
+    axis.profile.mode = PROFILE_STOP
 
 
 @compiled
 def _found(axis: Any, place: float, way: float) -> None:
     """The switch or the end stop is at ``place``; what is behind it lies in the direction ``way``."""
-    behind = int(_BEHIND[int(axis.asked_home_method)])
+    behind = int(_BEHIND[int(axis.homing.method_in_force)])
     if behind == ITSELF:
         _brake(axis, place)
     elif behind == ZERO_MARK:
-        axis.home_leg = TO_THE_MARK
-        _go(axis, _next_mark(place, way), axis.home_velocity)
+        axis.homing.leg = TO_THE_MARK
+        _go(axis, _next_mark(place, way), axis.homing.settings.velocity)
     else:
-        axis.home_leg = INDEX
-        axis.target = _next_mark(place, way)
-        _run(axis, way, axis.home_velocity * axis.home_share)
+        axis.homing.leg = INDEX
+        axis.profile.target = _next_mark(place, way)
+        _run(axis, way, axis.homing.settings.velocity * axis.homing.settings.share)
 
 
 @compiled
 def _turn(axis: Any, leg: int) -> None:
-    axis.home_leg = leg
-    _run(axis, -axis.home_way, axis.home_velocity)
+    axis.homing.leg = leg
+    _run(axis, -axis.homing.sense, axis.homing.settings.velocity)
 
 
 @compiled
 def _against_a_stop(axis: Any) -> bool:
     """Whether the axis no longer follows: PL.ERR is larger than HOME.PERRTHRESH."""
-    return axis.home_lag > 0.0 and abs(axis.following_error) > axis.home_lag
+    return axis.homing.settings.lag > 0.0 and abs(axis.positioning.following_error) > axis.homing.settings.lag
 
 
 @compiled
 def _give_up_the_way(axis: Any) -> None:
     """Command nothing beyond the end stop."""
-    axis.commanded_position = axis.measured_position
-    axis.profile_velocity = 0.0
+    axis.profile.position = axis.motor.measured_position
+    axis.profile.velocity = 0.0
     begin_profile(axis)
 
 
 @compiled
 def _seek_limit(axis: Any) -> None:
-    if axis.home_leg == SEEK and at_limit_switch(axis, axis.home_way):
+    if axis.homing.leg == SEEK and at_limit_switch(axis, axis.homing.sense):
         _turn(axis, RETREAT)
-    elif axis.home_leg == RETREAT and not at_limit_switch(axis, -axis.home_way):
-        _found(axis, axis.measured_position, axis.home_way)
+    elif axis.homing.leg == RETREAT and not at_limit_switch(axis, -axis.homing.sense):
+        _found(axis, axis.motor.measured_position, axis.homing.sense)
 
 
 @compiled
 def _seek_switch(axis: Any) -> None:
-    ended = at_limit_switch(axis, axis.home_way)
-    if axis.asked_home_method == TURNS_AT_STOP and _against_a_stop(axis):
+    ended = at_limit_switch(axis, axis.homing.sense)
+    if axis.homing.method_in_force == TURNS_AT_STOP and _against_a_stop(axis):
         _give_up_the_way(axis)
         ended = True
-    if axis.home_leg in (SEEK, FIND):
-        if axis.home_switch:
-            _found(axis, axis.measured_position, axis.home_way)
-        elif ended and axis.home_leg == SEEK and axis.asked_home_method != ONE_WAY:
+    if axis.homing.leg in (SEEK, FIND):
+        if axis.machine.home_switch:
+            _found(axis, axis.motor.measured_position, axis.homing.sense)
+        elif ended and axis.homing.leg == SEEK and axis.homing.method_in_force != ONE_WAY:
             _turn(axis, RETURN)
         elif ended:
-            axis.home_leg = FAILED
-    elif axis.home_leg == LEAVE:
+            axis.homing.leg = FAILED
+    elif axis.homing.leg == LEAVE:
         # a switch that is closed from the beginning has not closed on the way
-        if not axis.home_switch or ended:
-            axis.home_leg = SEEK
-    elif axis.home_leg == RETURN and axis.home_switch:
-        axis.home_leg = RETREAT
-    elif axis.home_leg == RETREAT and not axis.home_switch:
+        if not axis.machine.home_switch or ended:
+            axis.homing.leg = SEEK
+    elif axis.homing.leg == RETURN and axis.machine.home_switch:
+        axis.homing.leg = RETREAT
+    elif axis.homing.leg == RETREAT and not axis.machine.home_switch:
         _turn(axis, FIND)
     elif ended:
-        axis.home_leg = FAILED
+        axis.homing.leg = FAILED
 
 
 @compiled
 def step_homing(axis: Any) -> None:
     """Once in each step of an axis in homing: does its search come to an end of a leg?"""
-    axis.home_held = 0.0
-    if axis.home_leg == BRAKE:
+    axis.homing.current_limit = 0.0
+    if axis.homing.leg == BRAKE:
         return
-    if axis.home_leg in (TO_THE_MARK, WAY_OFF):
+    if axis.homing.leg in (TO_THE_MARK, WAY_OFF):
         # the way behind the mark may lead back, where another limit counts
-        axis.task_velocity = fastest(axis, axis.task_top, axis.target >= axis.commanded_position)
+        axis.profile.top = fastest(axis, axis.positioning.top, axis.profile.target >= axis.profile.position)
         return
     sought = _sought(axis)
-    if axis.home_leg == INDEX:
-        if (axis.measured_position - axis.target) * axis.home_way >= 0.0:
-            _brake(axis, axis.target)
+    if axis.homing.leg == INDEX:
+        if (axis.motor.measured_position - axis.profile.target) * axis.homing.sense >= 0.0:
+            _brake(axis, axis.profile.target)
     elif sought == LIMIT:
         _seek_limit(axis)
     elif sought == SWITCH:
         _seek_switch(axis)
     elif sought == END_STOP and _against_a_stop(axis):
         _give_up_the_way(axis)
-        _found(axis, axis.measured_position, -axis.home_way)
-    if SEEK <= axis.home_leg <= LEAVE:
-        if axis.home_farthest > 0.0 and abs(axis.commanded_position - axis.home_start) > axis.home_farthest:
-            axis.home_leg = FAILED
-        if sought == END_STOP or axis.asked_home_method == TURNS_AT_STOP:
-            axis.home_held = axis.home_current
+        _found(axis, axis.motor.measured_position, -axis.homing.sense)
+    if SEEK <= axis.homing.leg <= LEAVE:
+        if (
+            axis.homing.settings.farthest > 0.0
+            and abs(axis.profile.position - axis.homing.start) > axis.homing.settings.farthest
+        ):
+            axis.homing.leg = FAILED
+        if sought == END_STOP or axis.homing.method_in_force == TURNS_AT_STOP:
+            axis.homing.current_limit = axis.homing.settings.current
 
 
 @compiled
 def homing_fails(axis: Any) -> bool:
     """Whether the home cannot be found, or a switch bars the way that is left."""
-    if axis.home_leg == FAILED:
+    if axis.homing.leg == FAILED:
         return True
     sought = _sought(axis)
-    if sought != END_STOP and axis.home_leg not in (TO_THE_MARK, WAY_OFF, INDEX):
+    if sought != END_STOP and axis.homing.leg not in (TO_THE_MARK, WAY_OFF, INDEX):
         return False
     # the axis may come back to the limit switch that it was homed on
-    own = sought == LIMIT and axis.profile_velocity * axis.home_direction > 0.0
-    return not own and at_limit_switch(axis, axis.profile_velocity)
+    own = sought == LIMIT and axis.profile.velocity * axis.homing.settings.direction > 0.0
+    return not own and at_limit_switch(axis, axis.profile.velocity)
 
 
 @compiled
 def homing_over(axis: Any) -> bool:
     """A place is reached, or the axis is at rest: true once homing is over."""
-    if axis.home_leg != WAY_OFF:
+    if axis.homing.leg != WAY_OFF:
         sought = _sought(axis)
-        if axis.home_leg == TO_THE_MARK:
-            found = 0.0 if sought == ENCODER else axis.target
-            axis.origin = found - axis.home_position
-        axis.home_leg = WAY_OFF
-        if axis.asked_home_distance != 0.0 and sought not in (HERE, ENCODER):
-            _go(axis, axis.origin + axis.home_position + axis.asked_home_distance, axis.home_velocity)
+        if axis.homing.leg == TO_THE_MARK:
+            found = 0.0 if sought == ENCODER else axis.profile.target
+            axis.homing.origin = found - axis.homing.settings.position
+        axis.homing.leg = WAY_OFF
+        if axis.homing.distance_in_force != 0.0 and sought not in (HERE, ENCODER):
+            _go(
+                axis,
+                axis.homing.origin + axis.homing.settings.position + axis.homing.distance_in_force,
+                axis.homing.settings.velocity,
+            )
             return False
-        axis.target = axis.commanded_position
-    axis.homed = 1
-    axis.target_reached = 1
+        axis.profile.target = axis.profile.position
+    axis.homing.homed = 1
+    axis.positioning.target_reached = 1
     return True

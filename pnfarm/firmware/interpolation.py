@@ -32,6 +32,7 @@ __all__ = [
     "take_cyclic",
 ]
 
+
 ENABLING = 0x0070  # STW1.4 to 6
 #: A pause between two frames that is no cycle, ns.
 LONGEST_CYCLE_NS = 1_000_000_000
@@ -51,41 +52,45 @@ POSITION_MODE = 2
 @compiled
 def follows(axis: Any) -> bool:
     """Whether positions of each cycle lead the axis now: interpolating mode, and STW1.4 to 6 set."""
-    return interpolates(axis) and (int(axis.stw1) & ENABLING) == ENABLING
+    return interpolates(axis) and (int(axis.profidrive.stw1) & ENABLING) == ENABLING
 
 
 @compiled
 def generator_in_force(axis: Any) -> int:
-    """``ramp_generator``, or what homing made of it (Moog MSD manual 12.1) since it was set last."""
-    left = axis.ramp_generator_left != 0 and axis.ramp_generator_left == axis.ramp_generator_set + 1
-    return RAMP_GENERATED if left else int(axis.ramp_generator)
+    """``ramp.generator``, or what homing made of it (Moog MSD manual 12.1) since it was set last."""
+    left = axis.ramp.generator_left != 0 and axis.ramp.generator_left == axis.ramp.settings.generator_set + 1
+    return RAMP_GENERATED if left else int(axis.ramp.settings.generator)
 
 
 @compiled
 def interpolates(axis: Any) -> bool:
     """Whether the axis is in a mode where positions of each cycle lead it."""
-    return axis.opmode == POSITION_MODE and generator_in_force(axis) == RAMP_PASSED_BY and not axis.servo_control
+    return (
+        axis.drive.settings.opmode == POSITION_MODE
+        and generator_in_force(axis) == RAMP_PASSED_BY
+        and not axis.interpolation.settings.servo_control
+    )
 
 
 @compiled
 def begin_interpolation(axis: Any) -> None:
     """From where the axis is commanded to be; the next frame gives the first curve."""
-    axis.cyclic_start = axis.commanded_position
-    axis.cyclic_end = axis.commanded_position
-    axis.cyclic_speed = axis.profile_velocity / RPM
-    axis.cyclic_end_speed = 0.0
-    axis.cyclic_time = 0.0
-    axis.cyclic_pause = 0.0
-    axis.cyclic_elapsed = 0.0
-    axis.frames_ns = 0
+    axis.interpolation.start = axis.profile.position
+    axis.interpolation.end = axis.profile.position
+    axis.interpolation.start_speed = axis.profile.velocity / RPM
+    axis.interpolation.end_speed = 0.0
+    axis.interpolation.time = 0.0
+    axis.interpolation.pause = 0.0
+    axis.interpolation.elapsed = 0.0
+    axis.interpolation.frames_ns = 0
 
 
 @compiled
 def _nearest_place(axis: Any, number: int) -> float:
     """Where a position of 32 bits lies on the shaft: of all places that have this number, the nearest one."""
-    here = (axis.commanded_position - axis.origin) / axis.position_step
+    here = (axis.profile.position - axis.homing.origin) / axis.profidrive.settings.position_step
     rounds = floor((here - number) / NUMBERS + 0.5)
-    return axis.origin + (number + rounds * NUMBERS) * axis.position_step
+    return axis.homing.origin + (number + rounds * NUMBERS) * axis.profidrive.settings.position_step
 
 
 @compiled
@@ -94,9 +99,9 @@ def _in_step(axis: Any, pause: float, cycle: float) -> int:
 
     The curve at hand ends when the frame behind it is due, so that what comes early or late is seen against that.
     """
-    late = pause - axis.cyclic_time
+    late = pause - axis.interpolation.time
     cycles = max(1, 1 + floor(late / cycle + 0.5))
-    return cycles if abs(axis.cyclic_time - pause + (cycles - 1) * cycle) <= IN_STEP * cycle else 0
+    return cycles if abs(axis.interpolation.time - pause + (cycles - 1) * cycle) <= IN_STEP * cycle else 0
 
 
 @compiled
@@ -107,50 +112,53 @@ def _take_position(axis: Any, image: Any, now: int) -> None:
     last two pauses, in one of which a frame may have got lost.
     """
     place = _nearest_place(axis, int(image.received[XSOLL_A]))
-    since = now - axis.frames_ns
-    first = axis.frames_ns == 0 or since <= 0 or since > LONGEST_CYCLE_NS
+    since = now - axis.interpolation.frames_ns
+    first = axis.interpolation.frames_ns == 0 or since <= 0 or since > LONGEST_CYCLE_NS
     pause = (axis.step_ns if first else since) * 1e-9
-    cycle = axis.cycle_ns * 1e-9
-    time = pause if first or axis.cyclic_pause <= 0.0 else min(pause, float(axis.cyclic_pause))
+    cycle = axis.interpolation.settings.cycle_ns * 1e-9
+    time = pause if first or axis.interpolation.pause <= 0.0 else min(pause, float(axis.interpolation.pause))
     way_time = pause
     if cycle > 0.0 and not first:
         cycles = _in_step(axis, pause, cycle)
         time = cycle
         if cycles > 0:
-            due = axis.cyclic_time - pause + cycles * cycle
+            due = axis.interpolation.time - pause + cycles * cycle
             time = due + MADE_UP * (cycle - due)
             way_time = cycles * cycle
-    axis.cyclic_start = axis.commanded_position
-    axis.cyclic_speed = axis.profile_velocity / RPM
-    axis.cyclic_end_speed = 0.0 if first else (place - axis.cyclic_end) / way_time
-    axis.cyclic_end = place
-    axis.cyclic_time = cycle if first and cycle > 0.0 else time
-    axis.cyclic_pause = 0.0 if first else pause
-    axis.cyclic_elapsed = 0.0
-    axis.frames_ns = now
+    axis.interpolation.start = axis.profile.position
+    axis.interpolation.start_speed = axis.profile.velocity / RPM
+    axis.interpolation.end_speed = 0.0 if first else (place - axis.interpolation.end) / way_time
+    axis.interpolation.end = place
+    axis.interpolation.time = cycle if first and cycle > 0.0 else time
+    axis.interpolation.pause = 0.0 if first else pause
+    axis.interpolation.elapsed = 0.0
+    axis.interpolation.frames_ns = now
 
 
 @compiled
 def _take_servo(axis: Any, image: Any) -> None:
     """XERR counts from the position that the controller knew."""
-    axis.servo_target = axis.servo_shown + image.received[XERR] * axis.sensor_step
-    axis.servo_gain = max(0.0, image.received[KPC] * GAIN_STEP)
+    axis.interpolation.servo_target = axis.interpolation.servo_shown + image.received[XERR] * axis.sensor.settings.step
+    axis.interpolation.servo_gain = max(0.0, image.received[KPC] * GAIN_STEP)
 
 
 @compiled
 def take_cyclic(axis: Any, image: Any, now: int) -> None:
     """Once in each step, before the motor: what new frames bring."""
-    if image.filled != axis.frames_told:
-        axis.frames_told = image.filled
-        axis.servo_shown = axis.sensor_position + axis.position_deviation
-    if axis.setpoints == SETPOINTS_NONE or axis.reference_source != axis.bus_source:
-        axis.servo_gain = 0.0
-        axis.frames_ns = 0
+    if image.filled != axis.interpolation.frames_told:
+        axis.interpolation.frames_told = image.filled
+        axis.interpolation.servo_shown = axis.sensor.position + axis.measurement.position_deviation
+    if (
+        axis.profidrive.setpoints == SETPOINTS_NONE
+        or axis.profidrive.settings.reference_source != axis.profidrive.settings.bus_source
+    ):
+        axis.interpolation.servo_gain = 0.0
+        axis.interpolation.frames_ns = 0
         return
-    if image.frames == axis.frames_taken or axis.setpoints != SETPOINTS_TAKEN:
+    if image.frames == axis.interpolation.frames_taken or axis.profidrive.setpoints != SETPOINTS_TAKEN:
         return
-    axis.frames_taken = image.frames
-    if axis.servo_control:
+    axis.interpolation.frames_taken = image.frames
+    if axis.interpolation.settings.servo_control:
         _take_servo(axis, image)
     elif interpolates(axis):
         _take_position(axis, image, now)
@@ -158,41 +166,44 @@ def take_cyclic(axis: Any, image: Any, now: int) -> None:
 
 @compiled
 def step_interpolation(axis: Any, seconds: float) -> None:
-    """Advance ``commanded_position`` and ``profile_velocity`` along the curve at hand."""
-    time = axis.cyclic_time
+    """Advance ``profile.position`` and ``profile.velocity`` along the curve at hand."""
+    time = axis.interpolation.time
     if time <= 0.0:
-        axis.commanded_position = axis.cyclic_end
-        axis.profile_velocity = 0.0
+        axis.profile.position = axis.interpolation.end
+        axis.profile.velocity = 0.0
         return
     longest = 2.0 * time
-    if axis.cycle_ns > 0:
-        longest = time + GONE_ON * axis.cycle_ns * 1e-9
-    if axis.cyclic_elapsed >= longest:
+    if axis.interpolation.settings.cycle_ns > 0:
+        longest = time + GONE_ON * axis.interpolation.settings.cycle_ns * 1e-9
+    if axis.interpolation.elapsed >= longest:
         # the frame behind the one that did not come is late, too
-        axis.profile_velocity = 0.0
+        axis.profile.velocity = 0.0
         return
-    axis.cyclic_elapsed = min(axis.cyclic_elapsed + seconds, longest)
-    elapsed = axis.cyclic_elapsed
+    axis.interpolation.elapsed = min(axis.interpolation.elapsed + seconds, longest)
+    elapsed = axis.interpolation.elapsed
     if elapsed > time:
         late = elapsed - time
-        axis.commanded_position = axis.cyclic_end + axis.cyclic_end_speed * late
-        axis.profile_velocity = axis.cyclic_end_speed * RPM
+        axis.profile.position = axis.interpolation.end + axis.interpolation.end_speed * late
+        axis.profile.velocity = axis.interpolation.end_speed * RPM
         return
     share = elapsed / time
-    way = axis.cyclic_end - axis.cyclic_start
+    way = axis.interpolation.end - axis.interpolation.start
     # Hermite: place and velocity at both ends
-    cubic = time * (axis.cyclic_speed + axis.cyclic_end_speed) - 2.0 * way
-    square = 3.0 * way - time * (2.0 * axis.cyclic_speed + axis.cyclic_end_speed)
-    linear = time * axis.cyclic_speed
-    axis.commanded_position = axis.cyclic_start + share * (linear + share * (square + share * cubic))
-    axis.profile_velocity = (linear + share * (2.0 * square + share * 3.0 * cubic)) / time * RPM
+    cubic = time * (axis.interpolation.start_speed + axis.interpolation.end_speed) - 2.0 * way
+    square = 3.0 * way - time * (2.0 * axis.interpolation.start_speed + axis.interpolation.end_speed)
+    linear = time * axis.interpolation.start_speed
+    axis.profile.position = axis.interpolation.start + share * (linear + share * (square + share * cubic))
+    axis.profile.velocity = (linear + share * (2.0 * square + share * 3.0 * cubic)) / time * RPM
 
 
 @compiled
 def servo_command(axis: Any) -> float:
     """The velocity command of dynamic servo control, rpm: NSOLL_B, and KPC times what is left of the deviation."""
-    if axis.servo_gain <= 0.0:
-        axis.commanded_position = axis.measured_position
-        return axis.setpoint
-    axis.commanded_position = axis.servo_target
-    return axis.setpoint + axis.servo_gain * (axis.servo_target - axis.measured_position) * RPM
+    if axis.interpolation.servo_gain <= 0.0:
+        axis.profile.position = axis.motor.measured_position
+        return axis.ramp.setpoint
+    axis.profile.position = axis.interpolation.servo_target
+    return (
+        axis.ramp.setpoint
+        + axis.interpolation.servo_gain * (axis.interpolation.servo_target - axis.motor.measured_position) * RPM
+    )

@@ -21,7 +21,8 @@ from pnfarm.table.signals import JOG_SPEED_1
 
 __all__ = ["ENDING_FORM", "MAKERS_FORM", "PROFILES_FORM", "excluded", "take_jog", "take_jog_bits"]
 
-# States (``jog_sequence``).
+
+# States (``jog.sequence``).
 NONE = 0
 FORWARD_1 = 1  # at the first speed
 FORWARD_2 = 2  # at the second
@@ -67,51 +68,51 @@ EXCLUDES = 0x0070  # STW1.4 to 6
 
 @compiled
 def take_jog_bits(axis: Any) -> None:
-    """Once in each step: which of the jog bits counts.  The only writer of ``jog_bits`` and ``jog_first``."""
-    bits = (int(axis.stw1) >> JOG_BITS) & BOTH
+    """Once in each step: which of the jog bits counts.  The only writer of ``jog.bits`` and ``jog.first``."""
+    bits = (int(axis.profidrive.stw1) >> JOG_BITS) & BOTH
     if bits != BOTH:
-        axis.jog_first = bits
-    elif axis.both_jog_bits == BOTH_FIRST_SPEED:
+        axis.jog.first = bits
+    elif axis.jog.settings.both_bits == BOTH_FIRST_SPEED:
         bits = 1
-    elif axis.both_jog_bits == BOTH_KEEP and axis.jog_first != 0:
-        bits = int(axis.jog_first)
-    axis.jog_bits = bits
+    elif axis.jog.settings.both_bits == BOTH_KEEP and axis.jog.first != 0:
+        bits = int(axis.jog.first)
+    axis.jog.bits = bits
 
 
 @compiled
 def excluded(axis: Any, begun: bool) -> bool:
     """Whether STW1.4 to 6 keep a jog from beginning, or end one that has ``begun``."""
-    return int(axis.stw1) & EXCLUDES != 0 and not (begun and axis.jog_begun_lasts)
+    return int(axis.profidrive.stw1) & EXCLUDES != 0 and not (begun and axis.jog.settings.begun_lasts)
 
 
 @compiled
 def _take_speeds(axis: Any, image: Any) -> None:
     """The two speeds, by parameters or by a telegram whose set points count."""
     for which in range(2):
-        if axis.setpoints == SETPOINTS_NONE or not axis.jog_signals & (1 << which):
-            axis.jog_asked[which] = axis.jog_velocity[which]
-        elif axis.setpoints == SETPOINTS_TAKEN:
-            axis.jog_asked[which] = image.received[JOG_SPEED_1 + which] * axis.velocity_step
+        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.jog_signals & (1 << which):
+            axis.jog.speeds[which] = axis.jog.settings.velocity[which]
+        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
+            axis.jog.speeds[which] = image.received[JOG_SPEED_1 + which] * axis.profidrive.settings.velocity_step
 
 
 @compiled
 def take_jog(axis: Any, image: Any) -> None:
-    """Once in each step: the state of jogging and its speed.  The only writer of ``jog_sequence``."""
-    if axis.jog_form != JOG_SEQUENCES:
+    """Once in each step: the state of jogging and its speed.  The only writer of ``jog.sequence``."""
+    if axis.jog.settings.form != JOG_SEQUENCES:
         return
-    before = int(axis.jog_sequence)
-    form = ENDING if axis.jog_needs_its_bit else MAKERS
-    if int(axis.control_config) & CONFIG_PROFILE_JOG:
+    before = int(axis.jog.sequence)
+    form = ENDING if axis.jog.settings.needs_its_bit else MAKERS
+    if int(axis.asked.settings.control_config) & CONFIG_PROFILE_JOG:
         form = PROFILES
-    bits = (int(axis.stw1) >> JOG_BITS) & BOTH
+    bits = (int(axis.profidrive.stw1) >> JOG_BITS) & BOTH
     if before == NONE:
         # here both bits may count as one
-        bits = int(axis.jog_bits)
+        bits = int(axis.jog.bits)
     following = int(_NEXT[form, before, bits])
-    moves = before == NONE and abs(axis.velocity) > axis.standstill
-    if axis.state != 4 or moves or (form == PROFILES and excluded(axis, before != NONE)):
+    moves = before == NONE and abs(axis.motor.velocity) > axis.ramp.settings.standstill
+    if axis.drive.state != 4 or moves or (form == PROFILES and excluded(axis, before != NONE)):
         following = NONE
-    axis.jog_sequence = following
+    axis.jog.sequence = following
     _take_speeds(axis, image)
-    speed = axis.jog_asked[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog_asked[0]
-    axis.jog_speed = 0.0 if following == ENDED else -speed if following >= BACKWARD_1 else speed
+    speed = axis.jog.speeds[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog.speeds[0]
+    axis.jog.speed = 0.0 if following == ENDED else -speed if following >= BACKWARD_1 else speed

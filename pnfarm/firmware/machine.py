@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.direction import shaft_sign
-from pnfarm.table.axis import CAMS, USED_INPUTS
 from pnfarm.table.axis_codes import (
+    CAMS,
     INPUT_CONTROLLED_STOP,
     INPUT_HOME_SWITCH,
     INPUT_LIMIT_HIGH,
@@ -20,6 +20,7 @@ from pnfarm.table.axis_codes import (
     MACHINE_STOP_LOW,
     MACHINE_SWITCH_HIGH,
     MACHINE_SWITCH_LOW,
+    USED_INPUTS,
 )
 from pnfarm.table.compiled import compiled
 
@@ -29,47 +30,47 @@ __all__ = ["hold_at_stops", "take_switches"]
 @compiled
 def take_switches(axis: Any) -> None:
     """What the place of the axis and faults press, and what the inputs are used for."""
-    place = shaft_sign(axis) * axis.position
-    limits = int(axis.fault_limits)
-    if axis.machine & MACHINE_SWITCH_LOW and place <= axis.switch_low:
+    place = shaft_sign(axis) * axis.motor.position
+    limits = int(axis.machine.settings.fault_limits)
+    if axis.machine.settings.parts & MACHINE_SWITCH_LOW and place <= axis.machine.settings.switch_low:
         limits |= 0x1
-    if axis.machine & MACHINE_SWITCH_HIGH and place >= axis.switch_high:
+    if axis.machine.settings.parts & MACHINE_SWITCH_HIGH and place >= axis.machine.settings.switch_high:
         limits |= 0x2
-    inputs = int(axis.fault_inputs)
-    if axis.machine & MACHINE_CAMS:
+    inputs = int(axis.machine.settings.fault_inputs)
+    if axis.machine.settings.parts & MACHINE_CAMS:
         for i in range(CAMS):
-            if axis.cam_low[i] <= place <= axis.cam_high[i]:
-                inputs |= int(axis.cam_inputs[i])
-    axis.digital_inputs = inputs
-    axis.home_switch = 0
-    axis.stop_input = 0
+            if axis.machine.settings.cam_low[i] <= place <= axis.machine.settings.cam_high[i]:
+                inputs |= int(axis.machine.settings.cam_inputs[i])
+    axis.machine.inputs = inputs
+    axis.machine.home_switch = 0
+    axis.machine.stop_input = 0
     for i in range(USED_INPUTS):
-        mode = int(axis.input_modes[i])
+        mode = int(axis.machine.settings.input_modes[i])
         if mode == 0:
             continue
-        active = (inputs >> i & 1) != int(axis.input_inverted[i])
+        active = (inputs >> i & 1) != int(axis.machine.settings.input_inverted[i])
         if mode == INPUT_HOME_SWITCH and active:
-            axis.home_switch = 1
+            axis.machine.home_switch = 1
         elif mode == INPUT_CONTROLLED_STOP and active:
-            axis.stop_input = 1
+            axis.machine.stop_input = 1
         # a limit switch opens where it is pressed
         elif mode == INPUT_LIMIT_LOW and not active:
             limits |= 0x1
         elif mode == INPUT_LIMIT_HIGH and not active:
             limits |= 0x2
-    axis.limit_switch = limits
+    axis.machine.limit_switch = limits
 
 
 @compiled
 def hold_at_stops(axis: Any) -> None:
     """No further than an end stop: what hits it stands."""
-    if not axis.machine & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):
+    if not axis.machine.settings.parts & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):
         return
     sign = shaft_sign(axis)
-    place, speed = sign * axis.position, sign * axis.velocity
-    if axis.machine & MACHINE_STOP_LOW and place < axis.stop_low:
-        axis.position = sign * axis.stop_low
-        axis.velocity = sign * max(speed, 0.0)
-    if axis.machine & MACHINE_STOP_HIGH and place > axis.stop_high:
-        axis.position = sign * axis.stop_high
-        axis.velocity = sign * min(speed, 0.0)
+    place, speed = sign * axis.motor.position, sign * axis.motor.velocity
+    if axis.machine.settings.parts & MACHINE_STOP_LOW and place < axis.machine.settings.stop_low:
+        axis.motor.position = sign * axis.machine.settings.stop_low
+        axis.motor.velocity = sign * max(speed, 0.0)
+    if axis.machine.settings.parts & MACHINE_STOP_HIGH and place > axis.machine.settings.stop_high:
+        axis.motor.position = sign * axis.machine.settings.stop_high
+        axis.motor.velocity = sign * min(speed, 0.0)

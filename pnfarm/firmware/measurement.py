@@ -5,7 +5,7 @@ cut off at 3.5 times its effective value (the sum of four even ones).  It is in 
 parameters that show them, and bits that compare them with a window.  Controllers, stops, and limits that are faults
 go by the motor itself, so that noise moves nothing and trips nothing.
 
-The sequence is the axis record's own, by ``noise_seed``; a seed of 0 is a drive without noise.
+The sequence is the axis record's own, by ``measurement.seed``; a seed of 0 is a drive without noise.
 """
 
 from __future__ import annotations
@@ -14,7 +14,14 @@ from typing import Any
 
 from pnfarm.table.compiled import compiled
 
-__all__ = ["measure", "measured_current", "measured_position", "measured_torque", "measured_velocity"]
+__all__ = [
+    "measure",
+    "measured_current",
+    "measured_position",
+    "measured_torque",
+    "measured_velocity",
+]
+
 
 #: The linear congruential generator of 48 bits of POSIX's drand48.
 MULTIPLIER = 0x5DEECE66D
@@ -32,8 +39,8 @@ SCALE = 2.642899792e-05
 @compiled
 def _next(axis: Any) -> int:
     """The sum of two even numbers of 16 bits; moves the sequence on."""
-    state = (int(axis.noise_state) * MULTIPLIER + INCREMENT) & MASK
-    axis.noise_state = state
+    state = (int(axis.measurement.noise) * MULTIPLIER + INCREMENT) & MASK
+    axis.measurement.noise = state
     return (state >> UPPER & HALF) + (state >> LOWER & HALF)
 
 
@@ -46,35 +53,35 @@ def _normal(axis: Any) -> float:
 @compiled
 def measure(axis: Any) -> None:
     """Once in each step, behind the motor: draw what noise adds to each value until the next one."""
-    if axis.noise_seed == 0:
+    if axis.measurement.settings.seed == 0:
         return
-    if axis.noise_state == 0:
+    if axis.measurement.noise == 0:
         # a state of 0 was never begun: the sequence of a seed begins there
-        axis.noise_state = axis.noise_seed & MASK
-    axis.velocity_deviation = axis.velocity_noise * _normal(axis)
-    axis.current_deviation = axis.current_noise * _normal(axis)
-    axis.position_deviation = axis.position_noise * _normal(axis)
+        axis.measurement.noise = axis.measurement.settings.seed & MASK
+    axis.measurement.velocity_deviation = axis.measurement.settings.velocity_noise * _normal(axis)
+    axis.measurement.current_deviation = axis.measurement.settings.current_noise * _normal(axis)
+    axis.measurement.position_deviation = axis.measurement.settings.position_noise * _normal(axis)
 
 
 @compiled
 def measured_velocity(axis: Any) -> float:
     """The shaft's speed as the drive measures it, rpm."""
-    return axis.velocity + axis.velocity_deviation
+    return axis.motor.velocity + axis.measurement.velocity_deviation
 
 
 @compiled
 def measured_current(axis: Any) -> float:
     """The torque-building current, alike, A."""
-    return axis.current + axis.current_deviation
+    return axis.motor.current + axis.measurement.current_deviation
 
 
 @compiled
 def measured_torque(axis: Any) -> float:
     """The torque, which the drive computes from the current, N m."""
-    return axis.torque + axis.torque_constant * axis.current_deviation
+    return axis.motor.torque + axis.motor.settings.torque_constant * axis.measurement.current_deviation
 
 
 @compiled
 def measured_position(axis: Any) -> float:
     """The shaft's position as the encoder tells it, rev."""
-    return axis.measured_position + axis.position_deviation
+    return axis.motor.measured_position + axis.measurement.position_deviation

@@ -32,7 +32,14 @@ from pnfarm.firmware.travel import fastest
 from pnfarm.table.axis_codes import FASTEST_RPM
 from pnfarm.table.compiled import compiled
 
-__all__ = ["brake_holds", "motor_step_ns", "step_motor", "torque_controlled", "watch_motor"]
+__all__ = [
+    "brake_holds",
+    "motor_step_ns",
+    "step_motor",
+    "torque_controlled",
+    "watch_motor",
+]
+
 
 RPM_TO_RAD = 2.0 * pi / 60.0
 #: Longest step of controllers and motor where the axis asks for none, ns.
@@ -41,43 +48,43 @@ MOTOR_STEP_NS = 1_000_000
 INTEGRAL_RATIO = 4.0
 #: What an encoder's steps make of the speed is filtered by this time, s.
 FEEDBACK_FILTER = 0.001
-#: A resting shaft winds nothing up for speed set points smaller than this part of ``standstill``.
+#: A resting shaft winds nothing up for speed set points smaller than this part of ``ramp.standstill``.
 RESTING = 0.1
 #: Effective voltage of one phase by that of the DC link, at most: 1 / sqrt(6).
 PHASE_VOLTAGE = 1.0 / sqrt(6.0)
 #: Phases of a motor.
 PHASES = 3.0
-#: ``opmode``.
+#: ``drive.opmode``.
 TORQUE_MODE = 0
 
 
 @compiled
 def motor_step_ns(axis: Any) -> int:
     """Longest step of controllers and motor."""
-    return int(axis.motor_step_ns) or MOTOR_STEP_NS
+    return int(axis.motor.settings.step_ns) or MOTOR_STEP_NS
 
 
 @compiled
 def brake_holds(axis: Any) -> bool:
     """Whether there is a holding brake and it is not open."""
-    return axis.holding_brake > 0.0 and not axis.brake_open
+    return axis.brake.settings.torque > 0.0 and not axis.brake.open
 
 
 @compiled
 def torque_controlled(axis: Any) -> bool:
     """Whether the torque set point leads the axis: in operation alone, for what stops it are ramps of the speed."""
-    return axis.state == 4 and axis.opmode == TORQUE_MODE and not brake_holds(axis)
+    return axis.drive.state == 4 and axis.drive.settings.opmode == TORQUE_MODE and not brake_holds(axis)
 
 
 @compiled
 def _step_brake(axis: Any, open_it: bool, seconds: float) -> None:
-    if open_it != bool(axis.brake_asked):
-        axis.brake_asked = 1 if open_it else 0
-        axis.brake_left = axis.brake_release if open_it else axis.brake_apply
-    elif axis.brake_left > 0.0:
-        axis.brake_left -= seconds
-    if axis.brake_left <= 0.0:
-        axis.brake_open = axis.brake_asked
+    if open_it != bool(axis.brake.asked):
+        axis.brake.asked = 1 if open_it else 0
+        axis.brake.left = axis.brake.settings.release if open_it else axis.brake.settings.apply
+    elif axis.brake.left > 0.0:
+        axis.brake.left -= seconds
+    if axis.brake.left <= 0.0:
+        axis.brake.open = axis.brake.asked
 
 
 @compiled
@@ -86,33 +93,37 @@ def _speed(axis: Any, omega: float, drive: float, slope: float, seconds: float) 
 
     Backward Euler with dry friction as the set-valued force that it is.
     """
-    inertia = (axis.inertia + axis.added_inertia) / seconds
-    dry = axis.friction + axis.added_friction
+    inertia = (axis.load.settings.inertia + axis.load.settings.added_inertia) / seconds
+    dry = axis.load.settings.friction + axis.load.settings.added_friction
     if brake_holds(axis):
-        dry += axis.holding_brake
-    moving = inertia * omega + drive - shaft_sign(axis) * (axis.load_torque + axis.added_torque)
+        dry += axis.brake.settings.torque
+    moving = inertia * omega + drive - shaft_sign(axis) * (axis.load.settings.torque + axis.load.settings.added_torque)
     if abs(moving) <= dry:
         return 0.0
-    return (moving - dry if moving > 0.0 else moving + dry) / (inertia + slope + axis.damping)
+    return (moving - dry if moving > 0.0 else moving + dry) / (inertia + slope + axis.load.settings.damping)
 
 
 @compiled
 def _coast(axis: Any, omega: float, seconds: float) -> float:
     """The shaft's speed after a step without power; shorted windings may brake it."""
-    braking = axis.coast_method == 0 or (axis.coast_method == 1 and not axis.brake_released)
-    axis.current = 0.0
-    axis.torque = 0.0
-    axis.speed_integral = 0.0
-    axis.fed_speed = axis.profile_velocity
-    return _speed(axis, omega, 0.0, axis.brake_damping if braking else 0.0, seconds)
+    braking = axis.motor.settings.coast_method == 0 or (axis.motor.settings.coast_method == 1 and not axis.motor.rested)
+    axis.motor.current = 0.0
+    axis.motor.torque = 0.0
+    axis.motor.speed_integral = 0.0
+    axis.motor.fed_speed = axis.profile.velocity
+    return _speed(axis, omega, 0.0, axis.motor.settings.brake_damping if braking else 0.0, seconds)
 
 
 @compiled
 def _fed_forward(axis: Any, seconds: float) -> float:
     """Torque that the acceleration of a profile asks for, without the position controller's part of the speed."""
-    change = (axis.profile_velocity - axis.fed_speed) * RPM_TO_RAD
-    axis.fed_speed = axis.profile_velocity
-    return 0.0 if axis.motion == 0 else axis.acceleration_gain * axis.inertia * change / seconds
+    change = (axis.profile.velocity - axis.motor.fed_speed) * RPM_TO_RAD
+    axis.motor.fed_speed = axis.profile.velocity
+    return (
+        0.0
+        if axis.positioning.state == 0
+        else axis.motor.settings.acceleration_gain * axis.load.settings.inertia * change / seconds
+    )
 
 
 @compiled
@@ -124,7 +135,7 @@ def _speed_limit(axis: Any, side: int) -> float:
 @compiled
 def _beyond(axis: Any, speed: float, torque: float, gain: float) -> int:
     """Beyond which limit ``torque`` would drive a shaft that comes to ``speed``, rad/s: 1, -1, or 0 for none."""
-    if not axis.torque_speed_limited:
+    if not axis.torque.settings.speed_limited:
         return 0
     if gain * (_speed_limit(axis, 1) - speed) < torque:
         return 1
@@ -137,20 +148,24 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
 
     ``noise``: what the encoder adds to the speed as the controller sees it, rad/s.
     """
-    constant = axis.torque_constant
-    gain = axis.speed_gain if axis.speed_gain > 0.0 else axis.inertia / axis.velocity_time_constant
-    integral_time = axis.speed_integral_time
+    constant = axis.motor.settings.torque_constant
+    gain = (
+        axis.motor.settings.speed_gain
+        if axis.motor.settings.speed_gain > 0.0
+        else axis.load.settings.inertia / axis.motor.settings.velocity_time_constant
+    )
+    integral_time = axis.motor.settings.speed_integral_time
     if integral_time <= 0.0:
-        integral_time = INTEGRAL_RATIO * axis.velocity_time_constant
+        integral_time = INTEGRAL_RATIO * axis.motor.settings.velocity_time_constant
     action = gain * (1.0 + seconds / integral_time)
     # how much of a change of the current set point comes through in this step
-    share = seconds / (axis.current_time_constant + seconds)
-    kept = (1.0 - share) * constant * axis.current
-    reference = axis.speed_reference * RPM_TO_RAD - noise
-    given = axis.speed_integral + _fed_forward(axis, seconds) + axis.additive_torque
+    share = seconds / (axis.motor.settings.current_time_constant + seconds)
+    kept = (1.0 - share) * constant * axis.motor.current
+    reference = axis.ramp.reference * RPM_TO_RAD - noise
+    given = axis.motor.speed_integral + _fed_forward(axis, seconds) + axis.torque.settings.additive
     led = torque_controlled(axis)
     if led:
-        given = limited_torque(axis, axis.torque_setpoint + axis.additive_torque)
+        given = limited_torque(axis, axis.torque.setpoint + axis.torque.settings.additive)
         action = 0.0
         free = _speed(axis, omega, kept + share * given, 0.0, seconds)
         side = _beyond(axis, free + noise, given, gain)
@@ -169,12 +184,12 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
         slope = 0.0
         following = _speed(axis, omega, drive, slope, seconds)
     torque = drive - slope * following
-    if axis.bus_nominal > 0.0:
-        inductance = axis.winding_inductance / seconds
-        impedance = inductance + axis.winding_resistance
-        before = inductance * axis.current
+    if axis.supply.settings.nominal > 0.0:
+        inductance = axis.motor.settings.inductance / seconds
+        impedance = inductance + axis.motor.settings.resistance
+        before = inductance * axis.motor.current
         back = constant / PHASES
-        available = axis.bus_voltage * PHASE_VOLTAGE
+        available = axis.supply.voltage * PHASE_VOLTAGE
         needed = impedance * torque / constant - before + back * following
         if abs(needed) > available and impedance > 0.0:
             limited = True
@@ -183,35 +198,37 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
             following = _speed(axis, omega, drive, slope, seconds)
             torque = drive - slope * following
     error = reference - following
-    resting = omega == 0.0 and following == 0.0 and abs(axis.speed_reference) <= RESTING * axis.standstill
+    resting = omega == 0.0 and following == 0.0 and abs(axis.ramp.reference) <= RESTING * axis.ramp.settings.standstill
     if led:
         # speed control goes on from the torque at hand
-        axis.speed_integral = torque - axis.additive_torque
+        axis.motor.speed_integral = torque - axis.torque.settings.additive
     # at a limit the integral part stays as it is, unless it would lead away from there
     elif not resting and (not limited or error * wanted < 0.0):
-        axis.speed_integral += gain * seconds / integral_time * error
-    axis.torque = torque
-    axis.current = torque / constant
+        axis.motor.speed_integral += gain * seconds / integral_time * error
+    axis.motor.torque = torque
+    axis.motor.current = torque / constant
     return following
 
 
 @compiled
 def _encoder_noise(axis: Any) -> float:
     """What the encoder's steps add to the measured speed, rad/s."""
-    if axis.encoder_steps <= 0.0:
+    if axis.motor.settings.encoder_steps <= 0.0:
         return 0.0
-    return (axis.measured_position - axis.position - axis.encoder_low) / FEEDBACK_FILTER * 2.0 * pi
+    return (axis.motor.measured_position - axis.motor.position - axis.motor.encoder_low) / FEEDBACK_FILTER * 2.0 * pi
 
 
 @compiled
 def _read_encoder(axis: Any, seconds: float) -> None:
     """Take the position over as the encoder tells it."""
-    if axis.encoder_steps <= 0.0:
-        axis.measured_position = axis.position
+    if axis.motor.settings.encoder_steps <= 0.0:
+        axis.motor.measured_position = axis.motor.position
         return
-    axis.measured_position = floor(axis.position * axis.encoder_steps + 0.5) / axis.encoder_steps
-    error = axis.measured_position - axis.position
-    axis.encoder_low += (error - axis.encoder_low) * seconds / (FEEDBACK_FILTER + seconds)
+    axis.motor.measured_position = (
+        floor(axis.motor.position * axis.motor.settings.encoder_steps + 0.5) / axis.motor.settings.encoder_steps
+    )
+    error = axis.motor.measured_position - axis.motor.position
+    axis.motor.encoder_low += (error - axis.motor.encoder_low) * seconds / (FEEDBACK_FILTER + seconds)
 
 
 @compiled
@@ -221,29 +238,33 @@ def _step_bus(axis: Any, omega: float, seconds: float) -> None:
     Without mains it discharges.
     """
     lowest = mains(axis)
-    if axis.bus_capacitance <= 0.0 or axis.bus_voltage <= 0.0:
-        axis.bus_voltage = lowest
+    if axis.supply.settings.capacitance <= 0.0 or axis.supply.voltage <= 0.0:
+        axis.supply.voltage = lowest
         return
-    power = axis.torque * omega + PHASES * axis.winding_resistance * axis.current * axis.current + axis.bus_load
-    square = axis.bus_voltage * axis.bus_voltage - 2.0 * power * seconds / axis.bus_capacitance
+    power = (
+        axis.motor.torque * omega
+        + PHASES * axis.motor.settings.resistance * axis.motor.current * axis.motor.current
+        + axis.supply.settings.load
+    )
+    square = axis.supply.voltage * axis.supply.voltage - 2.0 * power * seconds / axis.supply.settings.capacitance
     voltage = sqrt(square) if square > 0.0 else 0.0
-    if axis.bus_brake > 0.0 and voltage > axis.bus_brake:
-        voltage = axis.bus_brake
-    axis.bus_voltage = max(voltage, lowest)
+    if axis.supply.settings.brake > 0.0 and voltage > axis.supply.settings.brake:
+        voltage = axis.supply.settings.brake
+    axis.supply.voltage = max(voltage, lowest)
 
 
 @compiled
 def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     """Advance current, torque, speed, position, DC link, heat and brake by ``seconds``.
 
-    ``powered_stage``: the power stage is on; ``axis.speed_reference`` is the speed set point, rpm, in torque control
-    ``axis.torque_setpoint`` that of the torque.
+    ``powered_stage``: the power stage is on; ``axis.ramp.reference`` is the speed set point, rpm, in torque control
+    ``axis.torque.setpoint`` that of the torque.
     """
-    velocity = axis.velocity
+    velocity = axis.motor.velocity
     omega = velocity * RPM_TO_RAD
-    if axis.holding_brake > 0.0:
+    if axis.brake.settings.torque > 0.0:
         # a drive that comes to rest by itself lets the brake take over before it switches off
-        resting = axis.state == 5 and axis.ramp == 0.0 and abs(velocity) <= axis.standstill
+        resting = axis.drive.state == 5 and axis.ramp.command == 0.0 and abs(velocity) <= axis.ramp.settings.standstill
         _step_brake(axis, powered_stage and not resting, seconds)
     step_foldback(axis, seconds)
     if powered_stage:
@@ -252,36 +273,40 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
         speed = _coast(axis, omega, seconds)
     speed = min(max(speed, -FASTEST_RPM * RPM_TO_RAD), FASTEST_RPM * RPM_TO_RAD)
     following = speed / RPM_TO_RAD
-    axis.position += 0.5 * (velocity + following) * seconds / 60.0
-    axis.velocity = following
+    axis.motor.position += 0.5 * (velocity + following) * seconds / 60.0
+    axis.motor.velocity = following
     hold_at_stops(axis)
     _read_encoder(axis, seconds)
-    if axis.bus_nominal > 0.0:
+    if axis.supply.settings.nominal > 0.0:
         _step_bus(axis, 0.5 * (omega + speed), seconds)
-    if axis.thermal_time > 0.0 and axis.continuous_current > 0.0:
-        part = axis.current / axis.continuous_current
-        axis.thermal_load += (part * part - axis.thermal_load) * seconds / (axis.thermal_time + seconds)
+    if axis.motor.settings.thermal_time > 0.0 and axis.motor.settings.continuous_current > 0.0:
+        part = axis.motor.current / axis.motor.settings.continuous_current
+        axis.motor.thermal_load += (
+            (part * part - axis.motor.thermal_load) * seconds / (axis.motor.settings.thermal_time + seconds)
+        )
     if not powered_stage or torque_controlled(axis):
-        axis.commanded_position = axis.position
-        axis.profile_velocity = following
+        axis.profile.position = axis.motor.position
+        axis.profile.velocity = following
         # what controls the speed next begins here
-        axis.ramp = axis.velocity
-    elif axis.motion == 0:
-        axis.commanded_position += axis.speed_reference * seconds / 60.0
-        axis.profile_velocity = axis.ramp
-    axis.following_error = axis.commanded_position - axis.measured_position
+        axis.ramp.command = axis.motor.velocity
+    elif axis.positioning.state == 0:
+        axis.profile.position += axis.ramp.reference * seconds / 60.0
+        axis.profile.velocity = axis.ramp.command
+    axis.positioning.following_error = axis.profile.position - axis.motor.measured_position
 
 
 @compiled
 def watch_motor(axis: Any, now: int) -> None:
     """Raise the drive's faults of a motor that runs too fast or is too hot, and of a DC link out of its bounds."""
-    if axis.overspeed > 0.0 and abs(axis.velocity) > axis.overspeed:
-        raise_fault(axis, axis.overspeed_fault, now)
+    if axis.motor.settings.overspeed > 0.0 and abs(axis.motor.velocity) > axis.motor.settings.overspeed:
+        raise_fault(axis, axis.motor.settings.overspeed_fault, now)
     if folds(axis):
         watch_foldback(axis, now)
-    elif axis.thermal_load > 1.0:
-        raise_fault(axis, axis.overload_fault, now)
-    if axis.bus_limit > 0.0 and axis.bus_voltage > axis.bus_limit:
-        raise_fault(axis, axis.overvoltage_fault, now)
-    if bus_below(axis, axis.undervoltage_limit) and (axis.state >= 4 or not axis.undervoltage_mode):
-        raise_fault(axis, axis.undervoltage_fault, now)
+    elif axis.motor.thermal_load > 1.0:
+        raise_fault(axis, axis.motor.settings.overload_fault, now)
+    if axis.supply.settings.limit > 0.0 and axis.supply.voltage > axis.supply.settings.limit:
+        raise_fault(axis, axis.supply.settings.overvoltage_fault, now)
+    if bus_below(axis, axis.supply.settings.undervoltage_limit) and (
+        axis.drive.state >= 4 or not axis.supply.settings.undervoltage_mode
+    ):
+        raise_fault(axis, axis.supply.settings.undervoltage_fault, now)

@@ -13,7 +13,7 @@ from typing import Any
 
 from pnfarm.firmware.position_status import limits_reached
 from pnfarm.firmware.supply import bus_below
-from pnfarm.table.axis import WARNING_SLOTS
+from pnfarm.table.axis_codes import WARNING_SLOTS
 from pnfarm.table.compiled import compiled
 
 __all__ = ["warned", "watch_warnings"]
@@ -23,7 +23,7 @@ __all__ = ["warned", "watch_warnings"]
 def warned(axis: Any, number: int) -> bool:
     """Whether this warning is at hand."""
     at = 0
-    while at < WARNING_SLOTS and axis.warnings[at] != number:
+    while at < WARNING_SLOTS and axis.warnings.active[at] != number:
         at += 1
     return number != 0 and at < WARNING_SLOTS
 
@@ -34,9 +34,9 @@ def _tell(axis: Any, count: int, number: int) -> int:
     if number == 0 or count == WARNING_SLOTS:
         return count
     for i in range(count):
-        if axis.warnings[i] == number:
+        if axis.warnings.active[i] == number:
             return count
-    axis.warnings[count] = number
+    axis.warnings.active[count] = number
     return count + 1
 
 
@@ -44,35 +44,41 @@ def _tell(axis: Any, count: int, number: int) -> int:
 def _tell_own(axis: Any, told: int) -> int:
     """Put what the drive itself has to tell of behind the first ``told`` warnings; how many there are now."""
     count = told
-    if axis.thermal_warning > 0.0 and axis.thermal_load > axis.thermal_warning:
-        count = _tell(axis, count, int(axis.message_warnings[1]))
+    if axis.warnings.settings.thermal_level > 0.0 and axis.motor.thermal_load > axis.warnings.settings.thermal_level:
+        count = _tell(axis, count, int(axis.profidrive.settings.message_warnings[1]))
     for i in range(2):
-        if axis.foldback_limit[i] < axis.foldback_warning_level:
-            count = _tell(axis, count, int(axis.foldback_warning[i]))
-    if bus_below(axis, axis.bus_levels[0]):
-        count = _tell(axis, count, int(axis.bus_warning[0]))
-    elif 0.0 < axis.bus_levels[1] < axis.bus_voltage:
-        count = _tell(axis, count, int(axis.bus_warning[1]))
+        if axis.foldback.limit[i] < axis.foldback.settings.warning_level:
+            count = _tell(axis, count, int(axis.foldback.settings.warning[i]))
+    if bus_below(axis, axis.supply.settings.levels[0]):
+        count = _tell(axis, count, int(axis.supply.settings.warning[0]))
+    elif 0.0 < axis.supply.settings.levels[1] < axis.supply.voltage:
+        count = _tell(axis, count, int(axis.supply.settings.warning[1]))
     for i in range(2):
-        if axis.limit_switch >> i & 1:
-            count = _tell(axis, count, int(axis.switch_warnings[i]))
-    if axis.opmode == 2 and (axis.limit_warning[0] != 0 or axis.limit_warning[1] != 0):
+        if axis.machine.limit_switch >> i & 1:
+            count = _tell(axis, count, int(axis.warnings.settings.switch[i]))
+    if axis.drive.settings.opmode == 2 and (
+        axis.warnings.settings.limit[0] != 0 or axis.warnings.settings.limit[1] != 0
+    ):
         reached = limits_reached(axis)
         for i in range(2):
             if reached >> i & 1:
-                count = _tell(axis, count, int(axis.limit_warning[i]))
-    return _tell(axis, count, int(axis.task_warning[axis.task_error - 1])) if axis.task_error else count
+                count = _tell(axis, count, int(axis.warnings.settings.limit[i]))
+    return (
+        _tell(axis, count, int(axis.warnings.settings.task[axis.positioning.error - 1]))
+        if axis.positioning.error
+        else count
+    )
 
 
 @compiled
 def watch_warnings(axis: Any) -> None:
     """Put together what the drive warns of in this step."""
     count = 0
-    while count < WARNING_SLOTS and axis.warning_raised[count] != 0:
-        axis.warnings[count] = axis.warning_raised[count]
+    while count < WARNING_SLOTS and axis.warnings.raised[count] != 0:
+        axis.warnings.active[count] = axis.warnings.raised[count]
         count += 1
     count = _tell_own(axis, count)
-    while count < WARNING_SLOTS and axis.warnings[count] != 0:
-        axis.warnings[count] = 0
+    while count < WARNING_SLOTS and axis.warnings.active[count] != 0:
+        axis.warnings.active[count] = 0
         count += 1
-    axis.warning_code = axis.warnings[0]
+    axis.warnings.code = axis.warnings.active[0]

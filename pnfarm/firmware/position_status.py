@@ -27,7 +27,7 @@ __all__ = [
 @compiled
 def _has_task(axis: Any) -> bool:
     """Whether a task runs, or waits in an intermediate stop."""
-    return axis.motion in (TASK, INTERMEDIATE_STOP)
+    return axis.positioning.state in (TASK, INTERMEDIATE_STOP)
 
 
 @compiled
@@ -36,17 +36,17 @@ def standing(axis: Any) -> bool:
 
     Homing moves it to its end, also where it turns at the mark (AKD PROFINET manual 5.10.3).
     """
-    if axis.motion in (BRAKING, HOMING):
+    if axis.positioning.state in (BRAKING, HOMING):
         return False
-    if axis.motion != OUT and axis.profile_velocity != 0.0:
+    if axis.positioning.state != OUT and axis.profile.velocity != 0.0:
         return False
-    return abs(measured_velocity(axis)) <= axis.standstill
+    return abs(measured_velocity(axis)) <= axis.ramp.settings.standstill
 
 
 @compiled
 def _basic(axis: Any) -> bool:
     """Whether nothing is active that moves the axis: the basic state of AKD PROFINET manual, edition B, 5.10.1."""
-    return axis.motion in (OUT, STANDBY)
+    return axis.positioning.state in (OUT, STANDBY)
 
 
 @compiled
@@ -55,40 +55,46 @@ def _at_target(axis: Any) -> bool:
 
     Turned away, by hand or by its load, it is not (HIWIN E1 manual, table 3.5.2.1).
     """
-    return axis.target_reached and abs(axis.target - measured_position(axis)) <= axis.target_window
+    return (
+        axis.positioning.target_reached
+        and abs(axis.profile.target - measured_position(axis)) <= axis.positioning.settings.target_window
+    )
 
 
 @compiled
 def _reached(axis: Any) -> bool:
     """ZSW1.10: the axis is at its target, or no motion is active, or a task is (AKD, edition B, 5.5)."""
-    if axis.reached_without_task == REACHED_NO_MOTION:
+    if axis.profidrive.settings.reached_without_task == REACHED_NO_MOTION:
         return _basic(axis)
-    return _has_task(axis) if axis.reached_without_task == REACHED_TASK_ACTIVE else _at_target(axis)
+    return _has_task(axis) if axis.profidrive.settings.reached_without_task == REACHED_TASK_ACTIVE else _at_target(axis)
 
 
 @compiled
 def _rests(axis: Any) -> bool:
     """ZSW1.13, where it tells that the axis stands."""
-    return standing(axis) and (not axis.rest_without_task or _basic(axis))
+    return standing(axis) and (not axis.positioning.settings.rest_without_task or _basic(axis))
 
 
 @compiled
 def position_bits(axis: Any) -> int:
     """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
     word = 0
-    near = abs(axis.following_error - axis.position_deviation) <= axis.following_window
-    if near != (axis.following_error_bit != 0):
+    near = (
+        abs(axis.positioning.following_error - axis.measurement.position_deviation)
+        <= axis.positioning.settings.following_window
+    )
+    if near != (axis.profidrive.settings.following_error_bit != 0):
         word |= 0x0100
     if _reached(axis):
         word |= 0x0400
-    if axis.homed:
+    if axis.homing.homed:
         word |= 0x0800
-    if axis.acknowledged:
+    if axis.positioning.acknowledged:
         word |= 0x1000
-    if not standing(axis) if axis.moving_bit else _rests(axis):
+    if not standing(axis) if axis.profidrive.settings.moving_bit else _rests(axis):
         word |= 0x2000
     if _has_task(axis):
-        word |= axis.task_active
+        word |= axis.profidrive.settings.task_active
     return word
 
 
@@ -98,23 +104,24 @@ def motion_status(axis: Any) -> int:
     word = 0
     if _has_task(axis):
         word |= 0x0001
-    if axis.homed:
+    if axis.homing.homed:
         word |= 0x0006
-    if axis.motion == HOMING:
+    if axis.positioning.state == HOMING:
         word |= 0x0008
-    if axis.home_error:
+    if axis.homing.error:
         word |= 0x0010
-    if axis.state == 5 and axis.stop >= 2:
+    if axis.drive.state == 5 and axis.drive.stop >= 2:
         word |= 0x0080
-    if axis.service:
+    if axis.service.leg:
         word |= 0x0200
-    if axis.task_error:
+    if axis.positioning.error:
         word |= 0x0400
     if _at_target(axis):
         word |= 0x0800
     if (
-        axis.motion == TASK
-        and abs(abs(measured_velocity(axis)) - abs(axis.task_velocity)) <= axis.target_velocity_window
+        axis.positioning.state == TASK
+        and abs(abs(measured_velocity(axis)) - abs(axis.profile.top))
+        <= axis.positioning.settings.target_velocity_window
     ):
         word |= 0x1000
     return word
@@ -123,12 +130,12 @@ def motion_status(axis: Any) -> int:
 @compiled
 def first_position_word(axis: Any) -> int:
     """POS_ZSW1 (HIWIN E1 manual 3.14)."""
-    word = (int(axis.limit_switch) & 0x3) << 8
-    if axis.motion == JOG:
+    word = (int(axis.machine.limit_switch) & 0x3) << 8
+    if axis.positioning.state == JOG:
         word |= 0x0400
-    if axis.motion == HOMING:
+    if axis.positioning.state == HOMING:
         word |= 0x0800
-    if axis.mdi:
+    if axis.asked.mdi:
         word |= 0x8000
     return word
 
@@ -142,7 +149,7 @@ def second_position_word(axis: Any) -> int:
     if not standing(axis):
         # a shaft that does not turn yet, or no more, goes where its profile leads
         velocity = measured_velocity(axis)
-        speed = velocity if abs(velocity) > axis.standstill else axis.profile_velocity
+        speed = velocity if abs(velocity) > axis.ramp.settings.standstill else axis.profile.velocity
         if speed != 0.0:
             word |= 0x0010 if speed > 0.0 else 0x0020
     return word
@@ -155,22 +162,28 @@ def actual_task(axis: Any) -> int:
     What SATZANW selects for the next task takes no number from the one that runs (AKD PROFINET manual 5.10.1).  Of
     driving sets the last one that was started (Moog MSD manual, table 8.6: the actual set).
     """
-    if axis.task_form == TASKS_TABLE:
-        return max(0, int(axis.task))
-    if _has_task(axis) and axis.task >= 0:
-        return int(axis.task)
-    return MDI_SELECTED if axis.mdi else 0
+    if axis.profidrive.settings.task_form == TASKS_TABLE:
+        return max(0, int(axis.positioning.task))
+    if _has_task(axis) and axis.positioning.task >= 0:
+        return int(axis.positioning.task)
+    return MDI_SELECTED if axis.asked.mdi else 0
 
 
 @compiled
 def limits_reached(axis: Any) -> int:
     """SWLS.STATE: software limits that the axis has reached, bit 0 the low one, bit 1 the high one."""
     word = 0
-    if axis.homed:
-        place = axis.position + axis.position_deviation - axis.origin
-        if axis.software_limits & 0x1 and place <= axis.limit_low + axis.target_window:
+    if axis.homing.homed:
+        place = axis.motor.position + axis.measurement.position_deviation - axis.homing.origin
+        if (
+            axis.travel.settings.software_limits & 0x1
+            and place <= axis.travel.settings.low + axis.positioning.settings.target_window
+        ):
             word |= 0x1
-        if axis.software_limits & 0x2 and place >= axis.limit_high - axis.target_window:
+        if (
+            axis.travel.settings.software_limits & 0x2
+            and place >= axis.travel.settings.high - axis.positioning.settings.target_window
+        ):
             word |= 0x2
     return word
 
@@ -178,7 +191,7 @@ def limits_reached(axis: Any) -> int:
 @compiled
 def torque_free(axis: Any) -> bool:
     """Whether safe torque off is requested: the cause of its fault is there."""
-    return cause_held(axis, int(axis.sto_fault))
+    return cause_held(axis, int(axis.faults.settings.sto_fault))
 
 
 @compiled
@@ -188,12 +201,12 @@ def drive_inputs(axis: Any) -> int:
     Bits 0 to 3 are limits by software and by switch, bits 4 and 5 those of DRV.DISSOURCES for the hardware disable and
     an input that asks for a controlled stop.  Bit 6 is STO.STATE, 1 while torque is allowed (AKD parameter reference).
     """
-    word = limits_reached(axis) | (int(axis.limit_switch) & 0x3) << 2
-    lacks = int(axis.lacked)
+    word = limits_reached(axis) | (int(axis.machine.limit_switch) & 0x3) << 2
+    lacks = int(axis.drive.lacks)
     if lacks & LACKS_ENABLE:
         word |= 0x10
     if lacks & LACKS_RELEASE:
         word |= 0x20
-    if axis.sto_fault != 0 and not torque_free(axis):
+    if axis.faults.settings.sto_fault != 0 and not torque_free(axis):
         word |= 0x40
     return word

@@ -14,7 +14,7 @@ FOLLOWING           STW1.4 to 6 = 1 in the interpolating mode (Moog MSD manual 1
 HALTED              a parameter ended the task (AKD: DRV.STOP), which another one can continue
 ==================  ========================================================
 
-Positions here are the shaft's; ``origin`` is where the machine's zero lies on it.
+Positions here are the shaft's; ``homing.origin`` is where the machine's zero lies on it.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ __all__ = [
     "take_motion",
 ]
 
-# States (``motion``).
+
+# States (``positioning.state``).
 OUT = 0  # operation is not enabled, or another mode is
 STANDBY = 1
 TASK = 2
@@ -171,20 +172,20 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 @compiled
 def _may_move(axis: Any) -> bool:
     """Whether velocity and ramps that are asked for are any."""
-    return axis.asked_velocity >= 0.0 and axis.asked_acceleration > 0.0 and axis.asked_deceleration > 0.0
+    return axis.asked.velocity >= 0.0 and axis.asked.acceleration > 0.0 and axis.asked.deceleration > 0.0
 
 
 @compiled
 def _can_start(axis: Any) -> bool:
     """Whether the task that is asked for can be executed from here."""
-    if not _may_move(axis) or (axis.asked_velocity == 0.0 and not axis.asked_still):
+    if not _may_move(axis) or (axis.asked.velocity == 0.0 and not axis.asked.still):
         return False
-    if axis.home_required and not axis.homed:
+    if axis.homing.settings.required and not axis.homing.homed:
         return False
-    if axis.asked_endless:
-        return axis.asked_velocity == 0.0 or not at_limit_switch(axis, -1.0 if axis.asked_backwards else 1.0)
+    if axis.asked.endless:
+        return axis.asked.velocity == 0.0 or not at_limit_switch(axis, -1.0 if axis.asked.backwards else 1.0)
     target = _asked_target(axis)
-    return within_limits(axis, target) and not at_limit_switch(axis, target - axis.commanded_position)
+    return within_limits(axis, target) and not at_limit_switch(axis, target - axis.profile.position)
 
 
 @compiled
@@ -193,203 +194,217 @@ def _asked_target(axis: Any) -> float:
 
     A motion task of the drive's own may say otherwise.
     """
-    if axis.asked_relative:
-        if axis.asked_base == TASK_FROM_COMMAND:
-            return axis.commanded_position + axis.asked_position
-        if axis.asked_base == TASK_FROM_TARGET:
-            return axis.target + axis.asked_position
-        if axis.asked_base == TASK_FROM_ACTUAL:
-            return axis.position + axis.asked_position
-        has_task = axis.motion in (TASK, INTERMEDIATE_STOP)
-        return (axis.target if has_task else axis.commanded_position) + axis.asked_position
-    return axis.origin + _rounds(axis) + axis.asked_position
+    if axis.asked.relative:
+        if axis.asked.counts_from == TASK_FROM_COMMAND:
+            return axis.profile.position + axis.asked.position
+        if axis.asked.counts_from == TASK_FROM_TARGET:
+            return axis.profile.target + axis.asked.position
+        if axis.asked.counts_from == TASK_FROM_ACTUAL:
+            return axis.motor.position + axis.asked.position
+        has_task = axis.positioning.state in (TASK, INTERMEDIATE_STOP)
+        return (axis.profile.target if has_task else axis.profile.position) + axis.asked.position
+    return axis.homing.origin + _rounds(axis) + axis.asked.position
 
 
 @compiled
 def _rounds(axis: Any) -> float:
     """How far XIST_A has counted round its 32 bits, rev: an absolute target is the number that it shows there."""
-    if axis.targets_counted_on:
+    if axis.positioning.settings.targets_counted_on:
         return 0.0
-    rounds = floor((position_number(axis, axis.measured_position) + HALF_ROUND) / ROUND)
-    return rounds * ROUND * axis.position_step
+    rounds = floor((position_number(axis, axis.motor.measured_position) + HALF_ROUND) / ROUND)
+    return rounds * ROUND * axis.profidrive.settings.position_step
 
 
 @compiled
 def _fastest_there(axis: Any, velocity: float) -> float:
     """A velocity on the way to the target, or of a task without one, within its limits."""
-    if axis.task_endless:
-        return fastest(axis, velocity, not axis.task_backwards)
-    return fastest(axis, velocity, axis.target >= axis.commanded_position)
+    if axis.positioning.endless:
+        return fastest(axis, velocity, not axis.positioning.backwards)
+    return fastest(axis, velocity, axis.profile.target >= axis.profile.position)
 
 
 @compiled
 def _start_task(axis: Any) -> None:
-    axis.target = _asked_target(axis)
-    axis.task_new = 0
-    axis.task = axis.asked_task
-    axis.over_ns = 0
-    axis.task_endless = axis.asked_endless
-    axis.task_relative = axis.asked_relative
-    axis.task_backwards = axis.asked_backwards
-    axis.task_top = _fastest_there(axis, axis.asked_velocity)
-    take_ramps(axis, axis.task_top, axis.asked_acceleration, axis.asked_deceleration)
-    axis.target_reached = 0
+    axis.profile.target = _asked_target(axis)
+    axis.asked.renewed = 0
+    axis.positioning.task = axis.asked.number
+    axis.positioning.over_ns = 0
+    axis.positioning.endless = axis.asked.endless
+    axis.positioning.relative = axis.asked.relative
+    axis.positioning.backwards = axis.asked.backwards
+    axis.positioning.top = _fastest_there(axis, axis.asked.velocity)
+    take_ramps(axis, axis.positioning.top, axis.asked.acceleration, axis.asked.deceleration)
+    axis.positioning.target_reached = 0
     _aim(axis)
 
 
 @compiled
 def _passes(axis: Any) -> bool:
     """Whether the task at hand hands its target over to the next one without a stop."""
-    if axis.task < 0:
+    if axis.positioning.task < 0:
         return False
     both = TASK_CHAINED | TASK_PASSING
-    return int(axis.mt_flags[int(axis.task)]) & both == both
+    return int(axis.motion_tasks.settings.kind[int(axis.positioning.task)]) & both == both
 
 
 @compiled
 def _aim(axis: Any) -> None:
     """Towards the target of the task at hand; what passes it does not brake for it."""
-    axis.task_velocity = _fastest_there(axis, axis.task_top * axis.override)
-    axis.profile = PROFILE_TARGET
-    if axis.task_endless:
-        axis.profile = PROFILE_VELOCITY
-        if axis.task_backwards:
-            axis.task_velocity = -axis.task_velocity
-    elif _passes(axis) and axis.target != axis.commanded_position:
-        axis.profile = PROFILE_VELOCITY
-        axis.task_backwards = 1 if axis.target < axis.commanded_position else 0
-        if axis.task_backwards:
-            axis.task_velocity = -axis.task_velocity
+    axis.profile.top = _fastest_there(axis, axis.positioning.top * axis.asked.override)
+    axis.profile.mode = PROFILE_TARGET
+    if axis.positioning.endless:
+        axis.profile.mode = PROFILE_VELOCITY
+        if axis.positioning.backwards:
+            axis.profile.top = -axis.profile.top
+    elif _passes(axis) and axis.profile.target != axis.profile.position:
+        axis.profile.mode = PROFILE_VELOCITY
+        axis.positioning.backwards = 1 if axis.profile.target < axis.profile.position else 0
+        if axis.positioning.backwards:
+            axis.profile.top = -axis.profile.top
 
 
 @compiled
 def _jog(axis: Any) -> None:
     """Velocity and ramps of the jog at hand; with software limits the way ends at one of them."""
-    if axis.jog == JOG_REAL_TIME:
-        velocity = -axis.asked_velocity if axis.asked_backwards else axis.asked_velocity
-        up = axis.asked_acceleration
-        down = axis.asked_deceleration
-    elif axis.jog == JOG_SEQUENCE:
-        velocity = axis.jog_speed
-        up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.ramp_up
-        down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.ramp_down
+    if axis.jog.asked == JOG_REAL_TIME:
+        velocity = -axis.asked.velocity if axis.asked.backwards else axis.asked.velocity
+        up = axis.asked.acceleration
+        down = axis.asked.deceleration
+    elif axis.jog.asked == JOG_SEQUENCE:
+        velocity = axis.jog.speed
+        up = axis.jog.settings.acceleration if axis.jog.settings.acceleration > 0.0 else axis.ramp.up
+        down = axis.jog.settings.deceleration if axis.jog.settings.deceleration > 0.0 else axis.ramp.down
     else:
-        velocity = 0.0 if axis.jog == JOG_STILL else axis.jog_velocity[0]
-        if axis.jog == JOG_MINUS:
-            velocity = -velocity if axis.jog_mirrored else axis.jog_velocity[1]
-        up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.acceleration
-        down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
-    axis.target_reached = 0
+        velocity = 0.0 if axis.jog.asked == JOG_STILL else axis.jog.settings.velocity[0]
+        if axis.jog.asked == JOG_MINUS:
+            velocity = -velocity if axis.jog.settings.mirrored else axis.jog.settings.velocity[1]
+        up = axis.jog.settings.acceleration if axis.jog.settings.acceleration > 0.0 else axis.ramp.settings.acceleration
+        down = (
+            axis.jog.settings.deceleration if axis.jog.settings.deceleration > 0.0 else axis.ramp.settings.deceleration
+        )
+    axis.positioning.target_reached = 0
     if up <= 0.0 or down <= 0.0 or at_limit_switch(axis, velocity):
-        axis.profile = PROFILE_STOP
+        axis.profile.mode = PROFILE_STOP
         return
     forwards = velocity > 0.0
     top = fastest(axis, abs(velocity), forwards)
     take_ramps(axis, top if forwards else -top, up, down)
-    axis.profile = PROFILE_VELOCITY
-    if axis.homed and velocity != 0.0 and axis.software_limits & (0x2 if forwards else 0x1):
+    axis.profile.mode = PROFILE_VELOCITY
+    if axis.homing.homed and velocity != 0.0 and axis.travel.settings.software_limits & (0x2 if forwards else 0x1):
         _jog_to_limit(axis, top, forwards)
 
 
 @compiled
 def _jog_to_limit(axis: Any, top: float, forwards: bool) -> None:
     """The way of a jog ends at the software limit; an axis beyond it goes no further, and not back either."""
-    limit = axis.origin + (axis.limit_high if forwards else axis.limit_low)
-    beyond = axis.commanded_position > limit if forwards else axis.commanded_position < limit
-    axis.profile = PROFILE_STOP if beyond else PROFILE_TARGET
-    axis.target = limit
-    axis.task_velocity = top
+    limit = axis.homing.origin + (axis.travel.settings.high if forwards else axis.travel.settings.low)
+    beyond = axis.profile.position > limit if forwards else axis.profile.position < limit
+    axis.profile.mode = PROFILE_STOP if beyond else PROFILE_TARGET
+    axis.profile.target = limit
+    axis.profile.top = top
 
 
 @compiled
 def _held(axis: Any, enabled: bool, waits: bool) -> int:
     """The events that hold now, as a bit set.  A task that ``waits`` for the one behind it is not over."""
     held = 1 << (ENTER if enabled else LEAVE)
-    stw1 = int(axis.stw1)
-    if axis.feed_free:
+    stw1 = int(axis.profidrive.stw1)
+    if axis.asked.feed_free:
         stw1 |= PAUSE_BIT
-    if not stw1 & REJECT_BIT or (axis.mdi_rejects and axis.task == TASK_MDI and not axis.mdi):
+    if not stw1 & REJECT_BIT or (
+        axis.asked.settings.mdi_rejects and axis.positioning.task == TASK_MDI and not axis.asked.mdi
+    ):
         held |= 1 << REJECT
     held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
-    begins = axis.motion == FOLLOWING or not axis.interpolation_by_edge or axis.stw1_changed & START_BIT != 0
+    begins = (
+        axis.positioning.state == FOLLOWING
+        or not axis.positioning.settings.interpolation_by_edge
+        or axis.profidrive.stw1_changed & START_BIT != 0
+    )
     held |= 1 << (FOLLOW if follows(axis) and begins else UNFOLLOW)
-    resumes = axis.motion == INTERMEDIATE_STOP and stw1 & ~int(axis.motion_seen) & PAUSE_BIT != 0
+    resumes = axis.positioning.state == INTERMEDIATE_STOP and stw1 & ~int(axis.positioning.stw1_seen) & PAUSE_BIT != 0
     ready = (
         not interpolates(axis)
-        and not (axis.resume_first and resumes)
+        and not (axis.positioning.settings.resume_first and resumes)
         and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT)
     )
-    if axis.asked and ready and _can_start(axis):
+    if axis.asked.begins and ready and _can_start(axis):
         held |= 1 << START
-    if axis.motion_seen & HOME_BIT and not stw1 & HOME_BIT:
+    if axis.positioning.stw1_seen & HOME_BIT and not stw1 & HOME_BIT:
         held |= 1 << HOME_OFF
-    rises = not axis.home_by_edge or axis.stw1_changed & HOME_BIT != 0
-    if axis.home_command or (stw1 & HOME_BIT and not axis.home_seen and rises):
+    rises = not axis.homing.settings.by_edge or axis.profidrive.stw1_changed & HOME_BIT != 0
+    if axis.commands.home or (stw1 & HOME_BIT and not axis.homing.seen and rises):
         held |= 1 << HOME
-    if axis.jog == JOG_NONE:
+    if axis.jog.asked == JOG_NONE:
         held |= 1 << JOG_OFF
-    elif axis.profile_velocity == 0.0:
+    elif axis.profile.velocity == 0.0:
         held |= 1 << JOG_ON
-    if axis.stop_command == STOP_HALT:
+    if axis.commands.stop == STOP_HALT:
         held |= 1 << HALT
-    elif axis.stop_command == STOP_DROP:
+    elif axis.commands.stop == STOP_DROP:
         held |= 1 << REJECT | 1 << HOME_OFF
-    if axis.continue_command and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT):
+    if axis.commands.resume and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT):
         held |= 1 << CONTINUE
     if profile_over(axis) and not waits:
         held |= 1 << OVER
-    if homing_fails(axis) if axis.motion == HOMING else at_limit_switch(axis, axis.profile_velocity):
+    if homing_fails(axis) if axis.positioning.state == HOMING else at_limit_switch(axis, axis.profile.velocity):
         held |= 1 << BLOCKED
     return held
 
 
 @compiled
 def _advance(axis: Any, held: int) -> int:
-    """Take at most one transition and do what belongs to it: the only writer of ``motion``.
+    """Take at most one transition and do what belongs to it: the only writer of ``positioning.state``.
 
     Returns the event that was taken, -1 for none.
     """
     for event in _PRIORITY:
         if not held & (1 << event):
             continue
-        following = _NEXT[axis.motion, event]
+        following = _NEXT[axis.positioning.state, event]
         if following < 0:
             continue
-        if event == OVER and axis.motion == HOMING and not homing_over(axis):
+        if event == OVER and axis.positioning.state == HOMING and not homing_over(axis):
             return event
-        if event == OVER and axis.motion == TASK:
-            axis.target_reached = 1
-        if event == BLOCKED and axis.motion == HOMING:
-            axis.home_error = 1
+        if event == OVER and axis.positioning.state == TASK:
+            axis.positioning.target_reached = 1
+        if event == BLOCKED and axis.positioning.state == HOMING:
+            axis.homing.error = 1
         if event == ENTER:
             # where a stop without a position controller ended: nothing of the way that it took is made up for
-            axis.commanded_position = axis.position
-            axis.profile_velocity = axis.velocity
+            axis.profile.position = axis.motor.position
+            axis.profile.velocity = axis.motor.velocity
             begin_profile(axis)
-            axis.profile = PROFILE_STOP
+            axis.profile.mode = PROFILE_STOP
             # a shaft that turns when operation begins comes to rest as after jogging
-            axis.task_deceleration = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.deceleration
+            axis.profile.deceleration = (
+                axis.jog.settings.deceleration
+                if axis.jog.settings.deceleration > 0.0
+                else axis.ramp.settings.deceleration
+            )
         elif event == START:
             _start_task(axis)
-            axis.acknowledged = 1 if axis.control_config & CONFIG_RISING_EDGE else 1 - axis.acknowledged
+            axis.positioning.acknowledged = (
+                1 if axis.asked.settings.control_config & CONFIG_RISING_EDGE else 1 - axis.positioning.acknowledged
+            )
         elif event in (RESUME, CONTINUE):
             _aim(axis)
         elif event == HOME:
-            if axis.motion == FOLLOWING:
+            if axis.positioning.state == FOLLOWING:
                 begin_profile(axis)
             if interpolates(axis):
                 # Moog MSD manual 12.1: the profile generator takes over
-                axis.ramp_generator_left = axis.ramp_generator_set + 1
+                axis.ramp.generator_left = axis.ramp.settings.generator_set + 1
             start_homing(axis)
         elif event == FOLLOW:
             begin_interpolation(axis)
         elif event == UNFOLLOW:
             begin_profile(axis)
-            take_ramps(axis, 0.0, axis.ramp_up, axis.ramp_down)
-            axis.profile = PROFILE_STOP
+            take_ramps(axis, 0.0, axis.ramp.up, axis.ramp.down)
+            axis.profile.mode = PROFILE_STOP
         elif event != OVER:
-            axis.profile = PROFILE_STOP
-        axis.motion = following
+            axis.profile.mode = PROFILE_STOP
+        axis.positioning.state = following
         return event
     return -1
 
@@ -397,28 +412,28 @@ def _advance(axis: Any, held: int) -> int:
 @compiled
 def _follow_on(axis: Any, now: int) -> bool:
     """Begin the task behind a chained one, once its dwell is over; true while there is one to come or begun."""
-    if axis.motion != TASK or axis.task < 0:
+    if axis.positioning.state != TASK or axis.positioning.task < 0:
         return False
-    if axis.asked:
+    if axis.asked.begins:
         # what is asked for in this step goes before
         return True
-    number = int(axis.task)
-    if axis.profile == PROFILE_VELOCITY:
-        left = axis.target - axis.commanded_position
-        if left < 0.0 if axis.task_backwards else left > 0.0:
+    number = int(axis.positioning.task)
+    if axis.profile.mode == PROFILE_VELOCITY:
+        left = axis.profile.target - axis.profile.position
+        if left < 0.0 if axis.positioning.backwards else left > 0.0:
             return False
         # not further than the target, should nothing follow
-        axis.profile = PROFILE_TARGET
-        axis.task_velocity = abs(axis.task_velocity)
-    elif not profile_over(axis) or not int(axis.mt_flags[number]) & TASK_CHAINED:
+        axis.profile.mode = PROFILE_TARGET
+        axis.profile.top = abs(axis.profile.top)
+    elif not profile_over(axis) or not int(axis.motion_tasks.settings.kind[number]) & TASK_CHAINED:
         return False
-    if axis.over_ns == 0:
-        axis.over_ns = now
-    if now - axis.over_ns < axis.mt_dwell_ns[number]:
+    if axis.positioning.over_ns == 0:
+        axis.positioning.over_ns = now
+    if now - axis.positioning.over_ns < axis.motion_tasks.settings.dwell_ns[number]:
         return True
-    select_task(axis, int(axis.mt_next[number]))
+    select_task(axis, int(axis.motion_tasks.settings.next[number]))
     follows = _can_start(axis)
-    axis.task_error = 0 if follows else 2
+    axis.positioning.error = 0 if follows else 2
     if follows:
         _start_task(axis)
     return follows
@@ -427,52 +442,61 @@ def _follow_on(axis: Any, now: int) -> bool:
 @compiled
 def _change_way(axis: Any) -> None:
     """A way that began ends where it was to; velocity and ramps without a handshake count for it at once."""
-    if not axis.feed_free or not axis.asked_relative or axis.task_endless or not _may_move(axis):
+    if not axis.asked.feed_free or not axis.asked.relative or axis.positioning.endless or not _may_move(axis):
         return
-    axis.task_top = axis.asked_velocity
-    axis.task_acceleration = axis.asked_acceleration
-    axis.task_deceleration = axis.asked_deceleration
+    axis.positioning.top = axis.asked.velocity
+    axis.profile.acceleration = axis.asked.acceleration
+    axis.profile.deceleration = axis.asked.deceleration
 
 
 @compiled
 def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: what the controller asks for, and what becomes of it."""
-    enabled = axis.state == 4 and axis.opmode == 2 and not axis.servo_control and not brake_holds(axis)
+    enabled = (
+        axis.drive.state == 4
+        and axis.drive.settings.opmode == 2
+        and not axis.interpolation.settings.servo_control
+        and not brake_holds(axis)
+    )
     waits = enabled and _follow_on(axis, now)
     event = _advance(axis, _held(axis, enabled, waits))
-    if enabled and axis.asked:
-        axis.task_error = 0 if event == START else 1
-    axis.home_command = 0
-    axis.stop_command = 0
-    axis.continue_command = 0
-    if axis.motion == OUT or not axis.stw1 & HOME_BIT:
-        axis.home_seen = 0
-    if axis.motion == JOG:
+    if enabled and axis.asked.begins:
+        axis.positioning.error = 0 if event == START else 1
+    axis.commands.home = 0
+    axis.commands.stop = 0
+    axis.commands.resume = 0
+    if axis.positioning.state == OUT or not axis.profidrive.stw1 & HOME_BIT:
+        axis.homing.seen = 0
+    if axis.positioning.state == JOG:
         _jog(axis)
-    elif axis.motion == TASK:
+    elif axis.positioning.state == TASK:
         _change_way(axis)
-        top = _fastest_there(axis, axis.task_top * axis.override)
-        axis.task_velocity = -top if axis.profile == PROFILE_VELOCITY and axis.task_backwards else top
-    elif axis.motion == HOMING:
+        top = _fastest_there(axis, axis.positioning.top * axis.asked.override)
+        axis.profile.top = -top if axis.profile.mode == PROFILE_VELOCITY and axis.positioning.backwards else top
+    elif axis.positioning.state == HOMING:
         step_homing(axis)
-    if axis.motion != HOMING:
-        axis.home_held = 0.0
-        if not axis.homing_ends_interpolation:
-            axis.ramp_generator_left = 0
-    if enabled and axis.following_limit > 0.0 and abs(axis.following_error) > axis.following_limit:
-        raise_fault(axis, axis.following_fault, now)
-    if axis.control_config & CONFIG_RISING_EDGE and not axis.stw1 & START_BIT:
-        axis.acknowledged = 0
-    axis.motion_seen = axis.stw1
+    if axis.positioning.state != HOMING:
+        axis.homing.current_limit = 0.0
+        if not axis.homing.settings.ends_interpolation:
+            axis.ramp.generator_left = 0
+    if (
+        enabled
+        and axis.positioning.settings.following_limit > 0.0
+        and abs(axis.positioning.following_error) > axis.positioning.settings.following_limit
+    ):
+        raise_fault(axis, axis.positioning.settings.following_fault, now)
+    if axis.asked.settings.control_config & CONFIG_RISING_EDGE and not axis.profidrive.stw1 & START_BIT:
+        axis.positioning.acknowledged = 0
+    axis.positioning.stw1_seen = axis.profidrive.stw1
 
 
 @compiled
 def positioning_command(axis: Any, seconds: float) -> float:
     """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
     # both places of the same moment, the beginning of the step
-    error = axis.commanded_position - axis.measured_position
-    if axis.motion == FOLLOWING:
+    error = axis.profile.position - axis.motor.measured_position
+    if axis.positioning.state == FOLLOWING:
         step_interpolation(axis, seconds)
     else:
         step_profile(axis, seconds)
-    return axis.speed_feed_forward * axis.profile_velocity + axis.position_gain * error * RPM
+    return axis.motor.settings.speed_feed_forward * axis.profile.velocity + axis.positioning.settings.gain * error * RPM

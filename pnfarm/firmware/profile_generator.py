@@ -14,11 +14,11 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from pnfarm.table.axis import JERK_TAPS
-from pnfarm.table.axis_codes import PROFILE_TARGET, PROFILE_VELOCITY
+from pnfarm.table.axis_codes import JERK_TAPS, PROFILE_TARGET, PROFILE_VELOCITY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["begin_profile", "profile_over", "step_profile"]
+
 
 #: rev/s of one rpm.
 PER_SECOND = 1.0 / 60.0
@@ -32,13 +32,13 @@ PIECES = 8
 
 @compiled
 def _trapezoid(axis: Any, seconds: float) -> None:
-    """Move ``raw_position`` and ``raw_velocity`` (rev, rev/s) by ``seconds`` along the time-optimal trapezoid."""
-    position = axis.raw_position
-    velocity = axis.raw_velocity
-    target = axis.target
-    top = axis.task_velocity * PER_SECOND
-    up = axis.task_acceleration * PER_SECOND
-    down = axis.task_deceleration * PER_SECOND
+    """Move the raw position and velocity (rev, rev/s) by ``seconds`` along the time-optimal trapezoid."""
+    position = axis.profile.raw_position
+    velocity = axis.profile.raw_velocity
+    target = axis.profile.target
+    top = axis.profile.top * PER_SECOND
+    up = axis.profile.acceleration * PER_SECOND
+    down = axis.profile.deceleration * PER_SECOND
     left = seconds
     for _ in range(PIECES):
         if left <= NO_TIME:
@@ -85,17 +85,17 @@ def _trapezoid(axis: Any, seconds: float) -> None:
         if needed <= time:
             # from here on it is down, whatever rounding says
             position = target - velocity * abs(velocity) / (2.0 * down)
-    axis.raw_position = position
-    axis.raw_velocity = velocity
+    axis.profile.raw_position = position
+    axis.profile.raw_velocity = velocity
 
 
 @compiled
 def _run_up(axis: Any, target: float, seconds: float) -> None:
-    """Move by ``seconds`` towards a velocity of ``target`` rev/s, and go on with it."""
-    velocity = axis.raw_velocity
-    up = axis.task_acceleration * PER_SECOND
-    down = axis.task_deceleration * PER_SECOND
-    position = axis.raw_position
+    """Move by ``seconds`` towards a velocity of ``profile.target`` rev/s, and go on with it."""
+    velocity = axis.profile.raw_velocity
+    up = axis.profile.acceleration * PER_SECOND
+    down = axis.profile.deceleration * PER_SECOND
+    position = axis.profile.raw_position
     left = seconds
     for _ in range(3):
         if left <= NO_TIME:
@@ -113,16 +113,16 @@ def _run_up(axis: Any, target: float, seconds: float) -> None:
         position += velocity * time + 0.5 * signed * time * time
         velocity = end if needed <= left else velocity + signed * time
         left -= time
-    axis.raw_position = position
-    axis.raw_velocity = velocity
+    axis.profile.raw_position = position
+    axis.profile.raw_velocity = velocity
 
 
 @compiled
 def _move(axis: Any, seconds: float) -> None:
-    if axis.profile == PROFILE_TARGET:
+    if axis.profile.mode == PROFILE_TARGET:
         _trapezoid(axis, seconds)
-    elif axis.profile == PROFILE_VELOCITY:
-        _run_up(axis, axis.task_velocity * PER_SECOND, seconds)
+    elif axis.profile.mode == PROFILE_VELOCITY:
+        _run_up(axis, axis.profile.top * PER_SECOND, seconds)
     else:
         _run_up(axis, 0.0, seconds)
 
@@ -130,69 +130,69 @@ def _move(axis: Any, seconds: float) -> None:
 @compiled
 def begin_profile(axis: Any) -> None:
     """Start from what the axis does at this moment: its commanded position and velocity."""
-    velocity = axis.profile_velocity * PER_SECOND
-    axis.raw_velocity = velocity
+    velocity = axis.profile.velocity * PER_SECOND
+    axis.profile.raw_velocity = velocity
     # an average over some time lags behind by half of it
-    axis.raw_position = axis.commanded_position + 0.5 * axis.jerk_time * velocity
+    axis.profile.raw_position = axis.profile.position + 0.5 * axis.profile.settings.jerk_time * velocity
     for i in range(JERK_TAPS):
-        axis.jerk_ring[i] = velocity
-    axis.jerk_end = velocity
-    axis.jerk_left = 0.0
+        axis.profile.taps[i] = velocity
+    axis.profile.mean_velocity = velocity
+    axis.profile.tap_left = 0.0
 
 
 @compiled
 def _next_tap(axis: Any, spacing: float) -> None:
     """Move the trapezoid on by one tap; its mean velocity takes the place of the oldest one."""
-    before = axis.raw_position
+    before = axis.profile.raw_position
     _move(axis, spacing)
-    axis.jerk_ring[axis.jerk_next] = (axis.raw_position - before) / spacing
-    axis.jerk_next = (axis.jerk_next + 1) % JERK_TAPS
+    axis.profile.taps[axis.profile.tap_next] = (axis.profile.raw_position - before) / spacing
+    axis.profile.tap_next = (axis.profile.tap_next + 1) % JERK_TAPS
     total = 0.0
     for i in range(JERK_TAPS):
-        total += axis.jerk_ring[i]
-    axis.jerk_end = total / JERK_TAPS
-    axis.jerk_left = spacing
+        total += axis.profile.taps[i]
+    axis.profile.mean_velocity = total / JERK_TAPS
+    axis.profile.tap_left = spacing
 
 
 @compiled
 def step_profile(axis: Any, seconds: float) -> None:
-    """Advance ``commanded_position`` and ``profile_velocity`` by ``seconds`` of the profile at hand."""
-    if axis.jerk_time <= 0.0:
+    """Advance ``profile.position`` and ``profile.velocity`` by ``seconds`` of the profile at hand."""
+    if axis.profile.settings.jerk_time <= 0.0:
         _move(axis, seconds)
-        axis.commanded_position = axis.raw_position
-        axis.profile_velocity = axis.raw_velocity / PER_SECOND
+        axis.profile.position = axis.profile.raw_position
+        axis.profile.velocity = axis.profile.raw_velocity / PER_SECOND
         return
-    spacing = axis.jerk_time / JERK_TAPS
-    velocity = axis.profile_velocity * PER_SECOND
+    spacing = axis.profile.settings.jerk_time / JERK_TAPS
+    velocity = axis.profile.velocity * PER_SECOND
     left = seconds
     while left > NO_TIME:
-        if axis.jerk_left <= NO_TIME:
+        if axis.profile.tap_left <= NO_TIME:
             _next_tap(axis, spacing)
-        time = min(left, axis.jerk_left)
-        following = axis.jerk_end
-        if axis.jerk_left - time > NO_TIME:
-            following = velocity + (axis.jerk_end - velocity) * time / axis.jerk_left
-        axis.commanded_position += 0.5 * (velocity + following) * time
+        time = min(left, axis.profile.tap_left)
+        following = axis.profile.mean_velocity
+        if axis.profile.tap_left - time > NO_TIME:
+            following = velocity + (axis.profile.mean_velocity - velocity) * time / axis.profile.tap_left
+        axis.profile.position += 0.5 * (velocity + following) * time
         velocity = following
-        axis.jerk_left -= time
+        axis.profile.tap_left -= time
         left -= time
-    axis.profile_velocity = velocity / PER_SECOND
+    axis.profile.velocity = velocity / PER_SECOND
     if profile_over(axis):
-        axis.commanded_position = axis.raw_position
+        axis.profile.position = axis.profile.raw_position
 
 
 @compiled
 def profile_over(axis: Any) -> bool:
     """Whether the axis stands in its target, or where it was told to stop."""
-    if axis.raw_velocity != 0.0 or axis.profile_velocity != 0.0:
+    if axis.profile.raw_velocity != 0.0 or axis.profile.velocity != 0.0:
         return False
-    if axis.profile == PROFILE_TARGET and axis.raw_position != axis.target:
+    if axis.profile.mode == PROFILE_TARGET and axis.profile.raw_position != axis.profile.target:
         return False
-    if axis.profile == PROFILE_VELOCITY:
+    if axis.profile.mode == PROFILE_VELOCITY:
         # without an end, however slow: an override of 0 is no end
         return False
-    if axis.jerk_time > 0.0:
+    if axis.profile.settings.jerk_time > 0.0:
         for i in range(JERK_TAPS):
-            if axis.jerk_ring[i] != 0.0:
+            if axis.profile.taps[i] != 0.0:
                 return False
     return True

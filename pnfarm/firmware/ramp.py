@@ -16,12 +16,13 @@ from pnfarm.table.compiled import compiled
 
 __all__ = ["approach", "limited", "velocity_command"]
 
+
 RAMP_ENABLED = 0x0010  # STW1.4
 RAMP_UNFROZEN = 0x0020  # STW1.5
 SETPOINT_ENABLED = 0x0040  # STW1.6
-JOG_1 = 1  # of ``jog_bits``: STW1.8
+JOG_1 = 1  # of ``jog.bits``: STW1.8
 JOG_2 = 2  # STW1.9
-QUICK_STOP = 2  # axis.stop
+QUICK_STOP = 2  # axis.drive.stop
 
 
 @compiled
@@ -62,90 +63,98 @@ def _jogs(axis: Any) -> bool:
     A drive of sequences says itself when it begins and ends (:mod:`pnfarm.firmware.jog`).  A frozen ramp generator
     does not keep the speed of a jog that is over: the axis comes to rest.
     """
-    stw1 = axis.stw1
-    if axis.jog_form == JOG_SEQUENCES:
-        if axis.jog_sequence:
-            axis.jogging = 1
-        elif axis.ramp == 0.0 or (stw1 & (RAMP_ENABLED | RAMP_UNFROZEN)) != RAMP_ENABLED:
-            axis.jogging = 0
-        return axis.jogging != 0
-    if axis.ramp_generator == RAMP_ABSENT or excluded(axis, axis.jogging != 0):
-        axis.jogging = 0
-    elif not axis.jogging:
-        axis.jogging = 1 if axis.jog_bits and axis.ramp == 0.0 and abs(axis.velocity) <= axis.standstill else 0
-    elif not axis.jog_bits and axis.ramp == 0.0:
-        axis.jogging = 0
-    return axis.jogging != 0
+    stw1 = axis.profidrive.stw1
+    if axis.jog.settings.form == JOG_SEQUENCES:
+        if axis.jog.sequence:
+            axis.ramp.jogging = 1
+        elif axis.ramp.command == 0.0 or (stw1 & (RAMP_ENABLED | RAMP_UNFROZEN)) != RAMP_ENABLED:
+            axis.ramp.jogging = 0
+        return axis.ramp.jogging != 0
+    if axis.ramp.settings.generator == RAMP_ABSENT or excluded(axis, axis.ramp.jogging != 0):
+        axis.ramp.jogging = 0
+    elif not axis.ramp.jogging:
+        axis.ramp.jogging = (
+            1
+            if axis.jog.bits and axis.ramp.command == 0.0 and abs(axis.motor.velocity) <= axis.ramp.settings.standstill
+            else 0
+        )
+    elif not axis.jog.bits and axis.ramp.command == 0.0:
+        axis.ramp.jogging = 0
+    return axis.ramp.jogging != 0
 
 
 @compiled
 def _jog_command(axis: Any, seconds: float) -> None:
     """The velocity command of a jog, along ramps of its own; bits that stand for no speed ask for standstill."""
-    bits = axis.jog_bits
+    bits = axis.jog.bits
     target = 0.0
-    if axis.jog_form == JOG_SEQUENCES:
-        target = axis.jog_speed if axis.jog_sequence else 0.0
+    if axis.jog.settings.form == JOG_SEQUENCES:
+        target = axis.jog.speed if axis.jog.sequence else 0.0
     elif bits == JOG_1:
-        target = axis.jog_velocity[0]
+        target = axis.jog.settings.velocity[0]
     elif bits == JOG_2:
-        target = axis.jog_velocity[1]
-    up = axis.jog_acceleration if axis.jog_acceleration > 0.0 else axis.ramp_up
-    down = axis.jog_deceleration if axis.jog_deceleration > 0.0 else axis.ramp_down
-    axis.ramp = approach(axis.ramp, limited(axis, target), up, down, seconds)
+        target = axis.jog.settings.velocity[1]
+    up = axis.jog.settings.acceleration if axis.jog.settings.acceleration > 0.0 else axis.ramp.up
+    down = axis.jog.settings.deceleration if axis.jog.settings.deceleration > 0.0 else axis.ramp.down
+    axis.ramp.command = approach(axis.ramp.command, limited(axis, target), up, down, seconds)
 
 
 @compiled
 def _servo(axis: Any, seconds: float) -> None:
     """Dynamic servo control; STW1.4 to 6 work as for a speed that passes the ramp generator by."""
-    stw1 = int(axis.stw1)
+    stw1 = int(axis.profidrive.stw1)
     if stw1 & SETPOINT_ENABLED and stw1 & RAMP_UNFROZEN and stw1 & RAMP_ENABLED:
-        axis.ramp = limited(axis, servo_command(axis))
+        axis.ramp.command = limited(axis, servo_command(axis))
     elif not stw1 & RAMP_ENABLED or stw1 & RAMP_UNFROZEN:
-        axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
+        axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
 
 
 @compiled
 def _advance_ramp(axis: Any, seconds: float) -> None:
-    """One step of ``axis.ramp``; ``axis.setpoint`` is what the controller asks for."""
-    stw1 = axis.stw1
-    if axis.state == 5:
-        axis.jogging = 0
+    """One step of ``axis.ramp.command``; ``axis.ramp.setpoint`` is what the controller asks for."""
+    stw1 = axis.profidrive.stw1
+    if axis.drive.state == 5:
+        axis.ramp.jogging = 0
         # a drive without a ramp generator has one ramp for every stop
-        down = axis.quick_stop_deceleration
-        if axis.stop == 1 and axis.ramp_generator != RAMP_ABSENT:
-            down = axis.ramp_down
-        elif axis.opmode == 2 and axis.position_stop_deceleration > 0.0:
-            down = axis.position_stop_deceleration
-        if axis.stop == QUICK_STOP:
+        down = axis.ramp.settings.quick_stop_deceleration
+        if axis.drive.stop == 1 and axis.ramp.settings.generator != RAMP_ABSENT:
+            down = axis.ramp.down
+        elif axis.drive.settings.opmode == 2 and axis.ramp.settings.position_stop_deceleration > 0.0:
+            down = axis.ramp.settings.position_stop_deceleration
+        if axis.drive.stop == QUICK_STOP:
             if at_once(axis):
-                axis.ramp = 0.0
+                axis.ramp.command = 0.0
                 return
             down = quick_stop_ramp(axis, down)
-        axis.ramp = approach(axis.ramp, 0.0, down, down, seconds)
+        axis.ramp.command = approach(axis.ramp.command, 0.0, down, down, seconds)
         return
-    if axis.state != 4 or torque_controlled(axis):
+    if axis.drive.state != 4 or torque_controlled(axis):
         # the axis coasts, stands or is led by its torque: a later start takes up from the speed that it has
-        axis.ramp = axis.velocity
-        axis.jogging = 0
+        axis.ramp.command = axis.motor.velocity
+        axis.ramp.jogging = 0
         return
     if brake_holds(axis):
-        axis.ramp = 0.0
+        axis.ramp.command = 0.0
         return
-    if axis.motion != OUT:
-        axis.ramp = limited(axis, positioning_command(axis, seconds))
+    if axis.positioning.state != OUT:
+        axis.ramp.command = limited(axis, positioning_command(axis, seconds))
         return
-    if axis.servo_control and axis.opmode == 2:
+    if axis.interpolation.settings.servo_control and axis.drive.settings.opmode == 2:
         _servo(axis, seconds)
         return
-    if axis.opmode != 1:
-        axis.ramp = approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
+    if axis.drive.settings.opmode != 1:
+        axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
         return
-    if axis.ramp_generator == RAMP_ABSENT:
-        axis.ramp = limited(axis, axis.setpoint)
+    if axis.ramp.settings.generator == RAMP_ABSENT:
+        axis.ramp.command = limited(axis, axis.ramp.setpoint)
         return
-    if axis.service:
-        axis.ramp = approach(
-            axis.ramp, limited(axis, service_setpoint(axis)), axis.acceleration, axis.deceleration, seconds
+    if axis.service.leg:
+        axis.ramp.command = approach(
+            axis.ramp.command,
+            limited(axis, service_setpoint(axis)),
+            axis.ramp.settings.acceleration,
+            axis.ramp.settings.deceleration,
+            seconds,
         )
         return
     if _jogs(axis):
@@ -153,24 +162,28 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         return
     if not stw1 & RAMP_ENABLED:
         # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
-        off = 0.0 if axis.ramp_off_at_once else approach(axis.ramp, 0.0, axis.ramp_down, axis.ramp_down, seconds)
-        axis.ramp = off
+        off = (
+            0.0
+            if axis.ramp.settings.off_at_once
+            else approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
+        )
+        axis.ramp.command = off
         return
     if not stw1 & RAMP_UNFROZEN:
         return
-    target = limited(axis, axis.setpoint) if stw1 & SETPOINT_ENABLED else 0.0
-    if axis.ramp_generator == RAMP_PASSED_BY:
+    target = limited(axis, axis.ramp.setpoint) if stw1 & SETPOINT_ENABLED else 0.0
+    if axis.ramp.settings.generator == RAMP_PASSED_BY:
         # the controller interpolates (Moog MSD manual, table 10.1: the set point acts directly on the control)
-        axis.ramp = target
+        axis.ramp.command = target
         return
-    axis.ramp = approach(axis.ramp, target, axis.ramp_up, axis.ramp_down, seconds)
+    axis.ramp.command = approach(axis.ramp.command, target, axis.ramp.up, axis.ramp.down, seconds)
 
 
 @compiled
 def velocity_command(axis: Any, seconds: float) -> None:
-    """Advance ``axis.ramp`` by one step of ``seconds``, and say what speed control shall make of it."""
+    """Advance ``axis.ramp.command`` by one step of ``seconds``, and say what speed control shall make of it."""
     _advance_ramp(axis, seconds)
-    axis.speed_reference = axis.ramp
+    axis.ramp.reference = axis.ramp.command
     # a stop leads to standstill, and a brake that holds is not driven against
-    if axis.additive_speed != 0.0 and axis.state == 4 and not brake_holds(axis):
-        axis.speed_reference = limited(axis, axis.ramp + axis.additive_speed)
+    if axis.ramp.settings.additive_speed != 0.0 and axis.drive.state == 4 and not brake_holds(axis):
+        axis.ramp.reference = limited(axis, axis.ramp.command + axis.ramp.settings.additive_speed)

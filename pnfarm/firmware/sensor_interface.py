@@ -37,7 +37,8 @@ from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
 
 __all__ = ["PRIORITY", "TRANSITIONS", "step_sensor"]
 
-# States (``sensor_state``); 0 while the drive boots.
+
+# States (``sensor.state``); 0 while the drive boots.
 START = 0
 NORMAL = 1
 ACKNOWLEDGING = 2
@@ -157,8 +158,8 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 def _activation_error(axis: Any, word: int, probing: int) -> int:
     """What is wrong with activating the functions of ``word``, 0 for nothing."""
     aborted = MEASURING_ABORTED if probing else SEARCH_ABORTED
-    if 1 << int(axis.sensor_state) & WAITING and probing != axis.sensor_probing:
-        return MEASURING_ABORTED if axis.sensor_probing else SEARCH_ABORTED
+    if 1 << int(axis.sensor.state) & WAITING and probing != axis.sensor.probing:
+        return MEASURING_ABORTED if axis.sensor.probing else SEARCH_ABORTED
     for function in range(4):
         if word & (1 << function) and not can_wait(axis, function, probing):
             return aborted
@@ -168,13 +169,13 @@ def _activation_error(axis: Any, word: int, probing: int) -> int:
 @compiled
 def _reading_error(axis: Any, word: int, probing: int) -> int:
     """What is wrong with reading the value that ``word`` asks for, 0 for nothing: one value at a time, and found."""
-    if axis.sensor_state == WAIT_MARK and axis.sensor_active:
+    if axis.sensor.state == WAIT_MARK and axis.sensor.active:
         return SEARCH_ABORTED
-    if axis.sensor_state == WAIT_MEASURED and not probing:
+    if axis.sensor.state == WAIT_MEASURED and not probing:
         return MEASURING_ABORTED
     wanted = word & ALL_FUNCTIONS
     single = wanted != 0 and wanted & (wanted - 1) == 0
-    if single and wanted & int(axis.sensor_found) and probing == axis.sensor_probing:
+    if single and wanted & int(axis.sensor.found) and probing == axis.sensor.probing:
         return 0
     return NO_MEASURED_VALUE if probing else NO_REFERENCE_VALUE
 
@@ -182,20 +183,20 @@ def _reading_error(axis: Any, word: int, probing: int) -> int:
 @compiled
 def _trouble(axis: Any, word: int) -> int:
     """The code of what is wrong in this step, 0 for nothing."""
-    if axis.sensor_error:
-        return int(axis.sensor_error)
-    if word & PARK_BIT and axis.state >= 4:
+    if axis.sensor.error:
+        return int(axis.sensor.error)
+    if word & PARK_BIT and axis.drive.state >= 4:
         return PARKING_FAILED
     command = (word & COMMAND) >> COMMAND_SHIFT
     probing = 1 if word & ON_THE_FLY else 0
-    refused = int(axis.sensor_refused)
+    refused = int(axis.sensor.settings.refused)
     if command > CANCEL or word & refused & SET_HOME or (command and word & refused & ON_THE_FLY):
         return NOT_SUPPORTED
     if word & refused & ABSOLUTE:
         return NO_ABSOLUTE_VALUE
-    if command == ACTIVATE and axis.sensor_state != REFERENCE_VALUE:
+    if command == ACTIVATE and axis.sensor.state != REFERENCE_VALUE:
         return _activation_error(axis, word, probing)
-    if command == READ and axis.sensor_state != REFERENCE_VALUE:
+    if command == READ and axis.sensor.state != REFERENCE_VALUE:
         return _reading_error(axis, word, probing)
     return 0
 
@@ -204,75 +205,75 @@ def _trouble(axis: Any, word: int) -> int:
 def _held(axis: Any, word: int, trouble: int) -> int:
     """The events that hold now, as a bit set."""
     held = 0
-    if axis.state != 0:
+    if axis.drive.state != 0:
         held |= 1 << BOOTED
     if not word & PARK_BIT:
         held |= 1 << UNPARK
-    elif axis.state < 4:
+    elif axis.drive.state < 4:
         held |= 1 << PARK
     if trouble:
         held |= 1 << TROUBLE
     if word & ERROR_BIT:
         held |= 1 << ACKNOWLEDGE
     else:
-        held |= 1 << (REMAINS if axis.sensor_error else CLEARED)
+        held |= 1 << (REMAINS if axis.sensor.error else CLEARED)
     command = (word & COMMAND) >> COMMAND_SHIFT
     if command == ACTIVATE and word & ALL_FUNCTIONS:
         held |= 1 << (MEASURE if word & ON_THE_FLY else SEARCH)
     elif command == READ and word & ALL_FUNCTIONS:
         held |= 1 << (READ_MEASURED if word & ON_THE_FLY else READ_MARK)
-    elif command == CANCEL and not axis.sensor_active:
+    elif command == CANCEL and not axis.sensor.active:
         held |= 1 << CANCELLED
     elif command == 0:
-        held |= 1 << (WAITS if axis.sensor_active else IDLE)
+        held |= 1 << (WAITS if axis.sensor.active else IDLE)
     return held
 
 
 @compiled
 def _forget(axis: Any) -> None:
     """No function is active, and no value is there."""
-    axis.sensor_active = 0
-    axis.sensor_found = 0
-    axis.sensor_read = 0
+    axis.sensor.active = 0
+    axis.sensor.found = 0
+    axis.sensor.read = 0
 
 
 @compiled
 def _activate(axis: Any, word: int) -> None:
     """The functions of ``word`` wait anew; values of the other kind are of no use any more."""
     probing = 1 if word & ON_THE_FLY else 0
-    if probing != axis.sensor_probing:
+    if probing != axis.sensor.probing:
         _forget(axis)
-    axis.sensor_probing = probing
+    axis.sensor.probing = probing
     wanted = word & ALL_FUNCTIONS
-    axis.sensor_active = int(axis.sensor_active) | wanted
-    axis.sensor_found = int(axis.sensor_found) & ~wanted & ALL_FUNCTIONS
+    axis.sensor.active = int(axis.sensor.active) | wanted
+    axis.sensor.found = int(axis.sensor.found) & ~wanted & ALL_FUNCTIONS
 
 
 @compiled
 def _read_value(axis: Any, word: int) -> None:
     for function in range(4):
         if word & (1 << function):
-            axis.sensor_read = function + 1
+            axis.sensor.read = function + 1
 
 
 @compiled
 def _value_taken(axis: Any) -> None:
     """The controller has read it: it is no longer there."""
-    if axis.sensor_read:
-        axis.sensor_found = int(axis.sensor_found) & ~(1 << (int(axis.sensor_read) - 1)) & ALL_FUNCTIONS
-        axis.sensor_read = 0
+    if axis.sensor.read:
+        axis.sensor.found = int(axis.sensor.found) & ~(1 << (int(axis.sensor.read) - 1)) & ALL_FUNCTIONS
+        axis.sensor.read = 0
 
 
 @compiled
 def _advance(axis: Any, held: int, word: int, before: int, trouble: int) -> None:
-    """Take at most one transition and do what belongs to it: the only writer of ``sensor_state``."""
+    """Take at most one transition and do what belongs to it: the only writer of ``sensor.state``."""
     for event in _PRIORITY:
         if not held & (1 << event):
             continue
-        following = _NEXT[axis.sensor_state, event]
+        following = _NEXT[axis.sensor.state, event]
         if following < 0:
             continue
-        again = axis.sensor_state == following
+        again = axis.sensor.state == following
         if 1 << event & ACTIVATES:
             # a command that stands on is one command
             if not again or (word ^ before) & COMMAND:
@@ -285,12 +286,12 @@ def _advance(axis: Any, held: int, word: int, before: int, trouble: int) -> None
         elif 1 << event & ENDS:
             _value_taken(axis)
         elif event == TROUBLE:
-            axis.sensor_error = trouble
+            axis.sensor.error = trouble
             _forget(axis)
         elif event == PARK:
-            axis.sensor_error = 0
+            axis.sensor.error = 0
             _forget(axis)
-        axis.sensor_state = following
+        axis.sensor.state = following
         return
 
 
@@ -299,28 +300,28 @@ def _cancel(axis: Any, word: int) -> None:
     """Command 3: the functions of ``word``, or all if it names none."""
     if (word & COMMAND) >> COMMAND_SHIFT == CANCEL:
         wanted = word & ALL_FUNCTIONS or ALL_FUNCTIONS
-        axis.sensor_active = int(axis.sensor_active) & ~wanted & ALL_FUNCTIONS
-        axis.sensor_found = int(axis.sensor_found) & ~wanted & ALL_FUNCTIONS
+        axis.sensor.active = int(axis.sensor.active) & ~wanted & ALL_FUNCTIONS
+        axis.sensor.found = int(axis.sensor.found) & ~wanted & ALL_FUNCTIONS
 
 
 @compiled
 def _status(axis: Any, word: int) -> int:
     """G1_ZSW."""
-    state = int(axis.sensor_state)
+    state = int(axis.sensor.state)
     if state == PARKING:
-        return PARK_BIT & int(axis.sensor_status_bits)
+        return PARK_BIT & int(axis.sensor.settings.status_bits)
     # signed, or the loop would make a float of it
-    status = np.int64(axis.sensor_active) | np.int64(axis.sensor_found) << VALUE_SHIFT
+    status = np.int64(axis.sensor.active) | np.int64(axis.sensor.found) << VALUE_SHIFT
     for probe in range(2):
-        if int(axis.digital_inputs) & int(axis.probe_inputs[probe]):
+        if int(axis.machine.inputs) & int(axis.sensor.settings.probe_inputs[probe]):
             status |= 1 << (PROBE_SHIFT + probe)
     if state == ACKNOWLEDGING:
         status |= ACKNOWLEDGED
-    if axis.sensor_error:
+    if axis.sensor.error:
         status |= ERROR_BIT
     elif _sends_absolute(state, word):
         status |= ABSOLUTE
-    return int(status) & int(axis.sensor_status_bits)
+    return int(status) & int(axis.sensor.settings.status_bits)
 
 
 @compiled
@@ -331,21 +332,21 @@ def _sends_absolute(state: int, word: int) -> bool:
 @compiled
 def _count(axis: Any, place: float, step: float) -> int:
     """What the encoder's count is at a place on the shaft."""
-    return signed32(nearest((place - axis.sensor_zero) / step))
+    return signed32(nearest((place - axis.sensor.zero) / step))
 
 
 @compiled
 def _second_value(axis: Any, word: int) -> int:
     """G1_XIST2: an error's code before a value that is read, before the absolute position."""
-    step = axis.sensor_step_2 if axis.sensor_step_2 > 0.0 else axis.sensor_step
-    state = int(axis.sensor_state)
-    if axis.sensor_error:
-        return int(axis.sensor_error)
+    step = axis.sensor.settings.step_2 if axis.sensor.settings.step_2 > 0.0 else axis.sensor.settings.step
+    state = int(axis.sensor.state)
+    if axis.sensor.error:
+        return int(axis.sensor.error)
     if state == ACKNOWLEDGING or step <= 0.0:
         return 0
     if 1 << state & SHOWS_VALUE:
-        return _count(axis, axis.sensor_value[int(axis.sensor_read) - 1], step)
-    if _sends_absolute(state, word) or axis.sensor_shows:
+        return _count(axis, axis.sensor.value[int(axis.sensor.read) - 1], step)
+    if _sends_absolute(state, word) or axis.sensor.settings.shows:
         return _count(axis, measured_position(axis), step)
     return 0
 
@@ -353,56 +354,59 @@ def _second_value(axis: Any, word: int) -> int:
 @compiled
 def _control_word(axis: Any, image: Any) -> int:
     """G1_STW in force: nothing while nobody sends set points that count, the last one while those are held."""
-    if axis.setpoints == SETPOINTS_NONE:
+    if axis.profidrive.setpoints == SETPOINTS_NONE:
         return 0
-    if axis.setpoints != SETPOINTS_TAKEN or axis.control_location != axis.bus_location:
-        return int(axis.sensor_stw)
-    return int(image.received[G1_STW]) & int(axis.sensor_bits)
+    if (
+        axis.profidrive.setpoints != SETPOINTS_TAKEN
+        or axis.profidrive.settings.control_location != axis.profidrive.settings.bus_location
+    ):
+        return int(axis.sensor.stw)
+    return int(image.received[G1_STW]) & int(axis.sensor.settings.bits)
 
 
 @compiled
 def _watch_encoder(axis: Any) -> None:
     """A failing encoder is an error until it is acknowledged; while it is parked nobody misses it."""
     faulty = encoder_faulty(axis)
-    parked = axis.sensor_state == PARKING
-    if not parked and axis.sensor_error == 0 and (cause_stays(axis) or (faulty and not axis.sensor_faulty)):
-        axis.sensor_error = SENSOR_ERROR
+    parked = axis.sensor.state == PARKING
+    if not parked and axis.sensor.error == 0 and (cause_stays(axis) or (faulty and not axis.sensor.faulty)):
+        axis.sensor.error = SENSOR_ERROR
         _forget(axis)
-    axis.sensor_faulty = 1 if faulty else 0
-    if axis.sensor_state == ACKNOWLEDGING and not (axis.sensor_error == SENSOR_ERROR and cause_stays(axis)):
-        axis.sensor_error = 0
+    axis.sensor.faulty = 1 if faulty else 0
+    if axis.sensor.state == ACKNOWLEDGING and not (axis.sensor.error == SENSOR_ERROR and cause_stays(axis)):
+        axis.sensor.error = 0
 
 
 @compiled
 def step_sensor(axis: Any, image: Any) -> None:
     """Once in each firmware step, behind the motor: what the controller asks of the encoder, and what it shows."""
-    if axis.sensor_bits == 0:
+    if axis.sensor.settings.bits == 0:
         # no sensor interface: positions alone
-        if axis.sensor_step > 0.0:
-            image.sent[G1_XIST1] = _count(axis, measured_position(axis), axis.sensor_step)
-        if axis.sensor_step_2 > 0.0:
-            image.sent[G1_XIST2] = _count(axis, measured_position(axis), axis.sensor_step_2)
+        if axis.sensor.settings.step > 0.0:
+            image.sent[G1_XIST1] = _count(axis, measured_position(axis), axis.sensor.settings.step)
+        if axis.sensor.settings.step_2 > 0.0:
+            image.sent[G1_XIST2] = _count(axis, measured_position(axis), axis.sensor.settings.step_2)
         return
-    if axis.state == 0:
-        axis.sensor_state = START
-        axis.sensor_stw = 0
-        axis.sensor_error = 0
+    if axis.drive.state == 0:
+        axis.sensor.state = START
+        axis.sensor.stw = 0
+        axis.sensor.error = 0
         _forget(axis)
-    before = int(axis.sensor_stw)
+    before = int(axis.sensor.stw)
     word = _control_word(axis, image)
-    axis.sensor_stw = word
+    axis.sensor.stw = word
     _watch_encoder(axis)
     _cancel(axis, word)
     trouble = _trouble(axis, word)
     _advance(axis, _held(axis, word, trouble), word, before, trouble)
     look_for_marks(axis)
-    axis.sensor_position = axis.measured_position
-    axis.sensor_inputs = axis.digital_inputs
+    axis.sensor.position = axis.motor.measured_position
+    axis.sensor.inputs = axis.machine.inputs
     image.sent[G1_ZSW] = _status(axis, word)
-    if axis.sensor_state == PARKING:
+    if axis.sensor.state == PARKING:
         image.sent[G1_XIST1] = 0
         image.sent[G1_XIST2] = 0
         return
-    step = axis.sensor_step
+    step = axis.sensor.settings.step
     image.sent[G1_XIST1] = _count(axis, measured_position(axis), step) if step > 0.0 else 0
     image.sent[G1_XIST2] = _second_value(axis, word)

@@ -1,6 +1,6 @@
 """What the sensor interface looks at: reference marks, probes, and whether the encoder can be read.
 
-A function waits for its reference mark where the axis's data has it (``sensor_marks``): a probe's edge, as in Moog MSD
+A function waits for its reference mark where the axis's data has it (``sensor.marks``): a probe's edge, as in Moog MSD
 manual 11.4, or the encoder's own zero mark.  Measured on the fly, functions 1 and 2 are the rising and the falling edge
 of probe 1, functions 3 and 4 those of probe 2 (PROFIdrive 4.2, 6.3.6.5).
 """
@@ -11,8 +11,7 @@ from math import ceil, floor
 from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, cause_held
-from pnfarm.table.axis import FAULT_SLOTS
-from pnfarm.table.axis_codes import EDGE_FALLING, MARK_NONE, MARK_PROBE_1, MARK_ZERO, SENSOR_PARKING
+from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO, SENSOR_PARKING
 from pnfarm.table.compiled import compiled
 
 __all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks", "parked"]
@@ -24,28 +23,28 @@ ALL_FUNCTIONS = 0x0F
 @compiled
 def parked(axis: Any) -> bool:
     """Whether the controller has parked the encoder."""
-    return axis.sensor_state == SENSOR_PARKING
+    return axis.sensor.state == SENSOR_PARKING
 
 
 @compiled
 def encoder_faulty(axis: Any) -> bool:
     """Whether the drive shows the encoder's own fault."""
-    number = int(axis.sensor_fault) & NUMBER_MASK
+    number = int(axis.sensor.settings.fault) & NUMBER_MASK
     found = False
     for i in range(FAULT_SLOTS):
-        found = found or (number != 0 and (int(axis.fault_code[i]) & NUMBER_MASK) == number)
+        found = found or (number != 0 and (int(axis.faults.code[i]) & NUMBER_MASK) == number)
     return found
 
 
 @compiled
 def cause_stays(axis: Any) -> bool:
     """Whether the encoder cannot be read now."""
-    return cause_held(axis, int(axis.sensor_fault))
+    return cause_held(axis, int(axis.sensor.settings.fault))
 
 
 @compiled
 def _probe_there(axis: Any, probe: int) -> bool:
-    return axis.probe_mode == 0 and axis.probe_inputs[probe] != 0
+    return axis.sensor.settings.probe_mode == 0 and axis.sensor.settings.probe_inputs[probe] != 0
 
 
 @compiled
@@ -54,7 +53,7 @@ def can_wait(axis: Any, function: int, probing: int) -> bool:
     if probing:
         # function 1: probe 1, rising; 2: probe 1, falling; 3 and 4: probe 2
         return _probe_there(axis, function >> 1)
-    source = int(axis.sensor_marks[function])
+    source = int(axis.sensor.settings.marks[function])
     if source == MARK_NONE:
         return False
     return source == MARK_ZERO or _probe_there(axis, source - MARK_PROBE_1)
@@ -62,42 +61,42 @@ def can_wait(axis: Any, function: int, probing: int) -> bool:
 
 @compiled
 def _found(axis: Any, function: int) -> None:
-    axis.sensor_active = int(axis.sensor_active) & ~(1 << function) & ALL_FUNCTIONS
-    axis.sensor_found = int(axis.sensor_found) | 1 << function
+    axis.sensor.active = int(axis.sensor.active) & ~(1 << function) & ALL_FUNCTIONS
+    axis.sensor.found = int(axis.sensor.found) | 1 << function
 
 
 @compiled
 def _zero_mark_passed(axis: Any) -> bool:
     """Whether the shaft passed its zero mark since the last step."""
-    now = axis.measured_position
-    before = axis.sensor_position
+    now = axis.motor.measured_position
+    before = axis.sensor.position
     return (now > before and floor(now) > floor(before)) or (now < before and ceil(now) < ceil(before))
 
 
 @compiled
 def look_for_marks(axis: Any) -> None:
     """What active functions wait for, if it came since the last step."""
-    inputs = int(axis.digital_inputs)
-    changed = inputs ^ int(axis.sensor_inputs)
+    inputs = int(axis.machine.inputs)
+    changed = inputs ^ int(axis.sensor.inputs)
     for function in range(4):
-        if not axis.sensor_active & (1 << function):
+        if not axis.sensor.active & (1 << function):
             continue
-        if axis.sensor_probing:
+        if axis.sensor.probing:
             probe = function >> 1
             falling = function & 1
-        elif axis.sensor_marks[function] == MARK_ZERO:
+        elif axis.sensor.settings.marks[function] == MARK_ZERO:
             if _zero_mark_passed(axis):
-                axis.sensor_value[function] = (
-                    floor(axis.measured_position)
-                    if axis.measured_position > axis.sensor_position
-                    else ceil(axis.measured_position)
+                axis.sensor.value[function] = (
+                    floor(axis.motor.measured_position)
+                    if axis.motor.measured_position > axis.sensor.position
+                    else ceil(axis.motor.measured_position)
                 )
                 _found(axis, function)
             continue
         else:
-            probe = int(axis.sensor_marks[function]) - MARK_PROBE_1
-            falling = 1 if axis.sensor_marks[4 + function] == EDGE_FALLING else 0
-        bit = int(axis.probe_inputs[probe])
+            probe = int(axis.sensor.settings.marks[function]) - MARK_PROBE_1
+            falling = 1 if axis.sensor.settings.marks[4 + function] == EDGE_FALLING else 0
+        bit = int(axis.sensor.settings.probe_inputs[probe])
         if changed & bit and (inputs & bit == 0) == (falling == 1):
-            axis.sensor_value[function] = axis.measured_position
+            axis.sensor.value[function] = axis.motor.measured_position
             _found(axis, function)

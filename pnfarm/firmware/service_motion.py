@@ -12,29 +12,34 @@ from pnfarm.table.compiled import compiled
 
 __all__ = ["service_setpoint", "step_service"]
 
+
 VELOCITY_MODE = 1
 
 
 @compiled
 def step_service(axis: Any, now: int) -> None:
-    """Begin, change legs and end; a step takes ``stop_command`` for itself in velocity mode only."""
-    if axis.state != 4 or axis.opmode != VELOCITY_MODE or not axis.setpoint_ignored:
-        axis.service = 0
-    elif axis.stop_command:
-        axis.service = 0
-        axis.stop_command = 0
-    elif axis.service_command:
-        axis.service = 1
-        axis.service_ns = now
-    elif axis.service:
-        time = axis.service_time[int(axis.service) - 1]
-        if time > 0.0 and now - axis.service_ns >= time * 1e9:
-            axis.service = 3 - axis.service if axis.service_mode == SERVICE_ALTERNATING else 0
-            axis.service_ns = now
-    axis.service_command = 0
+    """Begin, change legs and end; a step takes ``commands.stop`` for itself in velocity mode only."""
+    if (
+        axis.drive.state != 4
+        or axis.drive.settings.opmode != VELOCITY_MODE
+        or not axis.profidrive.settings.setpoint_ignored
+    ):
+        axis.service.leg = 0
+    elif axis.commands.stop:
+        axis.service.leg = 0
+        axis.commands.stop = 0
+    elif axis.commands.service:
+        axis.service.leg = 1
+        axis.service.leg_ns = now
+    elif axis.service.leg:
+        time = axis.service.settings.time[int(axis.service.leg) - 1]
+        if time > 0.0 and now - axis.service.leg_ns >= time * 1e9:
+            axis.service.leg = 3 - axis.service.leg if axis.service.settings.mode == SERVICE_ALTERNATING else 0
+            axis.service.leg_ns = now
+    axis.commands.service = 0
 
 
 @compiled
 def service_setpoint(axis: Any) -> float:
     """The velocity of the leg that runs, rpm."""
-    return axis.service_velocity[int(axis.service) - 1]
+    return axis.service.settings.velocity[int(axis.service.leg) - 1]

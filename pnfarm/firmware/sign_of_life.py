@@ -24,6 +24,7 @@ from pnfarm.table.signals import STW2, ZSW2
 
 __all__ = ["check_life", "count_life", "following", "forget_life", "second_status_word"]
 
+
 #: Where the count stands.
 SHIFT = 12
 #: Largest count; the one behind it is 1.
@@ -48,64 +49,64 @@ def second_status_word(axis: Any) -> int:
 
     HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
     """
-    word = int(axis.life_sent) << SHIFT
-    if axis.status_form == STATUS_MOOG:
+    word = int(axis.life.sent) << SHIFT
+    if axis.profidrive.settings.status_form == STATUS_MOOG:
         return word | moog_second_word(axis)
-    if axis.state >= 4:
-        word |= int(axis.pulses_enabled)
+    if axis.drive.state >= 4:
+        word |= int(axis.profidrive.settings.pulses_enabled)
     return word
 
 
 @compiled
 def forget_life(axis: Any) -> None:
     """Cyclic data began anew: nothing is known of the controller's count."""
-    axis.life_seen = 0
-    axis.life_run = 0
-    axis.life_count = 0
-    axis.life_failed = LIFE_GOOD
+    axis.life.seen = 0
+    axis.life.run = 0
+    axis.life.count = 0
+    axis.life.failed = LIFE_GOOD
 
 
 @compiled
 def count_life(axis: Any, image: Any) -> None:
     """Take the frames since the last call into account; nothing happens without one."""
-    frames = (int(image.frames) - int(axis.life_frames)) & 0xFFFFFFFF
-    axis.life_frames = image.frames
-    sent = (int(image.filled) - int(axis.life_told)) & 0xFFFFFFFF
-    axis.life_told = image.filled
+    frames = (int(image.frames) - int(axis.life.frames)) & 0xFFFFFFFF
+    axis.life.frames = image.frames
+    sent = (int(image.filled) - int(axis.life.told)) & 0xFFFFFFFF
+    axis.life.told = image.filled
     if not image.valid:
         forget_life(axis)
         return
-    counted = sent if axis.clock_drift != 0.0 else frames
+    counted = sent if axis.clock.settings.drift != 0.0 else frames
     if counted != 0:
-        axis.life_sent = following(int(axis.life_sent), counted)
+        axis.life.sent = following(int(axis.life.sent), counted)
         image.sent[ZSW2] = second_status_word(axis)
     if frames == 0:
         return
-    if axis.life_isochronous:
+    if axis.life.settings.isochronous:
         return
     seen = (image.received[STW2] >> SHIFT) & 0xF
-    good = axis.life_seen != 0 and seen == following(int(axis.life_seen), frames)
-    axis.life_seen = seen
-    if axis.life_run < SEQUENCE:
+    good = axis.life.seen != 0 and seen == following(int(axis.life.seen), frames)
+    axis.life.seen = seen
+    if axis.life.run < SEQUENCE:
         # the frame that begins a sequence is its first
-        axis.life_run = min(SEQUENCE, int(axis.life_run) + frames) if good else (1 if seen else 0)
-        axis.life_count = 0
+        axis.life.run = min(SEQUENCE, int(axis.life.run) + frames) if good else (1 if seen else 0)
+        axis.life.count = 0
         return
     if good:
-        axis.life_count = max(0, int(axis.life_count) - frames)
+        axis.life.count = max(0, int(axis.life.count) - frames)
         return
-    axis.life_errors += 1
-    if axis.life_tolerance == ALL_TOLERATED:
+    axis.life.errors += 1
+    if axis.life.settings.tolerance == ALL_TOLERATED:
         return
-    most = FAILED * int(axis.life_tolerance)
-    axis.life_count = min(int(axis.life_count) + FAILED, most)
-    if axis.life_count >= most:
-        axis.life_failed = LIFE_FAILED
+    most = FAILED * int(axis.life.settings.tolerance)
+    axis.life.count = min(int(axis.life.count) + FAILED, most)
+    if axis.life.count >= most:
+        axis.life.failed = LIFE_FAILED
 
 
 @compiled
 def check_life(axis: Any, now: int) -> None:
     """Raise the model's fault when a failed sign of life was one too many."""
-    if axis.life_failed == LIFE_FAILED:
-        axis.life_failed = LIFE_TOLD
-        raise_fault(axis, axis.life_fault, now)
+    if axis.life.failed == LIFE_FAILED:
+        axis.life.failed = LIFE_TOLD
+        raise_fault(axis, axis.life.settings.fault, now)

@@ -28,6 +28,7 @@ from pnfarm.table.compiled import compiled
 
 __all__ = ["PRIORITY", "S5_FAULT", "S5_QUICK", "S5_RAMP", "TRANSITIONS", "advance", "conditions"]
 
+
 BOOT = 0
 S1 = 1
 S2 = 2
@@ -132,18 +133,18 @@ def conditions(stw1: int, faulty: int, reaction: int, standing: int, booted: int
 
 @compiled
 def advance(axis: Any, held: int) -> None:
-    """Take at most one transition: the only writer of ``axis.state`` and ``axis.stop``."""
-    state = axis.state
+    """Take at most one transition: the only writer of ``axis.drive.state`` and ``axis.drive.stop``."""
+    state = axis.drive.state
     if state == 5:
-        state = 4 + axis.stop
+        state = 4 + axis.drive.stop
     for event in _PRIORITY:
         if held & (1 << event):
             following = _NEXT[state, event]
             if following >= 0:
                 if following > 4:
-                    axis.state = 5
-                    axis.stop = following - 4
+                    axis.drive.state = 5
+                    axis.drive.stop = following - 4
                 else:
-                    axis.state = following
-                    axis.stop = 0
+                    axis.drive.state = following
+                    axis.drive.stop = 0
                 return

@@ -32,7 +32,7 @@ SIGNAL_ZSW2 = 4
 LOWEST_PULSES = 8
 HIGHEST_PULSES = 11
 
-# The profile generator (``generator``).
+# The profile generator (``profidrive.generator``).
 AT_REST = 0
 UP = 1
 CONSTANT = 2
@@ -46,44 +46,46 @@ NEAR = 0.01
 @compiled
 def _as_in_the_profile(axis: Any) -> bool:
     """P-1258: 1 is control word and set points of the profile, 3 the control word."""
-    return axis.profile_mode in (1, 3)
+    return axis.profidrive.settings.profile_mode in (1, 3)
 
 
 @compiled
 def speed_reached(axis: Any) -> bool:
     """ZSW1.10 in speed control: the speed is reached or exceeded."""
-    wanted = axis.jog_speed if axis.jog_sequence else axis.setpoint
+    wanted = axis.jog.speed if axis.jog.sequence else axis.ramp.setpoint
     velocity = measured_velocity(axis)
     if wanted < 0.0:
-        return velocity <= wanted + axis.velocity_window
+        return velocity <= wanted + axis.ramp.settings.velocity_window
     if wanted > 0.0:
-        return velocity >= wanted - axis.velocity_window
-    return abs(velocity) <= axis.velocity_window
+        return velocity >= wanted - axis.ramp.settings.velocity_window
+    return abs(velocity) <= axis.ramp.settings.velocity_window
 
 
 @compiled
 def control_requested(axis: Any) -> bool:
     """ZSW1.9: the drive is there to be controlled, or it shows STW1.10."""
-    return axis.state > 0 and (not axis.control_shown or int(axis.stw1_seen) & CONTROL_BY_PLC != 0)
+    return axis.drive.state > 0 and (
+        not axis.profidrive.settings.control_shown or int(axis.profidrive.stw1_seen) & CONTROL_BY_PLC != 0
+    )
 
 
 @compiled
 def moog_word(axis: Any, word: int) -> int:
     """ZSW1 by tables 10.8 and 10.16, from the profile's ``word``."""
     velocity = measured_velocity(axis)
-    stationary = abs(velocity) <= axis.standstill
+    stationary = abs(velocity) <= axis.ramp.settings.standstill
     moog = word & PROFILE_BITS
     if _as_in_the_profile(axis):
         moog |= CONTROL
         # in position control, too: the telegrams of this mode bring a speed
-        if not stationary and abs(axis.setpoint - velocity) <= axis.velocity_window:
+        if not stationary and abs(axis.ramp.setpoint - velocity) <= axis.ramp.settings.velocity_window:
             moog |= REACHED
         return moog
-    if axis.control_location == axis.bus_location:
+    if axis.profidrive.settings.control_location == axis.profidrive.settings.bus_location:
         moog |= word & CONTROL
-    if axis.opmode == 2:
+    if axis.drive.settings.opmode == 2:
         moog |= word & POSITION_BITS
-    elif axis.opmode == 1 and speed_reached(axis):
+    elif axis.drive.settings.opmode == 1 and speed_reached(axis):
         moog |= REACHED
     if stationary:
         moog |= STATIONARY
@@ -95,30 +97,34 @@ def moog_word(axis: Any, word: int) -> int:
 @compiled
 def take_generator(axis: Any) -> None:
     """Once in each step, behind the motor: what the profile generator did."""
-    speed = axis.profile_velocity if axis.opmode == 2 else axis.ramp
-    working = axis.state >= 4 and generator_in_force(axis) == RAMP_GENERATED and not torque_controlled(axis)
-    before = abs(axis.generator_speed)
-    axis.generator_speed = speed
+    speed = axis.profile.velocity if axis.drive.settings.opmode == 2 else axis.ramp.command
+    working = axis.drive.state >= 4 and generator_in_force(axis) == RAMP_GENERATED and not torque_controlled(axis)
+    before = abs(axis.profidrive.generator_speed)
+    axis.profidrive.generator_speed = speed
     change = abs(speed) - before
     if not working or (speed == 0.0 and change == 0.0):
-        axis.generator = AT_REST
+        axis.profidrive.generator = AT_REST
     elif change > SAME:
-        axis.generator = UP
+        axis.profidrive.generator = UP
     else:
-        axis.generator = DOWN if change < -SAME else CONSTANT
+        axis.profidrive.generator = DOWN if change < -SAME else CONSTANT
 
 
 @compiled
 def moog_second_word(axis: Any) -> int:
     """ZSW2 by tables 10.9 and 10.17, without the sign of life."""
-    word = int(axis.generator)
+    word = int(axis.profidrive.generator)
     if _as_in_the_profile(axis):
-        bit = int(axis.pulses_choice[1])
-        if axis.state >= 4 and axis.pulses_choice[0] == SIGNAL_ZSW2 and LOWEST_PULSES <= bit <= HIGHEST_PULSES:
+        bit = int(axis.profidrive.settings.pulses_choice[1])
+        if (
+            axis.drive.state >= 4
+            and axis.profidrive.settings.pulses_choice[0] == SIGNAL_ZSW2
+            and LOWEST_PULSES <= bit <= HIGHEST_PULSES
+        ):
             word |= 1 << bit
         return word
     if gives_all(axis, 0, NEAR):
         word |= POSITIVE_LIMIT
     if gives_all(axis, 1, NEAR):
         word |= NEGATIVE_LIMIT
-    return word | (int(axis.digital_inputs) & INPUTS) << INPUT_SHIFT
+    return word | (int(axis.machine.inputs) & INPUTS) << INPUT_SHIFT

@@ -16,16 +16,18 @@ __all__ = ["bus_below", "mains"]
 
 @compiled
 def _supplied(axis: Any) -> bool:
-    return not int(axis.hindrances) & LACKS_SUPPLY and not cause_held(axis, int(axis.undervoltage_fault))
+    return not int(axis.drive.settings.interlocks) & LACKS_SUPPLY and not cause_held(
+        axis, int(axis.supply.settings.undervoltage_fault)
+    )
 
 
 @compiled
 def mains(axis: Any) -> float:
     """The voltage below which the mains do not let the DC link fall, V."""
-    return float(axis.bus_nominal) if _supplied(axis) else 0.0
+    return float(axis.supply.settings.nominal) if _supplied(axis) else 0.0
 
 
 @compiled
 def bus_below(axis: Any, level: float) -> bool:
     """Whether the DC link's voltage is below ``level``, V; one that is fed and has none is not known."""
-    return axis.bus_voltage < level and (axis.bus_voltage > 0.0 or not _supplied(axis))
+    return axis.supply.voltage < level and (axis.supply.voltage > 0.0 or not _supplied(axis))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.jog import excluded
-from pnfarm.table.axis import DRIVING_SETS, MOTION_TASKS
 from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
+    DRIVING_SETS,
     JOG_MINUS,
     JOG_NONE,
     JOG_PLUS,
@@ -17,6 +17,7 @@ from pnfarm.table.axis_codes import (
     JOG_SEQUENCES,
     JOG_STILL,
     MDI_SELECTED,
+    MOTION_TASKS,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,
     TASK_FROM_COMMAND,
@@ -50,9 +51,10 @@ from pnfarm.table.signals import (
 
 __all__ = ["ramp_step", "select_task", "take_task"]
 
+
 START_BIT = 0x0040  # STW1.6
 NOT_REJECTED = 0x0010  # STW1.4
-JOG_1 = 1  # of ``jog_bits``: STW1.8
+JOG_1 = 1  # of ``jog.bits``: STW1.8
 JOG_2 = 2  # STW1.9
 RELATIVE = 0x1000  # STW1.12, Moog MSD manual 10.2.1
 REAL_TIME_JOG = 0x1000  # STW1.12, AKD PROFINET manual 5.4
@@ -64,7 +66,7 @@ ABSOLUTE = 0x0001  # MDI_MOD.0
 POS_ABSOLUTE = 0x0100  # POS_STW1.8
 HERE = 0x0002  # POS_STW2.1
 
-#: A task runs, or waits in an intermediate stop, the axis jogs (``motion``; the table of
+#: A task runs, or waits in an intermediate stop, the axis jogs (``positioning.state``; the table of
 #: :mod:`pnfarm.firmware.positioning`).
 MOTION_TASK = 2
 TASK_WAITS = 3
@@ -85,90 +87,98 @@ def ramp_step(own: float, jog: float, ramp: float) -> float:
 
 @compiled
 def _jog_asked(axis: Any, stw1: int) -> int:
-    if axis.jog_form == JOG_SEQUENCES:
-        return JOG_SEQUENCE if axis.jog_sequence else JOG_NONE
-    rejected = axis.real_time_jog == REAL_TIME_JOG_WITH_TASKS and not stw1 & NOT_REJECTED
-    if axis.real_time_jog and stw1 & REAL_TIME_JOG and not rejected:
+    if axis.jog.settings.form == JOG_SEQUENCES:
+        return JOG_SEQUENCE if axis.jog.sequence else JOG_NONE
+    rejected = axis.jog.settings.real_time == REAL_TIME_JOG_WITH_TASKS and not stw1 & NOT_REJECTED
+    if axis.jog.settings.real_time and stw1 & REAL_TIME_JOG and not rejected:
         return JOG_REAL_TIME
-    if axis.control_config & CONFIG_PROFILE_JOG and excluded(axis, axis.motion == MOTION_JOG):
+    if axis.asked.settings.control_config & CONFIG_PROFILE_JOG and excluded(axis, axis.positioning.state == MOTION_JOG):
         return JOG_NONE
-    if axis.jog_bits == JOG_1:
+    if axis.jog.bits == JOG_1:
         return JOG_PLUS
-    if axis.jog_bits == JOG_2:
+    if axis.jog.bits == JOG_2:
         return JOG_MINUS
-    return JOG_STILL if axis.jog_bits else JOG_NONE
+    return JOG_STILL if axis.jog.bits else JOG_NONE
 
 
 @compiled
 def select_task(axis: Any, number: int) -> None:
     """Take the data of one of the drive's motion tasks; one that is not there has no velocity and cannot begin."""
-    if not 0 <= number < MOTION_TASKS or not axis.mt_flags[number] & TASK_DEFINED:
-        axis.asked_velocity = 0.0
+    if not 0 <= number < MOTION_TASKS or not axis.motion_tasks.settings.kind[number] & TASK_DEFINED:
+        axis.asked.velocity = 0.0
         return
-    axis.asked_task = number
-    axis.asked_position = axis.mt_position[number]
-    flags = int(axis.mt_flags[number])
-    axis.asked_relative = 1 if flags & TASK_RELATIVE else 0
-    axis.asked_base = flags & (TASK_FROM_COMMAND | TASK_FROM_TARGET | TASK_FROM_ACTUAL)
-    axis.asked_velocity = axis.mt_velocity[number]
-    axis.asked_acceleration = axis.mt_acceleration[number]
-    axis.asked_deceleration = axis.mt_deceleration[number]
+    axis.asked.number = number
+    axis.asked.position = axis.motion_tasks.settings.position[number]
+    flags = int(axis.motion_tasks.settings.kind[number])
+    axis.asked.relative = 1 if flags & TASK_RELATIVE else 0
+    axis.asked.counts_from = flags & (TASK_FROM_COMMAND | TASK_FROM_TARGET | TASK_FROM_ACTUAL)
+    axis.asked.velocity = axis.motion_tasks.settings.velocity[number]
+    axis.asked.acceleration = axis.motion_tasks.settings.acceleration[number]
+    axis.asked.deceleration = axis.motion_tasks.settings.deceleration[number]
 
 
 @compiled
 def _take_homing(axis: Any, image: Any, step: float) -> None:
     """How homing would go: by the telegram's own signals, where it has them (AKD PROFINET manual 5.11.7, 5.11.8)."""
-    axis.asked_home_method = axis.home_method
-    axis.asked_home_distance = axis.home_distance
-    axis.home_brought = axis.home_signals
-    if axis.home_signals & 0x1:
-        axis.asked_home_method = image.received[HOME_MODE] & 0xFFFF
-    if axis.home_signals & 0x2:
-        axis.asked_home_distance = image.received[HOME_DIST] * step
+    axis.homing.method_in_force = axis.homing.settings.method
+    axis.homing.distance_in_force = axis.homing.settings.distance
+    axis.homing.brought = axis.profidrive.settings.home_signals
+    if axis.profidrive.settings.home_signals & 0x1:
+        axis.homing.method_in_force = image.received[HOME_MODE] & 0xFFFF
+    if axis.profidrive.settings.home_signals & 0x2:
+        axis.homing.distance_in_force = image.received[HOME_DIST] * step
 
 
 @compiled
 def _acceleration(axis: Any, image: Any) -> int:
     """MDI_ACC; of a telegram that leaves it 0 what its PNU has, where the model says so (AKD: telegram 352)."""
     word = int(image.received[MDI_ACC]) & 0xFFFF
-    return word or int(axis.spare_acceleration)
+    return word or int(axis.profidrive.settings.spare_acceleration)
 
 
 @compiled
 def _ramp(axis: Any, word: int) -> int:
     """MDI_ACC or MDI_DEC; below zero it is no ramp of a task where the word has a sign (HIWIN E1 manual 3.1)."""
     word &= 0xFFFF
-    return 0 if axis.task_ramps_signed and word & 0x8000 else word
+    return 0 if axis.profidrive.settings.task_ramps_signed and word & 0x8000 else word
 
 
 @compiled
 def _take_command(axis: Any) -> bool:
     """The motion task that a command starts; false for none."""
-    if axis.task_command == 0:
+    if axis.commands.task == 0:
         return False
-    axis.asked = 1
-    select_task(axis, int(axis.task_command) - 1)
-    axis.task_command = 0
+    axis.asked.begins = 1
+    select_task(axis, int(axis.commands.task) - 1)
+    axis.commands.task = 0
     return True
 
 
 @compiled
 def _take_data(axis: Any, image: Any, step: float) -> None:
     """The data of a task out of MDI_*: telegram 9 and its kin."""
-    axis.asked_position = image.received[MDI_TARPOS] * step
+    axis.asked.position = image.received[MDI_TARPOS] * step
     velocity = int(image.received[MDI_VELOCITY])
-    if axis.task_velocity_unsigned:
+    if axis.profidrive.settings.task_velocity_unsigned:
         velocity &= 0xFFFFFFFF
     # a negative one is no velocity of a task
-    axis.asked_velocity = velocity * axis.task_velocity_step
-    if axis.task_ramps_scaled:
-        up = down = axis.acceleration_step
+    axis.asked.velocity = velocity * axis.profidrive.settings.task_velocity_step
+    if axis.profidrive.settings.task_ramps_scaled:
+        up = down = axis.profidrive.settings.acceleration_step
     else:
-        up = ramp_step(axis.task_acceleration_step, axis.jog_acceleration, axis.acceleration)
-        down = ramp_step(axis.task_deceleration_step, axis.jog_deceleration, axis.deceleration)
-    axis.asked_acceleration = _ramp(axis, _acceleration(axis, image)) * up
-    axis.asked_deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
-    axis.asked_backwards = 1 if axis.stw1 & BACKWARDS else 0
+        up = ramp_step(
+            axis.profidrive.settings.task_acceleration_step,
+            axis.jog.settings.acceleration,
+            axis.ramp.settings.acceleration,
+        )
+        down = ramp_step(
+            axis.profidrive.settings.task_deceleration_step,
+            axis.jog.settings.deceleration,
+            axis.ramp.settings.deceleration,
+        )
+    axis.asked.acceleration = _ramp(axis, _acceleration(axis, image)) * up
+    axis.asked.deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
+    axis.asked.backwards = 1 if axis.profidrive.stw1 & BACKWARDS else 0
 
 
 @compiled
@@ -179,112 +189,121 @@ def _take_target(axis: Any, image: Any, step: float) -> None:
     the feed enable means nothing; STW1.14 runs at the velocity, in the direction of its sign, without an end; at 0 the
     axis stands.
     """
-    stw1 = int(axis.stw1)
-    axis.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
+    stw1 = int(axis.profidrive.stw1)
+    axis.asked.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
     position = image.received[TARPOS_A] * step
-    if axis.task_form == TASKS_TABLE:
+    if axis.profidrive.settings.task_form == TASKS_TABLE:
         number = int(image.received[SATZANW]) & NUMBER
         if number >= DRIVING_SETS:
-            axis.asked = 0
+            axis.asked.begins = 0
             return
-        axis.asked_task = number
-        position = axis.set_position[number] * step
+        axis.asked.number = number
+        position = axis.driving_sets.settings.position[number] * step
     relative = 1 if stw1 & RELATIVE else 0
-    velocity = image.received[VELOCITY_A] * axis.task_velocity_step
+    velocity = image.received[VELOCITY_A] * axis.profidrive.settings.task_velocity_step
     endless = 1 if stw1 & ENDLESS else 0
-    runs = axis.motion == MOTION_TASK and not relative
+    runs = axis.positioning.state == MOTION_TASK and not relative
     if stw1 & NO_HANDSHAKE:
-        other = abs(velocity) != axis.asked_velocity or (velocity < 0.0) != (axis.asked_backwards != 0)
-        other = other or axis.ramp_up != axis.asked_acceleration or axis.ramp_down != axis.asked_deceleration
-        other = other or (stw1 ^ axis.motion_seen) & ENDLESS != 0
-        if position != axis.asked_position or (other and (runs or endless)):
-            axis.task_new = 1
-        if axis.task_new:
-            axis.asked = 1
+        other = abs(velocity) != axis.asked.velocity or (velocity < 0.0) != (axis.asked.backwards != 0)
+        other = other or axis.ramp.up != axis.asked.acceleration or axis.ramp.down != axis.asked.deceleration
+        other = other or (stw1 ^ axis.positioning.stw1_seen) & ENDLESS != 0
+        if position != axis.asked.position or (other and (runs or endless)):
+            axis.asked.renewed = 1
+        if axis.asked.renewed:
+            axis.asked.begins = 1
     else:
-        axis.task_new = 0
-    axis.asked_still = 1 if endless or (runs and stw1 & NO_HANDSHAKE) else 0
-    axis.asked_relative = relative
-    axis.asked_endless = endless
-    axis.asked_velocity = abs(velocity)
-    axis.asked_backwards = 1 if velocity < 0.0 else 0
-    axis.asked_acceleration = axis.ramp_up
-    axis.asked_deceleration = axis.ramp_down
-    axis.asked_position = position
+        axis.asked.renewed = 0
+    axis.asked.still = 1 if endless or (runs and stw1 & NO_HANDSHAKE) else 0
+    axis.asked.relative = relative
+    axis.asked.endless = endless
+    axis.asked.velocity = abs(velocity)
+    axis.asked.backwards = 1 if velocity < 0.0 else 0
+    axis.asked.acceleration = axis.ramp.up
+    axis.asked.deceleration = axis.ramp.down
+    axis.asked.position = position
 
 
 @compiled
 def _set_reference(axis: Any) -> None:
     """The place where the axis is becomes the reference point; what an absolute task leads to is a number there."""
-    before = axis.origin
-    axis.origin = axis.position - axis.home_position
-    axis.homed = 1
-    runs = axis.motion in (MOTION_TASK, TASK_WAITS) and not axis.task_endless
-    if runs and not axis.task_relative and not axis.reference_keeps_place:
-        axis.target += axis.origin - before
+    before = axis.homing.origin
+    axis.homing.origin = axis.motor.position - axis.homing.settings.position
+    axis.homing.homed = 1
+    runs = axis.positioning.state in (MOTION_TASK, TASK_WAITS) and not axis.positioning.endless
+    if runs and not axis.positioning.relative and not axis.asked.settings.reference_keeps_place:
+        axis.profile.target += axis.homing.origin - before
 
 
 @compiled
 def _select(axis: Any, image: Any) -> None:
     """Which task begins: that of the telegram's data, one of the drive's own, or the one of a command."""
-    if axis.task_form == TASKS_POS_STW:
-        axis.asked_relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
-        axis.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
-        axis.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
+    if axis.profidrive.settings.task_form == TASKS_POS_STW:
+        axis.asked.relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
+        axis.asked.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
+        axis.asked.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
         word = image.received[POS_STW2] & 0xFFFF
-        if word & ~axis.pos_stw2 & HERE:
+        if word & ~axis.asked.pos_stw2 & HERE:
             _set_reference(axis)
-        axis.pos_stw2 = word
-    elif axis.task_form == TASKS_MDI:
-        axis.asked_relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
-        axis.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
-    if axis.feedrate_signal:
-        axis.override = (image.received[MT_FEEDRATE] & 0xFFFF) / axis.feedrate_whole
-    if _take_command(axis) or axis.mdi:
+        axis.asked.pos_stw2 = word
+    elif axis.profidrive.settings.task_form == TASKS_MDI:
+        axis.asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
+        axis.asked.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
+    if axis.profidrive.settings.feedrate_signal:
+        axis.asked.override = (image.received[MT_FEEDRATE] & 0xFFFF) / axis.asked.settings.feedrate_whole
+    if _take_command(axis) or axis.asked.mdi:
         return
-    if axis.task_form != TASKS_MDI:
-        axis.asked = 0
-    elif axis.asked:
+    if axis.profidrive.settings.task_form != TASKS_MDI:
+        axis.asked.begins = 0
+    elif axis.asked.begins:
         # and only then: jogging goes by the data of the telegram
         select_task(axis, int(image.received[SATZANW]) & NUMBER)
 
 
 @compiled
 def take_task(axis: Any, image: Any) -> None:
-    """The signals of this step in physical units; ``asked`` is set on the edge that starts a task."""
-    axis.asked = 0
+    """The signals of this step in physical units; ``asked.begins`` is set on the edge that starts a task."""
+    axis.asked.begins = 0
     if not image.valid:
         # what the telegram brought last goes with the telegram, not with the data
-        axis.home_brought = int(axis.home_brought) & int(axis.home_signals)
-    if axis.setpoints == SETPOINTS_HELD:
+        axis.homing.brought = int(axis.homing.brought) & int(axis.profidrive.settings.home_signals)
+    if axis.profidrive.setpoints == SETPOINTS_HELD:
         # nothing of the telegram is taken over: what was asked for last stays, and edges are none
         if image.valid:
-            axis.pos_stw2 = image.received[POS_STW2] & 0xFFFF
+            axis.asked.pos_stw2 = image.received[POS_STW2] & 0xFFFF
         _take_command(axis)
         return
-    axis.jog = JOG_NONE
-    axis.mdi = 0
-    axis.feed_free = 0
-    axis.asked_endless = 0
-    axis.asked_still = 0
-    if axis.jog_form == JOG_SEQUENCES:
-        axis.jog = _jog_asked(axis, axis.stw1)
-    here = axis.setpoints == SETPOINTS_TAKEN and axis.reference_source == axis.bus_source
-    if not here or (axis.task_form == TASKS_NONE and axis.opmode != POSITION_MODE):
-        axis.task_command = 0
-        axis.task_new = 0
+    axis.jog.asked = JOG_NONE
+    axis.asked.mdi = 0
+    axis.asked.feed_free = 0
+    axis.asked.endless = 0
+    axis.asked.still = 0
+    if axis.jog.settings.form == JOG_SEQUENCES:
+        axis.jog.asked = _jog_asked(axis, axis.profidrive.stw1)
+    here = (
+        axis.profidrive.setpoints == SETPOINTS_TAKEN
+        and axis.profidrive.settings.reference_source == axis.profidrive.settings.bus_source
+    )
+    if not here or (axis.profidrive.settings.task_form == TASKS_NONE and axis.drive.settings.opmode != POSITION_MODE):
+        axis.commands.task = 0
+        axis.asked.renewed = 0
         return
-    axis.jog = _jog_asked(axis, axis.stw1)
-    if axis.stw1_changed & START_BIT and (axis.stw1 & START_BIT or not axis.control_config & CONFIG_RISING_EDGE):
-        axis.asked = 1
-    axis.override = axis.speed_override
-    axis.asked_base = axis.relative_base
-    target_step = axis.target_step if axis.target_step > 0.0 else axis.position_step
+    axis.jog.asked = _jog_asked(axis, axis.profidrive.stw1)
+    if axis.profidrive.stw1_changed & START_BIT and (
+        axis.profidrive.stw1 & START_BIT or not axis.asked.settings.control_config & CONFIG_RISING_EDGE
+    ):
+        axis.asked.begins = 1
+    axis.asked.override = axis.ramp.settings.speed_override
+    axis.asked.counts_from = axis.asked.settings.relative_base
+    target_step = (
+        axis.profidrive.settings.target_step
+        if axis.profidrive.settings.target_step > 0.0
+        else axis.profidrive.settings.position_step
+    )
     _take_homing(axis, image, target_step)
-    axis.asked_task = TASK_MDI
-    if axis.task_form >= TASKS_TARPOS:
+    axis.asked.number = TASK_MDI
+    if axis.profidrive.settings.task_form >= TASKS_TARPOS:
         _take_target(axis, image, target_step)
     else:
         _take_data(axis, image, target_step)
         _select(axis, image)
-    axis.task_command = 0
+    axis.commands.task = 0

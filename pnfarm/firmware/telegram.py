@@ -19,8 +19,7 @@ from pnfarm.firmware.position_status import (
 from pnfarm.firmware.sign_of_life import second_status_word
 from pnfarm.firmware.torque_limits import torque_limited
 from pnfarm.firmware.travel import position_number
-from pnfarm.table.axis import FAULT_WORDS
-from pnfarm.table.axis_codes import VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
+from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import (
     ACT_CURRENT,
@@ -68,11 +67,12 @@ __all__ = [
     "to_actuals",
 ]
 
+
 #: 100 % of a signal in N2 normalisation (AKD PROFINET manual 5.12.4).
 N2_FULL = 16384.0
 #: Increments of NSOLL_B and NIST_B to one of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
 B_STEPS = 65536.0
-#: ``setpoint_ignored``: the set point of the torque is a parameter's.
+#: ``profidrive.setpoint_ignored``: the set point of the torque is a parameter's.
 TORQUE_COMMAND_COUNTS = 1
 #: An array, because indexing a tuple in compiled code copies it.
 _SENT_BACK = np.array(SENT_BACK, np.int64)
@@ -128,43 +128,47 @@ def clamp_unsigned(value: float) -> int:
 def message_word(axis: Any) -> int:
     """MELDW (HIWIN E1 manual 3.16); bit 8 is always set there."""
     word = 0x0100
-    if not warned(axis, int(axis.message_warnings[0])):
+    if not warned(axis, int(axis.profidrive.settings.message_warnings[0])):
         word |= 0x0040  # no motor overload warning
-    if not warned(axis, int(axis.message_warnings[1])):
+    if not warned(axis, int(axis.profidrive.settings.message_warnings[1])):
         word |= 0x0080  # no i2t warning
     if not torque_limited(axis):
         word |= 0x0002
-    if axis.state == 4:
+    if axis.drive.state == 4:
         word |= 0x0800  # controller enabled
-    if axis.state >= 2:
+    if axis.drive.state >= 2:
         word |= 0x1000  # drive ready
-    if axis.state >= 4:
+    if axis.drive.state >= 4:
         word |= 0x2000  # pulses enabled
     return word
 
 
 @compiled
-def long_step(row: Any) -> float:
-    """rpm of one increment of NSOLL_B and NIST_B, of an axis or a program.
+def long_step(short: float, own: float) -> float:
+    """rpm of one increment of NSOLL_B and NIST_B, where one of NSOLL_A is ``short``.
 
-    Its own (Moog MSD manual 10.7), or a part of that of NSOLL_A (HIWIN E1 manual 6.1).
+    Its ``own`` (Moog MSD manual 10.7), or a part of that of NSOLL_A (HIWIN E1 manual 6.1).
     """
-    return row.velocity_step_b if row.velocity_step_b > 0.0 else row.velocity_step / B_STEPS
+    return own if own > 0.0 else short / B_STEPS
 
 
 @compiled
 def _torque_step(axis: Any) -> float:
     """N m of one increment of torque signals: its own, or that of currents (AKD PROFINET manual 5.12.4)."""
-    return axis.torque_step if axis.torque_step > 0.0 else axis.torque_constant * axis.peak_current / N2_FULL
+    return (
+        axis.profidrive.settings.torque_step
+        if axis.profidrive.settings.torque_step > 0.0
+        else axis.motor.settings.torque_constant * axis.motor.settings.peak_current / N2_FULL
+    )
 
 
 @compiled
 def no_setpoints(axis: Any) -> None:
     """Nobody asks for anything: speed and torque are zero, the ramps the drive's own."""
-    axis.setpoint = 0.0
-    axis.torque_setpoint = 0.0
-    axis.ramp_up = axis.acceleration
-    axis.ramp_down = axis.deceleration
+    axis.ramp.setpoint = 0.0
+    axis.torque.setpoint = 0.0
+    axis.ramp.up = axis.ramp.settings.acceleration
+    axis.ramp.down = axis.ramp.settings.deceleration
 
 
 @compiled
@@ -175,62 +179,75 @@ def from_setpoints(axis: Any, image: Any) -> None:
     own units: Moog MSD manual 14.2; ramps: AKD PROFINET manual 6.1.  A telegram without those two, or one
     that leaves them zero, keeps the drive's own ramps.
     """
-    if axis.velocity_signal == VELOCITY_NSOLL_B:
-        axis.setpoint = image.received[NSOLL_B] * long_step(axis)
-    elif axis.velocity_signal == VELOCITY_REF_SPEED:
-        axis.setpoint = image.received[REF_SPEED] * axis.velocity_step
+    if axis.profidrive.settings.velocity_signal == VELOCITY_NSOLL_B:
+        axis.ramp.setpoint = image.received[NSOLL_B] * long_step(
+            axis.profidrive.settings.velocity_step, axis.profidrive.settings.velocity_step_b
+        )
+    elif axis.profidrive.settings.velocity_signal == VELOCITY_REF_SPEED:
+        axis.ramp.setpoint = image.received[REF_SPEED] * axis.profidrive.settings.velocity_step
     else:
-        axis.setpoint = signed16(image.received[NSOLL_A]) * axis.velocity_step
-    axis.setpoint *= axis.speed_override
-    axis.torque_setpoint = signed16(image.received[TORQUE_SETPOINT]) * _torque_step(axis)
-    if axis.setpoint_ignored:
-        axis.setpoint = 0.0
-        axis.torque_setpoint = axis.torque_command if axis.setpoint_ignored == TORQUE_COMMAND_COUNTS else 0.0
+        axis.ramp.setpoint = signed16(image.received[NSOLL_A]) * axis.profidrive.settings.velocity_step
+    axis.ramp.setpoint *= axis.ramp.settings.speed_override
+    axis.torque.setpoint = signed16(image.received[TORQUE_SETPOINT]) * _torque_step(axis)
+    if axis.profidrive.settings.setpoint_ignored:
+        axis.ramp.setpoint = 0.0
+        axis.torque.setpoint = (
+            axis.torque.settings.command if axis.profidrive.settings.setpoint_ignored == TORQUE_COMMAND_COUNTS else 0.0
+        )
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
-    axis.ramp_up = up * axis.acceleration_step if up else axis.acceleration
-    axis.ramp_down = down * axis.acceleration_step if down else axis.deceleration
+    axis.ramp.up = up * axis.profidrive.settings.acceleration_step if up else axis.ramp.settings.acceleration
+    axis.ramp.down = down * axis.profidrive.settings.acceleration_step if down else axis.ramp.settings.deceleration
 
 
 @compiled
 def _beside(axis: Any, image: Any) -> None:
     """What a free mapping shows that is no actual value (Moog MSD manual 8.2.3; 14.3, table 14.5)."""
-    if int(axis.shows) & 1:
+    if int(axis.profidrive.settings.shows) & 1:
         for place in range(len(_SENT_BACK)):
             image.sent[FIRST_SENT_BACK + place] = image.received[_SENT_BACK[place]]
-    if int(axis.shows) & 2:
+    if int(axis.profidrive.settings.shows) & 2:
         for place in range(SHOWN):
-            image.sent[FIRST_SHOWN + place] = axis.shown[place]
+            image.sent[FIRST_SHOWN + place] = axis.profidrive.settings.shown[place]
 
 
 @compiled
 def to_actuals(axis: Any, image: Any) -> None:
     """Status words, actual velocity, current, messages and the position signals."""
-    image.sent[ZSW1] = axis.zsw1
+    image.sent[ZSW1] = axis.profidrive.zsw1
     velocity = measured_velocity(axis)
-    steps = velocity / axis.velocity_step
+    steps = velocity / axis.profidrive.settings.velocity_step
     image.sent[NIST_A] = clamp16(steps)
-    image.sent[NIST_B] = clamp32(velocity / long_step(axis))
+    image.sent[NIST_B] = clamp32(
+        velocity / long_step(axis.profidrive.settings.velocity_step, axis.profidrive.settings.velocity_step_b)
+    )
     image.sent[ACT_SPEED] = clamp32(steps)
-    if axis.life:
+    if axis.life.settings.watched:
         image.sent[ZSW2] = second_status_word(axis)
     image.sent[MELDW] = message_word(axis)
-    number = int(axis.fault_code[0]) & NUMBER_MASK
-    image.sent[FAULT_CODE] = int(axis.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
-    image.sent[WARN_CODE] = int(axis.warning_code) & 0xFFFF
+    number = int(axis.faults.code[0]) & NUMBER_MASK
+    image.sent[FAULT_CODE] = (
+        int(axis.profidrive.settings.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
+    )
+    image.sent[WARN_CODE] = int(axis.warnings.code) & 0xFFFF
     current = measured_current(axis)
-    image.sent[ITIST_GLATT] = clamp16(current / axis.peak_current * N2_FULL)
-    if axis.torque_step > 0.0:
-        image.sent[ACT_TORQUE] = clamp16(measured_torque(axis) / axis.torque_step)
+    image.sent[ITIST_GLATT] = clamp16(current / axis.motor.settings.peak_current * N2_FULL)
+    if axis.profidrive.settings.torque_step > 0.0:
+        image.sent[ACT_TORQUE] = clamp16(measured_torque(axis) / axis.profidrive.settings.torque_step)
     image.sent[XIST_A] = signed32(position_number(axis, measured_position(axis)))
-    axis.motion_status = motion_status(axis)
-    image.sent[DRIVE_MOTION_STATUS] = axis.motion_status
+    axis.profidrive.motion_status = motion_status(axis)
+    image.sent[DRIVE_MOTION_STATUS] = axis.profidrive.motion_status
     image.sent[AKTSATZ] = actual_task(axis)
     image.sent[ACT_CURRENT] = np.int64(np.float32(current).view(np.int32))
-    image.sent[E_DIGITAL] = int(axis.digital_inputs) & 0xFFFF
+    image.sent[E_DIGITAL] = int(axis.machine.inputs) & 0xFFFF
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)
     image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
-    image.sent[XIST_ERROR] = signed32(nearest((axis.following_error - axis.position_deviation) / axis.position_step))
-    if axis.shows:
+    image.sent[XIST_ERROR] = signed32(
+        nearest(
+            (axis.positioning.following_error - axis.measurement.position_deviation)
+            / axis.profidrive.settings.position_step
+        )
+    )
+    if axis.profidrive.settings.shows:
         _beside(axis, image)

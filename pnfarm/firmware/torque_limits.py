@@ -14,6 +14,7 @@ from pnfarm.table.signals import TORQUE_LIMIT_POSITIVE
 
 __all__ = ["gives_all", "limited_torque", "take_torque_limits", "torque_limited"]
 
+
 #: A torque nearer to its limit than this share of it is limited.
 ROUNDING = 1e-9
 THOUSANDTH = 0.001
@@ -23,35 +24,39 @@ THOUSANDTH = 0.001
 def take_torque_limits(axis: Any, image: Any) -> None:
     """Once in each step: the parts of the torque by parameters, or by a telegram whose set points count."""
     for direction in range(2):
-        if axis.setpoints == SETPOINTS_NONE or not axis.torque_signals & (1 << direction):
-            axis.torque_asked[direction] = axis.torque_shares[direction]
-        elif axis.setpoints == SETPOINTS_TAKEN:
-            axis.torque_asked[direction] = (image.received[TORQUE_LIMIT_POSITIVE + direction] & 0xFFFF) * THOUSANDTH
+        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.torque_signals & (
+            1 << direction
+        ):
+            axis.torque.shares_in_force[direction] = axis.torque.settings.shares[direction]
+        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
+            axis.torque.shares_in_force[direction] = (
+                image.received[TORQUE_LIMIT_POSITIVE + direction] & 0xFFFF
+            ) * THOUSANDTH
 
 
 @compiled
 def _most(axis: Any, direction: int) -> float:
     """The least of a direction's limit and what peak current and foldback give, N m; direction 0 is forwards."""
-    limit = axis.torque_limit_negative if direction else axis.torque_limit_positive
-    share = min(1.0, axis.torque_scale * axis.torque_asked[direction])
-    current = min(axis.peak_current * share, axis.foldback_current)
-    if axis.home_held > 0.0:
-        current = min(current, axis.home_held)
-    return min(limit, axis.torque_constant * current)
+    limit = axis.torque.settings.limit_negative if direction else axis.torque.settings.limit_positive
+    share = min(1.0, axis.torque.settings.scale * axis.torque.shares_in_force[direction])
+    current = min(axis.motor.settings.peak_current * share, axis.foldback.current)
+    if axis.homing.current_limit > 0.0:
+        current = min(current, axis.homing.current_limit)
+    return min(limit, axis.motor.settings.torque_constant * current)
 
 
 @compiled
 def limited_torque(axis: Any, torque: float) -> float:
-    """``torque`` within the limits of its direction, N m."""
+    """``motor.torque`` within the limits of its direction, N m."""
     return max(-_most(axis, 1), min(_most(axis, 0), torque))
 
 
 @compiled
 def gives_all(axis: Any, direction: int, near: float) -> bool:
     """Whether the motor gives all that it may in this direction, or is as ``near`` to it as this part of it."""
-    if axis.state < 4:
+    if axis.drive.state < 4:
         return False
-    torque = -axis.torque if direction else axis.torque
+    torque = -axis.motor.torque if direction else axis.motor.torque
     return torque >= _most(axis, direction) * (1.0 - near)
 
 

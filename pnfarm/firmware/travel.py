@@ -12,38 +12,43 @@ __all__ = ["at_limit_switch", "fastest", "position_number", "take_ramps", "withi
 @compiled
 def position_number(axis: Any, place: float) -> int:
     """A place on the shaft in position steps; XIST_A is what fits of it in 32 bits."""
-    return round((place - axis.origin) / axis.position_step)
+    return round((place - axis.homing.origin) / axis.profidrive.settings.position_step)
 
 
 @compiled
 def within_limits(axis: Any, target: float) -> bool:
     """Whether software limits let the shaft go to ``target``; they count once the machine's zero is known."""
-    if not axis.homed:
+    if not axis.homing.homed:
         return True
-    place = target - axis.origin
-    if axis.software_limits & 0x1 and place < axis.limit_low:
+    place = target - axis.homing.origin
+    if axis.travel.settings.software_limits & 0x1 and place < axis.travel.settings.low:
         return False
-    return not (axis.software_limits & 0x2 and place > axis.limit_high)
+    return not (axis.travel.settings.software_limits & 0x2 and place > axis.travel.settings.high)
 
 
 @compiled
 def at_limit_switch(axis: Any, direction: float) -> bool:
     """Whether a limit switch stands in this direction, any number above or below 0."""
-    return (direction > 0.0 and axis.limit_switch & 0x2 != 0) or (direction < 0.0 and axis.limit_switch & 0x1 != 0)
+    return (direction > 0.0 and axis.machine.limit_switch & 0x2 != 0) or (
+        direction < 0.0 and axis.machine.limit_switch & 0x1 != 0
+    )
 
 
 @compiled
 def fastest(axis: Any, velocity: float, forwards: bool) -> float:
     """A velocity, 0 or more, within the limits of motor and parameters in one direction, rpm."""
-    limit = min(axis.max_velocity, axis.velocity_limit_positive if forwards else axis.velocity_limit_negative)
-    if axis.velocity_limit > 0.0 and axis.velocity_limit < limit:
-        limit = axis.velocity_limit
+    limit = min(
+        axis.motor.settings.max_velocity,
+        axis.travel.settings.velocity_limit_positive if forwards else axis.travel.settings.velocity_limit_negative,
+    )
+    if axis.travel.settings.velocity_limit > 0.0 and axis.travel.settings.velocity_limit < limit:
+        limit = axis.travel.settings.velocity_limit
     return min(velocity, limit)
 
 
 @compiled
 def take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
     """Velocity, rpm, and ramps, rpm/s, of what the profile generator does next."""
-    axis.task_velocity = velocity
-    axis.task_acceleration = up
-    axis.task_deceleration = down
+    axis.profile.top = velocity
+    axis.profile.acceleration = up
+    axis.profile.deceleration = down

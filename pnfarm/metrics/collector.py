@@ -16,6 +16,7 @@ from prometheus_client.registry import Collector
 from pnfarm import __version__
 from pnfarm.buses.registry import CONNECTION_STATES, USUAL_LOSSES
 from pnfarm.drives.model_parts import fault_label
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import Family, Histogram, Values
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
@@ -97,17 +98,21 @@ class FarmCollector(Collector):
         self._axis: list[tuple[Family, str]] = [
             (drive(f"axis_{name}", "gauge", documentation), column)
             for name, column, documentation in (
-                ("velocity_rpm", "velocity", "Shaft speed of the motor (VL.FB)."),
-                ("position_revolutions", "position", "Shaft position since power-on (PL.FB)."),
-                ("current_amperes", "current", "Torque-building current of the motor (IL.FB)."),
-                ("following_error_revolutions", "following_error", "Commanded minus actual position (PL.ERR)."),
-                ("torque_newton_metres", "torque", "Torque of the motor."),
-                ("bus_volts", "bus_voltage", "Voltage of the DC link (VBUS.VALUE)."),
-                ("thermal_load_ratio", "thermal_load", "Heat of the motor, 1 = as much as it bears (I2t)."),
-                ("setpoint_rpm", "setpoint", "Velocity that the controller asks for (NSOLL_A)."),
-                ("stw1", "stw1", "Control word 1 in force (STW1) as a number."),
-                ("zsw1", "zsw1", "Status word 1 (ZSW1) as a number."),
-                ("state", "state", "PROFIdrive state: 1..5 for S1..S5, 0 while the drive boots."),
+                ("velocity_rpm", "motor.velocity", "Shaft speed of the motor (VL.FB)."),
+                ("position_revolutions", "motor.position", "Shaft position since power-on (PL.FB)."),
+                ("current_amperes", "motor.current", "Torque-building current of the motor (IL.FB)."),
+                (
+                    "following_error_revolutions",
+                    "positioning.following_error",
+                    "Commanded minus actual position (PL.ERR).",
+                ),
+                ("torque_newton_metres", "motor.torque", "Torque of the motor."),
+                ("bus_volts", "supply.voltage", "Voltage of the DC link (VBUS.VALUE)."),
+                ("thermal_load_ratio", "motor.thermal_load", "Heat of the motor, 1 = as much as it bears (I2t)."),
+                ("setpoint_rpm", "ramp.setpoint", "Velocity that the controller asks for (NSOLL_A)."),
+                ("stw1", "profidrive.stw1", "Control word 1 in force (STW1) as a number."),
+                ("zsw1", "profidrive.zsw1", "Status word 1 (ZSW1) as a number."),
+                ("state", "drive.state", "PROFIdrive state: 1..5 for S1..S5, 0 while the drive boots."),
             )
         ]
         self._life_errors = drive(
@@ -181,9 +186,9 @@ class FarmCollector(Collector):
         count = len(stations)
         axis = core.columns.axis[:count]
         parts: list[tuple[Family, Values]] = [(self._build, [1])]
-        parts += [(family, axis[column].tolist()) for family, column in self._axis]
-        parts.append((self._life_errors, axis["life_errors"].tolist()))
-        parts.append((self._fault_active, (axis["fault_code"][:, 0] & NUMBER_MASK).tolist()))
+        parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
+        parts.append((self._life_errors, axis.life.errors.tolist()))
+        parts.append((self._fault_active, (axis.faults.code[:, 0] & NUMBER_MASK).tolist()))
         parts.append((self._fault_total, self._labelled(self._fault_total, self._fault_counts())))
         parts += self._connections(stations)
         parts += self._channels(stations)

@@ -25,7 +25,7 @@ from pnfarm.station.events import (
     StateChanged,
     WatchdogExpired,
 )
-from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SLOTS
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.device.station import DriveStation
@@ -80,8 +80,8 @@ class Recovery:
 
     def _look(self, station: DriveStation) -> _Drive:
         axis = station.handle.axis
-        faulted = bool(axis.fault_code[:FAULT_SLOTS].any())
-        return _Drive(connected=self._is_connected(station), faulted=faulted, state=int(axis.state))
+        faulted = bool(axis.faults.code[:FAULT_SLOTS].any())
+        return _Drive(connected=self._is_connected(station), faulted=faulted, state=int(axis.drive.state))
 
     # -- what happens ------------------------------------------------------------------------------------------------
 

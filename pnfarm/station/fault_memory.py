@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_numbers, fault_situations
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,7 @@ def history_of(axis: Any) -> list[int]:
 
 def active_of(axis: Any) -> list[int]:
     """The situation that is not acknowledged: what is kept of a buffer whose history is deleted."""
-    return active_faults(axis)[: int(axis.fault_places) or FAULT_SLOTS]
+    return active_faults(axis)[: int(axis.faults.settings.places) or FAULT_SLOTS]
 
 
 def restore_history(axis: Any, kept: Sequence[int]) -> None:
@@ -36,10 +36,10 @@ def restore_history(axis: Any, kept: Sequence[int]) -> None:
 
     A drive that loses its history begins with an empty one.
     """
-    if axis.history_lost:
+    if axis.faults.settings.history_lost:
         return
-    places = int(axis.fault_places) or FAULT_SLOTS
-    shift = places if any(kept[:places]) and not axis.fault_stays else 0
+    places = int(axis.faults.settings.places) or FAULT_SLOTS
+    shift = places if any(kept[:places]) and not axis.faults.settings.stays else 0
     for place, number in enumerate(kept[: PLACES - shift]):
-        axis.fault_buffer[place + shift] = number
-    axis.fault_kept = sum(map(bool, fault_situations(axis)))
+        axis.faults.buffer[place + shift] = number
+    axis.faults.kept = sum(map(bool, fault_situations(axis)))

@@ -32,11 +32,11 @@ class Imperfections:
 
     def apply(self, axis: Any) -> None:
         """Into an axis record, over what its model has."""
-        axis.velocity_noise = self.velocity_noise
-        axis.current_noise = self.current_noise
-        axis.position_noise = self.position_noise
-        axis.noise_seed = self.seed % _SEEDS + 1 if any(getattr(self, name) for name in NOISES) else 0
-        axis.clock_drift = self.drift
+        axis.measurement.settings.velocity_noise = self.velocity_noise
+        axis.measurement.settings.current_noise = self.current_noise
+        axis.measurement.settings.position_noise = self.position_noise
+        axis.measurement.settings.seed = self.seed % _SEEDS + 1 if any(getattr(self, name) for name in NOISES) else 0
+        axis.clock.settings.drift = self.drift
         if self.ready_ns:
             axis.boot_time_ns = self.ready_ns
 

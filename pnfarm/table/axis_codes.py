@@ -1,4 +1,27 @@
-"""What the numbers in columns of the axis mean: commands, methods, modes, states."""
+"""What the numbers in columns of the axis mean, and how many places its arrays have."""
+
+#: Faults of one situation, and situations kept (AKD PROFINET manual 5.14: eight of eight).
+FAULT_SLOTS = 8
+WARNING_SLOTS = 8
+FAULT_SITUATIONS = 8
+#: Faults that a parameter each may keep from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and seven more).
+FAULT_ACTIONS = 8
+#: Fault numbers whose word in the signal FAULT_CODE is the manual's own: 0 to 127.
+FAULT_WORDS = 128
+#: Pieces of the jerk time.
+JERK_TAPS = 16
+#: Entries of the command ring from the event loop to the firmware.
+COMMANDS = 16
+
+#: Driving sets of a drive (Moog MSD manual 8.2.1), numbered from 0.
+DRIVING_SETS = 16
+
+#: Motion tasks that a drive keeps, numbered from 0.
+MOTION_TASKS = 129
+
+#: Cams that the machine can have, and digital inputs of a drive whose use is a parameter.
+CAMS = 4
+USED_INPUTS = 7
 
 #: No shaft turns faster, whatever drives it, rpm: several times what the fastest spindles do.  Where a load outruns
 #: every brake, speed and place stay numbers.
@@ -12,7 +35,7 @@ MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15; AKTSATZ.15 tells of it
 REACTION_COAST = 0  # power stage off
 REACTION_QUICK_STOP = 1  # controlled stop along the quick stop ramp, then off
 
-# Commands of the event loop to the firmware in the ring ``command``; each is ``code | argument << 8``.
+# Commands of the event loop to the firmware in the ring ``commands.ring``; each is ``code | argument << 8``.
 CMD_RAISE_FAULT = 1  # argument: fault number | reaction << 24; its cause is gone at once
 CMD_HOLD_FAULT = 2  # argument alike; its cause stays until CMD_RELEASE_FAULT
 CMD_RELEASE_FAULT = 3  # argument: fault number
@@ -29,39 +52,39 @@ CMD_STOP = 13  # end what runs; argument: STOP_* below
 CMD_CONTINUE = 14  # go on with the task that CMD_STOP halted
 CMD_SERVICE = 15  # begin service motion
 
-# How the power stage goes off by software (``disable_method``).
+# How the power stage goes off by software (``drive.disable_method``).
 DISABLE_AT_ONCE = 0
 DISABLE_STOPPED = 1  # along the quick stop ramp first
 
-# What becomes of the task at hand (``stop_command``, CMD_STOP).
+# What becomes of the task at hand (``commands.stop``, CMD_STOP).
 STOP_HALT = 1  # CMD_CONTINUE goes on with it
 STOP_DROP = 2
 
-# Which set point the telegram brings (``velocity_signal``).
+# Which set point the telegram brings (``profidrive.velocity_signal``).
 VELOCITY_NSOLL_A = 0
 VELOCITY_NSOLL_B = 1
 VELOCITY_REF_SPEED = 2
 
-# What becomes of velocity set points (``ramp_generator``).
+# What becomes of velocity set points (``ramp.generator``).
 RAMP_GENERATED = 0
 RAMP_PASSED_BY = 1  # they act at once; STW1.4-6, 8 and 9 keep their meaning
 RAMP_ABSENT = 2  # they act at once; STW1.4-6, 8 and 9 have no meaning
 
-# What the profile generator of positioning is about (``profile``).
+# What the profile generator of positioning is about (``profile.mode``).
 PROFILE_STOP = 0  # come to rest and stay
-PROFILE_TARGET = 1  # be at rest in ``target``
-PROFILE_VELOCITY = 2  # run at ``task_velocity``, which may be negative
+PROFILE_TARGET = 1  # be at rest in ``profile.target``
+PROFILE_VELOCITY = 2  # run at ``profile.top``, which may be negative
 
-# How bits 9 to 15 of ZSW1 and bits 0 to 7 of ZSW2 are used (``status_form``).
+# How bits 9 to 15 of ZSW1 and bits 0 to 7 of ZSW2 are used (``profidrive.status_form``).
 STATUS_PROFILE = 0
-STATUS_MOOG = 1  # Moog MSD manual, tables 10.8, 10.9, 10.16 and 10.17; the last two with ``profile_mode`` 1 or 3
+STATUS_MOOG = 1  # Moog MSD manual, tables 10.8, 10.9, 10.16 and 10.17; the last two with P-1258 = 1 or 3
 
-# What the drive lacks although nothing is broken (``hindrances``, ``lacked``), bit by bit.
+# What the drive lacks although nothing is broken (``drive.interlocks``, ``drive.lacks``), bit by bit.
 LACKS_ENABLE = 1  # the hardware enable (Moog MSD: ENPO; AKD: DRV.HWENABLE)
 LACKS_SUPPLY = 2  # the mains of the DC link
 LACKS_RELEASE = 4  # an input asks for a controlled stop
 
-# What a quick stop does (``quick_stop_option``; Moog MSD manual, table 10.3, codes + 1).
+# What a quick stop does (``drive.quick_stop_option``; Moog MSD manual, table 10.3, codes + 1).
 QUICK_STOP_PROFILE = 0  # PROFIdrive: along the quick stop ramp, then off
 QUICK_STOP_COAST = 1
 QUICK_STOP_RAMP = 2  # along the deceleration ramp, then off
@@ -69,22 +92,22 @@ QUICK_STOP_QUICK = 3  # along the quick stop ramp, then off
 QUICK_STOP_CURRENT = 4  # as fast as the motor can, then off
 QUICK_STOP_STAYS = 4  # above this: as four below, but the power stage stays on
 
-# Which word jogging follows (``jog_form``).
+# Which word jogging follows (``jog.form``).
 JOG_LEVELS = 0  # STW1.8 is the first velocity, STW1.9 the second, both are none
 JOG_SEQUENCES = 1  # Moog MSD manual, tables 10.10 and 10.11: firmware/jog.py
 
-# Which signals bring traversing tasks (``task_form``).
+# Which signals bring traversing tasks (``profidrive.task_form``).
 TASKS_NONE = 0
 TASKS_MDI = 1  # SATZANW.15 and MDI_*: telegram 9 of the profile
 TASKS_POS_STW = 2  # POS_STW1.15, POS_STW1.8 and MDI_*: telegram 111
 TASKS_TARPOS = 3  # a target position, STW1.12 for a relative one, STW1.13 for no handshake, STW1.14 for endless motion
 TASKS_TABLE = 4  # as before, and the target is the driving set that SATZANW names
 
-# How STW1 is read in position mode (``control_config``; bits of P-1267, Moog MSD manual 10.2.2).
+# How STW1 is read in position mode (``asked.control_config``; bits of P-1267, Moog MSD manual 10.2.2).
 CONFIG_RISING_EDGE = 0x0040  # STW1.6 starts with its rising edge only; else with both, and ZSW1.12 changes with each
 CONFIG_PROFILE_JOG = 0x0100  # jogging needs STW1.4 to 6 = 0
 
-# What a motion task is (``mt_flags``).
+# What a motion task is (``motion_tasks.kind``).
 TASK_DEFINED = 1
 TASK_RELATIVE = 2
 TASK_CHAINED = 4  # another follows
@@ -92,47 +115,47 @@ TASK_FROM_COMMAND = 8  # a way counts from the commanded position
 TASK_FROM_TARGET = 16  # a way counts from the last target
 TASK_FROM_ACTUAL = 32  # a way counts from the actual position
 TASK_PASSING = 64  # the next one begins at the target without a stop
-#: A running task whose data the controller brings (``task``).
+#: A running task whose data the controller brings (``positioning.task``).
 TASK_MDI = -1
 
-# Course of service motion (``service_mode``): what an AKD's SM.MODE has for velocity mode.
+# Course of service motion (``service.mode``): what an AKD's SM.MODE has for velocity mode.
 SERVICE_CONSTANT = 2
 SERVICE_ALTERNATING = 3
 
-#: State of positioning in which a task waits to be continued by a parameter (``motion``).
+#: State of positioning in which a task waits to be continued by a parameter (``positioning.state``).
 MOTION_HALTED = 7
 
-# What jogging is asked for (``jog``).
+# What jogging is asked for (``jog.asked``).
 JOG_NONE = 0
 JOG_PLUS = 1  # at the first jogging velocity
 JOG_MINUS = 2  # at the second
 JOG_REAL_TIME = 3  # at the task's own velocity
-JOG_SEQUENCE = 4  # at ``jog_speed``
+JOG_SEQUENCE = 4  # at ``jog.speed``
 JOG_STILL = 5  # at none: both directions at once
 
-# How the axis finds its home (``home_method``), numbered as HOME.MODE of the Kollmorgen AKD; the rest is in homing.
+# How the axis finds its home (``homing.method``), numbered as HOME.MODE of the Kollmorgen AKD; the rest is in homing.
 HOME_AT_ONCE = 0  # where it stands
 HOME_MARK = 11  # the next zero mark of the encoder
 
-# Parts of the machine (``machine``), bit by bit.
+# Parts of the machine (``machine.parts``), bit by bit.
 MACHINE_SWITCH_LOW = 0x01
 MACHINE_SWITCH_HIGH = 0x02
 MACHINE_STOP_LOW = 0x04
 MACHINE_STOP_HIGH = 0x08
 MACHINE_CAMS = 0x10
 
-# Use of a digital input (``input_modes``): DINx.MODE of the AKD parameter reference.
+# Use of a digital input (``machine.input_modes``): DINx.MODE of the AKD parameter reference.
 INPUT_HOME_SWITCH = 11
 INPUT_CONTROLLED_STOP = 13
 INPUT_LIMIT_HIGH = 18
 INPUT_LIMIT_LOW = 19
 
-# Whether too many signs of life failed since cyclic data began (``life_failed``).
+# Whether too many signs of life failed since cyclic data began (``life.failed``).
 LIFE_GOOD = 0
 LIFE_FAILED = 1  # and the step raises the fault
 LIFE_TOLD = 2  # and it has raised it
 
-# Where functions 1 to 4 of the sensor interface find their reference mark (``sensor_marks``), and its edge.
+# Where functions 1 to 4 of the sensor interface find their reference mark (``sensor.marks``), and its edge.
 MARK_NONE = 0
 MARK_PROBE_1 = 1
 MARK_PROBE_2 = 2
@@ -140,9 +163,9 @@ MARK_ZERO = 3  # the encoder's own, once in a revolution
 EDGE_RISING = 0
 EDGE_FALLING = 1
 
-#: State SD12 of the sensor interface (``sensor_state``).
+#: State SD12 of the sensor interface (``sensor.state``).
 SENSOR_PARKING = 12
 
-# Firmware variants (``firmware``).
+# Firmware variants (``front``).
 FIRMWARE_NONE = 0
 FIRMWARE_PROFIDRIVE = 1

@@ -12,18 +12,27 @@ Exactly one party writes each field (the *writer*); everybody may read.  The wri
 ``transmit``   the engine, sending half of a tick
 ``engine``     the engine, anywhere in its loop
 =============  ============================================================================
+
+A row may have parts, which are records in the record: ``axis.motor.velocity``.  A part that has settings, which the
+event loop writes, keeps them in a record of its own: ``axis.motor.settings.inertia``.  Data and messages name a field
+by its *key*, in which that word is left out: ``motor.velocity``, ``motor.inertia``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-__all__ = ["Field", "Layout"]
+__all__ = ["SETTINGS", "Field", "Layout", "subject"]
 
 WRITERS = ("station", "parameter", "fault", "receive", "firmware", "program", "transmit", "engine")
+#: The part of a subject that holds what the event loop writes.
+SETTINGS = "settings"
+#: Interpreted, a field of such a name would be hidden.
+_TAKEN = frozenset(dir(np.recarray)) | frozenset(dir(np.record))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,42 +53,84 @@ class Field:
 
 
 class Layout:
-    """A named, documented row type."""
+    """A named, documented row type: fields of its own, then parts.
 
-    def __init__(self, name: str, doc: str, fields: list[Field]) -> None:
-        names = [field.name for field in fields]
+    ``fields`` has all fields by their keys, those of the parts too.
+    """
+
+    def __init__(self, name: str, doc: str, fields: list[Field], parts: tuple[Layout, ...] = ()) -> None:
+        names = [*(field.name for field in fields), *(part.name for part in parts)]
         if len(set(names)) != len(names):
-            raise ValueError(f"a field stands twice in layout {name}")
+            raise ValueError(f"a name stands twice in layout {name}")
+        if taken := sorted(_TAKEN.intersection(names)):
+            raise ValueError(f"{name}.{taken[0]}: arrays have an attribute of that name")
         for field in fields:
             if field.writer not in WRITERS:
                 raise ValueError(f"{name}.{field.name}: unknown writer {field.writer!r}")
-        self.name = name
+        self.name: str = name
         self.doc = doc
-        self.fields = {field.name: field for field in fields}
-        self.dtype = np.dtype(
-            [(f.name, f.kind, f.shape) if f.shape else (f.name, f.kind) for f in fields],
+        self.own = tuple(fields)
+        self.parts = parts
+        self.fields: dict[str, Field] = {field.name: field for field in fields}
+        self._paths: dict[str, tuple[str, ...]] = {field.name: (field.name,) for field in fields}
+        for part in parts:
+            for key, field in part.fields.items():
+                whole = key if part.name == SETTINGS else f"{part.name}.{key}"
+                if whole in self.fields:
+                    raise ValueError(f"{name}.{whole} is a setting and a state")
+                self.fields[whole] = field
+                self._paths[whole] = (part.name, *part.path(key))
+        self.dtype: np.dtype[Any] = np.dtype(
+            [
+                *((f.name, f.kind, f.shape) if f.shape else (f.name, f.kind) for f in fields),
+                *((part.name, part.dtype) for part in parts),
+            ],
             align=True,
         )
+
+    def path(self, key: str) -> tuple[str, ...]:
+        """The names that lead from a row to the field ``key``."""
+        return self._paths[key]
+
+    def read(self, rows: Any, key: str) -> Any:
+        """The field ``key`` of a row, or of all rows of a table."""
+        for name in self._paths[key]:
+            rows = rows[name]
+        return rows
+
+    def write(self, rows: Any, key: str, value: Any) -> None:
+        """Write the field ``key`` of a row, or of all rows of a table; an array's places all at once."""
+        *parts, name = self._paths[key]
+        for part in parts:
+            rows = rows[part]
+        rows[name] = value
 
     def allocate(self, rows: int) -> Any:
         """``rows`` fresh rows as a record array: ``row.field`` works compiled and interpreted alike."""
         table: Any = np.zeros(rows, self.dtype).view(np.recarray)
-        for field in self.fields.values():
+        for key, field in self.fields.items():
             if field.default:
-                table[field.name] = field.default
+                self.write(table, key, field.default)
         return table
 
     def markdown(self) -> str:
-        """The layout as a table for the documentation."""
-        lines = [
-            f"### {self.name}",
-            "",
-            self.doc,
-            "",
-            "| field | type | unit | writer | meaning |",
-            "|---|---|---|---|---|",
-        ]
-        for f in self.fields.values():
-            shape = f"[{','.join(map(str, f.shape))}]" if f.shape else ""
-            lines.append(f"| `{f.name}` | {f.kind}{shape} | {f.unit} | {f.writer} | {f.doc} |")
+        """The layout as tables for the documentation: its own fields, then each part's as code names them."""
+        lines = [f"### {self.name}", "", self.doc, "", *_table((field.name, field) for field in self.own)]
+        for part in self.parts:
+            paths = ((".".join(part.path(key)), field) for key, field in part.fields.items())
+            lines += ["", f"#### {self.name}.{part.name}", "", part.doc, "", *_table(paths)]
         return "\n".join(lines) + "\n"
+
+
+def _table(fields: Iterable[tuple[str, Field]]) -> list[str]:
+    lines = ["| field | type | unit | writer | meaning |", "|---|---|---|---|---|"]
+    for name, f in fields:
+        shape = f"[{','.join(map(str, f.shape))}]" if f.shape else ""
+        lines.append(f"| `{name}` | {f.kind}{shape} | {f.unit} | {f.writer} | {f.doc} |")
+    return lines
+
+
+def subject(name: str, doc: str, *, settings: list[Field] | None = None, state: list[Field] | None = None) -> Layout:
+    """A part of a row about one subject: its state, and its settings in a record of their own."""
+    parts = (Layout(SETTINGS, "What the event loop writes.", settings),) if settings else ()
+    return Layout(name, doc, state or [], parts)

@@ -129,7 +129,7 @@ def test_written_parameter_is_read_back_and_in_force():
     assert written.status_code == 200
     assert written.json()["value"] == 2
     assert world.get(path).json()["changed"] is True
-    assert world.line.farm.columns.axis[0].opmode == 2
+    assert world.line.farm.columns.axis[0].drive.settings.opmode == 2
 
 
 @pytest.mark.parametrize(

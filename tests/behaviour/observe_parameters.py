@@ -25,7 +25,7 @@ def mode_change(name: str, behaviour: str) -> object:
     error = plc.change(pnu, form, other)
     changed = plc.read(pnu) == other
     plc.put(STW1=0x0406)
-    plc.wait_for(lambda: plc.axis.state < 4)
+    plc.wait_for(lambda: plc.axis.drive.state < 4)
     assert plc.change(pnu, form, other) is None, "and in any case while the power stage is off"
     return error, changed
 
@@ -84,6 +84,6 @@ def fault_history(name: str, behaviour: str) -> object:
 def position_parameters(name: str, behaviour: str) -> object:
     """PL.FB a revolution from the home position."""
     plc = Plc(name, behaviour, 1)
-    plc.axis.position = 1.0
+    plc.axis.motor.position = 1.0
     plc.run(0.01)
     return plc.read(POSITION)

@@ -39,7 +39,7 @@ def homing_bit(name: str, behaviour: str) -> object:
     plc.put(STW1=READY | HOME, wait=20)
     assert plc.rpm() > 100, "not while the task runs"
     plc.wait(3000)
-    return abs(float(plc.axis.position - plc.axis.origin)) < 0.5
+    return abs(float(plc.axis.motor.position - plc.axis.homing.origin)) < 0.5
 
 
 @observes("tasks-before-homing", {"allowed": True, "refused": False})
@@ -73,11 +73,11 @@ def relative_task(name: str, behaviour: str) -> object:
     """Where a way of one revolution ends that begins one revolution from the start of a task over five."""
     plc = task_plc(name, behaviour)
     assert start(plc, 5.0)
-    plc.wait_for(lambda: plc.axis.commanded_position - plc.axis.origin > 0.95)
+    plc.wait_for(lambda: plc.axis.profile.position - plc.axis.homing.origin > 0.95)
     assert start(plc, 1.0, relative=True)
     plc.wait(1500)
     assert plc["ZSW1"] & (REACHED | STOPPED) == REACHED | STOPPED
-    return round(float(plc.axis.position - plc.axis.origin))
+    return round(float(plc.axis.motor.position - plc.axis.homing.origin))
 
 
 @observes("resume-with-edge", {"new-task": (True, 2), "waiting-task": (False, 5)})
@@ -93,7 +93,7 @@ def resume_with_edge(name: str, behaviour: str) -> object:
     taken = bool(plc.put(STW1=READY | START) & TAKEN)
     plc.put(STW1=READY)
     plc.wait(1500)
-    return taken, round(float(plc.axis.position - plc.axis.origin))
+    return taken, round(float(plc.axis.motor.position - plc.axis.homing.origin))
 
 
 @observes("mdi-deselected", {"runs-on": 600, "rejected": 0})
@@ -240,12 +240,12 @@ def interpolation_start(name: str, behaviour: str) -> object:
     led = []
     for word in (READY | START, READY):
         plc.put(STW1=word)
-        before = float(plc.axis.position)
+        before = float(plc.axis.motor.position)
         plc.put(STW1=READY | START)
         for place in range(100):
             plc.put(XSOLL_A=round((before + place * 0.002) * 65536), wait=1)
-        led.append(plc.axis.position - before > 0.1)
-        plc.put(XSOLL_A=round(plc.axis.position * 65536), wait=50)
+        led.append(plc.axis.motor.position - before > 0.1)
+        plc.put(XSOLL_A=round(plc.axis.motor.position * 65536), wait=50)
     return tuple(led)
 
 
@@ -284,7 +284,7 @@ def task_ramps(name: str, behaviour: str) -> object:
     plc = task_plc(name, behaviour)
     assert plc.change(1008, 0x42, 100) is None
     assert start(plc, 5.0)
-    return float(plc.axis.task_acceleration)
+    return float(plc.axis.profile.acceleration)
 
 
 # numbers of positions
@@ -301,10 +301,10 @@ def reference_point_in_a_task(name: str, behaviour: str) -> object:
     plc.switch_on(operation=READY)
     plc.put(POS_STW1=0x8100, OVERRIDE=0x4000)
     assert start(plc, 10.0, 120.0)
-    plc.wait_for(lambda: plc.axis.position >= 3.0)
+    plc.wait_for(lambda: plc.axis.motor.position >= 3.0)
     plc.put(POS_STW2=0x0002, wait=1)
     arrive(plc)
-    return round(plc["XIST_A"] / COUNTS_E1), round(float(plc.axis.position))
+    return round(plc["XIST_A"] / COUNTS_E1), round(float(plc.axis.motor.position))
 
 
 @observes("targets-behind-a-wrap", {"as-shown": 412, "counted-on": -100})
@@ -314,7 +314,7 @@ def targets_behind_a_wrap(name: str, behaviour: str) -> object:
     for target, relative in ((200.0, True), (200.0, True), (-100.0, False)):
         assert start(plc, target, 5000.0, relative=relative)
         arrive(plc)
-    return round(float(plc.axis.position))
+    return round(float(plc.axis.motor.position))
 
 
 @observes("interpolation-behind-homing", {"back": (1, 0, 1, True), "stays": (1, 0, 0, False)})

@@ -140,7 +140,7 @@ def test_the_outputs_of_a_device_that_nobody_knows_stay_zero(tmp_path):
     assert line.connect()
     line.world.run(1.0)
     axis = line.station.handle.axis
-    assert (axis.state, float(axis.velocity)) == (1, 0.0)
+    assert (axis.drive.state, float(axis.motor.velocity)) == (1, 0.0)
 
 
 def test_parameter_records_of_the_file_are_written_and_the_farm_files_take_their_place(tmp_path):

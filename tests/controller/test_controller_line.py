@@ -18,8 +18,8 @@ def test_controller_finds_addresses_connects_and_runs_a_drive(startup):
     line.enable()
     line.run(1.0)
     axis = line.farm.columns.axis[0]
-    assert axis.state == 4
-    assert axis.velocity == pytest.approx(60.0, abs=0.3)
+    assert axis.drive.state == 4
+    assert axis.motor.velocity == pytest.approx(60.0, abs=0.3)
     assert "ar established" in line.events("axis-01")
 
 
@@ -121,10 +121,10 @@ def test_a_fault_whose_cause_stays_is_acknowledged_again_and_again_until_it_goes
     station = line.farm.stations[0]
     number = station.raise_fault(702, hold=True)
     line.run(4.0)
-    assert line.farm.columns.axis[0].fault_code[0] != 0
+    assert line.farm.columns.axis[0].faults.code[0] != 0
     station.release_fault(number)
     line.enable(within=4.0)
-    assert line.farm.columns.axis[0].fault_counter == 1
+    assert line.farm.columns.axis[0].faults.counter == 1
 
 
 def test_another_module_than_expected_is_told_and_its_axis_stays_offline():
@@ -136,7 +136,7 @@ def test_another_module_than_expected_is_told_and_its_axis_stays_offline():
     station.cm.plugged.plug(1, other)
     line.run(2.0)
     assert any(entry.event == "module differs" for entry in line.plc_log.entries("axis-01"))
-    assert line.farm.columns.axis[0].state == 1
+    assert line.farm.columns.axis[0].drive.state == 1
 
 
 def test_after_a_release_nothing_connects_again():
@@ -231,7 +231,7 @@ def test_a_drive_runs_with_data_that_have_no_status_octets_at_all():
     line.connect()
     line.enable()
     line.run(3.0)
-    assert line.farm.columns.axis[0].velocity == pytest.approx(60.0, abs=0.3)
+    assert line.farm.columns.axis[0].motor.velocity == pytest.approx(60.0, abs=0.3)
     (ar,) = line.farm.stations[0].ars.values()
     for row, layout in (*ar.providers, *ar.consumers):
         assert {d.iops_offset for d in layout.data} == {c.iocs_offset for c in layout.iocs} == {None}

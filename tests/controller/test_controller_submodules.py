@@ -66,14 +66,14 @@ def test_a_plugged_module_is_parametrised_and_its_axis_runs_again() -> None:
     assert (shown["connects"], shown["losses"], shown["unusable"]) == (1, 0, [])
     assert logged(line, "parameters written anew") == [{"reason": ""}, {"reason": ""}]
     line.run(0.5)
-    assert line.farm.columns.axis[0].velocity == pytest.approx(60.0, abs=0.5)
+    assert line.farm.columns.axis[0].motor.velocity == pytest.approx(60.0, abs=0.5)
 
 
 def test_parameters_are_written_anew_while_the_axis_runs() -> None:
     line = VirtualLine()
     line.connect()
     line.enable()
-    line.farm.columns.axis[0].velocity = 60.0
+    line.farm.columns.axis[0].motor.velocity = 60.0
     assert line.plc.reparametrise("axis-01", line.world.now, [TELEGRAM])
     line.run(0.2)
     assert logged(line, "parameters written anew") == [{"reason": ""}]
@@ -112,7 +112,7 @@ def test_a_supervisor_takes_the_axis_over_and_gives_it_back() -> None:
     line.run(0.5)
     shown = row(line)
     assert (shown["unusable"], shown["connects"], shown["losses"]) == ([], 1, 0)
-    assert line.farm.columns.axis[0].velocity == pytest.approx(60.0, abs=0.5)
+    assert line.farm.columns.axis[0].motor.velocity == pytest.approx(60.0, abs=0.5)
 
 
 def test_a_supervisor_that_vanishes_gives_the_axis_back() -> None:

@@ -106,10 +106,10 @@ def fails_and_comes_back(line):
     """A fault takes the axis out of operation; the controller acknowledges it and goes on."""
     line.farm.stations[0].raise_fault("overvoltage", hold=False)
     line.run(0.1)
-    assert int(axis_of(line).fault_code[0]) == 2
+    assert int(axis_of(line).faults.code[0]) == 2
     assert not line.plc.all_running
     assert line.world.run(5.0, until=lambda: int(line.plc.columns.program[0].phase) == RUNNING)
-    assert int(axis_of(line).fault_code[0]) == 0
+    assert int(axis_of(line).faults.code[0]) == 0
     assert int(line.plc.columns.program[0].faults) == 1
 
 
@@ -117,10 +117,10 @@ def test_it_runs_a_speed_by_telegram_1(drive_folder):
     line = VirtualLine(model=NAME, cycle="2ms", program="{kind: constant, speed_rpm: 600, acknowledge_after: 200ms}")
     line.enable()
     line.run(1.0)
-    assert float(axis_of(line).velocity) == pytest.approx(600.0, abs=0.2)
+    assert float(axis_of(line).motor.velocity) == pytest.approx(600.0, abs=0.2)
     fails_and_comes_back(line)
     line.run(1.0)
-    assert float(axis_of(line).velocity) == pytest.approx(600.0, abs=0.2)
+    assert float(axis_of(line).motor.velocity) == pytest.approx(600.0, abs=0.2)
 
 
 def test_it_goes_to_positions_by_telegram_9(drive_folder):
@@ -140,7 +140,7 @@ def test_it_goes_to_positions_by_telegram_9(drive_folder):
             line.run(0.001)
             assert line.world.now - begun < 10e9
         line.run(0.04)
-        assert float(axis_of(line).position - axis_of(line).origin) == pytest.approx(target, abs=0.01)
+        assert float(axis_of(line).motor.position - axis_of(line).homing.origin) == pytest.approx(target, abs=0.01)
 
     reaches(3.0)
     reaches(-2.5)
@@ -165,4 +165,4 @@ def test_lost_cyclic_data_are_the_fault_of_its_data_sheet(drive_folder):
     line.enable()
     line.plc.columns.ppm[line.plc.sessions[0].provider].active = 0
     line.run(0.1)
-    assert int(axis_of(line).fault_code[0]) & 0xFFFFFF == 7
+    assert int(axis_of(line).faults.code[0]) & 0xFFFFFF == 7

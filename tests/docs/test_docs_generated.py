@@ -29,7 +29,7 @@ def test_generated_pages_are_up_to_date(name):
 
 
 def test_every_field_of_the_table_says_what_it_means_and_who_writes_it():
-    from pnfarm.table.axis import AXIS
+    from pnfarm.firmware.axis import AXIS
     from pnfarm.table.channel import CPM, PPM
     from pnfarm.table.image import IMAGE
     from pnfarm.table.impairment import IMPAIRMENT

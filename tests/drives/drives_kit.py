@@ -13,8 +13,8 @@ from pnfarm.drives.catalogue import model
 from pnfarm.drives.model import Model
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.store import ParameterStore
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NOT
 from pnfarm.table.signals import NSOLL_A, STW1, ZSW1
@@ -55,7 +55,7 @@ class Running:
     def __init__(self, name: str) -> None:
         self.drive = new_drive(name)
         self.axis, self.image = self.drive.axis, self.drive.image
-        self.axis.firmware, self.axis.powered = FIRMWARE_PROFIDRIVE, 1
+        self.axis.front, self.axis.powered = FIRMWARE_PROFIDRIVE, 1
         self.now = 0
         self.run(150)
 

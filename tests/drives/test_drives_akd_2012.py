@@ -103,7 +103,7 @@ def test_3_6_2_the_request_of_the_example_with_the_tables_attribute_switches_the
 ) -> None:
     request = bytes.fromhex("05 02 00 01 10 01 03 A2 00 00 42 01 00 02")
     assert ask(akd_2012, request) == bytes.fromhex("05 02 00 01 00 00")
-    assert akd_2012.axis.opmode == 2
+    assert akd_2012.axis.drive.settings.opmode == 2
 
 
 def test_3_6_2_the_attribute_of_the_example_is_not_one_of_3_6(akd_2012: Drive) -> None:
@@ -112,7 +112,7 @@ def test_3_6_2_the_attribute_of_the_example_is_not_one_of_3_6(akd_2012: Drive) -
     error = response_error(response.entries[0])
     assert error is not None
     assert error.number == E.ADDRESS_IMPERMISSIBLE
-    assert akd_2012.axis.opmode == 1
+    assert akd_2012.axis.drive.settings.opmode == 1
 
 
 def test_4_2_2_the_fastest_cycle_is_8_ms() -> None:
@@ -139,7 +139,7 @@ def test_5_4_bits_11_to_15_do_nothing_in_velocity_mode_and_5_5_bits_11_to_15_are
         for _ in range(30):
             assert running.send(word | 0xF800, 0x00A3) == plain.send(word, 0x00A3)
             assert plain.image.sent[ZSW1] & 0xF800 == 0
-    assert running.axis.position == plain.axis.position != 0
+    assert running.axis.motor.position == plain.axis.motor.position != 0
 
 
 # 5.6, 5.8: parameters and signals
@@ -245,7 +245,7 @@ def test_nothing_saves_by_a_pnu_and_what_was_written_is_gone_at_power_on(akd_201
     assert akd_2012.store.read(1006) == [13]
     akd_2012.store.commission({1006: 50, "DRV.OPMODE": 2})
     akd_2012.store.power_on()
-    assert (akd_2012.store.read(1006), akd_2012.axis.opmode) == ([50], 2)
+    assert (akd_2012.store.read(1006), akd_2012.axis.drive.settings.opmode) == ([50], 2)
 
 
 # 5.9 and 6.1.4: the walk to operation
@@ -256,7 +256,7 @@ def test_5_9_the_control_words_of_the_example_lead_to_60_rpm(running: Running) -
     assert running.send(0b0000_0100_0111_0110) & 0x47 == 0x01
     assert running.send(0b0000_0100_0111_0111) & 0x47 == 0x03
     assert running.send(0b0000_0100_0111_1111, 0x00A3, 200) & 0x4F == 0x07
-    assert running.axis.velocity == pytest.approx(60, abs=0.5)
+    assert running.axis.motor.velocity == pytest.approx(60, abs=0.5)
     assert running.image.sent[NIST_A] == 0x00A3
 
 
@@ -264,7 +264,7 @@ def test_6_1_4_the_sequence_of_the_sample_project_enables_and_bits_4_to_6_start_
     for word in (0b0000_0100_0000_0000, 0b0000_0100_0000_0110, 0b0000_0100_0000_1110, 0b0000_0100_0000_1111):
         zsw1 = running.send(word, 0x00A3, 5)
     assert zsw1 & 0x4F == 0x07
-    assert running.axis.velocity == 0
+    assert running.axis.motor.velocity == 0
     running.send(0x047F, 0x00A3, 200)
     assert running.image.sent[NIST_A] == 0x00A3
 
@@ -322,24 +322,24 @@ def test_telegrams_of_the_later_edition_are_not_there(akd_2012: Drive, number: i
 
 def test_5_12_1_60_rpm_are_163_steps(running: Running) -> None:
     assert int(60 / 12000 * 2**15) == 163
-    assert running.axis.velocity_step * 2**15 == 12000
+    assert running.axis.profidrive.settings.velocity_step * 2**15 == 12000
 
 
 def test_5_12_2_positions_have_65536_counts_a_turn_until_pnu_1002_says_otherwise(akd_2012: Drive) -> None:
-    assert akd_2012.axis.position_step == 1 / 65536
+    assert akd_2012.axis.profidrive.settings.position_step == 1 / 65536
     akd_2012.store.write(1002, 0, [20])
-    assert akd_2012.axis.position_step == 2.0**-20
+    assert akd_2012.axis.profidrive.settings.position_step == 2.0**-20
 
 
 def test_5_12_3_65536_steps_of_acceleration_are_50_million_rpm_per_second(akd_2012: Drive) -> None:
-    assert akd_2012.axis.acceleration_step * 65536 == 50_000_000
+    assert akd_2012.axis.profidrive.settings.acceleration_step * 65536 == 50_000_000
     akd_2012.store.write(1006, 0, [65535])
-    assert akd_2012.axis.jog_acceleration == pytest.approx(50_000_000, rel=2e-5)
+    assert akd_2012.axis.jog.settings.acceleration == pytest.approx(50_000_000, rel=2e-5)
 
 
 def test_5_12_4_minus_182_are_minus_0_1_a(running: Running) -> None:
     running.send(0x0470)
-    assert running.axis.peak_current == 9
+    assert running.axis.motor.settings.peak_current == 9
     running.image.sent[ITIST_GLATT] = 0x10000 - 182
     assert running.drive.store.read(52) == [-182]
     assert 9 / 2**14 * running.drive.store.read(52)[0] == pytest.approx(-0.1, abs=0.001)
@@ -352,11 +352,11 @@ def test_5_4_jogging_runs_at_pnu_1004_and_1005_with_the_ramp_of_1006_and_1007(ru
     for word in (0x0400, 0x0406, 0x0407, 0x040F):
         running.send(word)
     running.send(0x050F, 0, 100)
-    assert running.axis.velocity == pytest.approx(59.7, abs=0.5)
+    assert running.axis.motor.velocity == pytest.approx(59.7, abs=0.5)
     running.send(0x060F, 0, 100)
-    assert running.axis.velocity == pytest.approx(-59.7, abs=0.5)
+    assert running.axis.motor.velocity == pytest.approx(-59.7, abs=0.5)
     running.send(0x040F, 0, 100)
-    assert running.axis.velocity == 0
+    assert running.axis.motor.velocity == 0
 
 
 # 5.10: position mode of this edition
@@ -383,7 +383,7 @@ class Positioning(Running):
 def test_5_4_this_edition_has_no_real_time_jogging() -> None:
     drive = Positioning()
     drive.send(0x343F, milliseconds=300)
-    assert drive.axis.velocity == 0.0
+    assert drive.axis.motor.velocity == 0.0
     assert drive.image.sent[ZSW1] & 0x2000
 
 
@@ -392,7 +392,7 @@ def test_5_5_this_edition_has_no_bit_14_and_bits_10_and_13_go_by_the_task() -> N
     assert drive.send(0x043F) & 0xFC00 == 0x2C00
     assert drive.move(5.0) & 0xFC00 == 0x1800, "acknowledged, homed, moving"
     assert drive.send(0x041F, milliseconds=400) & 0xFC00 == 0x0800, "an interrupted task is active still"
-    assert drive.axis.velocity == pytest.approx(0.0, abs=0.1)
+    assert drive.axis.motor.velocity == pytest.approx(0.0, abs=0.1)
     assert drive.send(0x040F, milliseconds=400) & 0xFC00 == 0x2C00, "rejected: no task is active"
     drive.send(0x043F)
     drive.move(0.0, 3000)
@@ -404,13 +404,13 @@ def test_5_10_3_pnu_1001_is_the_homing_mode_of_this_edition() -> None:
     drive.drive.store.write(1001, 0, [7])
     for word in (0x0430, 0x0436):
         drive.send(word)
-    drive.axis.position = 0.3
+    drive.axis.motor.position = 0.3
     for word in (0x0437, 0x043F, 0x0C3F):
         drive.send(word, milliseconds=20)
     assert not drive.image.sent[ZSW1] & 0x2C00
     drive.send(0x0C3F, milliseconds=3000)
     assert drive.image.sent[ZSW1] & 0x2C00 == 0x2C00
-    assert drive.axis.position == pytest.approx(1.0, abs=0.01)
+    assert drive.axis.motor.position == pytest.approx(1.0, abs=0.01)
 
 
 # 5.14 and lost data

@@ -89,7 +89,7 @@ def test_fault702_action_decides_whether_lost_data_are_a_fault(action: int) -> N
     drive.run(5)
     assert drive.drive.store.get("DRV.FAULT1") == (0 if action == IGNORE else 702)
     if action == IGNORE:
-        assert drive.axis.state == 1, "no control word: the axis coasts"
+        assert drive.axis.drive.state == 1, "no control word: the axis coasts"
 
 
 def test_an_action_is_permanent_once_it_is_saved() -> None:
@@ -100,7 +100,7 @@ def test_an_action_is_permanent_once_it_is_saved() -> None:
     drive.store.set("FAULT451.ACTION", RAISE)
     drive.store.power_on()
     assert (drive.store.get("FAULT570.ACTION"), drive.store.get("FAULT451.ACTION")) == (IGNORE, IGNORE)
-    assert {570, 451} <= set(drive.axis.ignored_faults)
+    assert {570, 451} <= set(drive.axis.faults.settings.ignored)
 
 
 def test_the_model_tells_which_parameter_a_fault_goes_by() -> None:

@@ -21,7 +21,7 @@ def operating(nsoll_a: int = 0) -> Running:
     for word in (0x0470, 0x0476, 0x0477, 0x047F):
         drive.send(word, nsoll_a)
     drive.send(0x047F, nsoll_a, 200)
-    assert drive.axis.state == 4
+    assert drive.axis.drive.state == 4
     return drive
 
 
@@ -36,13 +36,13 @@ def sources(drive: Running) -> int:
 def test_5_8_1_bit_4_is_the_hardware_disable_that_dissources_and_hwenable_tell_of() -> None:
     drive = operating(0x00A3)
     assert (inputs(drive), sources(drive), drive.drive.store.get("DRV.HWENABLE")) == (TORQUE_ALLOWED, 0, 1)
-    drive.axis.hindrances = LACKS_ENABLE
+    drive.axis.drive.settings.interlocks = LACKS_ENABLE
     drive.run(1)
-    assert drive.axis.state == 1, "the power stage is off at once"
+    assert drive.axis.drive.state == 1, "the power stage is off at once"
     assert inputs(drive) == TORQUE_ALLOWED | HARDWARE_DISABLED
     assert sources(drive) == SOFTWARE | HARDWARE
     assert drive.drive.store.get("DRV.HWENABLE") == 0
-    drive.axis.hindrances = 0
+    drive.axis.drive.settings.interlocks = 0
     drive.run(1)
     assert (inputs(drive), sources(drive), drive.drive.store.get("DRV.HWENABLE")) == (TORQUE_ALLOWED, SOFTWARE, 1)
 
@@ -53,21 +53,21 @@ def test_5_8_1_bit_5_is_an_input_for_a_controlled_stop_which_brakes_along_cs_dec
     store.set("DIN2.MODE", CONTROLLED_STOP)
     store.set("CS.DEC", 1_000_000)
     drive.run(1)
-    assert (drive.axis.state, inputs(drive)) == (4, TORQUE_ALLOWED), "the input is off"
-    drive.axis.fault_inputs = 0b10
+    assert (drive.axis.drive.state, inputs(drive)) == (4, TORQUE_ALLOWED), "the input is off"
+    drive.axis.machine.settings.fault_inputs = 0b10
     drive.run(1)
-    assert (drive.axis.state, store.get("CS.STATE")) == (5, 1)
+    assert (drive.axis.drive.state, store.get("CS.STATE")) == (5, 1)
     assert inputs(drive) == TORQUE_ALLOWED | STOPPED_BY_INPUT
     assert sources(drive) == STOP_INPUT
     drive.run(30)
-    assert drive.axis.velocity == pytest.approx(59.7 - 31.0, abs=3.0), "1,000 rpm/s"
+    assert drive.axis.motor.velocity == pytest.approx(59.7 - 31.0, abs=3.0), "1,000 rpm/s"
     drive.run(100)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     drive.send(0x0476, milliseconds=20)
-    assert drive.axis.state == 1, "while the input is on nothing switches the drive on"
-    drive.axis.fault_inputs = 0
+    assert drive.axis.drive.state == 1, "while the input is on nothing switches the drive on"
+    drive.axis.machine.settings.fault_inputs = 0
     drive.send(0x0476, milliseconds=2)
-    assert (drive.axis.state, inputs(drive)) == (2, TORQUE_ALLOWED)
+    assert (drive.axis.drive.state, inputs(drive)) == (2, TORQUE_ALLOWED)
 
 
 def test_5_6_an_inverted_input_for_a_controlled_stop_stops_while_it_is_low() -> None:
@@ -75,19 +75,19 @@ def test_5_6_an_inverted_input_for_a_controlled_stop_stops_while_it_is_low() -> 
     drive.drive.store.set("DIN7.MODE", CONTROLLED_STOP)
     drive.drive.store.set("DIN7.INV", 1)
     drive.send(0x0476, milliseconds=5)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     assert inputs(drive) & STOPPED_BY_INPUT
-    drive.axis.fault_inputs = 1 << 6
+    drive.axis.machine.settings.fault_inputs = 1 << 6
     drive.send(0x0476, milliseconds=5)
-    assert drive.axis.state == 2
+    assert drive.axis.drive.state == 2
 
 
 def test_5_6_without_supply_the_dc_link_discharges_and_dissources_tells_of_it() -> None:
     drive = operating()
     store = drive.drive.store
-    drive.axis.hindrances = LACKS_SUPPLY
+    drive.axis.drive.settings.interlocks = LACKS_SUPPLY
     drive.run(1)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     assert sources(drive) == SOFTWARE | NO_POWER
     assert (inputs(drive), store.get("DRV.HWENABLE")) == (TORQUE_ALLOWED, 1)
     before = store.get("VBUS.VALUE")
@@ -96,14 +96,14 @@ def test_5_6_without_supply_the_dc_link_discharges_and_dissources_tells_of_it() 
     assert 0 < store.get("VBUS.VALUE") < before - 50_000
     drive.run(4000)
     assert store.get("VBUS.VALUE") == 0
-    drive.axis.hindrances = 0
+    drive.axis.drive.settings.interlocks = 0
     drive.run(1)
     assert store.get("VBUS.VALUE") == 560_000
 
 
 def test_5_6_a_control_supply_that_cycles_does_not_charge_the_dc_link() -> None:
     drive = Running(NAME)
-    drive.axis.hindrances = LACKS_SUPPLY
+    drive.axis.drive.settings.interlocks = LACKS_SUPPLY
     drive.run(5000)
     drive.drive.store.handle.push_command(CMD_POWER_ON)
     drive.run(200)
@@ -115,13 +115,13 @@ def test_5_6_vbus_uvmode_decides_whether_a_lost_supply_is_a_fault_of_a_drive_tha
     drive = operating()
     store = drive.drive.store
     store.set("VBUS.UVMODE", mode)
-    drive.axis.hindrances = LACKS_SUPPLY
+    drive.axis.drive.settings.interlocks = LACKS_SUPPLY
     drive.run(5000)
     assert store.get("DRV.FAULT1") == (0 if mode else 502)
     drive.send(0x04F6)
     drive.run(2)
     assert store.get("DRV.FAULT1") == (0 if mode else 502), "nothing is acknowledged at 0 V"
-    drive.axis.hindrances = 0
+    drive.axis.drive.settings.interlocks = 0
     drive.send(0x0476)
     drive.send(0x04F6)
     assert (store.get("DRV.FAULT1"), sources(drive)) == (0, SOFTWARE)
@@ -143,6 +143,6 @@ def test_5_6_the_cause_of_an_undervoltage_shows_in_vbus_value_while_it_is_there(
 def test_5_6_an_undervoltage_warning_stands_down_to_an_empty_dc_link() -> None:
     drive = operating()
     drive.drive.store.set("VBUS.UVWTHRESH", 300)
-    drive.axis.hindrances = LACKS_SUPPLY
+    drive.axis.drive.settings.interlocks = LACKS_SUPPLY
     drive.run(5000)
     assert drive.drive.store.get("DRV.WARNING1") == 502

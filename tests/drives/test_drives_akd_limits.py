@@ -25,7 +25,7 @@ def enable(drive: Running, nsoll_a: int = 0) -> None:
 
 def stuck(drive: Running) -> None:
     """In operation against a shaft that is held: all the current that the drive may give."""
-    drive.axis.added_friction = 1000.0
+    drive.axis.load.settings.added_friction = 1000.0
     enable(drive, 0x1000)
     drive.send(0x047F, 0x1000, 500)
 
@@ -95,7 +95,7 @@ def test_5_6_vbus_thresholds_warn_of_a_dc_link_that_is_too_low_or_too_high(runni
     store.set("VBUS.OVWTHRESH", 600)
     assert not running.send(0x0470) & WARNING
     store.set("DRV.DEC", 500_000_000)
-    running.axis.added_inertia = 4e-3
+    running.axis.load.settings.added_inertia = 4e-3
     enable(running, 0x4000)
     running.send(0x047F, 0x4000, 3000)
     assert not running.send(0x047F, 0x4000) & WARNING
@@ -109,7 +109,7 @@ def test_5_6_vbus_uvmode_says_when_an_undervoltage_is_a_fault(running: Running) 
     store.set("VBUS.UVFTHRESH", 600)
     assert not running.send(0x0470, milliseconds=50) & FAULT, "mode 1: not before the drive is enabled"
     enable(running)
-    assert running.axis.state < 4
+    assert running.axis.drive.state < 4
     assert store.get("DRV.FAULT1") == 502
     store.set("VBUS.UVFTHRESH", 500)
     running.send(0x0470)
@@ -122,7 +122,7 @@ def test_5_6_vbus_uvmode_says_when_an_undervoltage_is_a_fault(running: Running) 
 
 def test_5_6_drv_dir_turns_the_axis_round_while_it_is_disabled(running: Running) -> None:
     store = running.drive.store
-    running.axis.load_torque = 0.5
+    running.axis.load.settings.torque = 0.5
     enable(running, 0x00A3)
     running.send(0x047F, 0x00A3, 1000)
     place, current = store.get("PL.FB"), store.get("IL.FB")
@@ -130,14 +130,14 @@ def test_5_6_drv_dir_turns_the_axis_round_while_it_is_disabled(running: Running)
     with pytest.raises(ParameterError) as caught:
         store.set("DRV.DIR", 1)
     assert caught.value.number == ParameterErrorNumber.OPERATING_STATE
-    running.axis.load_torque = 0.0
+    running.axis.load.settings.torque = 0.0
     running.send(0x0476, 0, 500)
     place = store.get("PL.FB")
     store.set("DRV.DIR", 1)
     running.send(0x0476)
     assert store.get("PL.FB") == pytest.approx(-place, abs=1)
-    running.axis.load_torque = 0.5
+    running.axis.load.settings.torque = 0.5
     enable(running, 0x00A3)
     running.send(0x047F, 0x00A3, 1000)
-    assert running.axis.velocity == pytest.approx(59.7, abs=0.5), "the set point keeps its sign"
+    assert running.axis.motor.velocity == pytest.approx(59.7, abs=0.5), "the set point keeps its sign"
     assert store.get("IL.FB") == pytest.approx(current - 2 * 1000, abs=20), "the load helps now"

@@ -37,7 +37,7 @@ class Torque:
     def enable(self) -> None:
         for word in (0x0476, 0x0477, 0x047F):
             self.send(word)
-        assert self.axis.state == 4
+        assert self.axis.drive.state == 4
 
     def run(self, milliseconds: int) -> None:
         for _ in range(milliseconds):
@@ -55,7 +55,7 @@ def test_5_8_signal_102_is_the_current_in_torque_mode_in_the_unit_of_5_12_4() ->
     running = Torque()
     running.send(0x047F, 1.0, 20)
     omega = (1.0 * 0.5 - FRICTION) / INERTIA * 0.020
-    assert float(running.axis.velocity) * 2 * pi / 60 == pytest.approx(omega, rel=0.05)
+    assert float(running.axis.motor.velocity) * 2 * pi / 60 == pytest.approx(omega, rel=0.05)
     assert running.store.get("IL.CMD") == pytest.approx(1000, abs=2)
     assert int(running.image.sent[ITIST_GLATT]) == pytest.approx(PER_AMPERE, abs=2)
     running.send(0x047F, -2.0, 20)
@@ -97,21 +97,21 @@ def test_5_6_il_cmdu_takes_no_more_than_the_peak_current_and_il_limitp_holds() -
 def test_5_9_a_stop_in_torque_mode_brakes_along_the_stop_ramp_and_switches_off() -> None:
     running = Torque()
     running.send(0x047F, 1.0, 50)
-    top = float(running.axis.velocity)
+    top = float(running.axis.motor.velocity)
     assert top > 500
     running.send(0x047B, 1.0, 10)
-    assert running.axis.state == 5
-    assert 0 < running.axis.velocity < top
+    assert running.axis.drive.state == 5
+    assert 0 < running.axis.motor.velocity < top
     running.run(2000)
-    assert (float(running.axis.velocity), int(running.axis.state)) == (0.0, 1)
+    assert (float(running.axis.motor.velocity), int(running.axis.drive.state)) == (0.0, 1)
 
 
 def test_5_6_velocity_mode_hears_no_current_and_torque_mode_no_velocity() -> None:
     running = Torque(telegram=1, mapped=False)
     running.image.received[NSOLL_A] = 0x00A3
     running.run(100)
-    assert running.axis.velocity == 0.0
+    assert running.axis.motor.velocity == 0.0
     running.store.set("DRV.OPMODE", 1)
     running.store.write(102, 0, [1000])
     running.run(300)
-    assert running.axis.velocity == pytest.approx(0x00A3 * 60 * 16000 * 1638 / 2**32, abs=1.0)
+    assert running.axis.motor.velocity == pytest.approx(0x00A3 * 60 * 16000 * 1638 / 2**32, abs=1.0)

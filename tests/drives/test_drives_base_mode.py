@@ -82,7 +82,7 @@ def number_of(response: ParameterResponse, position: int = 0) -> int:
 
 def test_the_manuals_example_switches_the_operation_mode(akd: Drive) -> None:
     assert ask(akd, MANUAL_REQUEST) == MANUAL_RESPONSE
-    assert akd.axis.opmode == 2
+    assert akd.axis.drive.settings.opmode == 2
 
 
 def test_the_manuals_example_is_what_a_requester_sends_and_accepts() -> None:
@@ -138,7 +138,7 @@ def test_each_writable_parameter_takes_its_limits_over_the_wire(drive: Drive) ->
             values = ParameterValues(format_of(parameter), (value & mask,))
             response = change(drive, (ParameterAddress(parameter.pnu), values))
             assert response.response_id == REQUEST_CHANGE, parameter
-            drive.axis.command_tail = drive.axis.command_head
+            drive.axis.commands.tail = drive.axis.commands.settings.head
         if parameter.maximum < parameter.highest:
             values = ParameterValues(format_of(parameter), ((parameter.maximum + 1) & mask,))
             assert number_of(change(drive, (ParameterAddress(parameter.pnu), values))) == E.LIMIT_EXCEEDED
@@ -195,11 +195,11 @@ def test_akd_5_6_another_format_than_byte_word_and_double_word_is_illegal(name: 
 @pytest.mark.parametrize("code", [FORMAT_BYTE, FORMAT_WORD, FORMAT_DWORD])
 def test_a_command_takes_any_width(akd: Drive, code: int) -> None:
     assert not change(akd, (ParameterAddress(2111), ParameterValues(code, (1,)))).negative
-    assert akd.axis.command_head == 1
+    assert akd.axis.commands.settings.head == 1
 
 
 def test_the_whole_fault_buffer_fits_one_response(akd: Drive) -> None:
-    akd.axis.fault_buffer[63] = 502
+    akd.axis.faults.buffer[63] = 502
     entry = read(akd, ParameterAddress(947, 0, 64)).entries[0]
     assert entry.values[63] == 502
     assert read(akd, ParameterAddress(947, 63, 1)).entries[0].values == (502,)
@@ -271,7 +271,7 @@ def test_one_bad_parameter_of_several_makes_the_response_negative_and_keeps_the_
     assert response.response_id == 0x82
     assert number_of(response, 0) == E.NOT_CHANGEABLE
     assert response.entries[1] == ParameterValues(FORMAT_ZERO)
-    assert akd.axis.opmode == 2
+    assert akd.axis.drive.settings.opmode == 2
 
 
 @pytest.mark.parametrize(
@@ -550,7 +550,7 @@ def test_a_hundred_thousand_wild_requests_leave_the_drive_answering() -> None:
         assert parse_response(response).reference == cut[0]
         drive.store.events()
         if wild.random() < 0.1:
-            drive.axis.command_tail = drive.axis.command_head
+            drive.axis.commands.tail = drive.axis.commands.settings.head
     assert drive.store.read(964, 0, 1) == [0x0105]
     drive.store.set("DRV.NVSAVE", 1)
     assert new_drive("akd-profinet").store.restore(drive.store.snapshot()) == []
@@ -560,9 +560,9 @@ def test_a_hundred_thousand_wild_requests_leave_the_drive_answering() -> None:
 
 
 def test_fault_situations_are_shown_newest_first(akd: Drive) -> None:
-    akd.axis.fault_code[0] = 702 | 1 << 24
-    akd.axis.fault_buffer[0] = 702
-    akd.axis.fault_buffer[8] = 502
-    akd.axis.fault_buffer[9] = 602
+    akd.axis.faults.code[0] = 702 | 1 << 24
+    akd.axis.faults.buffer[0] = 702
+    akd.axis.faults.buffer[8] = 502
+    akd.axis.faults.buffer[9] = 602
     assert active_faults(akd.axis) == [702]
     assert fault_situations(akd.axis)[:3] == [[702], [502, 602], []]

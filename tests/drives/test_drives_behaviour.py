@@ -12,7 +12,7 @@ from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.loader import load_model
 from pnfarm.drives.model_json import as_json
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 
 POINT = """
 [[behaviour]]
@@ -24,13 +24,13 @@ source = "1.2"
 
 [behaviour.readings.as-always]
 does = "as always"
-firmware = { home_by_edge = 0 }
+firmware = { homing.by_edge = 0 }
 defaults = { 2135 = 1 }
 model = { "parameter_access.disabled_only" = [2117] }
 
 [behaviour.readings.otherwise]
 does = "otherwise"
-firmware = { home_by_edge = 1 }
+firmware = { homing.by_edge = 1 }
 defaults = { 2135 = 2 }
 model = { "parameter_access.disabled_only" = [2117, 2135] }
 """
@@ -48,10 +48,10 @@ def folder(tmp_path: Path) -> Path:
 def test_a_reading_sets_fields_defaults_and_values_of_sections(folder: Path) -> None:
     file_of(folder, "behaviour.toml").write_text(POINT)
     usual = load_model(folder)
-    assert (usual.firmware["home_by_edge"], usual.parameters[2135].default) == (0, 1)
+    assert (usual.firmware["homing.by_edge"], usual.parameters[2135].default) == (0, 1)
     assert usual.access.disabled_only == (2117,)
     other = with_behaviour(usual, {"first": "otherwise"})
-    assert (other.firmware["home_by_edge"], other.parameters[2135].default) == (1, 2)
+    assert (other.firmware["homing.by_edge"], other.parameters[2135].default) == (1, 2)
     assert other.access.disabled_only == (2117, 2135)
     assert [p.default for p in other.axis_parameters if p.pnu == 2135] == [2]
     assert other.readings == {"first": "otherwise"}
@@ -87,10 +87,22 @@ def test_a_reading_that_a_model_does_not_have_is_refused(chosen: dict[str, str],
             'does = "otherwise"\ntext = "x"\n',
             r"first\.otherwise, text: unknown; allowed are does, firmware",
         ),
-        ("{ home_by_edge = 1 }", "{ home_edge = 1 }", r"firmware\.home_edge: not a field of the axis that a reading"),
-        ("{ home_by_edge = 1 }", "{ homed = 1 }", r"firmware\.homed: not a field of the axis that a reading may set"),
-        ("{ home_by_edge = 1 }", "{ velocity_window = 1 }", r"velocity_window: not a field of the axis that a reading"),
-        ("{ home_by_edge = 1 }", "{ real_time_jog = 1 }", r"first\.otherwise: must set the same keys as as-always"),
+        (
+            "{ homing.by_edge = 1 }",
+            "{ homing.edge = 1 }",
+            r"firmware\.homing\.edge: not a field of the axis",
+        ),
+        (
+            "{ homing.by_edge = 1 }",
+            "{ homing.homed = 1 }",
+            r"firmware\.homing.homed: not a field of the axis that a reading may set",
+        ),
+        (
+            "{ homing.by_edge = 1 }",
+            "{ ramp.velocity_window = 1 }",
+            r"velocity_window: not a field of the axis",
+        ),
+        ("{ homing.by_edge = 1 }", "{ jog.real_time = 1 }", r"first\.otherwise: must set the same keys as as-always"),
         ("{ 2135 = 2 }", "{ 2135 = 3 }", r"defaults\.2135: not a plain parameter, or it does not allow 3"),
         ("{ 2135 = 2 }", "{ 17 = 2 }", r"defaults\.17: not a plain parameter"),
         ("{ 2135 = 2 }", "{ 915 = 2 }", r"defaults\.915: not a plain parameter"),
@@ -112,10 +124,10 @@ def test_a_mistake_in_the_file_is_told_by_its_place(old: str, new: str, message:
     [
         (POINT + POINT, r"behaviour first, name: stands twice"),
         (POINT + SECOND, r"behaviour second: .* is set by first"),
-        (POINT.replace("home_by_edge", "home_required"), r"home_required is set by other data of the model"),
-        (POINT.replace("home_by_edge", "opmode"), r"opmode is set by other data of the model"),
+        (POINT.replace("homing.by_edge", "homing.required"), r"homing.required is set by other data of the model"),
+        (POINT.replace("homing.by_edge", "drive.opmode"), r"opmode is set by other data of the model"),
         (
-            POINT.replace("home_by_edge = 1", "home_by_edge = 0").replace("= 2 }", "= 1 }").replace(", 2135]", "]"),
+            POINT.replace("homing.by_edge = 1", "homing.by_edge = 0").replace("= 2 }", "= 1 }").replace(", 2135]", "]"),
             r"as-always: sets the same as otherwise",
         ),
     ],

@@ -26,10 +26,11 @@ from pnfarm.drives.network import NoNetwork
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError
 from pnfarm.drives.store import ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table import signals
-from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import MOTION_HALTED
 from pnfarm.table.image import IMAGE
+from pnfarm.table.layout import SETTINGS
 
 NAMES = sorted(models())
 MS = 1_000_000
@@ -65,15 +66,36 @@ def footprint(store: ParameterStore) -> tuple[object, ...]:
 
 
 class _Reads(ast.NodeVisitor):
-    """Fields and slots that compiled code looks at."""
+    """Fields, by their keys, and slots that compiled code looks at.
+
+    A function takes the axis, or a part of it by the part's name; what it calls otherwise it says in an assignment.
+    """
 
     def __init__(self) -> None:
         self.fields: set[str] = set()
         self.slots: set[int] = set()
+        self._called: dict[str, list[str]] = {}
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        self._called = {"axis": []}
+        self.generic_visit(node)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        if isinstance(node.targets[0], ast.Name) and isinstance(node.value, ast.Attribute):
+            self._called[node.targets[0].id] = self._names(node.value)
+        self.generic_visit(node)
+
+    def _names(self, node: ast.expr) -> list[str]:
+        """The names that lead to this, without what the axis is called and the word settings."""
+        if isinstance(node, ast.Name):
+            return self._called.get(node.id, [node.id])
+        if not isinstance(node, ast.Attribute):
+            return []
+        return [*self._names(node.value), *([node.attr] if node.attr != SETTINGS else [])]
 
     def visit_Attribute(self, node: ast.Attribute) -> None:
         if isinstance(node.ctx, ast.Load):
-            self.fields.add(node.attr)
+            self.fields.add(".".join(self._names(node)))
         self.generic_visit(node)
 
     def visit_Subscript(self, node: ast.Subscript) -> None:
@@ -199,7 +221,7 @@ def test_every_computed_row_that_acts_changes_telegram_history_or_name(name: str
         if parameter.backing is not Backing.COMPUTED:
             continue
         store = store_of(model(name))
-        before, ring = footprint(store), int(store.handle.axis.command_head)
+        before, ring = footprint(store), int(store.handle.axis.commands.settings.head)
         if parameter.text:
             store.network = NoNetwork()
             store.write(parameter.pnu, 0, list(b"other"))
@@ -216,15 +238,17 @@ def test_every_computed_row_that_acts_changes_telegram_history_or_name(name: str
             store.write(parameter.pnu, 0, [words[0].number, words[-1].number] + [0] * (len(store.output_words()) - 2))
         else:
             store.write(parameter.pnu, 0, [7])
-        assert footprint(store) != before or int(store.handle.axis.command_head) != ring, f"{name} {parameter.pnu}"
+        assert footprint(store) != before or int(store.handle.axis.commands.settings.head) != ring, (
+            f"{name} {parameter.pnu}"
+        )
 
 
 #: States in which one command or another is taken: fields of the axis record.
 STATES = (
     {},
-    {"state": 4, "opmode": 2},
-    {"state": 4, "opmode": 2, "motion": MOTION_HALTED},
-    {"state": 4, "opmode": 1, "setpoint_ignored": 1, "service_mode": 2},
+    {"drive.state": 4, "drive.opmode": 2},
+    {"drive.state": 4, "drive.opmode": 2, "positioning.state": MOTION_HALTED},
+    {"drive.state": 4, "drive.opmode": 1, "profidrive.setpoint_ignored": 1, "service.mode": 2},
 )
 
 
@@ -239,7 +263,7 @@ def answers(described: Model, parameter: Parameter) -> set[str]:
             store.write(described.motion_tasks.velocity, 0, [700_000])
         store.events()
         for field, value in state.items():
-            setattr(store.handle.axis, field, value)
+            AXIS.write(store.handle.axis, field, value)
         before = (footprint(store), store.snapshot(), dict(store._values.current))
         try:
             store.write(parameter.pnu, 0, [1])
@@ -318,24 +342,24 @@ def disturb(store: ParameterStore) -> None:
     """Everything that a drive can be or do is another thing than after power on."""
     axis, image = store.handle.axis, store.handle.image
     numbers = list(store.model.faults)
-    for place, field in enumerate(AXIS.fields.values()):
+    for place, (key, field) in enumerate(AXIS.fields.items()):
         if field.writer in {"firmware", "fault"} and field.kind == "f8":
-            axis[field.name] = 1.2345 + place / 100
-    axis.state, axis.stop, axis.motion_status = 5, 2, 0x0FFF
+            AXIS.write(axis, key, 1.2345 + place / 100)
+    axis.drive.state, axis.drive.stop, axis.profidrive.motion_status = 5, 2, 0x0FFF
     for place in range(8):
-        axis.fault_code[place] = numbers[place % len(numbers)]
-    axis.fault_buffer[:] = numbers[0]
-    axis.fault_counter, axis.fault_changes, axis.fault_kept = 3, 5, 1
-    axis.warnings[:] = 0x11
-    axis.limit_switch, axis.digital_inputs, axis.life_failed, axis.life_count = 3, 0x7F, 1, 20
-    axis.hindrances, axis.lacked = 3, 7
-    axis.foldback_fault_level = 0.5
+        axis.faults.code[place] = numbers[place % len(numbers)]
+    axis.faults.buffer[:] = numbers[0]
+    axis.faults.counter, axis.faults.changes, axis.faults.kept = 3, 5, 1
+    axis.warnings.active[:] = 0x11
+    axis.machine.limit_switch, axis.machine.inputs, axis.life.failed, axis.life.count = 3, 0x7F, 1, 20
+    axis.drive.settings.interlocks, axis.drive.lacks = 3, 7
+    axis.foldback.settings.fault_level = 0.5
     image.sent[:], image.received[:] = 0x0155, 0x02AA
     store.network = _Elsewhere()
     store.watchdog_ns = 48 * MS
-    mode = int(axis.opmode)
+    mode = int(axis.drive.settings.opmode)
     store.plug_telegram([number for number in store.model.telegrams if number != store.telegram_number][-1])
-    axis.opmode = 2 if mode != 2 else 1
+    axis.drive.settings.opmode = 2 if mode != 2 else 1
     changed = next((p for p in store.model.parameters.values() if p.backing is Backing.STORED and p.writable), None)
     if changed is not None:
         store._values.current[changed.pnu] = others(changed)[0]

@@ -22,6 +22,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, Parame
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.drives.store import FaultHistoryCleared, NonVolatileSaved, ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY
 from pnfarm.table.signals import WORD_NONE
 
@@ -185,7 +186,7 @@ def test_3_6_the_bit_of_zsw2_that_says_pulses_are_enabled(e1: Drive) -> None:
     found = []
     for number in TELEGRAMS:
         e1.store.plug_telegram(number)
-        found.append(int(e1.axis.pulses_enabled))
+        found.append(int(e1.axis.profidrive.settings.pulses_enabled))
         names = E1.bit_names("ZSW2", number)
         assert ["pulses_enabled"] * (found[-1] > 0) == [name for name in names[:12] if name]
     assert found == [0, 1 << 11, 1 << 11]
@@ -294,8 +295,8 @@ def test_964_identification(e1: Drive) -> None:
 
 
 def test_944_to_952_the_fault_buffer(e1: Drive) -> None:
-    e1.axis.fault_buffer[0], e1.axis.fault_buffer[1], e1.axis.fault_buffer[8] = 73, 18, 62
-    e1.axis.fault_counter, e1.axis.fault_changes = 2, 5
+    e1.axis.faults.buffer[0], e1.axis.faults.buffer[1], e1.axis.faults.buffer[8] = 73, 18, 62
+    e1.axis.faults.counter, e1.axis.faults.changes = 2, 5
     assert e1.store.read(944) == [5]
     assert e1.store.read(945, 0, 9) == [0xFB1, 0x410, 0, 0, 0, 0, 0, 0, 0xD00]
     assert e1.store.read(947, 0, 9) == [73, 18, 0, 0, 0, 0, 0, 0, 62]
@@ -307,7 +308,7 @@ def test_944_to_952_the_fault_buffer(e1: Drive) -> None:
         e1.store.write(952, 0, [1])
     assert caught.value.number == E.ONLY_RESET
     e1.store.write(952, 0, [0])
-    assert int(e1.axis.command[0]) == CMD_CLEAR_HISTORY
+    assert int(e1.axis.commands.settings.ring[0]) == CMD_CLEAR_HISTORY
     assert e1.store.events() == [FaultHistoryCleared(), ParameterWritten(952, 0, (0,))]
 
 
@@ -315,7 +316,7 @@ def test_930_follows_the_telegram(e1: Drive) -> None:
     found = []
     for number in TELEGRAMS:
         e1.store.plug_telegram(number)
-        found.append((e1.store.read(922), e1.store.read(930), int(e1.axis.opmode)))
+        found.append((e1.store.read(922), e1.store.read(930), int(e1.axis.drive.settings.opmode)))
     assert found == [([3], [3], 1), ([9], [2], 2), ([111], [2], 2)]
 
 
@@ -326,18 +327,18 @@ def test_979_describes_one_encoder(e1: Drive) -> None:
 
 
 def test_6_1_the_reference_velocity_is_100_percent_at_once(e1: Drive) -> None:
-    assert e1.axis.velocity_step * 0x4000 == 3000.0
+    assert e1.axis.profidrive.settings.velocity_step * 0x4000 == 3000.0
     e1.store.set("Pt317", 1500)
-    assert e1.axis.velocity_step * 0x4000 == 1500.0
+    assert e1.axis.profidrive.settings.velocity_step * 0x4000 == 1500.0
 
 
 def test_6_2_and_6_5_take_effect_after_power_on(e1: Drive) -> None:
     e1.store.set("Pt316", 2000)
     e1.store.set("Pt001", 2)
-    assert (e1.axis.velocity_limit, e1.axis.coast_method) == (10_000, 0)
+    assert (e1.axis.travel.settings.velocity_limit, e1.axis.motor.settings.coast_method) == (10_000, 0)
     assert (e1.store.get("Pt316"), e1.store.get("Pt001")) == (2000, 2)
     e1.store.power_on()
-    assert (e1.axis.velocity_limit, e1.axis.coast_method) == (2000, 2)
+    assert (e1.axis.travel.settings.velocity_limit, e1.axis.motor.settings.coast_method) == (2000, 2)
 
 
 def test_what_is_written_is_permanent_at_once(e1: Drive) -> None:
@@ -352,13 +353,15 @@ def test_what_is_written_is_permanent_at_once(e1: Drive) -> None:
 @pytest.mark.parametrize(("milliseconds", "deceleration"), [(0, 1e12), (10, 300_000.0), (1000, 3000.0)])
 def test_6_4_the_stop_time_is_a_ramp(e1: Drive, milliseconds: int, deceleration: float) -> None:
     e1.store.set("Pt30A", milliseconds)
-    assert e1.axis.quick_stop_deceleration == deceleration
+    assert e1.axis.ramp.settings.quick_stop_deceleration == deceleration
 
 
 def test_another_model_clears_what_this_one_sets(e1: Drive) -> None:
     store = ParameterStore(model("akd"), e1.store.handle)
     store.power_on()
-    assert [e1.axis[name] for name in ("ramp_generator", "life", "velocity_limit", "sensor_step")] == [0, 0, 0, 0]
+    assert [
+        AXIS.read(e1.axis, name) for name in ("ramp.generator", "life.watched", "travel.velocity_limit", "sensor.step")
+    ] == [0, 0, 0, 0]
 
 
 # parameter access (4.3)
@@ -492,7 +495,7 @@ def test_the_requester_understands_the_refusal_and_the_short_answer(e1: Drive) -
     assert [answer.number for answer in answers if isinstance(answer, ParameterError)] == [E.MULTI_PARAMETER] * 2
     single = change_request(9, [(ParameterAddress(925), ParameterValues(0x06, (7,)))])
     assert results(single, parse_response(ask(e1, emit_request(single).hex()))) == [ParameterValues(0)]
-    assert e1.axis.life_tolerance == 7
+    assert e1.axis.life.settings.tolerance == 7
 
 
 def test_the_akd_still_takes_many_parameters_a_request() -> None:
@@ -515,7 +518,7 @@ def test_5_1_every_fault_with_number_code_and_name(manual: str) -> None:
 
 
 def test_5_1_codes_stand_in_the_axis_for_the_signal(e1: Drive) -> None:
-    assert {n: int(word) for n, word in enumerate(e1.axis.fault_words) if word} == {
+    assert {n: int(word) for n, word in enumerate(e1.axis.profidrive.settings.fault_words) if word} == {
         fault.number: fault.word for fault in E1.faults.values() if not fault.warning
     }
 

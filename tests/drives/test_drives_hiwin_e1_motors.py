@@ -18,7 +18,7 @@ from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.image import IMAGE
 
 PITCH = 32.0
@@ -55,53 +55,57 @@ def test_6_applicable_motor_of_each_parameter() -> None:
 
 
 def test_6_1_the_linear_reference_velocity_counts_100_mm_per_second_at_once(linear: Drive) -> None:
-    assert linear.axis.velocity_step * 0x4000 == pytest.approx(2000.0 * MM_S)
+    assert linear.axis.profidrive.settings.velocity_step * 0x4000 == pytest.approx(2000.0 * MM_S)
     linear.store.set("Pt386", 5)
-    assert linear.axis.velocity_step * 0x4000 == pytest.approx(500.0 * MM_S)
+    assert linear.axis.profidrive.settings.velocity_step * 0x4000 == pytest.approx(500.0 * MM_S)
 
 
 def test_6_2_the_linear_velocity_limit_counts_100_mm_per_second_after_power_on(linear: Drive) -> None:
-    assert linear.axis.velocity_limit == pytest.approx(5000.0 * MM_S)
+    assert linear.axis.travel.settings.velocity_limit == pytest.approx(5000.0 * MM_S)
     linear.store.set("Pt385", 3)
-    assert linear.axis.velocity_limit == pytest.approx(5000.0 * MM_S)
+    assert linear.axis.travel.settings.velocity_limit == pytest.approx(5000.0 * MM_S)
     linear.store.power_on()
-    assert linear.axis.velocity_limit == pytest.approx(300.0 * MM_S)
+    assert linear.axis.travel.settings.velocity_limit == pytest.approx(300.0 * MM_S)
 
 
 def test_6_3_torque_limits_are_shares_of_the_rated_torque_and_act_at_once() -> None:
     e1 = drive_with(None)
-    assert (e1.axis.torque_limit_positive, e1.axis.torque_limit_negative) == pytest.approx((8 * 1.27, 8 * 1.27))
+    assert (e1.axis.torque.settings.limit_positive, e1.axis.torque.settings.limit_negative) == pytest.approx(
+        (8 * 1.27, 8 * 1.27)
+    )
     e1.store.set("Pt402", 50)
     e1.store.set("Pt403", 100)
-    assert (e1.axis.torque_limit_positive, e1.axis.torque_limit_negative) == pytest.approx((0.635, 1.27))
+    assert (e1.axis.torque.settings.limit_positive, e1.axis.torque.settings.limit_negative) == pytest.approx(
+        (0.635, 1.27)
+    )
 
 
 def test_6_3_force_limits_of_a_linear_motor_start_with_30_percent(linear: Drive) -> None:
     newton = PITCH / 1000 / (2 * pi)
-    assert linear.axis.torque_limit_positive == pytest.approx(54.0 * newton)
+    assert linear.axis.torque.settings.limit_positive == pytest.approx(54.0 * newton)
     linear.store.set("Pt484", 800)
-    assert linear.axis.torque_limit_negative == pytest.approx(1440.0 * newton)
+    assert linear.axis.torque.settings.limit_negative == pytest.approx(1440.0 * newton)
 
 
 def test_a_model_without_torque_limits_has_none() -> None:
     axis = AXIS.allocate(1)[0]
-    axis.torque_limit_positive = axis.torque_limit_negative = 1.0
+    axis.torque.settings.limit_positive = axis.torque.settings.limit_negative = 1.0
     ParameterStore(model("akd"), AxisHandle(axis, IMAGE.allocate(1)[0])).power_on()
-    assert (axis.torque_limit_positive, axis.torque_limit_negative) == (inf, inf)
+    assert (axis.torque.settings.limit_positive, axis.torque.settings.limit_negative) == (inf, inf)
 
 
 def test_6_8_the_linear_jog_velocity_is_that_of_pt585_and_ramps_follow_it(linear: Drive) -> None:
-    assert linear.axis.jog_velocity[0] == pytest.approx(50.0 * MM_S)
-    assert linear.axis.jog_acceleration == pytest.approx(500.0 * MM_S)
+    assert linear.axis.jog.settings.velocity[0] == pytest.approx(50.0 * MM_S)
+    assert linear.axis.jog.settings.acceleration == pytest.approx(500.0 * MM_S)
     linear.store.set("Pt585", 100)
-    assert linear.axis.jog_velocity[0] == pytest.approx(100.0 * MM_S)
-    assert linear.axis.jog_acceleration == pytest.approx(1000.0 * MM_S)
-    assert linear.axis.position_stop_deceleration == pytest.approx(10_000.0 * MM_S)
+    assert linear.axis.jog.settings.velocity[0] == pytest.approx(100.0 * MM_S)
+    assert linear.axis.jog.settings.acceleration == pytest.approx(1000.0 * MM_S)
+    assert linear.axis.ramp.settings.position_stop_deceleration == pytest.approx(10_000.0 * MM_S)
 
 
 def test_6_4_the_linear_quick_stop_counts_from_the_reference_velocity(linear: Drive) -> None:
     linear.store.set("Pt30A", 100)
-    assert linear.axis.quick_stop_deceleration == pytest.approx(20_000.0 * MM_S)
+    assert linear.axis.ramp.settings.quick_stop_deceleration == pytest.approx(20_000.0 * MM_S)
 
 
 @pytest.mark.parametrize("name", ["Pt316", "Pt317", "Pt402", "Pt403", "Pt533"])
@@ -128,7 +132,7 @@ def test_6_8_a_direct_drive_jogs_with_60_rpm_by_default() -> None:
     """The note below the table of Pt533."""
     direct, usual = drive_with("direct-drive"), drive_with(None)
     assert (direct.store.get("Pt533"), usual.store.get("Pt533")) == (60, 600)
-    assert (direct.axis.jog_velocity[0], direct.axis.jog_acceleration) == (60.0, 600.0)
+    assert (direct.axis.jog.settings.velocity[0], direct.axis.jog.settings.acceleration) == (60.0, 600.0)
     assert not direct.store.changed(direct.model.parameters[0x2533])
 
 
@@ -139,9 +143,9 @@ def test_4_1_pnu_979_tells_a_linear_encoder_and_its_increment_in_nm(linear: Driv
 
 def test_another_pitch_carries_everything_over() -> None:
     short = drive_with("linear", 16.0)
-    assert short.axis.jog_velocity[0] == pytest.approx(50.0 * 60 / 16)
-    assert short.axis.sensor_step * 16.0 == pytest.approx(0.0001)
-    assert short.axis.inertia == pytest.approx(5.0 * (0.016 / (2 * pi)) ** 2)
+    assert short.axis.jog.settings.velocity[0] == pytest.approx(50.0 * 60 / 16)
+    assert short.axis.sensor.settings.step * 16.0 == pytest.approx(0.0001)
+    assert short.axis.load.settings.inertia == pytest.approx(5.0 * (0.016 / (2 * pi)) ** 2)
     assert short.store.read(979, 2) == [100]
 
 
@@ -168,7 +172,7 @@ def test_a_motor_that_the_model_does_not_have_is_told(kind: str | None, pitch: f
         ("model.toml", "[motors.linear.firmware]", "[motors.linear.parameter]", "parameter: not one of kind, motor"),
         ("model.toml", "[motors.direct-drive.motor]", "[motors.rotary.motor]", "rotary.motor: the usual motor"),
         ("model.toml", "[motors.linear.firmware]", "[motors.linear.defaults]", "overspeed: there is no such parameter"),
-        ("model.toml", "home_velocity = { value = 6.0", "ramp_up = { value = 6.0", "ramp_up: the axis has no"),
+        ("model.toml", "homing.velocity = { value = 6.0", "ramp.up = { value = 6.0", "ramp.up: the axis has no"),
         ("parameters.csv", ",power-on,linear", ",power-on,lunar", "motor: 'lunar'"),
         ("parameters.csv", "; of jogging,,linear", "; of jogging,,rotary", "needs the motor linear"),
     ],

@@ -24,7 +24,7 @@ from pnfarm.drives.parameter import Backing, ParameterError, ParameterType
 from pnfarm.drives.telegram import MappingError, signal_codes, signal_numbers
 from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS, SLOTS, WORD_NONE, word_code
 
 AKD_ROW = re.compile(r"^([A-Z0-9]+\.[A-Z0-9_]+)\t(\d+)\t(.*)$")
@@ -422,9 +422,9 @@ def folder(tmp_path: Path) -> Path:
         ("parameters.csv", "\n2,ZSW1", "\ntwo,ZSW1", r"line 2, pnu: 'two' is not a number"),
         ("parameters.csv", "signal:received.STW1", "signal:received.STW9", r"line 2, backed_by"),
         ("parameters.csv", "signal:received.STW1", "magic", r"line 2, backed_by"),
-        ("parameters.csv", "field:jog_velocity[0]", "field:jog_velocity[2]", r"backed_by"),
-        ("parameters.csv", "field:jog_velocity[0]", "field:speed", r"no field 'speed'"),
-        ("parameters.csv", "field:opmode", "field:state", r"written by firmware"),
+        ("parameters.csv", "field:jog.velocity[0]", "field:jog.velocity[2]", r"backed_by"),
+        ("parameters.csv", "field:jog.velocity[0]", "field:speed", r"no field 'speed'"),
+        ("parameters.csv", "field:drive.opmode", "field:drive.state", r"written by firmware"),
         ("parameters.csv", "alias:DRV.OPMODE", "alias:17", r"line \d+, backed_by: alias of 17"),
         ("parameters.csv", "computed:telegram", "computed:teleprompter", r"backed_by"),
         ("parameters.csv", "command:save", "command:shave", r"backed_by"),
@@ -490,7 +490,7 @@ def folder(tmp_path: Path) -> Path:
             'source = "assumed" }\nhardware',
             r"device_id, note",
         ),
-        ("model.toml", "peak_current = {", "beak_current = {", r"beak_current"),
+        ("model.toml", "motor.peak_current = {", "motor.beak_current = {", r"beak_current"),
         ("model.toml", "default_telegram = 1", "default_telegram = 2", r"default_telegram"),
         ("model.toml", 'name = "akd-profinet"', "", r"name: missing"),
         ("model.toml", "pnu = 1,", "pnu = 9,", r"PN\.STW1"),
@@ -528,6 +528,14 @@ def test_motor_data_name_fields_of_the_axis(name: str) -> None:
     axis = AXIS.allocate(1)[0]
     described.apply_motor(axis)
     for field, value in described.motor.items():
-        assert np.array_equal(getattr(axis, field), value)
+        assert np.array_equal(AXIS.read(axis, field), value)
         assert value == described.facts[f"motor.{field}"].value
-    assert min(axis.peak_current, axis.max_velocity, axis.inertia, axis.torque_constant) > 0
+    assert (
+        min(
+            axis.motor.settings.peak_current,
+            axis.motor.settings.max_velocity,
+            axis.load.settings.inertia,
+            axis.motor.settings.torque_constant,
+        )
+        > 0
+    )

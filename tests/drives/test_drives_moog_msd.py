@@ -106,9 +106,13 @@ def test_units_reach_the_axis(msd: Drive) -> None:
     msd.store.set("P-1268", -40)
     msd.store.set("P-0338", 6000)
     axis = msd.axis
-    assert (axis.acceleration, axis.loss_delay_ns, axis.jog_velocity[0]) == (120.0, 7_000_000, -40.0)
-    assert axis.velocity_step_b * 0x40000000 == pytest.approx(6000.0)
-    assert axis.velocity_step == 1.0
+    assert (axis.ramp.settings.acceleration, axis.faults.settings.loss_delay_ns, axis.jog.settings.velocity[0]) == (
+        120.0,
+        7_000_000,
+        -40.0,
+    )
+    assert axis.profidrive.settings.velocity_step_b * 0x40000000 == pytest.approx(6000.0)
+    assert axis.profidrive.settings.velocity_step == 1.0
 
 
 # telegrams and modules
@@ -177,16 +181,16 @@ def test_the_telegram_in_force_says_which_velocity_set_point_counts(msd: Drive) 
     found = {}
     for number in (1, 2, 3, 5, 101):
         msd.store.plug_telegram(number)
-        found[number] = int(msd.axis.velocity_signal)
+        found[number] = int(msd.axis.profidrive.settings.velocity_signal)
     a, b = VELOCITY_NSOLL_A, VELOCITY_NSOLL_B
     assert found == {1: a, 2: b, 3: b, 5: b, 101: a}
     msd.store.plug_telegram(105)
     msd.store.write(915, 0, [967, 1270, 1270])
-    assert msd.axis.velocity_signal == VELOCITY_REF_SPEED
+    assert msd.axis.profidrive.settings.velocity_signal == VELOCITY_REF_SPEED
     msd.store.write(915, 1, [1261, 1261])
-    assert msd.axis.velocity_signal == VELOCITY_NSOLL_B
+    assert msd.axis.profidrive.settings.velocity_signal == VELOCITY_NSOLL_B
     msd.store.power_on()
-    assert msd.axis.velocity_signal == VELOCITY_NSOLL_A
+    assert msd.axis.profidrive.settings.velocity_signal == VELOCITY_NSOLL_A
 
 
 def test_the_profiles_mode_is_set_by_telegrams_2_3_and_5(msd: Drive) -> None:
@@ -194,7 +198,7 @@ def test_the_profiles_mode_is_set_by_telegrams_2_3_and_5(msd: Drive) -> None:
     for number in MSD.telegrams:
         msd.store.set("P-1258", 0)
         msd.store.plug_telegram(number)
-        assert msd.store.get("P-1258") == msd.axis.profile_mode == (number in {2, 3, 5})
+        assert msd.store.get("P-1258") == msd.axis.profidrive.settings.profile_mode == (number in {2, 3, 5})
 
 
 # faults
@@ -222,7 +226,7 @@ def test_the_label_of_a_fault_is_its_number_as_the_manual_writes_it() -> None:
 def test_the_error_memory_is_read_as_far_as_its_twenty_places(msd: Drive) -> None:
     numbers = [32 | 1 << 16] + [0] * 18 + [11 | 1 << 16, 9 | 1 << 16]
     for place, number in enumerate(numbers):
-        msd.axis.fault_buffer[place] = number
+        msd.axis.faults.buffer[place] = number
     assert msd.store.read(949, 0, 20) == numbers[:20]
     assert msd.store.read(947, 0, 20) == [9] + [0] * 18 + [16]
     with pytest.raises(ParameterError, match="faulty subindex"):
@@ -285,7 +289,7 @@ def test_tables_9_18_to_9_20_write_and_read_an_array(msd: Drive) -> None:
     assert answer == "00 02 00 01"
     answer = ask(msd, "00 01 00 01 10 05 03 93 00 00")
     assert answer == "00 01 00 01 42 05 03 C7 04 F6 04 F6 04 F6 00 00"
-    assert msd.axis.velocity_signal == VELOCITY_REF_SPEED
+    assert msd.axis.profidrive.settings.velocity_signal == VELOCITY_REF_SPEED
 
 
 def test_an_array_is_not_written_under_a_standard_telegram(msd: Drive) -> None:

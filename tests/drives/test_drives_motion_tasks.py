@@ -10,7 +10,7 @@ from pnfarm.drives.motion_tasks import MotionTask
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
     CMD_CONTINUE,
     CMD_HOME,
@@ -52,11 +52,15 @@ def test_mt_set_keeps_the_edited_task_in_the_units_of_the_axis():
     drive = store()
     edit(drive, 3, 2.5, V=600_000, ACC=5_000_000, DEC=7_000_000, CNTL=0x31, MTNEXT=4, TNEXT=250)
     axis = drive.handle.axis
-    assert axis.mt_position[3] == pytest.approx(2.5, abs=1e-6)
-    assert (axis.mt_velocity[3], axis.mt_acceleration[3], axis.mt_deceleration[3]) == (600.0, 5000.0, 7000.0)
-    assert (axis.mt_next[3], axis.mt_dwell_ns[3]) == (4, 250_000_000)
-    assert axis.mt_flags[3] == TASK_DEFINED | TASK_RELATIVE | TASK_FROM_COMMAND | TASK_CHAINED
-    assert axis.mt_flags.sum() == axis.mt_flags[3]
+    assert axis.motion_tasks.settings.position[3] == pytest.approx(2.5, abs=1e-6)
+    assert (
+        axis.motion_tasks.settings.velocity[3],
+        axis.motion_tasks.settings.acceleration[3],
+        axis.motion_tasks.settings.deceleration[3],
+    ) == (600.0, 5000.0, 7000.0)
+    assert (axis.motion_tasks.settings.next[3], axis.motion_tasks.settings.dwell_ns[3]) == (4, 250_000_000)
+    assert axis.motion_tasks.settings.kind[3] == TASK_DEFINED | TASK_RELATIVE | TASK_FROM_COMMAND | TASK_CHAINED
+    assert axis.motion_tasks.settings.kind.sum() == axis.motion_tasks.settings.kind[3]
 
 
 def test_mt_load_brings_a_task_back_and_refuses_one_that_is_not_there():
@@ -77,9 +81,9 @@ def test_mt_clear_forgets_one_or_all():
     for number in (1, 2, 128):
         edit(drive, number, 1.0)
     drive.set("MT.CLEAR", 2)
-    assert list(drive.handle.axis.mt_flags.nonzero()[0]) == [1, 128]
+    assert list(drive.handle.axis.motion_tasks.settings.kind.nonzero()[0]) == [1, 128]
     drive.set("MT.CLEAR", -1)
-    assert not drive.handle.axis.mt_flags.any()
+    assert not drive.handle.axis.motion_tasks.settings.kind.any()
 
 
 def test_tasks_outlive_a_power_cycle_only_after_drv_nvsave():
@@ -89,10 +93,10 @@ def test_tasks_outlive_a_power_cycle_only_after_drv_nvsave():
     edit(drive, 2, 2.0)
     kept = drive.snapshot()
     drive.power_on()
-    assert list(drive.handle.axis.mt_flags.nonzero()[0]) == [1]
+    assert list(drive.handle.axis.motion_tasks.settings.kind.nonzero()[0]) == [1]
     again = store(kept)
-    assert list(again.handle.axis.mt_flags.nonzero()[0]) == [1]
-    assert again.handle.axis.mt_position[1] == pytest.approx(1.0, abs=1e-6)
+    assert list(again.handle.axis.motion_tasks.settings.kind.nonzero()[0]) == [1]
+    assert again.handle.axis.motion_tasks.settings.position[1] == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +120,7 @@ def test_6_2_a_new_scale_of_positions_changes_the_numbers_of_tasks_and_not_their
     edit(drive, 1, 1.0)
     before = drive.get("MT.P")
     drive.set("PN.POSSCALE", 500)
-    assert drive.handle.axis.mt_position[1] == pytest.approx(1.0, abs=1e-6)
+    assert drive.handle.axis.motion_tasks.settings.position[1] == pytest.approx(1.0, abs=1e-6)
     drive.set("MT.LOAD", 1)
     assert drive.get("MT.P") == pytest.approx(2 * before, abs=1)
 
@@ -138,14 +142,14 @@ def test_mt_cntl_says_what_the_position_is_and_how_the_next_task_follows(control
     """5.10.1, MT parameters: the bits as the parameter reference has them."""
     drive = store()
     edit(drive, 1, 1.0, CNTL=control)
-    assert drive.handle.axis.mt_flags[1] == TASK_DEFINED | flags
+    assert drive.handle.axis.motion_tasks.settings.kind[1] == TASK_DEFINED | flags
 
 
 @pytest.mark.parametrize(("control", "dwell"), [(0x10, 0), (0x30, 250), (0xF0, 250), (0x210, 0), (0x20, 0)])
 def test_mt_tnext_counts_only_where_mt_cntl_says_so(control, dwell):
     drive = store()
     edit(drive, 1, 1.0, CNTL=control, TNEXT=250)
-    assert drive.handle.axis.mt_dwell_ns[1] == dwell * 1_000_000
+    assert drive.handle.axis.motion_tasks.settings.dwell_ns[1] == dwell * 1_000_000
 
 
 @pytest.mark.parametrize(
@@ -157,22 +161,22 @@ def test_mt_set_refuses_a_task_that_cannot_be_carried_out_and_keeps_the_one_befo
     with pytest.raises(ParameterError) as caught:
         edit(drive, 1, 9.0, **wrong)
     assert caught.value.number == ParameterErrorNumber.VALUE_IMPERMISSIBLE
-    assert drive.handle.axis.mt_position[1] == pytest.approx(1.0, abs=1e-6)
+    assert drive.handle.axis.motion_tasks.settings.position[1] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_drv_stop_and_mt_continue_reach_the_firmware_in_position_mode():
     drive = store()
     axis = drive.handle.axis
     drive.set("DRV.STOP", 1)
-    assert axis.command_head == 0, "nothing runs that could end"
-    axis.state, axis.opmode = 4, 2
+    assert axis.commands.settings.head == 0, "nothing runs that could end"
+    axis.drive.state, axis.drive.settings.opmode = 4, 2
     drive.set("DRV.STOP", 1)
     with pytest.raises(ParameterError):
         drive.set("MT.CONTINUE", 1)
-    axis.motion = MOTION_HALTED
+    axis.positioning.state = MOTION_HALTED
     drive.set("MT.CONTINUE", 1)
-    assert list(axis.command[:2]) == [CMD_STOP | STOP_HALT << 8, CMD_CONTINUE]
-    axis.opmode = 1
+    assert list(axis.commands.settings.ring[:2]) == [CMD_STOP | STOP_HALT << 8, CMD_CONTINUE]
+    axis.drive.settings.opmode = 1
     with pytest.raises(ParameterError) as caught:
         drive.set("DRV.STOP", 1)
     assert caught.value.number == ParameterErrorNumber.OPERATING_STATE
@@ -183,15 +187,15 @@ def test_mt_move_and_home_move_need_operation_in_position_mode():
     edit(drive, 1, 1.0)
     axis = drive.handle.axis
     for state, opmode in ((3, 2), (4, 1)):
-        axis.state, axis.opmode = state, opmode
+        axis.drive.state, axis.drive.settings.opmode = state, opmode
         for name in ("MT.MOVE", "HOME.MOVE"):
             with pytest.raises(ParameterError) as caught:
                 drive.set(name, 1)
             assert caught.value.number == ParameterErrorNumber.OPERATING_STATE
-    axis.state, axis.opmode = 4, 2
+    axis.drive.state, axis.drive.settings.opmode = 4, 2
     drive.set("MT.MOVE", 1)
     drive.set("HOME.MOVE", 1)
-    assert list(axis.command[:2]) == [CMD_START_TASK | 1 << 8, CMD_HOME]
+    assert list(axis.commands.settings.ring[:2]) == [CMD_START_TASK | 1 << 8, CMD_HOME]
 
 
 def test_nvload_restores_the_saved_motion_tasks_and_rstvar_clears_them():
@@ -200,18 +204,18 @@ def test_nvload_restores_the_saved_motion_tasks_and_rstvar_clears_them():
     edit(drive, 3, 4.0, V=600_000, ACC=5_000_000, DEC=5_000_000)
     drive.set("DRV.NVSAVE", 1)
     axis = drive.handle.axis
-    place = float(axis.mt_position[3])
+    place = float(axis.motion_tasks.settings.position[3])
     drive.set("PN.POSSCALE", 1000)
     edit(drive, 4, 1.0, V=600_000, ACC=5_000_000, DEC=5_000_000)
     drive.set("MT.CLEAR", 3)
     drive.set("DRV.NVLOAD", 1)
-    assert [n for n in range(8) if axis.mt_flags[n] & TASK_DEFINED] == [3]
-    assert axis.mt_position[3] == place, "in the saved unit, too"
+    assert [n for n in range(8) if axis.motion_tasks.settings.kind[n] & TASK_DEFINED] == [3]
+    assert axis.motion_tasks.settings.position[3] == place, "in the saved unit, too"
     drive.set("DRV.RSTVAR", 1)
-    assert axis.mt_flags.sum() == 0
+    assert axis.motion_tasks.settings.kind.sum() == 0
     drive.power_on()
-    assert axis.mt_position[3] == place
-    assert axis.mt_flags[3] & TASK_DEFINED
+    assert axis.motion_tasks.settings.position[3] == place
+    assert axis.motion_tasks.settings.kind[3] & TASK_DEFINED
 
 
 def test_tasks_of_a_commissioning_tool_are_there_at_power_on_and_can_be_loaded_and_cleared():
@@ -221,20 +225,24 @@ def test_tasks_of_a_commissioning_tool_are_there_at_power_on_and_can_be_loaded_a
         MotionTask(7, 2.0, 600.0, 30_000.0, 20_000.0),
         MotionTask(8, -0.5, 60.0, 1000.0, 1000.0, relative=True, following=7, dwell_ns=250_000_000),
     ])  # fmt: skip
-    assert not drive.handle.axis.mt_flags.any()
+    assert not drive.handle.axis.motion_tasks.settings.kind.any()
     drive.power_on()
     axis = drive.handle.axis
-    assert (axis.mt_velocity[7], axis.mt_acceleration[7], axis.mt_deceleration[7]) == (600.0, 30_000.0, 20_000.0)
-    assert axis.mt_position[7] == pytest.approx(2.0, abs=1e-6)
-    assert axis.mt_flags[8] == TASK_DEFINED | TASK_RELATIVE | TASK_FROM_COMMAND | TASK_CHAINED
-    assert (axis.mt_next[8], axis.mt_dwell_ns[8]) == (7, 250_000_000)
+    assert (
+        axis.motion_tasks.settings.velocity[7],
+        axis.motion_tasks.settings.acceleration[7],
+        axis.motion_tasks.settings.deceleration[7],
+    ) == (600.0, 30_000.0, 20_000.0)
+    assert axis.motion_tasks.settings.position[7] == pytest.approx(2.0, abs=1e-6)
+    assert axis.motion_tasks.settings.kind[8] == TASK_DEFINED | TASK_RELATIVE | TASK_FROM_COMMAND | TASK_CHAINED
+    assert (axis.motion_tasks.settings.next[8], axis.motion_tasks.settings.dwell_ns[8]) == (7, 250_000_000)
     drive.set("MT.NUM", 7)
     drive.set("MT.LOAD", 1)
     assert drive.get("MT.P") == 4 * REVOLUTION
     drive.set("MT.CLEAR", 7)
-    assert list(axis.mt_flags.nonzero()[0]) == [8]
+    assert list(axis.motion_tasks.settings.kind.nonzero()[0]) == [8]
     drive.power_on()
-    assert list(axis.mt_flags.nonzero()[0]) == [7, 8]
+    assert list(axis.motion_tasks.settings.kind.nonzero()[0]) == [7, 8]
 
 
 def test_a_task_of_a_commissioning_tool_goes_further_than_the_32_bits_of_mt_p_tell():
@@ -242,13 +250,13 @@ def test_a_task_of_a_commissioning_tool_goes_further_than_the_32_bits_of_mt_p_te
     drive.commission_tasks([MotionTask(1, 40_000.0, 99_999.0, 30_000.0, 30_000.0)])
     drive.power_on()
     axis = drive.handle.axis
-    assert (axis.mt_position[1], axis.mt_velocity[1]) == (40_000.0, 99_999.0)
+    assert (axis.motion_tasks.settings.position[1], axis.motion_tasks.settings.velocity[1]) == (40_000.0, 99_999.0)
     drive.set("MT.NUM", 1)
     drive.set("MT.LOAD", 1)
     assert drive.get("MT.V") == 12_000_000
     drive.set("MT.P", REVOLUTION)
     drive.set("MT.SET", 1)
-    assert axis.mt_position[1] == pytest.approx(1.0, abs=1e-6)
+    assert axis.motion_tasks.settings.position[1] == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_drive_without_mt_parameters_has_the_tasks_of_its_commissioning_tool():
@@ -258,8 +266,8 @@ def test_a_drive_without_mt_parameters_has_the_tasks_of_its_commissioning_tool()
     drive = ParameterStore(earlier, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
     drive.commission_tasks([MotionTask(1, 1.5, 600.0, 30_000.0, 30_000.0)])
     drive.power_on()
-    assert drive.handle.axis.mt_position[1] == 1.5
-    assert list(drive.handle.axis.mt_flags.nonzero()[0]) == [1]
+    assert drive.handle.axis.motion_tasks.settings.position[1] == 1.5
+    assert list(drive.handle.axis.motion_tasks.settings.kind.nonzero()[0]) == [1]
 
 
 @pytest.mark.parametrize(("name", "number"), [("akd-profinet", 129), ("akd-profinet", -1), ("moog-msd", 0)])

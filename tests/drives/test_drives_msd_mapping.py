@@ -86,11 +86,11 @@ def test_every_set_point_of_table_14_5_can_be_sent_back(msd: Drive) -> None:
 
 
 def test_a_mapping_without_set_points_and_arrays_costs_the_step_nothing(msd: Drive) -> None:
-    assert not msd.axis.shows
+    assert not msd.axis.profidrive.settings.shows
     msd.store.write(916, 0, [968, 967])
-    assert msd.axis.shows == 1
+    assert msd.axis.profidrive.settings.shows == 1
     msd.store.write(916, 1, [0])
-    assert not msd.axis.shows
+    assert not msd.axis.profidrive.settings.shows
 
 
 def test_thirty_two_words_are_mapped_each_way(msd: Drive) -> None:
@@ -222,7 +222,7 @@ def test_a_signal_that_is_mapped_twice_is_sent_twice(msd: Drive, number: int, na
     msd.axis.powered = 1
     width = msd.model.signals[number].bits // 16
     msd.store.write(916, 0, [number] * width + [1281] + [number] * width)
-    msd.axis.position = 12_345_678.5
+    msd.axis.motor.position = 12_345_678.5
     msd.image.received[SETPOINT_SLOTS["TARPOS_A"]] = 0x12345678
     words = sent_words(msd)
     assert words[:width] == words[width + 1 : 2 * width + 1] != [0] * width, name
@@ -287,7 +287,7 @@ def test_a_mapping_that_is_too_long_for_another_module_is_cut(msd: Drive, number
 
 
 def test_selections_are_not_changed_in_operation(msd: Drive) -> None:
-    msd.axis.state = 4
+    msd.axis.drive.state = 4
     for pnu, value in ((915, 967), (916, 968), (922, 105), (1253, 0), (1254, 0)):
         with pytest.raises(ParameterError) as caught:
             msd.store.write(pnu, 0, [value])

@@ -93,7 +93,7 @@ def test_p_0930_follows_the_control_mode(msd: Drive, mode: int, ramp: int, shown
     msd.store.set("P-0300", mode)
     msd.store.set("P-0301", ramp)
     assert msd.store.get("P-0930") == shown
-    assert (msd.axis.ramp_generator == RAMP_GENERATED) == (not ramp)
+    assert (msd.axis.ramp.settings.generator == RAMP_GENERATED) == (not ramp)
 
 
 def test_p_0971_makes_what_was_written_permanent_and_nothing_else_does(msd: Drive) -> None:

@@ -68,8 +68,8 @@ def test_a_standard_telegram_sets_the_parameters_of_table_8_9(msd: Drive, number
     msd.store.plug_telegram(number)
     assert tuple(msd.store.get(name) for name in ("P-0300", "P-0301", "P-1258")) == MODES[number]
     assert (msd.store.get("P-0159"), msd.store.get("P-0165")) == (7, 9)
-    assert msd.axis.opmode == MODES[number][0] - 1
-    assert msd.axis.ramp_generator == (RAMP_PASSED_BY if MODES[number][1] else RAMP_GENERATED)
+    assert msd.axis.drive.settings.opmode == MODES[number][0] - 1
+    assert msd.axis.ramp.settings.generator == (RAMP_PASSED_BY if MODES[number][1] else RAMP_GENERATED)
 
 
 def test_a_user_specific_telegram_sets_nothing(msd: Drive) -> None:
@@ -100,8 +100,8 @@ def test_tables_10_18_and_10_20_name_the_parameter_of_each_word(msd: Drive) -> N
 
 def test_10_7_nsoll_b_is_a_share_of_p_0338_from_minus_200_to_200_percent(msd: Drive) -> None:
     msd.store.set("P-0338", 4500)
-    assert 0x40000000 * msd.axis.velocity_step_b == pytest.approx(4500)
-    assert -0x80000000 * msd.axis.velocity_step_b == pytest.approx(-9000)
+    assert 0x40000000 * msd.axis.profidrive.settings.velocity_step_b == pytest.approx(4500)
+    assert -0x80000000 * msd.axis.profidrive.settings.velocity_step_b == pytest.approx(-9000)
 
 
 @pytest.mark.parametrize(

@@ -40,44 +40,46 @@ def example(drive: Drive) -> None:
 def test_13_2_a_reference_position_in_degrees_is_its_part_of_a_revolution(msd: Drive) -> None:
     """COM_DP_REFPos * MPRO_FG_Num / MPRO_FG_Den."""
     example(msd)
-    assert msd.axis.position_step * 360 == pytest.approx(1.0)
+    assert msd.axis.profidrive.settings.position_step * 360 == pytest.approx(1.0)
     msd.store.set("P-0271", 5)
     msd.store.set("P-0272", 1000)
-    assert msd.axis.position_step == pytest.approx(0.005), "a gear or a feed constant is in the quotient"
+    assert msd.axis.profidrive.settings.position_step == pytest.approx(0.005), (
+        "a gear or a feed constant is in the quotient"
+    )
 
 
 def test_13_2_a_positioning_speed_is_a_number_of_rev_per_minute(msd: Drive) -> None:
     """COM_DP_REFSpeed * MPRO_FG_SpeedFac; a tenth makes a place behind the point."""
     example(msd)
-    assert (msd.axis.velocity_step, msd.axis.task_velocity_step) == (1.0, 1.0)
+    assert (msd.axis.profidrive.settings.velocity_step, msd.axis.profidrive.settings.task_velocity_step) == (1.0, 1.0)
     msd.store.set("P-0274", bits(0.1))
-    assert msd.axis.velocity_step == pytest.approx(0.1)
-    assert msd.axis.task_velocity_step == pytest.approx(0.1)
+    assert msd.axis.profidrive.settings.velocity_step == pytest.approx(0.1)
+    assert msd.axis.profidrive.settings.task_velocity_step == pytest.approx(0.1)
 
 
 def test_13_2_an_acceleration_of_the_example_is_one_rev_per_minute_and_second(msd: Drive) -> None:
     """COM_DP_ACC * MPRO_FG_AccFac, in rev/s2."""
     example(msd)
     msd.store.set("P-1278", 600)
-    assert msd.axis.acceleration == pytest.approx(600.0, rel=1e-6), "600 rev/(min*s)"
-    assert msd.axis.acceleration_step == pytest.approx(1.0, rel=1e-6)
+    assert msd.axis.ramp.settings.acceleration == pytest.approx(600.0, rel=1e-6), "600 rev/(min*s)"
+    assert msd.axis.profidrive.settings.acceleration_step == pytest.approx(1.0, rel=1e-6)
 
 
 def test_values_written_before_the_factors_are_converted_when_they_change(msd: Drive) -> None:
     msd.store.set("P-1278", 100)
     msd.store.set("P-1268", 50)
-    assert (msd.axis.acceleration, msd.axis.jog_velocity[0]) == (6000.0, 50.0)
+    assert (msd.axis.ramp.settings.acceleration, msd.axis.jog.settings.velocity[0]) == (6000.0, 50.0)
     msd.store.set("P-0275", bits(0.5))
     msd.store.set("P-0274", bits(2.0))
-    assert (msd.axis.acceleration, msd.axis.jog_velocity[0]) == (3000.0, 100.0)
+    assert (msd.axis.ramp.settings.acceleration, msd.axis.jog.settings.velocity[0]) == (3000.0, 100.0)
 
 
 def test_the_factors_are_kept_over_a_power_cycle(msd: Drive) -> None:
     example(msd)
     msd.store.set("P-0971", 1)
     msd.store.power_on()
-    assert msd.axis.position_step * 360 == pytest.approx(1.0)
-    assert msd.axis.acceleration_step == pytest.approx(1.0, rel=1e-6)
+    assert msd.axis.profidrive.settings.position_step * 360 == pytest.approx(1.0)
+    assert msd.axis.profidrive.settings.acceleration_step == pytest.approx(1.0, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -96,12 +98,20 @@ def test_a_factor_that_makes_a_unit_of_nothing_is_refused(msd: Drive, name: str,
 
 def test_units_and_exponents_are_for_display_alone(msd: Drive) -> None:
     """13.1."""
-    before = (float(msd.axis.position_step), float(msd.axis.velocity_step), float(msd.axis.acceleration_step))
+    before = (
+        float(msd.axis.profidrive.settings.position_step),
+        float(msd.axis.profidrive.settings.velocity_step),
+        float(msd.axis.profidrive.settings.acceleration_step),
+    )
     for name in ("P-0285", "P-0288", "P-0291", "P-0294"):
         msd.store.set(name, -3)
     for name in ("P-0284", "P-0287", "P-0290", "P-0293"):
         msd.store.set(name, ord("x"))
-    assert before == (msd.axis.position_step, msd.axis.velocity_step, msd.axis.acceleration_step)
+    assert before == (
+        msd.axis.profidrive.settings.position_step,
+        msd.axis.profidrive.settings.velocity_step,
+        msd.axis.profidrive.settings.acceleration_step,
+    )
 
 
 def test_floats_are_their_bits_and_back() -> None:
@@ -113,7 +123,7 @@ def test_floats_are_their_bits_and_back() -> None:
 
 
 def test_table_14_2_the_current_is_read_as_a_float(msd: Drive) -> None:
-    msd.axis.current = -1.25
+    msd.axis.motor.current = -1.25
     assert float_of(msd.store.get("P-0700")) == -1.25
 
 
@@ -126,13 +136,13 @@ def test_11_4_a_touch_probe_as_reference_mark_sets_what_it_records(element: int)
         drive = new_drive("moog-msd")
         drive.store.set(f"P-1255.{element}", probe)
         assert drive.store.read(1402, 0, 2) == [probe == 1, probe == 2]
-        assert drive.axis.sensor_marks[element] == probe
+        assert drive.axis.sensor.settings.marks[element] == probe
 
 
 def test_11_4_edges_and_reserved_elements_set_nothing(msd: Drive) -> None:
     msd.store.write(1255, 4, [1, 1, 1, 1, 2, 2, 2, 2])
     assert msd.store.read(1402, 0, 2) == [0, 0]
-    assert list(msd.axis.sensor_marks) == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2]
+    assert list(msd.axis.sensor.settings.marks) == [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2]
 
 
 # 11.3
@@ -146,8 +156,8 @@ def test_11_3_p_0979_describes_the_encoder_that_the_position_values_count_in(msd
     assert kind == 0x80000000, "rotary, and the data are valid"
     assert (resolution, shift_1, shift_2, revolutions) == (1048576, 0, 0, 4096)
     assert not any(rest)
-    assert resolution << shift_1 == 1 / msd.axis.sensor_step
-    assert resolution << shift_2 == 1 / msd.axis.sensor_step_2
+    assert resolution << shift_1 == 1 / msd.axis.sensor.settings.step
+    assert resolution << shift_2 == 1 / msd.axis.sensor.settings.step_2
     assert resolution * revolutions == 1 << 32, "12 bits of revolutions above 20 of pulses"
     with pytest.raises(ParameterError, match="cannot be changed"):
         msd.store.set("P-0979.1", 0)

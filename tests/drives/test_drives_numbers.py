@@ -11,7 +11,7 @@ import pytest
 from drives_kit import Running
 
 from pnfarm.drives.parameter import Backing, Form, Parameter, ParameterError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 
 MODELS = ("akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd")
 #: Bits of float32: no numbers, infinities, the greatest, the smallest ones.
@@ -24,9 +24,9 @@ UNLIMITED = frozenset(name for name, field in AXIS.fields.items() if field.defau
 
 def wrong_numbers(axis: Any) -> list[str]:
     found = []
-    for name in AXIS.fields:
-        if axis.dtype[name].base.kind == "f":
-            values = np.asarray(axis[name])
+    for name, field in AXIS.fields.items():
+        if field.kind.startswith("f"):
+            values = np.asarray(AXIS.read(axis, name))
             if np.isnan(values).any() or (name not in UNLIMITED and np.isinf(values).any()):
                 found.append(name)
     return found
@@ -64,7 +64,7 @@ def test_parameters_at_their_limits_and_set_points_of_any_kind_leave_numbers_in_
     written: list[str] = []
     for word in WALK:
         running.send(word, 0, 50)
-    assert running.axis.state == 4
+    assert running.axis.drive.state == 4
     for _ in range(60):
         for _ in range(rng.randint(1, 6)):
             chosen = shaping if shaping and rng.random() < 0.9 else writable

@@ -20,7 +20,7 @@ from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS, MAX_PROBLEMS, 
 from pnfarm.drives.sections import Section
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.image import IMAGE
 
 E1 = model("hiwin-e1")

@@ -182,7 +182,7 @@ def test_no_priority_for_a_set_point_that_the_telegram_brings(channel: Channel) 
 
 
 def test_the_telegram_is_not_changed_in_operation(channel: Channel) -> None:
-    channel.drive.axis.state = 4
+    channel.drive.axis.drive.state = 4
     assert channel.error(2, 922, 0, 0, 101) == 17
 
 

@@ -7,6 +7,7 @@ import tracemalloc
 from math import inf, nan
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from drives_kit import Drive, new_drive, refused
 
@@ -20,8 +21,8 @@ from pnfarm.drives.store import (
     ParameterStore,
     RebootRequested,
 )
-from pnfarm.table.axis import AXIS, COMMANDS
-from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_SET_POSITION
+from pnfarm.firmware.axis import AXIS
+from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_SET_POSITION, COMMANDS
 from pnfarm.table.image import IMAGE
 from pnfarm.table.signals import (
     ACTUAL_SLOTS,
@@ -117,7 +118,7 @@ def test_each_command_acts_or_says_why_not(drive: Drive) -> None:
         if parameter.backing is not Backing.COMMAND:
             continue
         assert drive.store.read(parameter.pnu) == [0]
-        head = int(drive.axis.command_head)
+        head = int(drive.axis.commands.settings.head)
         drive.store.events()
         # nothing is kept that could be loaded, and the axis stands in S1
         if parameter.argument in {"refuse", "home", "enable", "service", "task-continue", "task-move"}:
@@ -128,7 +129,7 @@ def test_each_command_acts_or_says_why_not(drive: Drive) -> None:
             refused(E.VALUE_IMPERMISSIBLE, lambda p=parameter: drive.store.write(p.pnu, 0, [1]))
             continue
         drive.store.write(parameter.pnu, 0, [1])
-        acted = int(drive.axis.command_head) != head or drive.store.events()
+        acted = int(drive.axis.commands.settings.head) != head or drive.store.events()
         assert acted or parameter.argument in {"load", "factory-values", "task-clear", "task-set", "disable", "stop"}
 
 
@@ -149,29 +150,29 @@ def test_a_write_without_values_is_refused(akd: Drive) -> None:
 def test_power_on_fills_every_field_that_parameters_write(drive: Drive) -> None:
     axis = AXIS.allocate(1)[0]
     image = IMAGE.allocate(1)[0]
-    for field in AXIS.fields.values():
+    for key, field in AXIS.fields.items():
         if field.writer == "parameter":
-            axis[field.name] = 77
+            AXIS.write(axis, key, 77)
     ParameterStore(drive.model, AxisHandle(axis, image)).power_on()
-    for field in AXIS.fields.values():
+    for key, field in AXIS.fields.items():
         if field.writer == "parameter":
-            assert (axis[field.name] != 77).all() if field.shape else axis[field.name] != 77, field.name
+            assert np.all(AXIS.read(axis, key) != 77), key
 
 
 def test_an_akd_starts_with_the_defaults_of_its_manual(akd: Drive) -> None:
     axis = akd.axis
-    assert axis.opmode == 1
-    assert axis.velocity_step == pytest.approx(1638 * 60 * 16000 / 2**32)
-    assert axis.acceleration == pytest.approx(10000.17)
-    assert axis.position_step == 2.0**-16
-    assert axis.standstill == 5.0
-    assert axis.loss_fault == 702 | 1 << 24
-    assert axis.stop_fault == 702 | 1 << 24
+    assert axis.drive.settings.opmode == 1
+    assert axis.profidrive.settings.velocity_step == pytest.approx(1638 * 60 * 16000 / 2**32)
+    assert axis.ramp.settings.acceleration == pytest.approx(10000.17)
+    assert axis.profidrive.settings.position_step == 2.0**-16
+    assert axis.ramp.settings.standstill == 5.0
+    assert axis.faults.settings.loss_fault == 702 | 1 << 24
+    assert axis.faults.settings.stop_fault == 702 | 1 << 24
 
 
 def test_opmode_is_one_parameter_under_two_numbers(akd: Drive) -> None:
     akd.store.write(930, 0, [2])
-    assert akd.axis.opmode == 2
+    assert akd.axis.drive.settings.opmode == 2
     assert akd.store.get("DRV.OPMODE") == 2
     akd.store.set("DRV.OPMODE", 0)
     assert akd.store.read(930) == [0]
@@ -182,16 +183,16 @@ def test_opmode_is_one_parameter_under_two_numbers(akd: Drive) -> None:
 def test_velocity_scaling_is_that_of_the_manuals_table(akd: Drive, raw: int, step: float) -> None:
     akd.store.write(1009, 0, [raw])
     assert akd.store.get("PN.VELSCALING") == raw
-    assert akd.axis.velocity_step == pytest.approx(step, abs=6e-4)
+    assert akd.axis.profidrive.settings.velocity_step == pytest.approx(step, abs=6e-4)
 
 
 def test_acceleration_scaling_reaches_the_jog_ramps(akd: Drive) -> None:
     akd.store.write(1006, 0, [100])
     akd.store.write(1007, 0, [7])
-    assert akd.axis.jog_acceleration == 100 * 763
+    assert akd.axis.jog.settings.acceleration == 100 * 763
     akd.store.set("PN.ACCSCALING", 100)
-    assert akd.axis.jog_acceleration == 10_000
-    assert akd.axis.jog_deceleration == 700
+    assert akd.axis.jog.settings.acceleration == 10_000
+    assert akd.axis.jog.settings.deceleration == 700
     assert akd.store.read(1008) == [100]
     assert akd.store.read(1006) == [100]
 
@@ -199,34 +200,38 @@ def test_acceleration_scaling_reaches_the_jog_ramps(akd: Drive) -> None:
 def test_a_kept_acceleration_scaling_is_in_force_at_the_jog_ramps_from_power_on(akd: Drive) -> None:
     akd.store.commission({"PN.ACCSCALING": 100, 1006: 50})
     akd.store.power_on()
-    assert (akd.axis.acceleration_step, akd.axis.jog_acceleration, akd.axis.jog_deceleration) == (100, 5000, 1300)
+    assert (
+        akd.axis.profidrive.settings.acceleration_step,
+        akd.axis.jog.settings.acceleration,
+        akd.axis.jog.settings.deceleration,
+    ) == (100, 5000, 1300)
 
 
 def test_jog_set_points_are_signed(akd: Drive) -> None:
     akd.store.write(1004, 0, [163])
     akd.store.write(1005, 0, [-163])
-    assert akd.axis.jog_velocity[0] == pytest.approx(59.7, abs=0.1)
-    assert akd.axis.jog_velocity[1] == pytest.approx(-59.7, abs=0.1)
+    assert akd.axis.jog.settings.velocity[0] == pytest.approx(59.7, abs=0.1)
+    assert akd.axis.jog.settings.velocity[1] == pytest.approx(-59.7, abs=0.1)
     assert akd.store.read(1005) == [-163]
 
 
 def test_ramps_are_thousandths_of_an_rpm_per_second(akd: Drive) -> None:
     for name, field in (
-        ("DRV.ACC", "acceleration"),
-        ("DRV.DEC", "deceleration"),
-        ("CS.DEC", "quick_stop_deceleration"),
+        ("DRV.ACC", "ramp.acceleration"),
+        ("DRV.DEC", "ramp.deceleration"),
+        ("CS.DEC", "ramp.quick_stop_deceleration"),
     ):
         akd.store.set(name, 1_234_567)
-        assert getattr(akd.axis, field) == pytest.approx(1234.567)
+        assert AXIS.read(akd.axis, field) == pytest.approx(1234.567)
 
 
 def test_actual_values_come_from_the_axis(akd: Drive) -> None:
-    akd.axis.velocity = -59.7
-    akd.axis.ramp = 60.0
-    akd.axis.setpoint = 61.0
-    akd.axis.current = 1.5
-    akd.axis.state = 4
-    akd.axis.motion_status = 0x80000001
+    akd.axis.motor.velocity = -59.7
+    akd.axis.ramp.command = 60.0
+    akd.axis.ramp.setpoint = 61.0
+    akd.axis.motor.current = 1.5
+    akd.axis.drive.state = 4
+    akd.axis.profidrive.motion_status = 0x80000001
     assert akd.store.get("VL.FB") == -59700
     assert akd.store.get("VL.CMD") == 60000
     assert akd.store.get("VL.CMDU") == 61000
@@ -235,59 +240,59 @@ def test_actual_values_come_from_the_axis(akd: Drive) -> None:
     assert akd.store.get("DRV.ACTIVE") == 1
     assert akd.store.get("DRV.IPEAK") == 9000
     assert akd.store.get("DRV.MOTIONSTAT") == 0x80000001
-    akd.axis.velocity = 1e12
+    akd.axis.motor.velocity = 1e12
     assert akd.store.get("VL.FB") == 0x7FFFFFFF
     for odd in (nan, inf, -inf):
-        akd.axis.velocity = odd
+        akd.axis.motor.velocity = odd
         assert akd.store.get("VL.FB") == 0
 
 
 def test_positions_follow_posscale_and_unit_and_wrap(akd: Drive) -> None:
-    akd.axis.position = 2.0
+    akd.axis.motor.position = 2.0
     assert akd.store.get("PL.FB") == 2 * 65536
     akd.store.set("PN.POSSCALE", 1_000_000)
     assert akd.store.get("PL.FB") == round(2 * 65.536)
     akd.store.set("PN.POSSCALE", 1000)
     akd.store.set("UNIT.PROTARY", 0)
-    akd.axis.position = 0.75
+    akd.axis.motor.position = 0.75
     assert akd.store.get("PL.FB") == -(2**30)
     for unit, counts in ((2, 360), (4, 65536), (3, 5), (1, 6)):
         akd.store.set("UNIT.PROTARY", unit)
-        akd.axis.position = 1.0
+        akd.axis.motor.position = 1.0
         assert akd.store.get("PL.FB") == counts
-    akd.axis.following_error = -1.0
+    akd.axis.positioning.following_error = -1.0
     akd.store.set("UNIT.PROTARY", 2)
     assert akd.store.get("PL.ERR") == 2**32 - 360
 
 
 def test_singleturn_bits_set_the_position_step(akd: Drive) -> None:
     akd.store.write(1002, 0, [20])
-    assert akd.axis.position_step == 2.0**-20
+    assert akd.axis.profidrive.settings.position_step == 2.0**-20
 
 
 def test_controlled_stop_shows_quick_and_fault_stops(akd: Drive) -> None:
-    akd.axis.state = 5
+    akd.axis.drive.state = 5
     for stop, shown in ((1, 0), (2, 1), (3, 1)):
-        akd.axis.stop = stop
+        akd.axis.drive.stop = stop
         assert akd.store.get("CS.STATE") == shown
 
 
 def test_fault_702_follows_its_two_parameters(akd: Drive) -> None:
     akd.store.set("FBUS.PARAM02", 0)
-    assert (akd.axis.loss_fault & 0xFFFFFF, akd.axis.stop_fault) == (702, 0)
+    assert (akd.axis.faults.settings.loss_fault & 0xFFFFFF, akd.axis.faults.settings.stop_fault) == (702, 0)
     akd.store.set("FBUS.PARAM02", 3)
-    assert akd.axis.stop_fault & 0xFFFFFF == 702
-    assert 702 not in akd.axis.ignored_faults
+    assert akd.axis.faults.settings.stop_fault & 0xFFFFFF == 702
+    assert 702 not in akd.axis.faults.settings.ignored
     akd.store.set("FAULT702.ACTION", 1)
-    assert 702 in akd.axis.ignored_faults
+    assert 702 in akd.axis.faults.settings.ignored
 
 
 def test_without_its_parameters_the_fault_on_lost_data_is_the_models(akd: Drive) -> None:
     for on_stop in (True, False):
         fixed = dataclasses.replace(akd.model, communication_loss=CommunicationLoss(fault=702, on_stop=on_stop))
         ParameterStore(fixed, akd.store.handle).power_on()
-        assert akd.axis.loss_fault & 0xFFFFFF == 702
-        assert akd.axis.stop_fault & 0xFFFFFF == (702 if on_stop else 0)
+        assert akd.axis.faults.settings.loss_fault & 0xFFFFFF == 702
+        assert akd.axis.faults.settings.stop_fault & 0xFFFFFF == (702 if on_stop else 0)
 
 
 def test_the_assigned_timeout_is_shown_in_milliseconds(akd: Drive) -> None:
@@ -341,12 +346,14 @@ def test_akd_5_11_7_pnu_36_counts_where_word_8_of_telegram_352_is_0(akd: Drive) 
     akd.store.plug_telegram(352)
     akd.image.valid = 1
     akd.store.write(36, 0, [5])
-    assert (akd.store.read(36), akd.axis.spare_acceleration) == ([5], 5)
+    assert (akd.store.read(36), akd.axis.profidrive.settings.spare_acceleration) == ([5], 5)
     assert akd.image.received[MDI_ACC] == 0, "the word is the telegram's"
     akd.image.received[MDI_ACC] = 9
     assert akd.store.read(36) == [9]
     akd.store.plug_telegram(9)
-    assert akd.axis.spare_acceleration == 0, "where the word has a signal in the table it counts, be it 0"
+    assert akd.axis.profidrive.settings.spare_acceleration == 0, (
+        "where the word has a signal in the table it counts, be it 0"
+    )
     refused(E.NO_OPERATION_PRIORITY, lambda: akd.store.write(36, 0, [7]))
 
 
@@ -354,13 +361,13 @@ def test_akd_5_11_7_pnu_36_counts_where_word_8_of_telegram_352_is_0(akd: Drive) 
 
 
 def test_fault_parameters_show_numbers_without_reactions(akd: Drive) -> None:
-    akd.axis.fault_code[0] = 702 | 1 << 24
-    akd.axis.fault_code[1] = 502
-    akd.axis.fault_buffer[0] = 702
-    akd.axis.fault_buffer[1] = 502
-    akd.axis.fault_buffer[8] = 602
-    akd.axis.fault_counter = 0x10003
-    akd.axis.warnings[0] = 107
+    akd.axis.faults.code[0] = 702 | 1 << 24
+    akd.axis.faults.code[1] = 502
+    akd.axis.faults.buffer[0] = 702
+    akd.axis.faults.buffer[1] = 502
+    akd.axis.faults.buffer[8] = 602
+    akd.axis.faults.counter = 0x10003
+    akd.axis.warnings.active[0] = 107
     assert [akd.store.get(f"DRV.FAULT{n}") for n in range(1, 11)] == [702, 502, 0, 0, 0, 0, 0, 0, 0, 0]
     assert akd.store.read(947, 0, 64)[:9] == [702, 502, 0, 0, 0, 0, 0, 0, 602]
     assert akd.store.read(944) == [3]
@@ -404,19 +411,19 @@ def test_clearing_faults_and_setting_the_position_go_through_the_command_ring(ak
     akd.store.set("UNIT.PROTARY", 2)
     akd.store.set("HOME.P", -90)
     akd.store.set("HOME.SET", 1)
-    assert [int(c) for c in akd.axis.command[:3]] == [
+    assert [int(c) for c in akd.axis.commands.settings.ring[:3]] == [
         CMD_ACKNOWLEDGE,
         CMD_ACKNOWLEDGE,
         CMD_SET_POSITION | -250_000 << 8,
     ]
-    assert akd.axis.command_head == 3
+    assert akd.axis.commands.settings.head == 3
 
 
 def test_a_full_command_ring_refuses_instead_of_losing(akd: Drive) -> None:
-    akd.axis.command_head = akd.axis.command_tail = 0xFFFFFFFA
+    akd.axis.commands.settings.head = akd.axis.commands.tail = 0xFFFFFFFA
     for n in range(COMMANDS):
         akd.store.handle.push_command(1, n)
-    assert akd.axis.command_head == (0xFFFFFFFA + COMMANDS) & 0xFFFFFFFF
+    assert akd.axis.commands.settings.head == (0xFFFFFFFA + COMMANDS) & 0xFFFFFFFF
     with pytest.raises(CommandRingFullError):
         akd.store.handle.push_command(1)
     refused(E.OPERATING_STATE, lambda: akd.store.set("DRV.CLRFAULTS", 1))

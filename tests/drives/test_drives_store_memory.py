@@ -32,7 +32,7 @@ def test_values_are_lost_at_power_on_unless_saved(akd: Drive) -> None:
     akd.store.set("DRV.ACC", 6_000_000)
     akd.store.power_on()
     assert akd.store.get("DRV.ACC") == 5_000_000
-    assert akd.axis.acceleration == 5000.0
+    assert akd.axis.ramp.settings.acceleration == 5000.0
 
 
 def test_a_snapshot_survives_json_and_another_drive(akd: Drive) -> None:
@@ -85,7 +85,7 @@ def test_kept_values_that_do_not_fit_are_named_and_left_out(akd: Drive, entry: d
 def test_commissioned_values_are_permanent_and_checked(akd: Drive) -> None:
     akd.store.commission({"DRV.OPMODE": 2, 2108: 3_000_000})
     akd.store.power_on()
-    assert (akd.axis.opmode, akd.axis.acceleration) == (2, 3000.0)
+    assert (akd.axis.drive.settings.opmode, akd.axis.ramp.settings.acceleration) == (2, 3000.0)
     refused(E.LIMIT_EXCEEDED, lambda: akd.store.commission({"DRV.OPMODE": 3}))
     refused(E.NOT_CHANGEABLE, lambda: akd.store.commission({"VL.FB": 3}))
 
@@ -94,9 +94,9 @@ def test_nvload_and_rstvar_replace_values_except_in_operation(akd: Drive) -> Non
     akd.store.commission({"DRV.ACC": 3_000_000})
     akd.store.power_on()
     akd.store.set("DRV.ACC", 4_000_000)
-    akd.axis.state = 4
+    akd.axis.drive.state = 4
     refused(E.OPERATING_STATE, lambda: akd.store.set("DRV.NVLOAD", 1))
-    akd.axis.state = 1
+    akd.axis.drive.state = 1
     akd.store.set("DRV.NVLOAD", 1)
     assert akd.store.get("DRV.ACC") == 3_000_000
     akd.store.set("DRV.RSTVAR", 1)

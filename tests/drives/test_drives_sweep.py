@@ -10,13 +10,14 @@ from pnfarm.drives.model_json import as_json
 from pnfarm.drives.model_parts import Fault
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import AXIS, FAULT_WORDS
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
     CMD_POWER_ON,
     CMD_RAISE_FAULT,
     CMD_RAISE_WARNING,
+    FAULT_WORDS,
     REACTION_QUICK_STOP,
 )
 from pnfarm.table.image import LOST_NOT
@@ -55,7 +56,7 @@ class Running:
     def enable(self) -> None:
         for word in ENABLE:
             self.put(word)
-        assert self.axis.state == 4
+        assert self.axis.drive.state == 4
 
     def value(self, argument: str) -> list[list[int]]:
         """The elements of every parameter that a function computes."""
@@ -82,15 +83,15 @@ def test_each_fault_stops_the_drive_as_its_row_says_is_read_back_and_acknowledge
     assert rows
     for fault in rows:
         counted = running.value("fault-counter")
-        running.axis.velocity = 500.0
+        running.axis.motor.velocity = 500.0
         running.store.handle.push_command(CMD_RAISE_FAULT, fault.code)
         running.run(1)
         # a quick stop brakes with the power stage on, coasting is without it
         braking = fault.reaction == REACTION_QUICK_STOP
-        assert (int(running.axis.state) == 5) is braking, fault
-        assert (int(running.axis.state) <= 1) is not braking, fault
+        assert (int(running.axis.drive.state) == 5) is braking, fault
+        assert (int(running.axis.drive.state) <= 1) is not braking, fault
         running.run(2000)
-        assert int(running.axis.state) <= 1, fault
+        assert int(running.axis.drive.state) <= 1, fault
         assert running.zsw1 & 0x0008, fault
         assert active_faults(running.axis) == [fault.number]
         assert fault_situations(running.axis)[0] == [fault.number]
@@ -106,7 +107,7 @@ def test_each_fault_stops_the_drive_as_its_row_says_is_read_back_and_acknowledge
         assert active_faults(running.axis) == [], fault
         assert not running.zsw1 & 0x0008, fault
         running.put(STAND_STILL)
-        running.axis.velocity = 0.0
+        running.axis.motor.velocity = 0.0
         running.enable()
 
 
@@ -118,7 +119,7 @@ def test_each_warning_shows_and_goes_and_leaves_the_drive_running(running: Runni
         assert running.zsw1 & 0x0080, fault
         assert int(running.image.sent[WARN_CODE]) == fault.number & 0xFFFF
         assert all(values == [fault.number] for values in running.value("warning")[:1]), fault
-        assert running.axis.state == 4
+        assert running.axis.drive.state == 4
         running.store.handle.push_command(CMD_CLEAR_WARNING, fault.number)
         running.run(2)
         assert not running.zsw1 & 0x0080, fault
@@ -157,8 +158,10 @@ def test_a_model_is_printed_with_every_row_and_its_source(name: str) -> None:
     for key, fact in described.facts.items():
         section, *parts = key.split(".")
         shown = found[section].get("sources", found[section])
-        for part in parts:
-            shown = shown[part]
+        if section == "motors":
+            kind, part, *parts = parts
+            shown = shown[kind][part]
+        shown = shown[".".join(parts)]
         assert (shown["source"], shown["note"]) == (fact.source, fact.note), key
 
 

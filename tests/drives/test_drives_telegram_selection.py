@@ -44,7 +44,7 @@ def test_pnu_922_chooses_while_no_module_is_plugged(akd: Drive) -> None:
     assert akd.store.events() == [TelegramChanged(351), ParameterWritten(922, 0, (351,))]
     assert akd.store.input_words() == akd.model.telegrams[351].input_words
     refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(922, 0, [2]))
-    akd.axis.state = 4
+    akd.axis.drive.state = 4
     refused(E.OPERATING_STATE, lambda: akd.store.write(922, 0, [1]))
 
 

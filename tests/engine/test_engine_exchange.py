@@ -30,9 +30,9 @@ def impair(pair: Pair, table: str, row: int, kind: int, **values: int) -> np.rec
 def test_a_controller_brings_a_drive_to_its_speed():
     pair = Pair(speed=600.0)
     pair.run(1.0)
-    assert pair.farm.axis[0].state == 4
+    assert pair.farm.axis[0].drive.state == 4
     assert pair.controller.program[0].phase == RUNNING
-    assert pair.farm.axis[0].velocity == pytest.approx(600.0, abs=0.3)
+    assert pair.farm.axis[0].motor.velocity == pytest.approx(600.0, abs=0.3)
     assert [value & 0xFF for _, value in pair.seen("state_changed")] == [1, 2, 3, 4]
 
 
@@ -85,15 +85,15 @@ def test_controller_that_comes_back_is_told_as_a_first_frame_and_recovers_the_dr
     pair.controller.ppm[0].active = 1
     pair.run(1.0)
     assert len(pair.seen("first_frame")) == 2
-    assert pair.farm.axis[0].state == 4
-    assert pair.farm.axis[0].fault_code[0] == 0
+    assert pair.farm.axis[0].drive.state == 4
+    assert pair.farm.axis[0].faults.code[0] == 0
 
 
 def test_a_fault_is_seen_acknowledged_and_its_reaction_time_told():
     pair = Pair()
     pair.run(0.5)
     axis = pair.farm.axis[0]
-    axis.command[0], axis.command_head = 1 | 529 << 8, 1
+    axis.commands.settings.ring[0], axis.commands.settings.head = 1 | 529 << 8, 1
     pair.run(0.02)
     assert pair.controller.program[0].phase == FAULTED
     pair.run(1.0)

@@ -40,7 +40,7 @@ def test_random_and_mutated_frames_never_disturb_anything_but_counters():
     assert engine.malformed > 0
     assert engine.unknown > 0
     pair.run(0.3)
-    assert (pair.farm.axis.state[:4] == 4).all()
+    assert (pair.farm.axis.drive.state[:4] == 4).all()
 
 
 def inner(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:

@@ -44,7 +44,7 @@ def test_the_drives_of_a_group_have_its_readings_and_the_others_the_defaults():
 def test_a_running_drive_tells_the_readings_that_its_file_chose():
     line = VirtualLine(2, behaviour="{control-by-plc: coast}")
     assert drive_snapshot(line.farm, line.farm.stations[1], line.world.now)["behaviour"] == {"control-by-plc": "coast"}
-    assert line.farm.columns.axis[1].without_control == 1
+    assert line.farm.columns.axis[1].profidrive.settings.without_control == 1
 
 
 def test_a_reading_goes_with_the_motor_and_the_identity_of_the_file():
@@ -52,7 +52,7 @@ def test_a_reading_goes_with_the_motor_and_the_identity_of_the_file():
         "    model: hiwin-e1\n", "    model: hiwin-e1\n    motor: {kind: linear}\n    identity: {device: 7}\n"
     )
     described = model_of(expand(parse_farm(text))[0])
-    assert described.firmware["home_required"] == 1
+    assert described.firmware["homing.required"] == 1
     assert (described.pitch, described.identity.device_id) == (32.0, 7)
 
 

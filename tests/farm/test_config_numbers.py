@@ -17,8 +17,8 @@ from pnfarm.farm.config import FarmFileError, parse_farm
 from pnfarm.farm.config_axis import Load, Motor
 from pnfarm.farm.config_model import FarmSections, Program
 from pnfarm.farm.config_tasks import Task
+from pnfarm.firmware.axis import AXIS
 from pnfarm.station.event_log import EventLog
-from pnfarm.table.axis import AXIS
 
 #: Fields where infinity is a word: no limit.
 UNLIMITED = frozenset(name for name, field in AXIS.fields.items() if field.default == math.inf)
@@ -198,9 +198,9 @@ def _accepted(drive: dict[str, Any]) -> bool:
 def wrong_numbers(axes: Any) -> dict[str, Any]:
     """Floats of axis records that are no numbers, and those that are infinite where that means nothing."""
     found = {}
-    for name in AXIS.fields:
-        if axes.dtype[name].base.kind == "f":
-            values = np.asarray(axes[name])
+    for name, field in AXIS.fields.items():
+        if field.kind.startswith("f"):
+            values = np.asarray(AXIS.read(axes, name))
             wrong = np.isnan(values) if name in UNLIMITED else ~np.isfinite(values)
             if wrong.any():
                 found[name] = values.tolist()

@@ -74,7 +74,7 @@ def test_5_9_the_example_sends_four_control_words_and_1_rps():
     assert line.send(0b0000_0100_0111_0111) & 0x47 == 0x03
     assert line.send(0b0000_0100_0111_1111, NSOLL_A=0x00A3, frames=20) & 0x4F == 0x07
     assert line.actual("NIST_A") == 0x00A3
-    assert line.axis.velocity == pytest.approx(60.0, abs=0.5)
+    assert line.axis.motor.velocity == pytest.approx(60.0, abs=0.5)
 
 
 def test_7_1_the_sample_project_step_by_step_at_its_cycle_of_128_ms():
@@ -88,7 +88,7 @@ def test_7_1_the_sample_project_step_by_step_at_its_cycle_of_128_ms():
     # bit 0 is missing in the third word of 7.1.4, and so S3 is reached by the fourth
     line.send(0b0000_0100_0000_1110)
     assert line.send(0b0000_0100_0000_1111) & 0x0047 == 0x0007, "S4"
-    assert line.axis.velocity == 0.0, "bits 4, 5 and 6 are not set"
+    assert line.axis.motor.velocity == 0.0, "bits 4, 5 and 6 are not set"
     line.send(0b0000_0100_0111_1111, NSOLL_A=0x00A3, frames=20)
     assert line.actual("NIST_A") == 0x00A3
     # the table's status word 0x0237, and within five steps of the set point bits 8 and 10
@@ -99,22 +99,22 @@ def test_5_4_velocity_mode_bits_4_5_and_6_work_the_ramp_generator():
     line = HandLine()
     line.enable_axis(0x047F)
     line.send(0x047F, NSOLL_A=1638, frames=30)
-    assert line.axis.velocity == pytest.approx(600.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(600.0, abs=1.0)
     line.send(0x045F, NSOLL_A=0, frames=30)
-    assert line.axis.velocity == pytest.approx(600.0, abs=1.0), "frozen"
+    assert line.axis.motor.velocity == pytest.approx(600.0, abs=1.0), "frozen"
     line.send(0x047F, frames=30)
-    assert line.axis.velocity == pytest.approx(0.0, abs=0.5)
+    assert line.axis.motor.velocity == pytest.approx(0.0, abs=0.5)
     line.send(0x043F, NSOLL_A=1638, frames=30)
-    assert line.axis.velocity == pytest.approx(0.0, abs=0.5), "no set point enabled"
+    assert line.axis.motor.velocity == pytest.approx(0.0, abs=0.5), "no set point enabled"
     line.send(0x046F, frames=30)
-    assert line.axis.velocity == pytest.approx(0.0, abs=0.5), "no ramp generator"
+    assert line.axis.motor.velocity == pytest.approx(0.0, abs=0.5), "no ramp generator"
 
 
 def test_5_4_without_bit_10_no_command_is_accepted():
     line = HandLine()
     line.enable_axis(0x047F)
     line.send(0x007F, NSOLL_A=0x00A3, frames=20)
-    assert line.axis.velocity == 0.0
+    assert line.axis.motor.velocity == 0.0
     line.send(0x0070, frames=10)
     assert line.zsw1 & 0x0007 == 0x0007, "OFF is not accepted either"
 
@@ -125,11 +125,11 @@ def test_5_4_jog_1_and_jog_2_run_at_pnu_1004_and_1005():
         write(line, pnu, WORD, value)
     line.enable_axis(0x040F)
     line.send(0x050F, frames=30)
-    assert line.axis.velocity == pytest.approx(600.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(600.0, abs=1.0)
     line.send(0x040F, frames=30)
-    assert line.axis.velocity == pytest.approx(0.0, abs=0.5)
+    assert line.axis.motor.velocity == pytest.approx(0.0, abs=0.5)
     line.send(0x060F, frames=30)
-    assert line.axis.velocity == pytest.approx(-300.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(-300.0, abs=1.0)
 
 
 # 5.10.1: program mode
@@ -241,7 +241,7 @@ def test_a_fault_in_a_task_sets_bit_3_and_the_home_position_stays_known():
     line.farm.stations[0].raise_fault(301, hold=False)
     line.send(READY, frames=40)
     assert line.zsw1 & (FAULT | ACTIVE | HOMED) == FAULT | HOMED
-    assert line.axis.velocity == pytest.approx(0.0, abs=0.1)
+    assert line.axis.motor.velocity == pytest.approx(0.0, abs=0.1)
     assert line.send(0x04B6) & 0x004F == 0x0001, "acknowledged, and bit 0 is withdrawn already: S2"
 
 
@@ -255,11 +255,11 @@ def test_motion_tasks_and_parameters_outlive_a_power_cycle_once_drv_nvsave_was_w
     station = line.farm.stations[0]
     station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
-    assert list(line.axis.mt_flags.nonzero()[0]) == [7]
+    assert list(line.axis.motion_tasks.settings.kind.nonzero()[0]) == [7]
     assert station.store.get("DRV.OPMODE") == 2
     again = HandLine(telegram=7, memory=memory)
     assert value_of(again, 1002) == (20,)
-    assert list(again.axis.mt_flags.nonzero()[0]) == [7]
+    assert list(again.axis.motion_tasks.settings.kind.nonzero()[0]) == [7]
 
 
 # 5.10.2: manual data input
@@ -280,10 +280,10 @@ def test_5_10_2_change_on_the_fly_needs_bit_6_to_fall_and_rise():
     line = position_line(9)
     line.send(START, MDI_TARPOS=5 * COUNTS, **MDI)
     line.send(READY, MDI_TARPOS=8 * COUNTS)
-    assert line.axis.target - line.axis.origin == pytest.approx(5.0, abs=0.001), "the target of the edge"
+    assert line.axis.profile.target - line.axis.homing.origin == pytest.approx(5.0, abs=0.001), "the target of the edge"
     assert line.send(START) & ACKNOWLEDGED
     line.send(READY)
-    assert line.axis.target - line.axis.origin == pytest.approx(8.0, abs=0.001)
+    assert line.axis.profile.target - line.axis.homing.origin == pytest.approx(8.0, abs=0.001)
     line.until(REACHED | STOPPED)
     line.run(0.2)
     assert line.place == pytest.approx(8.0, abs=0.01)
@@ -351,7 +351,7 @@ def test_5_10_3_homing_by_bit_11_with_home_mode_by_pnu_1001():
     assert value_of(line, 2203) == (7,), "HOME.MODE under its second number"
     write(line, 2205, DWORD, REVOLUTION)
     write(line, 2210, DWORD, 30_000)
-    line.axis.position = line.axis.commanded_position = line.axis.raw_position = 0.3
+    line.axis.motor.position = line.axis.profile.position = line.axis.profile.raw_position = 0.3
     assert line.send(HOME, frames=6) & (REACHED | HOMED | STOPPED) == 0
     assert line.actual("AKTSATZ") == 0
     line.until(REACHED | HOMED | STOPPED)
@@ -398,20 +398,20 @@ def test_5_4_jog_1_and_2_in_position_mode_clear_bits_10_and_13():
     for pnu, value in ((1004, 1638), (1005, -819), (1006, 40), (1007, 40)):
         write(line, pnu, WORD, value)
     assert line.send(0x050F, frames=20) & (REACHED | STOPPED) == 0
-    assert line.axis.velocity == pytest.approx(600.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(600.0, abs=1.0)
     assert line.send(0x040F, frames=20) & STOPPED
     line.send(0x060F, frames=20)
-    assert line.axis.velocity == pytest.approx(-300.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(-300.0, abs=1.0)
 
 
 def test_5_4_real_time_jogging_takes_mdi_data_and_the_direction_of_bit_13():
     line = position_line(9)
     line.send(0x143F, **MDI, frames=20)
-    assert line.axis.velocity == pytest.approx(600.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(600.0, abs=1.0)
     line.send(0x343F, frames=30)
-    assert line.axis.velocity == pytest.approx(-600.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(-600.0, abs=1.0)
     line.send(0x343F, MDI_VELOCITY=2**32 // 40, frames=20)
-    assert line.axis.velocity == pytest.approx(-300.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(-300.0, abs=1.0)
     assert line.send(READY, frames=20) & STOPPED
 
 
@@ -438,9 +438,9 @@ def test_5_11_10_telegram_400_carries_feedrate_motion_status_and_inputs_by_pnu_9
     task(line, 3, 20.0)
     # the controller fills its frames as the default mapping has them: its third word, STW2, is MT_FEEDRATE now
     line.send(START, SATZANW=3, STW2=50, frames=20)
-    assert line.axis.velocity == pytest.approx(300.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(300.0, abs=1.0)
     line.send(READY, STW2=100, frames=20)
-    assert line.axis.velocity == pytest.approx(600.0, abs=1.0)
+    assert line.axis.motor.velocity == pytest.approx(600.0, abs=1.0)
     # and its words 3 to 5 are motion status and inputs: task active, homed, at speed; STO.STATE
     motion = line.actual("ZSW2") << 16 | line.actual("XIST_A") >> 16 & 0xFFFF
     assert motion == 0x1007
@@ -504,7 +504,7 @@ def test_5_15_fbus_param02_bit_0_decides_on_fault_702_when_the_plc_stops():
         line.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
         line.run(0.3)
         assert line.farm.stations[0].fault_counts == ({702: 1} if value else {})
-        assert line.axis.state == 1
+        assert line.axis.drive.state == 1
 
 
 def test_8_1_frames_that_the_network_loses_are_fault_702_unless_the_watchdog_bears_it():

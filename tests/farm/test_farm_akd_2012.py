@@ -68,8 +68,8 @@ def test_5_9_velocity_mode_runs_at_the_asked_speed(telegram):
     line.enable()
     line.run(1.0)
     axis = line.farm.columns.axis[0]
-    assert axis.state == 4
-    assert axis.velocity == pytest.approx(60, abs=0.4)
+    assert axis.drive.state == 4
+    assert axis.motor.velocity == pytest.approx(60, abs=0.4)
     assert line.plc.columns.image[0].received[NIST_A] in {163, 164}
 
 
@@ -91,7 +91,7 @@ def test_3_6_2_the_example_switches_the_operation_mode_over_the_wire():
     line = line_of()
     line.connect()
     assert access(line, MANUAL_3_6_2_REQUEST) == MANUAL_3_6_2_RESPONSE
-    assert line.farm.columns.axis[0].opmode == 2
+    assert line.farm.columns.axis[0].drive.settings.opmode == 2
 
 
 def test_a_silent_controller_gives_fault_702_and_after_its_return_recovery():
@@ -104,7 +104,7 @@ def test_a_silent_controller_gives_fault_702_and_after_its_return_recovery():
     assert station.watchdog_expirations == 1
     assert station.fault_counts == {702: 1}
     line.enable()
-    assert line.farm.columns.axis[0].fault_code[0] == 0
+    assert line.farm.columns.axis[0].faults.code[0] == 0
     assert value_of(line, 947, 8) == (702,)
     assert value_of(line, 944) == (1,)
 
@@ -118,7 +118,7 @@ def test_a_controller_in_stop_gives_fault_702_too():
     station = line.farm.stations[0]
     assert station.watchdog_expirations == 0
     assert station.fault_counts == {702: 1}
-    assert line.farm.columns.axis[0].velocity == pytest.approx(0, abs=0.5)
+    assert line.farm.columns.axis[0].motor.velocity == pytest.approx(0, abs=0.5)
 
 
 @pytest.mark.parametrize(("name", "cycle"), [(NAME, "8ms"), ("akd-profinet", "16ms")])
@@ -190,4 +190,4 @@ def test_both_editions_run_in_one_farm_each_at_its_own_cycle():
     )
     assert counts["older"] == pytest.approx(200, abs=2)
     assert counts["newer"] == pytest.approx(100, abs=2)
-    assert [float(world.farm.columns.axis[n].velocity) for n in range(2)] == pytest.approx([60, 60], abs=0.5)
+    assert [float(world.farm.columns.axis[n].motor.velocity) for n in range(2)] == pytest.approx([60, 60], abs=0.5)

@@ -74,7 +74,7 @@ def test_5_8_1_a_stop_input_stops_the_axis_along_cs_dec_and_shows_in_bit_5():
     line.send(0x047F, NSOLL_A=1638, frames=30)
     fault = add("digital-input", params={"input": 2})
     line.run(0.06)
-    assert line.axis.velocity == pytest.approx(300.0, abs=40.0)
+    assert line.axis.motor.velocity == pytest.approx(300.0, abs=40.0)
     assert (value(line, 106), value(line, DISSOURCES)) == (0x60, 0x20)
     line.run(0.2)
     assert line.zsw1 & 0x0047 == 0x0040
@@ -175,14 +175,14 @@ def test_5_8_a_home_mode_that_the_parameter_does_not_take_changes_it_not():
 def test_5_11_7_word_8_of_telegram_352_is_the_acceleration_and_pnu_36_counts_where_it_is_0():
     line = position_line(352)
     assert line.send(START, MDI_TARPOS=COUNTS, **MDI, frames=10) & ACKNOWLEDGED, "no acyclic write is needed"
-    assert line.axis.task_acceleration == 39 * 763
+    assert line.axis.profile.acceleration == 39 * 763
     line.until(REACHED)
     line.send(READY, MDI_TARPOS=2 * COUNTS, MDI_ACC=0)
     assert not line.send(START, frames=10) & ACKNOWLEDGED
     line.send(READY)
     write(line, 36, WORD, 20)
     assert line.send(START, frames=10) & ACKNOWLEDGED
-    assert line.axis.task_acceleration == 20 * 763
+    assert line.axis.profile.acceleration == 20 * 763
     assert value(line, 36) == 20
     line.send(READY, MDI_ACC=30)
     assert value(line, 36) == 30, "the telegram's word goes before"

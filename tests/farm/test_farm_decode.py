@@ -267,7 +267,7 @@ def test_the_same_world_without_a_capture_ends_alike():
         line.world.run(3.0)
         if pcap is not None:
             asyncio.run(line.close())
-        return [(int(a.position * 1e9), int(a.state)) for a in line.farm.columns.axis], [
+        return [(int(a.motor.position * 1e9), int(a.drive.state)) for a in line.farm.columns.axis], [
             (int(c.received), int(c.counter)) for c in line.farm.columns.cpm
         ]
 

@@ -48,7 +48,7 @@ def seen(line: VirtualLine, slot: int, drive: int = 0) -> int:
 
 
 def active(line: VirtualLine, drive: int = 0) -> list[int]:
-    return [int(code) & 0xFFFFFF for code in axis_of(line, drive).fault_code if code]
+    return [int(code) & 0xFFFFFF for code in axis_of(line, drive).faults.code if code]
 
 
 def access(line: VirtualLine, request: bytes, index: int = 0xB02E) -> bytes:
@@ -71,9 +71,9 @@ def test_2_2_every_send_clock_of_the_table_runs(cycle):
     line = line_of(cycle=cycle)
     line.enable()
     line.run(0.5)
-    assert axis_of(line).velocity == pytest.approx(60.0, abs=0.1)
+    assert axis_of(line).motor.velocity == pytest.approx(60.0, abs=0.1)
     assert line.plc.sessions[0].measures.losses == 0
-    assert axis_of(line).life_errors == 0
+    assert axis_of(line).life.errors == 0
 
 
 @pytest.mark.parametrize(("cycle", "words"), [("250us", "faster"), ("8ms", "slower")])
@@ -91,7 +91,7 @@ def test_2_7_a_controller_starts_up_assigns_the_address_and_exchanges(startup):
     for station in line.farm.stations:
         assert str(station.ip.address).startswith("10.77.0.")
     line.run(0.1)
-    assert all(int(axis.image_valid) for axis in line.farm.columns.axis[:2])
+    assert all(int(axis.profidrive.image_valid) for axis in line.farm.columns.axis[:2])
 
 
 def test_a_controller_without_a_telegram_of_its_own_takes_telegram_3():
@@ -124,12 +124,12 @@ def test_3_3_1_speed_mode_walks_through_the_states_and_runs():
     line.enable()
     line.run(0.5)
     axis = axis_of(line)
-    assert axis.state == 4
-    assert axis.velocity == pytest.approx(60.0, abs=0.01)
+    assert axis.drive.state == 4
+    assert axis.motor.velocity == pytest.approx(60.0, abs=0.01)
     assert seen(line, ZSW1) & 0xFFFF == 0x0737
     # 6.1: 60 rpm of 3000
     assert seen(line, NIST_B) == pytest.approx(0x40000000 * 60 / 3000, rel=1e-4)
-    assert seen(line, G1_XIST1) == pytest.approx(axis.position * 2**23, abs=2**23 / 500)
+    assert seen(line, G1_XIST1) == pytest.approx(axis.motor.position * 2**23, abs=2**23 / 500)
 
 
 def test_the_speed_is_there_without_a_ramp():
@@ -137,7 +137,7 @@ def test_the_speed_is_there_without_a_ramp():
     line.plc.columns.program[0].speed = 1500.0
     line.enable()
     line.run(0.003)
-    assert axis_of(line).ramp == pytest.approx(1500.0, abs=1e-3)
+    assert axis_of(line).ramp.command == pytest.approx(1500.0, abs=1e-3)
 
 
 def test_stopping_and_starting_again():
@@ -146,13 +146,13 @@ def test_stopping_and_starting_again():
     line.run(0.2)
     line.plc.columns.program[0].enable = 0
     line.run(0.5)
-    assert axis_of(line).velocity == 0.0
-    assert axis_of(line).state == 2
+    assert axis_of(line).motor.velocity == 0.0
+    assert axis_of(line).drive.state == 2
     assert not seen(line, ZSW1) & 0x0004
     line.plc.columns.program[0].enable = 1
     line.enable()
     line.run(0.2)
-    assert axis_of(line).velocity == pytest.approx(60.0, abs=0.01)
+    assert axis_of(line).motor.velocity == pytest.approx(60.0, abs=0.01)
 
 
 def test_6_1_another_reference_velocity_scales_both_directions():
@@ -162,7 +162,7 @@ def test_6_1_another_reference_velocity_scales_both_directions():
     assert access(line, emit_request(request)) == bytes.fromhex("03 02 00 01")
     line.run(0.3)
     # the controller was planned for 3000 rpm
-    assert axis_of(line).velocity == pytest.approx(120.0, abs=0.05)
+    assert axis_of(line).motor.velocity == pytest.approx(120.0, abs=0.05)
     assert seen(line, NIST_B) == pytest.approx(0x40000000 * 60 / 3000, rel=1e-3)
 
 
@@ -213,8 +213,8 @@ def test_3_4_and_3_6_both_ends_count_from_1_to_15_with_each_frame(telegram):
     line.run(0.1)
     for series in counts(line, 31):
         assert [1 + n % 15 for n in series[:-1]] == series[1:]
-    assert axis_of(line).life_run == 15
-    assert axis_of(line).life_errors == 0
+    assert axis_of(line).life.run == 15
+    assert axis_of(line).life.errors == 0
 
 
 def test_a_count_that_stands_is_the_fieldbus_alarm_after_pnu_925_frames():
@@ -223,7 +223,7 @@ def test_a_count_that_stands_is_the_fieldbus_alarm_after_pnu_925_frames():
     line.run(0.1)
     line.plc.columns.program[0].life = 0  # the controller's count stands from here on
     line.run(0.0055)
-    assert 1 <= axis_of(line).life_errors <= 6
+    assert 1 <= axis_of(line).life.errors <= 6
     line.run(0.003)
     assert active(line) == [FBUS]
     assert seen(line, ZSW1) & 0x0008
@@ -240,7 +240,7 @@ def test_pnu_925_over_the_wire_changes_the_tolerance():
     line.plc.columns.program[0].life = 0
     line.run(0.5)
     assert active(line) == []
-    assert axis_of(line).life_errors > 300
+    assert axis_of(line).life.errors > 300
 
 
 def test_a_drive_without_sign_of_life_gets_none():
@@ -255,7 +255,7 @@ def test_g1_xist1_counts_the_turns_and_g1_xist2_stays_0():
     line = line_of()
     line.enable()
     line.run(1.0)
-    assert seen(line, G1_XIST1) == pytest.approx(float(axis_of(line).position) * 2**23, rel=0.01)
+    assert seen(line, G1_XIST1) == pytest.approx(float(axis_of(line).motor.position) * 2**23, rel=0.01)
     assert seen(line, G1_XIST2) == 0
 
 
@@ -266,14 +266,14 @@ def test_g1_xist1_counts_the_turns_and_g1_xist2_stays_0():
 def test_position_telegrams_are_exchanged_and_move_nothing_yet(telegram):
     line = line_of(telegram)
     line.enable()
-    before = float(axis_of(line).position)
+    before = float(axis_of(line).motor.position)
     image = line.plc.columns.image[0]
     image.sent[2:9] = 0x7FFF
     line.run(0.5)
     axis = axis_of(line)
-    assert axis.opmode == 2
-    assert axis.state == 4
-    assert float(axis.position) == before
+    assert axis.drive.settings.opmode == 2
+    assert axis.drive.state == 4
+    assert float(axis.motor.position) == before
     assert seen(line, ZSW1) & 0x0007 == 0x0007
     assert seen(line, ZSW2) & 0x0800
     assert seen(line, XIST_A) == 0
@@ -304,12 +304,12 @@ def test_6_2_a_limit_takes_effect_after_power_on_and_outlives_it():
     request = change_request(1, [(ParameterAddress(0x2316, 0, 0), ParameterValues(0x06, (500,)))])
     assert access(line, emit_request(request)) == bytes.fromhex("01 02 00 01")
     line.run(0.5)
-    assert axis_of(line).velocity == pytest.approx(1500.0, abs=1)
+    assert axis_of(line).motor.velocity == pytest.approx(1500.0, abs=1)
     station = line.farm.stations[0]
     station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)
     line.enable()
     line.run(0.5)
-    assert axis_of(line).velocity == pytest.approx(500.0, abs=1)
+    assert axis_of(line).motor.velocity == pytest.approx(500.0, abs=1)
     assert line.memory.load("axis-01")["drive"]["parameters"] == {str(0x2316): 500}

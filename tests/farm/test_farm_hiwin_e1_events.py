@@ -106,7 +106,7 @@ def test_table_2_2_1_at_500_us_the_drive_hears_an_edge_of_one_frame_and_moves_on
         places.append(plc["XIST_A"])
     ways = [after - before for before, after in pairwise(places)]
     assert ways == pytest.approx([COUNTS * 10 / 2000] * 9, rel=0.01), "600 rpm"
-    assert plc.axis.life_errors == 0
+    assert plc.axis.life.errors == 0
 
 
 def test_a_tick_that_is_less_late_than_the_one_before_is_a_step_of_the_drive_all_the_same():
@@ -126,7 +126,7 @@ def test_table_3_13_1_a_bit_that_is_held_over_a_power_cycle_sets_the_reference_p
     plc.inject("power-cycle", off="200ms")
     plc.run(0.5)
     plc.connect()
-    plc.wait_for(lambda: plc.axis.state == 1)
+    plc.wait_for(lambda: plc.axis.drive.state == 1)
     plc.put(STW1=0x0400)
     assert plc.bit(HOMED)
     assert plc.rev == pytest.approx(0.0, abs=1e-6)

@@ -18,7 +18,7 @@ MM = 10_000
 
 
 def mm_s(plc: HandPlc) -> float:
-    return float(plc.axis.velocity) * PITCH / 60.0
+    return float(plc.axis.motor.velocity) * PITCH / 60.0
 
 
 def mm(plc: HandPlc) -> float:
@@ -91,7 +91,7 @@ def test_6_7_and_6_8_homing_and_jogging_by_pt585(telegram):
     plc.put(STW1=RUN, wait=300)
     plc.put(STW1=RUN | HOME, wait=1)
     plc.wait_for(lambda: bool(plc["ZSW1"] & HOMED))
-    assert plc.axis.position == pytest.approx(round(float(plc.axis.position)), abs=0.01), (
+    assert plc.axis.motor.position == pytest.approx(round(float(plc.axis.motor.position)), abs=0.01), (
         "a mark at each pitch: assumed"
     )
     assert mm(plc) == pytest.approx(0.0, abs=0.05)
@@ -101,7 +101,7 @@ def test_6_8_a_direct_drive_jogs_with_60_rpm():
     plc = HandPlc("hiwin-e1", 9, motor="{kind: direct-drive}")
     plc.switch_on(operation=RUN)
     plc.put(STW1=RUN | JOG_FORWARDS, wait=400)
-    assert plc.axis.velocity == pytest.approx(60.0, abs=0.2)
+    assert plc.axis.motor.velocity == pytest.approx(60.0, abs=0.2)
     assert drive_snapshot(plc.farm, plc.farm.stations[0], plc.world.now)["pitch_millimetres"] is None
 
 
@@ -111,13 +111,13 @@ def test_load_and_motor_of_the_farm_file_are_in_the_units_of_the_motor():
         motor="{kind: linear, pitch: 20, max_velocity: 100, torque_constant: 30, rated_torque: 90, encoder_steps: 500}",
         load="{inertia: 10, torque: 8}",
     )
-    assert plc.axis.inertia * (2 * 3.14159265 / 0.02) ** 2 == pytest.approx(10.0)
-    assert plc.axis.torque_constant * 2 * 3.14159265 / 0.02 == pytest.approx(30.0)
-    assert plc.axis.rated_torque * 2 * 3.14159265 / 0.02 == pytest.approx(90.0)
-    assert plc.axis.torque_limit_positive == pytest.approx(0.3 * plc.axis.rated_torque)
-    assert plc.axis.encoder_steps == pytest.approx(10_000.0)
-    assert plc.axis.load_torque * 2 * 3.14159265 / 0.02 == pytest.approx(8.0)
-    assert plc.axis.max_velocity == pytest.approx(300.0)
+    assert plc.axis.load.settings.inertia * (2 * 3.14159265 / 0.02) ** 2 == pytest.approx(10.0)
+    assert plc.axis.motor.settings.torque_constant * 2 * 3.14159265 / 0.02 == pytest.approx(30.0)
+    assert plc.axis.torque.settings.rated * 2 * 3.14159265 / 0.02 == pytest.approx(90.0)
+    assert plc.axis.torque.settings.limit_positive == pytest.approx(0.3 * plc.axis.torque.settings.rated)
+    assert plc.axis.motor.settings.encoder_steps == pytest.approx(10_000.0)
+    assert plc.axis.load.settings.torque * 2 * 3.14159265 / 0.02 == pytest.approx(8.0)
+    assert plc.axis.motor.settings.max_velocity == pytest.approx(300.0)
 
 
 def test_the_built_in_controller_knows_the_linear_motors_steps():

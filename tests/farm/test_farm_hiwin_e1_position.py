@@ -77,7 +77,7 @@ def test_6_6_1_an_absolute_task_runs_with_its_units_and_tells_each_step(telegram
     assert plc.put(STW1=RUN | START) & (TAKEN | REACHED) == TAKEN
     assert plc.put(STW1=RUN) & TAKEN == 0, "the acknowledgement falls with the bit"
     plc.wait(40)
-    assert plc.axis.profile_velocity == pytest.approx(6000 * 0.047, abs=30), "600 rpm in the 100 ms of Pt534"
+    assert plc.axis.profile.velocity == pytest.approx(6000 * 0.047, abs=30), "600 rpm in the 100 ms of Pt534"
     plc.wait(300)
     assert plc.rpm == pytest.approx(600.0, abs=1.0)
     assert plc["ZSW1"] & (FOLLOWS | REACHED | STOPPED) == FOLLOWS
@@ -198,8 +198,8 @@ def test_6_6_1_pt534_and_pt537_are_the_ramps_and_mdi_acc_and_mdi_dec_their_share
     plc.store.set("Pt537", 400)
     plc.task(5.0, MDI_ACC=WHOLE // 2, MDI_DEC=WHOLE // 4)
     plc.put(STW1=RUN | START)
-    assert plc.axis.task_acceleration == pytest.approx(600.0 / 0.2 / 2, rel=1e-3)
-    assert plc.axis.task_deceleration == pytest.approx(600.0 / 0.4 / 4, rel=1e-3)
+    assert plc.axis.profile.acceleration == pytest.approx(600.0 / 0.2 / 2, rel=1e-3)
+    assert plc.axis.profile.deceleration == pytest.approx(600.0 / 0.4 / 4, rel=1e-3)
 
 
 @pytest.mark.parametrize(("words", "target"), [
@@ -308,7 +308,7 @@ def test_table_3_13_1_a_task_ends_where_its_number_is_behind_a_new_reference_poi
     plc.arrive()
     plc.wait(50)
     assert plc.rev == pytest.approx(10.0, abs=0.001)
-    assert float(plc.axis.position) == pytest.approx(10.0 + before, abs=0.05)
+    assert float(plc.axis.motor.position) == pytest.approx(10.0 + before, abs=0.05)
 
 
 def test_table_3_13_1_a_relative_task_keeps_its_way_behind_a_new_reference_point():
@@ -318,7 +318,7 @@ def test_table_3_13_1_a_relative_task_keeps_its_way_behind_a_new_reference_point
     plc.wait(200)
     plc.put(POS_STW2=0x0002)
     plc.arrive()
-    assert float(plc.axis.position) == pytest.approx(4.0, abs=0.001)
+    assert float(plc.axis.motor.position) == pytest.approx(4.0, abs=0.001)
 
 
 # -- numbers of 32 bits (3.1) ------------------------------------------------------------------------------------------
@@ -338,7 +338,7 @@ def test_3_1_an_absolute_task_leads_to_where_xist_a_shows_its_number(telegram):
         assert plc.go()
         plc.arrive()
         assert plc.rev == pytest.approx(target, abs=0.001)
-        assert float(plc.axis.position) == pytest.approx(place, abs=0.001)
+        assert float(plc.axis.motor.position) == pytest.approx(place, abs=0.001)
 
 
 def test_3_1_within_32_bits_a_target_far_behind_is_not_reached_by_counting_round():
@@ -351,7 +351,7 @@ def test_3_1_within_32_bits_a_target_far_behind_is_not_reached_by_counting_round
     plc.wait(500)
     assert plc.rpm < -1000.0
     plc.arrive(10_000)
-    assert float(plc.axis.position) == pytest.approx(-200.0, abs=0.001)
+    assert float(plc.axis.motor.position) == pytest.approx(-200.0, abs=0.001)
 
 
 def test_table_3_16_1_enable_ready_and_pulses_follow_the_state():
@@ -367,7 +367,7 @@ def test_table_3_16_1_bit_1_falls_while_the_torque_is_limited():
     plc.task(5.0)
     assert plc.go()
     plc.wait_for(lambda: not plc["MELDW"] & 0x0002)
-    assert plc.axis.torque == pytest.approx(0.127)
+    assert plc.axis.motor.torque == pytest.approx(0.127)
 
 
 @pytest.mark.parametrize(("warning", "bit"), [("motor-overload-warning", 6), ("i2t-warning", 7)])
@@ -500,10 +500,10 @@ def test_a_power_cycle_forgets_the_home_position_and_keeps_the_parameters(telegr
     assert not plc.farm.stations[0].powered
     plc.run(1.0)
     plc.connect()
-    plc.wait_for(lambda: plc.axis.state == 1)
+    plc.wait_for(lambda: plc.axis.drive.state == 1)
     plc.put(STW1=0x0400)
     assert not plc.bit(HOMED)
-    assert plc.axis.jog_velocity[0] == 300.0
+    assert plc.axis.jog.settings.velocity[0] == 300.0
     assert 0.0 <= plc.rev < 1.0, "the encoder knows its angle alone: assumed"
     plc.switch_on(operation=RUN)
 
@@ -521,7 +521,7 @@ def test_6_7_homing_runs_while_bit_11_stands_and_tells_its_end(telegram):
     if telegram == 111:
         assert plc["POS_ZSW1"] == 0x8800
     plc.wait_for(lambda: plc.bit(HOMED))
-    assert plc.axis.origin == pytest.approx(3.0), "the next zero mark forwards: assumed"
+    assert plc.axis.homing.origin == pytest.approx(3.0), "the next zero mark forwards: assumed"
     plc.wait_for(lambda: plc.bit(REACHED | STOPPED))
     plc.wait(50)
     assert plc.rev == pytest.approx(0.0, abs=0.001)

@@ -141,7 +141,7 @@ def power_cycle(plc: HandPlc) -> None:
     plc.inject("power-cycle", off="200ms")
     plc.run(0.5)
     plc.connect()
-    plc.wait_for(lambda: plc.axis.state == 1)
+    plc.wait_for(lambda: plc.axis.drive.state == 1)
     plc.put(STW1=0x0400)
 
 

@@ -56,14 +56,14 @@ def test_3_3_1_reserved_bits_do_nothing(plc):
     plc.wait(50)
     assert plc["ZSW1"] == 0x0737
     assert plc["ZSW2"] & 0x0FFF == 0
-    assert plc.axis.life_errors == 0
+    assert plc.axis.life.errors == 0
 
 
 def test_6_1_the_set_point_is_a_share_of_the_reference_value_in_both_directions(plc):
     running(plc, 1500.0)
-    assert plc.axis.velocity == pytest.approx(1500.0, abs=1.0)
+    assert plc.axis.motor.velocity == pytest.approx(1500.0, abs=1.0)
     plc.put(NSOLL_B=-FULL // 4, wait=300)
-    assert plc.axis.velocity == pytest.approx(-750.0, abs=1.0)
+    assert plc.axis.motor.velocity == pytest.approx(-750.0, abs=1.0)
     assert rpm(plc) == pytest.approx(-750.0, abs=1.0)
 
 
@@ -107,9 +107,9 @@ def test_6_4_the_quick_stop_takes_the_time_of_pt30a_and_ends_inhibited(plc, mill
 
 def test_6_1_the_stop_time_follows_the_reference_value(plc):
     plc.store.set("Pt30A", 1000)
-    assert plc.axis.quick_stop_deceleration == pytest.approx(3000.0)
+    assert plc.axis.ramp.settings.quick_stop_deceleration == pytest.approx(3000.0)
     plc.store.set("Pt317", 1500)
-    assert plc.axis.quick_stop_deceleration == pytest.approx(1500.0)
+    assert plc.axis.ramp.settings.quick_stop_deceleration == pytest.approx(1500.0)
 
 
 @pytest.mark.parametrize(("method", "fast"), [(0, True), (1, True), (2, False)])
@@ -125,14 +125,14 @@ def test_6_5_the_coast_stop_brakes_or_runs_free_by_pt001(method, fast):
 def test_6_5_after_the_stop_the_brake_stays_or_lets_go(method, held):
     """A torque on the shaft turns it against the brake slowly, and freely without."""
     plc = HandPlc("hiwin-e1", 3, params=f"{{Pt001: {method}}}")
-    plc.axis.load_torque = 0.06
+    plc.axis.load.settings.torque = 0.06
     plc.wait(1000)
     assert (abs(rpm(plc)) < 12.0) == held
 
 
 def test_disable_operation_takes_the_pulses_off_and_enable_catches_the_running_motor(plc):
     plc.store.set("Pt001", 2)
-    plc.axis.coast_method = 2
+    plc.axis.motor.settings.coast_method = 2
     running(plc, 1500.0)
     assert plc.put(STW1=0x0407, wait=50) & 0x0007 == 0x0003
     assert rpm(plc) > 1000.0
@@ -177,14 +177,14 @@ def test_5_1_a_fault_whose_cause_stays_cannot_be_acknowledged(plc):
 @pytest.mark.parametrize(("speed", "limit"), [(3000.0, "Pt402"), (-3000.0, "Pt403")])
 def test_6_3_the_torque_limit_of_each_direction_acts_at_once(plc, speed, limit):
     """50 % of the rated torque, 1.27 N m, on the inertia of motor and load: at once, and only forwards or backwards."""
-    plc.axis.inertia = 0.01
+    plc.axis.load.settings.inertia = 0.01
     plc.switch_on(operation=RUN)
     plc.store.set(limit, 50)
     plc.put(NSOLL_B=round(speed / 3000.0 * FULL), wait=103)
-    assert abs(float(plc.axis.torque)) == pytest.approx(0.635)
+    assert abs(float(plc.axis.motor.torque)) == pytest.approx(0.635)
     assert abs(rpm(plc)) == pytest.approx((0.635 - 0.05) / 0.01 * 0.1 * 9.549, rel=0.06)
     plc.put(NSOLL_B=0, wait=8)
-    assert abs(float(plc.axis.torque)) > 3.0, "the other direction has its own limit"
+    assert abs(float(plc.axis.motor.torque)) > 3.0, "the other direction has its own limit"
 
 
 @pytest.mark.parametrize("word", ["Pt402", "Pt403"])
@@ -192,7 +192,7 @@ def test_6_3_the_range_of_a_torque_limit(plc, word):
     for value, good in ((0, True), (800, True)):
         plc.store.set(word, value)
         assert (plc.store.get(word) == value) == good
-    assert plc.axis.torque_limit_positive == pytest.approx(8 * 1.27)
+    assert plc.axis.torque.settings.limit_positive == pytest.approx(8 * 1.27)
 
 
 def test_encoder_words_count_with_the_shaft(plc):
@@ -206,5 +206,5 @@ def test_6_7_and_6_8_homing_and_jogging_are_not_in_telegram_3(plc):
     plc.switch_on(operation=RUN)
     plc.put(STW1=RUN | 0x0900, wait=200)
     assert rpm(plc) == 0.0
-    assert plc.axis.motion == 0
-    assert not plc.axis.homed
+    assert plc.axis.positioning.state == 0
+    assert not plc.axis.homing.homed

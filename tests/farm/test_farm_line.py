@@ -85,7 +85,7 @@ def test_telegram_350_brings_the_current_to_the_controller():
     line.enable()
     line.run(1.0)
     axis = line.farm.columns.axis[0]
-    expected = round(float(axis.current) / float(axis.peak_current) * 16384)
+    expected = round(float(axis.motor.current) / float(axis.motor.settings.peak_current) * 16384)
     consumer = line.plc.columns.cpm[line.plc.sessions[0].consumer]
     assert consumer.words == 3
     assert line.plc.columns.image[0].received[5] == expected != 0
@@ -117,7 +117,7 @@ def test_forty_drives_connect_and_run_at_once():
     line.connect()
     line.enable()
     line.run(0.5)
-    assert (line.farm.columns.axis.state[:40] == 4).all()
+    assert (line.farm.columns.axis.drive.state[:40] == 4).all()
     assert line.farm.columns.cpm.discarded.sum() == 0
 
 
@@ -130,7 +130,7 @@ def test_release_closes_the_channels_and_leaves_no_fault():
     line.run(0.2)
     station = line.farm.stations[0]
     assert not station.ars
-    assert line.farm.columns.axis[0].fault_code[0] == 0
+    assert line.farm.columns.axis[0].faults.code[0] == 0
     assert not line.farm.columns.ppm.active.any()
 
 
@@ -143,11 +143,11 @@ def test_telegram_354_brings_its_own_ramps_in_units_of_pn_accscaling():
     image.sent[13], image.sent[14] = 2, 4
     line.run(0.05)
     axis = line.farm.columns.axis[0]
-    assert axis.ramp_up == 2 * 763
-    assert axis.ramp_down == 4 * 763
+    assert axis.ramp.up == 2 * 763
+    assert axis.ramp.down == 4 * 763
     image.sent[13] = 0
     line.run(0.05)
-    assert axis.ramp_up == axis.acceleration
+    assert axis.ramp.up == axis.ramp.settings.acceleration
 
 
 # -- loss ------------------------------------------------------------------------------------------------------------
@@ -167,7 +167,7 @@ def test_silent_controller_gives_f702_an_err_rta_and_after_its_return_recovery()
     assert line.plc.sessions[0].measures.losses == 1
     assert "aborts" in line.plc.sessions[0].measures.last_reason
     line.enable()
-    assert line.farm.columns.axis[0].fault_code[0] == 0
+    assert line.farm.columns.axis[0].faults.code[0] == 0
     assert station.connects == 2
 
 
@@ -205,7 +205,7 @@ def test_silent_drive_is_noticed_by_the_controller_within_its_watchdog():
 def test_f702_is_not_raised_before_a_controller_ever_came():
     line = VirtualLine(controller=False)
     line.run(5.0)
-    assert line.farm.columns.axis[0].fault_code[0] == 0
+    assert line.farm.columns.axis[0].faults.code[0] == 0
 
 
 def test_power_cycle_keeps_the_fault_history_and_the_controller_comes_back():
@@ -218,7 +218,7 @@ def test_power_cycle_keeps_the_fault_history_and_the_controller_comes_back():
     line.farm.settle(station, line.world.now)
     line.run(0.5)
     line.connect()
-    assert 702 in [int(n) for n in line.farm.columns.axis[0].fault_buffer]
+    assert 702 in [int(n) for n in line.farm.columns.axis[0].faults.buffer]
 
 
 # -- memory ----------------------------------------------------------------------------------------------------------
@@ -294,7 +294,7 @@ def test_akd_3_6_2_the_manuals_own_request_gets_the_manuals_own_answer():
     line = VirtualLine()
     line.connect()
     assert access(line, MANUAL_3_6_2_REQUEST) == MANUAL_3_6_2_RESPONSE
-    assert line.farm.columns.axis[0].opmode == 2
+    assert line.farm.columns.axis[0].drive.settings.opmode == 2
 
 
 @pytest.mark.parametrize("index", [47, 0xB02E, 0xB02F])
@@ -366,7 +366,7 @@ def test_pn_velscaling_changes_what_a_set_point_means():
     line.enable()
     access(line, changing(1009, 0x42, 819))
     line.run(1.0)
-    assert line.farm.columns.axis[0].velocity == pytest.approx(30.0, abs=0.2)
+    assert line.farm.columns.axis[0].motor.velocity == pytest.approx(30.0, abs=0.2)
 
 
 def test_an_active_fault_is_read_back_by_pnu_947_and_counted_by_944():

@@ -27,7 +27,7 @@ def homed(plc, within=30.0):
     plc.until(HOMED | AT_REST, within)
     plc.run(0.2)
     #: mm from where the farm began; 5 mm to a turn of the motor
-    return float(plc.axis.origin) * 5.0
+    return float(plc.axis.homing.origin) * 5.0
 
 
 def test_5_10_3_home_mode_4_finds_the_cam_on_the_input_whose_mode_is_home_switch():
@@ -43,7 +43,7 @@ def test_5_10_3_an_input_of_another_mode_is_no_home_switch():
     plc.run(30.0)
     assert not plc.zsw1 & HOMED, "it went to the positive switch, and back to the negative one"
     assert plc.zsw1 & AT_REST
-    assert plc.axis.limit_switch == 1
+    assert plc.axis.machine.limit_switch == 1
 
 
 def test_5_8_1_the_limit_switch_at_its_place_warns_and_shows_in_drive_inputs():
@@ -55,7 +55,7 @@ def test_5_8_1_the_limit_switch_at_its_place_warns_and_shows_in_drive_inputs():
     assert store.get("DRIVE_INPUTS") & POSITIVE_SWITCH
     assert store.get("HWLS.POSSTATE") == 1
     plc.until(HOMED | AT_REST)
-    assert float(plc.axis.origin) * 5.0 == pytest.approx(200.0, abs=0.3)
+    assert float(plc.axis.homing.origin) * 5.0 == pytest.approx(200.0, abs=0.3)
     assert not store.get("DRIVE_INPUTS") & POSITIVE_SWITCH
 
 

@@ -10,6 +10,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.farm.config import FarmFileError, expand, parse_farm
 from pnfarm.farm.config_axis import Load
+from pnfarm.firmware.axis import AXIS
 
 FILE = """
 farm: bench
@@ -29,15 +30,15 @@ def axis_of(**options):
 def test_a_spindle_that_lifts_a_mass_draws_the_current_of_its_weight():
     axis = axis_of(load="{friction: 0, damping: 0, lead: 10, gear: 2, mass: 100, force: 981}")
     torque = 981 * 0.010 / 2 / (2 * math.pi)
-    assert axis.current == pytest.approx(torque / float(axis.torque_constant), rel=0.01)
-    assert axis.inertia == pytest.approx(2.0e-4 + 100 * (0.005 / (2 * math.pi)) ** 2)
+    assert axis.motor.current == pytest.approx(torque / float(axis.motor.settings.torque_constant), rel=0.01)
+    assert axis.load.settings.inertia == pytest.approx(2.0e-4 + 100 * (0.005 / (2 * math.pi)) ** 2)
 
 
 @pytest.mark.parametrize("step", ["62.5us", "125us", "1ms"])
 def test_the_controllers_step_is_as_fine_as_the_file_asks(step):
     axis = axis_of(motor=f"{{step: {step}}}")
-    assert axis.motor_step_ns == {"62.5us": 62_500, "125us": 125_000, "1ms": 1_000_000}[step]
-    assert axis.velocity == pytest.approx(600.0, abs=0.5)
+    assert axis.motor.settings.step_ns == {"62.5us": 62_500, "125us": 125_000, "1ms": 1_000_000}[step]
+    assert axis.motor.velocity == pytest.approx(600.0, abs=0.5)
 
 
 def test_everything_that_the_file_says_of_the_motor_arrives():
@@ -50,23 +51,23 @@ def test_everything_that_the_file_says_of_the_motor_arrives():
     )
     axis = axis_of(motor=text)
     for field, value in {
-        "torque_constant": 1.5,
-        "peak_current": 20,
-        "continuous_current": 6,
-        "thermal_time": 30,
-        "current_time_constant": 0.0002,
-        "velocity_time_constant": 0.004,
-        "max_velocity": 2000,
-        "winding_resistance": 0.8,
-        "winding_inductance": 0.003,
-        "bus_nominal": 650,
-        "bus_brake": 0,
-        "encoder_steps": 4096,
-        "holding_brake": 8,
-        "brake_release": 0.04,
-        "brake_apply": 0.02,
+        "motor.torque_constant": 1.5,
+        "motor.peak_current": 20,
+        "motor.continuous_current": 6,
+        "motor.thermal_time": 30,
+        "motor.current_time_constant": 0.0002,
+        "motor.velocity_time_constant": 0.004,
+        "motor.max_velocity": 2000,
+        "motor.resistance": 0.8,
+        "motor.inductance": 0.003,
+        "supply.nominal": 650,
+        "supply.brake": 0,
+        "motor.encoder_steps": 4096,
+        "brake.torque": 8,
+        "brake.release": 0.04,
+        "brake.apply": 0.02,
     }.items():
-        assert axis[field] == value, field
+        assert AXIS.read(axis, field) == value, field
 
 
 @pytest.mark.parametrize(
@@ -103,7 +104,7 @@ def test_5_6_the_akds_vl_thresh_is_the_speed_at_which_it_trips():
     station = line.farm.stations[0]
     station.store.set("VL.THRESH_32", 700_000)
     line.run(0.5)
-    assert not any(station.handle.axis.fault_code)
+    assert not any(station.handle.axis.faults.code)
     station.store.set("VL.THRESH_32", 500_000)
     line.run(0.5)
     assert station.fault_counts == {302: 1}

@@ -62,7 +62,7 @@ def test_the_channel_maps_the_words_behind_it_while_they_are_exchanged():
         0,  # half of a double word
     ]
     assert int(image.received[STW1]) & 0x0400
-    station.handle.axis.origin = -5.0
+    station.handle.axis.homing.origin = -5.0
     assert ask(line, Pkw(7, 916, 4, value=1276)) == Pkw(4, 916, 4, value=1276)
     line.run(0.01)
     data = station.channels.io_data(1, 2, False).data
@@ -165,9 +165,9 @@ def test_a_standard_telegram_after_one_with_the_channel_answers_nothing():
     ask(line, Pkw(1, 918))
     (station,) = line.farm.stations
     station.store.plug_telegram(1)
-    assert not station.handle.axis.parameter_channel
+    assert not station.handle.axis.profidrive.settings.parameter_channel
     station.store.plug_telegram(101)
-    assert station.handle.axis.parameter_channel
+    assert station.handle.axis.profidrive.settings.parameter_channel
 
 
 def test_a_lost_word_of_a_task_is_told_again():

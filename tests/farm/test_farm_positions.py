@@ -45,7 +45,7 @@ def run_until(line, condition, seconds=20.0):
 
 def place(line, drive=0):
     axis = line.farm.columns.axis[drive]
-    return float(axis.position) - float(axis.origin)
+    return float(axis.motor.position) - float(axis.homing.origin)
 
 
 @pytest.mark.parametrize(("name", "telegram", "cycle", "params"), EVERY)
@@ -56,7 +56,7 @@ def test_an_axis_is_homed_and_goes_from_target_to_target(name, telegram, cycle, 
         run_until(line, lambda count=count: moves(line) == count)
         line.run(0.04)
         assert place(line) == pytest.approx(target, abs=0.01)
-    assert line.farm.columns.axis[0].homed
+    assert line.farm.columns.axis[0].homing.homed
 
 
 @pytest.mark.parametrize(("name", "telegram", "cycle", "params"), EVERY)

@@ -25,7 +25,7 @@ def test_nothing_is_good_and_no_set_point_counts_before_the_application_is_ready
     assert not line.plc.columns.image[0].valid
     data = [station.channels.io_data(d.slot, d.subslot, output=False) for d in station_data(station)]
     assert {entry.iops for entry in data} == {0x40}
-    assert int(line.farm.columns.axis[0].state) == 1, "its set points are not taken"
+    assert int(line.farm.columns.axis[0].drive.state) == 1, "its set points are not taken"
     (ar,) = station.cm.ars
     station.cm.application_ready(ar.key, line.world.now)
     line.farm.settle(station, line.world.now)

@@ -88,10 +88,10 @@ def test_14_2_speed_control_with_telegram_102() -> None:
     line.run(0.5)
     assert line.see("ACT_SPEED") == pytest.approx(3000, abs=60), "10 rev/s2 for half a second"
     line.run(1.0)
-    assert line.axis.velocity == pytest.approx(600, abs=1)
+    assert line.axis.motor.velocity == pytest.approx(600, abs=1)
     assert line.see("ACT_SPEED") == pytest.approx(6000, abs=10)
     line.send(0.25, REF_SPEED=-6000)
-    assert line.axis.velocity == pytest.approx(300, abs=15), "20 rev/s2 down"
+    assert line.axis.motor.velocity == pytest.approx(300, abs=15), "20 rev/s2 down"
 
 
 def test_table_14_5_set_points_are_sent_back_where_they_are_mapped() -> None:
@@ -142,9 +142,9 @@ def test_telegram_5_follows_the_controllers_deviation_over_frames() -> None:
         wanted = cycle * 0.005
         deviation = round(wanted * 2**20) - line.see("G1_XIST1")
         line.send(0.001, XERR=deviation, KPC=GAIN, NSOLL_B=round(300 / 3000 * 0x40000000))
-        worst = max(worst, abs(float(line.axis.position) - wanted))
+        worst = max(worst, abs(float(line.axis.motor.position) - wanted))
     assert worst < 0.02
-    assert line.axis.velocity == pytest.approx(300, abs=5)
+    assert line.axis.motor.velocity == pytest.approx(300, abs=5)
 
 
 # 10.6, telegram 8
@@ -156,7 +156,7 @@ def test_telegram_8_leads_the_axis_with_a_position_in_each_frame() -> None:
     line.send(0.01, STW1=TASKS | START)
     for cycle in range(500):
         line.send(0.001, XSOLL_A=round(cycle * 0.005 * REV))
-    assert line.axis.velocity == pytest.approx(300, abs=5)
+    assert line.axis.motor.velocity == pytest.approx(300, abs=5)
     assert line.see("XIST_A") == pytest.approx(499 * 0.005 * REV, abs=0.03 * REV)
     line.run(0.1)
     assert line.see("XIST_A") == pytest.approx(499 * 0.005 * REV, abs=200)
@@ -165,7 +165,7 @@ def test_telegram_8_leads_the_axis_with_a_position_in_each_frame() -> None:
 def test_8_2_1_the_drive_knows_the_cycle_of_the_connection_that_leads_it() -> None:
     """Its positions are that far apart (10.6)."""
     for cycle, nanoseconds in (("1ms", 1_000_000), ("8ms", 8_000_000)):
-        assert MsdHand(telegram=8, cycle=cycle).axis.cycle_ns == nanoseconds
+        assert MsdHand(telegram=8, cycle=cycle).axis.interpolation.settings.cycle_ns == nanoseconds
 
 
 # 11.4
@@ -181,7 +181,7 @@ def test_11_4_a_homing_run_with_touch_probe_0_on_isd05() -> None:
     line.send(0.01, G1_STW=0x0011)
     assert line.see("G1_ZSW") & 0x00FF == 0x0001
     probe = line.fault("digital-input", params={"input": 5})
-    place = float(line.axis.position)
+    place = float(line.axis.motor.position)
     line.run(0.01)
     assert line.see("G1_ZSW") & 0x01FF == 0x0110
     line.clear(probe)
@@ -228,10 +228,10 @@ def test_16_bad_outputs_and_a_lost_connection_set_every_output_to_zero(how: str)
     else:
         line.fault("silence", direction="in", **{"for": "5s"})
     line.run(0.1)
-    assert (int(line.axis.stw1), int(line.axis.state)) == (0, 1)
+    assert (int(line.axis.profidrive.stw1), int(line.axis.drive.state)) == (0, 1)
     # P-0967, P-1275 and P-1277 are these outputs
     assert [line.store.get(f"P-{pnu:04}") for pnu in (967, 1275, 1277)] == [0, 0, 0]
-    line.until(lambda: abs(line.axis.velocity) < 1.0, 60.0)
+    line.until(lambda: abs(line.axis.motor.velocity) < 1.0, 60.0)
 
 
 def test_16_set_points_that_are_sent_back_are_zero_with_bad_outputs_and_come_back_with_good_ones() -> None:
@@ -256,7 +256,7 @@ def test_16_after_power_on_every_output_is_zero() -> None:
     # before the controller is back
     line.run(0.25)
     axis = line.axis
-    assert (int(axis.stw1), float(axis.setpoint), float(axis.velocity)) == (0, 0.0, 0.0)
+    assert (int(axis.profidrive.stw1), float(axis.ramp.setpoint), float(axis.motor.velocity)) == (0, 0.0, 0.0)
 
 
 def test_table_15_1_torque_is_mapped_both_ways_and_leads_the_drive() -> None:
@@ -281,7 +281,7 @@ def test_a_float_of_the_farm_file_is_the_number_itself_with_a_point_and_its_bits
     written: str, override: float
 ) -> None:
     line = VirtualLine(model="moog-msd", cycle="1ms", params=f"{{P-0167: {written}}}")
-    assert float(line.farm.stations[0].handle.axis.speed_override) == pytest.approx(override)
+    assert float(line.farm.stations[0].handle.axis.ramp.settings.speed_override) == pytest.approx(override)
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def axis(line):
 
 def faults(line) -> list[str]:
     known = line.farm.stations[0].model.faults
-    return [known[int(code) & 0xFFFFFF].label for code in axis(line).fault_code if code]
+    return [known[int(code) & 0xFFFFFF].label for code in axis(line).faults.code if code]
 
 
 # velocity
@@ -67,7 +67,7 @@ def faults(line) -> list[str]:
 @pytest.mark.parametrize("telegram", [1, 2, 3, 5])
 def test_the_drive_runs_at_the_speed_of_its_set_point(telegram: int) -> None:
     line = running(telegram=telegram)
-    assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
+    assert axis(line).motor.velocity == pytest.approx(60.0, abs=0.1)
     image = line.plc.columns.image[0]
     if telegram == 1:
         assert (image.sent[NSOLL_A], image.received[NIST_A]) == (60, 60)
@@ -89,7 +89,7 @@ def test_the_sensor_of_telegram_3_counts_1048576_to_a_revolution() -> None:
 def test_100_percent_of_nsoll_b_is_the_maximum_speed_of_p_0338() -> None:
     line = running(telegram=2, params="{P-0338: 1500}")
     assert line.plc.columns.image[0].sent[NSOLL_B] == round(60 / 1500 * FULL)
-    assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
+    assert axis(line).motor.velocity == pytest.approx(60.0, abs=0.1)
 
 
 @pytest.mark.parametrize("telegram", [2, 3])
@@ -97,7 +97,7 @@ def test_p_1270_moves_nothing_while_the_telegram_brings_nsoll_b(telegram: int) -
     line = running(telegram=telegram)
     line.farm.stations[0].store.set("P-1270", 500)
     line.run(0.5)
-    assert (axis(line).setpoint, axis(line).velocity) == pytest.approx((60.0, 60.0), abs=0.1)
+    assert (axis(line).ramp.setpoint, axis(line).motor.velocity) == pytest.approx((60.0, 60.0), abs=0.1)
 
 
 @pytest.mark.parametrize(("module", "direct"), [(0x1001, 1), (0x0001, 0), (0x0101, 1)])
@@ -107,7 +107,7 @@ def test_the_module_of_telegram_1_says_whether_the_ramp_generator_works(module: 
     (station,) = line.farm.stations
     station.store.plug_telegram(1, module)
     assert station.store.get("CON_REF_Mode") == direct
-    assert station.handle.axis.ramp_generator == direct
+    assert station.handle.axis.ramp.settings.generator == direct
     assert (station.store.get("P-0300"), station.store.get("P-0159"), station.store.get("P-0165")) == (2, 7, 9)
 
 
@@ -118,9 +118,9 @@ def test_a_set_point_in_the_profile_generating_mode_follows_p_1278() -> None:
     line.enable()
     # 1 rev/s2 is 60 rpm/s (13.2)
     line.run(0.5)
-    assert axis(line).velocity == pytest.approx(30.0, abs=3.0)
+    assert axis(line).motor.velocity == pytest.approx(30.0, abs=3.0)
     line.run(1.0)
-    assert axis(line).velocity == pytest.approx(60.0, abs=0.1)
+    assert axis(line).motor.velocity == pytest.approx(60.0, abs=0.1)
 
 
 @pytest.mark.parametrize("telegram", [7, 8, 9, 101, 106, 121])
@@ -129,8 +129,8 @@ def test_without_a_task_or_a_deviation_the_axis_stands(telegram: int) -> None:
     assert line.farm.stations[0].store.telegram_number == telegram
     line.run(1.0)
     assert line.measures.losses == 0
-    assert axis(line).velocity == 0.0
-    assert axis(line).position == 0.0
+    assert axis(line).motor.velocity == 0.0
+    assert axis(line).motor.position == 0.0
 
 
 def test_a_free_mapping_brings_the_speed_in_two_words_behind_the_parameter_channel() -> None:
@@ -191,8 +191,8 @@ def test_without_telegrams_the_outputs_are_zero_at_once_and_32_1_comes_after_p_1
     line = running(params="{P-1283: 400}")
     line.add("silence", **{"for": "5s"})
     line.run(0.1)
-    assert axis(line).stw1 == 0
-    assert axis(line).state == 1
+    assert axis(line).profidrive.stw1 == 0
+    assert axis(line).drive.state == 1
     assert faults(line) == []
     line.run(0.25)
     assert faults(line) == []
@@ -204,7 +204,7 @@ def test_p_1283_at_0_switches_the_watchdog_off() -> None:
     line = running(params="{P-1283: 0}")
     line.add("silence", **{"for": "5s"})
     line.run(1.0)
-    assert axis(line).stw1 == 0
+    assert axis(line).profidrive.stw1 == 0
     assert faults(line) == []
 
 
@@ -213,7 +213,7 @@ def test_bad_outputs_are_zero_and_no_loss() -> None:
     line = running(params="{P-1283: 100}")
     line.plc.columns.image[0].good = 0
     line.run(1.0)
-    assert (axis(line).stw1, axis(line).setpoint, axis(line).state) == (0, 0.0, 1)
+    assert (axis(line).profidrive.stw1, axis(line).ramp.setpoint, axis(line).drive.state) == (0, 0.0, 1)
     assert faults(line) == []
     assert line.measures.losses == 0
     line.plc.columns.image[0].good = 1
@@ -341,7 +341,7 @@ def test_people_read_the_manuals_way_to_write_a_fault() -> None:
 
 def living(tolerance: int, telegram: int = 3) -> MsdLine:
     line = running(telegram=telegram, params=f"{{P-0925: {tolerance}}}")
-    assert axis(line).life_run == 15
+    assert axis(line).life.run == 15
     return line
 
 

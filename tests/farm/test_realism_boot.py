@@ -47,7 +47,7 @@ def test_a_drive_that_boots_says_nothing_then_connects_then_comes_to_s1(model, t
     assert line.world.run(1.5, until=lambda: line.plc.all_connected), line.reasons()
     # it exchanges data, and its status word says that it has not come to S1 yet
     line.run(0.1)
-    assert int(axis.state) == 0
+    assert int(axis.drive.state) == 0
     assert int(line.plc.columns.image[0].received[0]) & 0x0200 == 0, "control is not requested"
     line.run(5.05 - 4.6)
     line.enable()
@@ -71,9 +71,9 @@ def test_a_plain_duration_is_both_times():
     line = line_of("{boot_time: 2s}")
     axis = line.farm.columns.axis[0]
     line.run(1.99)
-    assert int(axis.state) == 0
+    assert int(axis.drive.state) == 0
     line.run(0.05)
-    assert int(axis.state) == 1
+    assert int(axis.drive.state) == 1
     line.connect()
 
 

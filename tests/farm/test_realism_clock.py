@@ -68,7 +68,7 @@ def test_a_connection_lives_with_it_through_many_slips(model, telegram, cycle, p
     assert line.events("axis-01").count("ar established") == 1
     assert int(line.plc.columns.cpm[0].discarded.sum()) == 0
     assert int(line.farm.columns.cpm[0].discarded.sum()) == 0
-    assert int(line.farm.columns.axis[0].fault_code[0]) == 0
+    assert int(line.farm.columns.axis[0].faults.code[0]) == 0
 
 
 def test_what_the_drive_does_in_its_own_second_it_does_in_that_time():
@@ -78,9 +78,9 @@ def test_what_the_drive_does_in_its_own_second_it_does_in_that_time():
         line = line_of(str(ppm))
         line.enable()
         line.run(1.0)
-        begun = float(line.farm.columns.axis[0].position)
+        begun = float(line.farm.columns.axis[0].motor.position)
         line.run(100.0)
-        ways[ppm] = float(line.farm.columns.axis[0].position) - begun
+        ways[ppm] = float(line.farm.columns.axis[0].motor.position) - begun
     assert ways[1000] / ways[0] == pytest.approx(1.001, abs=1e-4)
     assert ways[-1000] / ways[0] == pytest.approx(0.999, abs=1e-4)
 
@@ -106,7 +106,7 @@ def test_the_drives_own_supervision_goes_by_its_clock():
         # neither the data hold timer nor the controller ends the connection before
         line.farm.columns.cpm["hold_ns"] = 10**12
         line.plc.columns.cpm["hold_ns"] = 10**12
-        assert line.world.run(70.0, until=lambda axis=axis: int(axis.fault_code[0]) != 0)
+        assert line.world.run(70.0, until=lambda axis=axis: int(axis.faults.code[0]) != 0)
         found[ppm] = (line.world.now - begun) / 1e9
     assert found[-1000] - found[1000] == pytest.approx(0.12, abs=0.01)
 
@@ -143,7 +143,7 @@ def test_durations_that_the_log_tells_are_no_difference_of_two_clocks():
 def test_each_drive_of_a_range_has_its_own_drift_the_same_in_each_run():
     def drifts(seed: int) -> list[float]:
         line = VirtualLine(8, realism=f"{{clock_drift: [-50, 50], seed: {seed}}}", controller=False)
-        return [float(drift) * 1e6 for drift in line.farm.columns.axis["clock_drift"][:8]]
+        return [float(drift) * 1e6 for drift in line.farm.columns.axis.clock.settings.drift[:8]]
 
     first = drifts(1)
     assert first == drifts(1)
@@ -170,6 +170,6 @@ def test_positioning_works_as_before(model, cycle, params):
     places = []
     for _ in range(400):
         line.run(0.01)
-        places.append(float(axis.position) - float(axis.origin))
+        places.append(float(axis.motor.position) - float(axis.homing.origin))
     assert max(places) == pytest.approx(2.0, abs=0.01)
     assert min(places) == pytest.approx(-2.0, abs=0.01)

@@ -80,7 +80,7 @@ def test_the_bits_that_compare_the_speed_hunt(model, telegram, cycle, signal):
     del signal
     # as much noise as the window of the model is wide
     line = VirtualLine(model=model, telegram=telegram, cycle=cycle, program="{kind: constant, speed_rpm: 300}")
-    window = float(line.farm.columns.axis[0].velocity_window)
+    window = float(line.farm.columns.axis[0].ramp.settings.velocity_window)
     line = VirtualLine(model=model, telegram=telegram, cycle=cycle, program="{kind: constant, speed_rpm: 300}",
                        realism=f"{{noise: {{velocity: {window}}}}}")  # fmt: skip
     line.enable()
@@ -160,4 +160,4 @@ def test_a_parameter_shows_the_same_noise_as_the_frame():
     axis, store = line.farm.columns.axis[0], line.farm.stations[0].store
     sent = int(line.farm.columns.image[0].sent[ACTUAL_SLOTS["NIST_A"]])
     assert store.get("VL.FB") == pytest.approx(sent * RPM_STEP * 1000.0, abs=RPM_STEP * 500.0)
-    assert abs(store.get("VL.FB") - float(axis.velocity) * 1000.0) > 0.0
+    assert abs(store.get("VL.FB") - float(axis.motor.velocity) * 1000.0) > 0.0

@@ -10,8 +10,8 @@ from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis, fault_e
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.store import ParameterStore
+from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
-from pnfarm.table.axis import AXIS
 from pnfarm.table.image import IMAGE
 
 MSD = model("moog-msd")
@@ -46,7 +46,7 @@ def test_a_fault_that_the_data_do_not_name_is_not_told() -> None:
 def test_the_makers_form_carries_fault_and_warning() -> None:
     store = store_of(MSD)
     store.set("P-1256", 3)
-    store.handle.axis.warning_code = 20 | 2 << 16
+    store.handle.axis.warnings.code = 20 | 2 << 16
     entry = fault_entry(store, EXTERNAL)
     assert entry is not None
     assert (entry.subslot, entry.usi, entry.data.hex()) == (2, 1, "0001000b00020014")

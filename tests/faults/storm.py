@@ -12,13 +12,13 @@ from pnfarm.buses.profinet.device.modules import modules_view
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.faults.kind import InjectionKind, ParamSpec
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.program import RUNNING
 
 #: Numbers of a load that a small motor survives: what runs away is another test's.
 _LOADS = {"torque": (-1.0, 1.0), "inertia": (0.0, 1e-4), "friction": (0.0, 2.0)}
 #: Fields of the axis that faults write.
-_OF_FAULTS = tuple(field.name for field in AXIS.fields.values() if field.writer == "fault")
+_OF_FAULTS = tuple(key for key, field in AXIS.fields.items() if field.writer == "fault")
 #: A reset ends the faults; the connections come back by themselves, phase by phase of their start-up.
 BACK_SECONDS = 15.0
 #: Then the axis programs acknowledge what the faults left, a buffer of eight at a time.
@@ -144,7 +144,7 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
     for station, axis in zip(line.farm.stations, line.farm.columns.axis, strict=False):
         name = station.configured_name
         look(f"{name} runs", manager.of_drive(name))
-        look(f"{name} axis", {field: float(axis[field]) for field in _OF_FAULTS if axis[field]})
+        look(f"{name} axis", {key: float(AXIS.read(axis, key)) for key in _OF_FAULTS if AXIS.read(axis, key)})
         look(f"{name} without power", not station.powered)
         look(f"{name} refuses", station.cm.refuse_connect is not None)
         look(f"{name} delays ready", station.connections.ready_delay_ns != 0)

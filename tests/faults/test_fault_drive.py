@@ -24,7 +24,7 @@ def line():
 
 
 def active_fault(line, index=0) -> int:
-    return int(line.farm.columns.axis[index].fault_code[0]) & 0xFFFFFF
+    return int(line.farm.columns.axis[index].faults.code[0]) & 0xFFFFFF
 
 
 # -- drive
@@ -91,14 +91,14 @@ def test_a_limit_switch_warns_and_the_drive_goes_on(line, side, number):
     fault = line.add("limit-switch", params={"side": side})
     line.run(2 * CYCLE)
     assert line.seen_zsw1() & WARNING
-    assert int(line.farm.columns.axis[0].warning_code) == number
-    assert int(line.farm.columns.axis[0].limit_switch) == {"negative": 1, "positive": 2}[side]
+    assert int(line.farm.columns.axis[0].warnings.code) == number
+    assert int(line.farm.columns.axis[0].machine.limit_switch) == {"negative": 1, "positive": 2}[side]
     assert line.plc.all_running
     assert fault.evidence().confirmed
     line.clear(fault.id)
     line.run(2 * CYCLE)
     assert not line.seen_zsw1() & WARNING
-    assert int(line.farm.columns.axis[0].limit_switch) == 0
+    assert int(line.farm.columns.axis[0].machine.limit_switch) == 0
 
 
 def test_a_drive_without_a_warning_of_its_own_stands_on_the_switch_alone():
@@ -106,15 +106,15 @@ def test_a_drive_without_a_warning_of_its_own_stands_on_the_switch_alone():
     line.enable()
     two = [line.add("limit-switch", params={"side": "negative"}) for _ in range(2)]
     line.run(0.01)
-    assert int(line.farm.columns.axis[0].limit_switch) == 1
+    assert int(line.farm.columns.axis[0].machine.limit_switch) == 1
     assert not line.seen_zsw1() & WARNING
     assert two[0].evidence().confirmed
     line.clear(two[0].id)
     line.run(0.01)
-    assert int(line.farm.columns.axis[0].limit_switch) == 1, "the other one still stands"
+    assert int(line.farm.columns.axis[0].machine.limit_switch) == 1, "the other one still stands"
     line.clear(two[1].id)
     line.run(0.01)
-    assert int(line.farm.columns.axis[0].limit_switch) == 0
+    assert int(line.farm.columns.axis[0].machine.limit_switch) == 0
 
 
 @pytest.mark.parametrize(
@@ -140,10 +140,10 @@ def test_the_earlier_warning_shows_again_when_the_later_one_ends(line):
     line.add("drive-warning", params={"warning": 107}, as_="one")
     line.add("drive-warning", params={"warning": 108}, as_="two")
     line.run(0.1)
-    assert int(line.farm.columns.axis[0].warning_code) == 108
+    assert int(line.farm.columns.axis[0].warnings.code) == 108
     line.clear("two")
     line.run(0.1)
-    assert int(line.farm.columns.axis[0].warning_code) == 107
+    assert int(line.farm.columns.axis[0].warnings.code) == 107
 
 
 def test_warnings_stand_beside_each_other_and_all_are_back_after_a_power_cycle(line):
@@ -258,23 +258,33 @@ def _turning(line):
 
 def test_a_load_draws_current_and_goes_away_again(line):
     axis = _turning(line)
-    before = float(axis.current)
+    before = float(axis.motor.current)
     fault = line.add("load", params={"torque": 1.0})
     line.run(0.5)
-    assert float(axis.current) - before == pytest.approx(1.0 / float(axis.torque_constant), rel=0.02)
+    assert float(axis.motor.current) - before == pytest.approx(
+        1.0 / float(axis.motor.settings.torque_constant), rel=0.02
+    )
     assert fault.evidence().confirmed
     line.clear(fault.id)
     line.run(0.5)
-    assert float(axis.current) == pytest.approx(before, abs=0.02)
+    assert float(axis.motor.current) == pytest.approx(before, abs=0.02)
 
 
 def test_loads_add_up_and_each_takes_its_own_away(line):
     axis = _turning(line)
     line.add("load", params={"torque": 0.5, "inertia": 1e-4, "friction": 0.1}, as_="one")
     line.add("load", params={"torque": -0.25}, as_="two")
-    assert (axis.added_torque, axis.added_inertia, axis.added_friction) == (0.25, 1e-4, 0.1)
+    assert (axis.load.settings.added_torque, axis.load.settings.added_inertia, axis.load.settings.added_friction) == (
+        0.25,
+        1e-4,
+        0.1,
+    )
     line.clear("one")
-    assert (axis.added_torque, axis.added_inertia, axis.added_friction) == (-0.25, 0.0, 0.0)
+    assert (axis.load.settings.added_torque, axis.load.settings.added_inertia, axis.load.settings.added_friction) == (
+        -0.25,
+        0.0,
+        0.0,
+    )
 
 
 def test_loads_that_are_gone_leave_exactly_nothing(line):
@@ -283,16 +293,20 @@ def test_loads_that_are_gone_leave_exactly_nothing(line):
         line.add("load", params={"torque": share, "inertia": share * 1e-4, "friction": share}, as_=name)
     for name in ("one", "two", "three"):
         line.clear(name)
-    assert (axis.added_torque, axis.added_inertia, axis.added_friction) == (0.0, 0.0, 0.0)
+    assert (axis.load.settings.added_torque, axis.load.settings.added_inertia, axis.load.settings.added_friction) == (
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_drive_trips_on_the_overload(line):
     axis = _turning(line)
-    assert axis.velocity != 0.0
+    assert axis.motor.velocity != 0.0
     fault = line.add("stuck-axis")
     line.run(0.5)
-    assert axis.velocity == 0.0
-    assert axis.current == pytest.approx(axis.peak_current)
+    assert axis.motor.velocity == 0.0
+    assert axis.motor.current == pytest.approx(axis.motor.settings.peak_current)
     assert line.seen_zsw1() & 0x0100 == 0, "the speed is not what it should be"
     line.run(20.0)
     assert line.farm.stations[0].fault_counts[524] > 0, "the drive has folded its current back"
@@ -331,14 +345,14 @@ def test_a_shaft_coasts_when_the_supply_goes_and_still_turns_when_it_is_back_soo
     axis = line.farm.columns.axis[0]
     line.add("power-cycle", params={"off": "2s"})
     line.run(1.0)
-    assert axis.velocity == pytest.approx(1000 * math.exp(-0.1), rel=0.01), "inertia over damping is 10 s"
-    assert (axis.current, axis.torque) == (0.0, 0.0)
+    assert axis.motor.velocity == pytest.approx(1000 * math.exp(-0.1), rel=0.01), "inertia over damping is 10 s"
+    assert (axis.motor.current, axis.motor.torque) == (0.0, 0.0)
     line.run(1.1)
     assert line.farm.stations[0].powered
-    assert axis.velocity == pytest.approx(1000 * math.exp(-0.21), rel=0.01)
+    assert axis.motor.velocity == pytest.approx(1000 * math.exp(-0.21), rel=0.01)
     line.enable()
     line.run(1.0)
-    assert axis.velocity == pytest.approx(1000, rel=0.01), "operation takes it up as it turns"
+    assert axis.motor.velocity == pytest.approx(1000, rel=0.01), "operation takes it up as it turns"
 
 
 class HandFaultLine(FaultLine, HandLine):
@@ -375,8 +389,8 @@ def test_a_load_that_outruns_every_brake_leaves_speed_and_place_numbers_and_the_
     line.add("load", params={"torque": torque})
     line.run(20.0)
     axis = line.farm.columns.axis[0]
-    assert abs(float(axis.velocity)) == FASTEST_RPM
-    assert abs(float(axis.position)) < FASTEST_RPM
+    assert abs(float(axis.motor.velocity)) == FASTEST_RPM
+    assert abs(float(axis.motor.position)) < FASTEST_RPM
     line.clear()
     line.run(1.0)
     assert line.plc.all_connected

@@ -30,7 +30,7 @@ class E1Line(FaultLine):
 
     @property
     def active(self) -> list[int]:
-        return [int(code) & 0xFFFFFF for code in self.axis.fault_code if code]
+        return [int(code) & 0xFFFFFF for code in self.axis.faults.code if code]
 
     def seen(self, slot: int) -> int:
         return int(self.plc.columns.image[0].received[slot]) & 0xFFFF
@@ -62,8 +62,8 @@ def test_silence_of_the_controller_is_the_fieldbus_alarm_and_a_controlled_stop()
     assert line.until(lambda: bool(line.active))
     assert line.active == [FBUS]
     line.run(0.03)
-    assert (line.axis.state, line.axis.stop) == (5, 3)
-    assert 400 < line.axis.velocity < 600
+    assert (line.axis.drive.state, line.axis.drive.stop) == (5, 3)
+    assert 400 < line.axis.motor.velocity < 600
     assert line.running_again()
     assert line.active == []
 
@@ -84,7 +84,7 @@ def test_a_lost_frame_is_one_failed_sign_of_life_and_stands_in_the_metric():
     try:
         line.add("loss", direction="in", after_cycles=10, count=1)
         line.run(0.2)
-        assert line.axis.life_errors == 1
+        assert line.axis.life.errors == 1
         assert line.active == []
         assert 'pnfarm_sign_of_life_errors_total{drive="axis-01"} 1' in collector.gather().text().decode()
     finally:

@@ -22,7 +22,7 @@ def plc() -> E1Plc:
 
 def run(plc: E1Plc) -> None:
     """Jogging, so that the reaction can be seen."""
-    if plc.axis.state != 4:
+    if plc.axis.drive.state != 4:
         plc.switch_on(operation=RUN)
     plc.put(STW1=RUN | JOG_FORWARDS)
     plc.wait_for(lambda: plc.rpm > 500.0)
@@ -120,7 +120,7 @@ def test_1_3_a_power_cycle_ends_a_fault_without_an_acknowledgement_and_a_cause_t
         plc.inject("power-cycle", off="100ms")
         plc.run(1.0)
         plc.connect()
-        plc.wait_for(lambda: plc.axis.state == 1)
+        plc.wait_for(lambda: plc.axis.drive.state == 1)
         plc.put(STW1=0x0400)
         assert bool(plc["ZSW1"] & 0x0008) == hold
         assert plc["FAULT_CODE"] == (0x410 if hold else 0)
@@ -176,18 +176,18 @@ def test_4_1_one_failed_sign_of_life_less_than_pnu_925_is_no_fault():
         plc.run(0.001)
     plc.wait(60)
     assert plc["ZSW1"] & 0x0008 == 0
-    assert 4 <= plc.axis.life_errors <= 5
+    assert 4 <= plc.axis.life.errors <= 5
 
 
 def test_alarms_that_the_drive_sees_itself():
     """AL.510 beyond the overspeed of the motor, AL.720 by its heat; their thresholds are assumed."""
     plc = E1Plc(111)
-    plc.axis.thermal_load = 1.2
+    plc.axis.motor.thermal_load = 1.2
     plc.wait(5)
     assert plc["FAULT_CODE"] == 0x720
-    plc.axis.thermal_load = 0.0
+    plc.axis.motor.thermal_load = 0.0
     assert acknowledge(plc) & 0x0008 == 0
-    plc.axis.velocity = 9000.0
+    plc.axis.motor.velocity = 9000.0
     plc.wait(5)
     assert plc["FAULT_CODE"] == 0x510
 
@@ -195,7 +195,7 @@ def test_alarms_that_the_drive_sees_itself():
 def test_3_16_the_motors_heat_is_the_i2t_warning_before_it_is_the_overload():
     """MELDW.7; its threshold is assumed."""
     plc = E1Plc(111)
-    plc.axis.thermal_load = 0.9
+    plc.axis.motor.thermal_load = 0.9
     plc.wait(5)
     assert (plc["MELDW"] & 0x00C0, plc["WARN_CODE"], plc["ZSW1"] & 0x0088) == (0x0040, 0x911, 0x0080)
     plc.inject("drive-warning", warning="motor-overload-warning")
@@ -204,7 +204,7 @@ def test_3_16_the_motors_heat_is_the_i2t_warning_before_it_is_the_overload():
     plc.clear()
     plc.wait(5)
     assert plc["WARN_CODE"] == 0x911
-    plc.axis.thermal_load = 0.5
+    plc.axis.motor.thermal_load = 0.5
     plc.wait(5)
     assert (plc["MELDW"] & 0x00C0, plc["WARN_CODE"], plc["ZSW1"] & 0x0080) == (0x00C0, 0, 0)
 
@@ -212,7 +212,7 @@ def test_3_16_the_motors_heat_is_the_i2t_warning_before_it_is_the_overload():
 def test_a_stalled_axis_heats_its_motor_until_it_warns_and_trips():
     """A load above the rated torque: I2t warning, then AL.720."""
     plc = E1Plc(111)
-    plc.axis.load_torque = 1.8
+    plc.axis.load.settings.torque = 1.8
     told = plc.wait_for(lambda: bool(plc["WARN_CODE"]), 120_000)
     tripped = plc.wait_for(lambda: bool(plc["FAULT_CODE"]), 120_000)
     assert plc["FAULT_CODE"] == 0x720

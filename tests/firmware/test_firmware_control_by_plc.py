@@ -42,23 +42,23 @@ def test_5_4_bit_6_that_rises_with_bit_10_starts_as_bit_7_acknowledges_then():
 def test_5_4_homing_ends_when_bit_11_fell_while_bit_10_was_0():
     drive = Positioner(homed=False)
     drive.stand_at(0.4)
-    drive.axis.home_velocity = 6.0
+    drive.axis.homing.settings.velocity = 6.0
     drive.stw(HOME, 20)
     drive.stw(READY & AWAY, 20)
-    assert drive.axis.motion == HOMING, "nothing is taken over"
+    assert drive.axis.positioning.state == HOMING, "nothing is taken over"
     drive.stw(READY, 200)
-    assert drive.axis.motion == STANDBY
+    assert drive.axis.positioning.state == STANDBY
     assert drive.zsw1 & (STOPPED | HOMED) == STOPPED
 
 
 @pytest.mark.parametrize("by_edge", [0, 1])
 def test_5_10_3_a_bit_11_that_stands_through_a_task_homes_behind_it_by_its_level_and_not_by_its_edge(by_edge):
     drive = Positioner()
-    drive.axis.home_method = HOME_AT_ONCE
-    drive.axis.home_by_edge = by_edge
+    drive.axis.homing.settings.method = HOME_AT_ONCE
+    drive.axis.homing.settings.by_edge = by_edge
     drive.move(1.0)
     drive.stw(HOME, 20)
-    assert drive.axis.motion == TASK, "no motion task may be active"
+    assert drive.axis.positioning.state == TASK, "no motion task may be active"
     drive.until(STOPPED)
     drive.run(50)
     assert drive.place == pytest.approx(1.0 if by_edge else 0.0, abs=2e-3)
@@ -70,8 +70,8 @@ def test_5_10_3_a_bit_11_that_stands_through_a_task_homes_behind_it_by_its_level
 @pytest.mark.parametrize("by_edge", [0, 1])
 def test_5_10_3_a_bit_11_that_rises_while_bit_10_is_0_homes_by_its_level_and_not_by_its_edge(by_edge):
     drive = Positioner(homed=False)
-    drive.axis.home_method = HOME_AT_ONCE
-    drive.axis.home_by_edge = by_edge
+    drive.axis.homing.settings.method = HOME_AT_ONCE
+    drive.axis.homing.settings.by_edge = by_edge
     drive.stw(HOME & AWAY, 5)
     assert bool(drive.stw(HOME, 20) & HOMED) == (not by_edge)
 
@@ -79,16 +79,16 @@ def test_5_10_3_a_bit_11_that_rises_while_bit_10_is_0_homes_by_its_level_and_not
 def test_an_edge_of_pos_stw2_while_bit_10_is_0_sets_no_reference_point_when_bit_10_returns():
     """HIWIN E1 manual 3.13: POS_STW2.1."""
     drive = BenchAxis()
-    drive.axis.opmode = 2
-    drive.axis.task_form = TASKS_POS_STW
+    drive.axis.drive.settings.opmode = 2
+    drive.axis.profidrive.settings.task_form = TASKS_POS_STW
     drive.write(0x0430)
     drive.write(0x0030)
     drive.image.received[POS_STW2] = 0x0002
     drive.write(0x0030, run=5)
     drive.write(0x0430, run=5)
-    assert not drive.axis.homed
+    assert not drive.axis.homing.homed
     drive.image.received[POS_STW2] = 0
     drive.write(0x0430)
     drive.image.received[POS_STW2] = 0x0002
     drive.write(0x0430)
-    assert drive.axis.homed
+    assert drive.axis.homing.homed

@@ -30,12 +30,20 @@ BRAKING = 5**2 / (2 * 500) + 0.02
 def machine(method, direction, start=0.0, parts=SWITCHES | STOPS, share=0.2):
     drive = Positioner(homed=False)
     axis = drive.axis
-    axis.machine = parts | MACHINE_CAMS
-    axis.switch_low, axis.switch_high, axis.stop_low, axis.stop_high = -SWITCH, SWITCH, -STOP, STOP
-    axis.cam_inputs[0], axis.cam_low[0], axis.cam_high[0] = 1 << 2, *CAM
-    axis.input_modes[2] = INPUT_HOME_SWITCH
-    axis.home_method, axis.home_direction = method, direction
-    axis.home_share, axis.home_lag, axis.home_current = share, 0.02, 2.0
+    axis.machine.settings.parts = parts | MACHINE_CAMS
+    (
+        axis.machine.settings.switch_low,
+        axis.machine.settings.switch_high,
+        axis.machine.settings.stop_low,
+        axis.machine.settings.stop_high,
+    ) = -SWITCH, SWITCH, -STOP, STOP
+    axis.machine.settings.cam_inputs[0], axis.machine.settings.cam_low[0], axis.machine.settings.cam_high[0] = (
+        1 << 2,
+        *CAM,
+    )
+    axis.machine.settings.input_modes[2] = INPUT_HOME_SWITCH
+    axis.homing.settings.method, axis.homing.settings.direction = method, direction
+    axis.homing.settings.share, axis.homing.settings.lag, axis.homing.settings.current = share, 0.02, 2.0
     if start:
         drive.stand_at(start)
     return drive
@@ -45,7 +53,7 @@ def fail(drive, within=3000):
     """Home it, in vain."""
     drive.stw(HOME)
     for _ in range(within):
-        if drive.axis.home_error:
+        if drive.axis.homing.error:
             drive.run(100)
             return
         drive.run(1)
@@ -58,8 +66,8 @@ def home(drive, within=5000):
     for _ in range(within):
         if drive.zsw1 & HOMED:
             drive.run(100)
-            return float(drive.axis.origin)
-        assert not drive.axis.home_error, "homing failed"
+            return float(drive.axis.homing.origin)
+        assert not drive.axis.homing.error, "homing failed"
         drive.run(1)
     raise AssertionError("homing does not end")
 
@@ -106,12 +114,12 @@ def test_5_10_3_homing_at_an_end_stop_pushes_with_its_own_current(method, direct
     drive.stw(HOME)
     most = 0.0
     while not drive.zsw1 & HOMED:
-        if abs(drive.axis.position) >= STOP:
-            most = max(most, abs(float(drive.axis.current)))
+        if abs(drive.axis.motor.position) >= STOP:
+            most = max(most, abs(float(drive.axis.motor.current)))
         drive.run(1)
         assert drive.now < 30e9
     drive.run(100)
-    assert float(drive.axis.origin) == pytest.approx(place, abs=STEP)
+    assert float(drive.axis.homing.origin) == pytest.approx(place, abs=STEP)
     assert abs(drive.place) < (BRAKING if method in {10, 12} else 0.001)
     assert most == pytest.approx(2.0, rel=0.01), "the limit, and no more"
     drive.stw(READY)
@@ -122,8 +130,8 @@ def test_5_10_3_homing_at_an_end_stop_pushes_with_its_own_current(method, direct
 
 def test_the_way_after_the_home_leads_off_by_the_homing_distance():
     drive = machine(4, 1)
-    drive.axis.home_distance = -0.5
-    drive.axis.home_position = 10.0
+    drive.axis.homing.settings.distance = -0.5
+    drive.axis.homing.settings.position = 10.0
     assert home(drive) == pytest.approx(CAM[0] - 10.0, abs=STEP)
     drive.settle()
     assert drive.place == pytest.approx(9.5, abs=0.001)
@@ -132,9 +140,9 @@ def test_the_way_after_the_home_leads_off_by_the_homing_distance():
 def test_5_10_3_the_index_is_looked_for_at_a_part_of_the_velocity():
     drive = machine(6, 1, share=0.1)
     drive.stw(HOME)
-    while drive.axis.position < 1.8:
+    while drive.axis.motor.position < 1.8:
         drive.run(1)
-    assert drive.axis.velocity == pytest.approx(30, abs=1)
+    assert drive.axis.motor.velocity == pytest.approx(30, abs=1)
     assert home(drive) == 2.0
 
 
@@ -144,10 +152,10 @@ def test_a_home_switch_that_is_closed_from_the_beginning_must_close_on_the_way()
     drive.stw(HOME)
     furthest = 0.0
     while not drive.zsw1 & HOMED:
-        furthest = max(furthest, float(drive.axis.position))
+        furthest = max(furthest, float(drive.axis.motor.position))
         drive.run(1)
     assert furthest > SWITCH
-    assert float(drive.axis.origin) == pytest.approx(CAM[0], abs=STEP)
+    assert float(drive.axis.homing.origin) == pytest.approx(CAM[0], abs=STEP)
 
 
 @pytest.mark.parametrize("inverted", [False, True])
@@ -155,12 +163,15 @@ def test_an_input_as_limit_switch_is_pressed_while_it_is_low(inverted):
     """AKD parameter reference, DINx.MODE 18 and 19, DINx.INV."""
     drive = machine(1, 1, parts=0)
     axis = drive.axis
-    axis.input_modes[0], axis.input_inverted[0] = INPUT_LIMIT_HIGH, inverted
-    axis.cam_inputs[1], axis.cam_low[1], axis.cam_high[1] = 1, *((2.2, 9.0) if inverted else (-9.0, 2.2))
+    axis.machine.settings.input_modes[0], axis.machine.settings.input_inverted[0] = INPUT_LIMIT_HIGH, inverted
+    axis.machine.settings.cam_inputs[1], axis.machine.settings.cam_low[1], axis.machine.settings.cam_high[1] = (
+        1,
+        *((2.2, 9.0) if inverted else (-9.0, 2.2)),
+    )
     assert home(drive) == pytest.approx(2.2, abs=STEP)
-    axis.input_modes[1] = INPUT_LIMIT_LOW
+    axis.machine.settings.input_modes[1] = INPUT_LIMIT_LOW
     drive.run(1)
-    assert axis.limit_switch & 1, "nothing is wired to it"
+    assert axis.machine.limit_switch & 1, "nothing is wired to it"
 
 
 @pytest.mark.parametrize(
@@ -176,19 +187,19 @@ def test_an_input_as_limit_switch_is_pressed_while_it_is_low(inverted):
 def test_homing_that_cannot_succeed_ends_at_rest_without_a_home_position(method, start, parts):
     drive = machine(0, 1, start, parts)
     # the telegram brings the mode, unchecked
-    drive.axis.home_signals = 1
+    drive.axis.profidrive.settings.home_signals = 1
     drive.image.received[HOME_MODE] = method
     fail(drive)
     assert drive.zsw1 & (HOMED | STOPPED | ACTIVE) == STOPPED
-    assert not drive.axis.homed
+    assert not drive.axis.homing.homed
 
 
 def test_a_search_without_end_ends_at_the_farthest_way():
     drive = machine(4, 1, parts=0)
-    drive.axis.cam_inputs[0] = 0
-    drive.axis.home_farthest = 7.0
+    drive.axis.machine.settings.cam_inputs[0] = 0
+    drive.axis.homing.settings.farthest = 7.0
     fail(drive)
-    assert float(drive.axis.position) == pytest.approx(7.0, abs=0.1)
+    assert float(drive.axis.motor.position) == pytest.approx(7.0, abs=0.1)
 
 
 def test_homing_that_is_taken_back_in_any_leg_ends_at_rest():
@@ -197,21 +208,23 @@ def test_homing_that_is_taken_back_in_any_leg_ends_at_rest():
         drive.stw(HOME, milliseconds)
         drive.stw(READY, 100)
         assert drive.zsw1 & (STOPPED | ACTIVE) == STOPPED
-        assert not drive.axis.home_held
+        assert not drive.axis.homing.current_limit
 
 
 def test_what_hits_an_end_stop_stands_and_takes_its_energy_out_of_the_axis():
     drive = machine(0, 1, parts=STOPS)
-    drive.axis.following_limit = 0.0
+    drive.axis.positioning.settings.following_limit = 0.0
     home(drive)
     drive.stw(READY)
     drive.data(20.0)
     drive.stw(READY | 0x0040)
     drive.run(3000)
-    assert float(drive.axis.position) == STOP
-    assert float(drive.axis.velocity) == 0.0
-    assert drive.axis.current == pytest.approx(drive.axis.peak_current), "it pushes with all that it has"
-    assert math.isfinite(drive.axis.bus_voltage)
+    assert float(drive.axis.motor.position) == STOP
+    assert float(drive.axis.motor.velocity) == 0.0
+    assert drive.axis.motor.current == pytest.approx(drive.axis.motor.settings.peak_current), (
+        "it pushes with all that it has"
+    )
+    assert math.isfinite(drive.axis.supply.voltage)
 
 
 def test_the_axis_runs_onto_a_limit_switch_by_itself_and_back():
@@ -221,9 +234,9 @@ def test_the_axis_runs_onto_a_limit_switch_by_itself_and_back():
     drive.data(20.0)
     drive.stw(READY | 0x0040)
     drive.run(3000)
-    assert SWITCH <= drive.axis.position <= SWITCH + 0.3, "braked behind the switch"
-    assert drive.axis.limit_switch == 2
+    assert SWITCH <= drive.axis.motor.position <= SWITCH + 0.3, "braked behind the switch"
+    assert drive.axis.machine.limit_switch == 2
     drive.stw(READY)
     drive.move(4.0)
     drive.settle()
-    assert drive.axis.limit_switch == 0
+    assert drive.axis.machine.limit_switch == 0

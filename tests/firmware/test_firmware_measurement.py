@@ -9,6 +9,7 @@ import pytest
 from bench_axis import VELOCITY_STEP, BenchAxis
 from msd_bench import MsdBench
 
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.signals import ACT_CURRENT, ITIST_GLATT, NIST_A, NIST_B, XIST_A, XIST_ERROR, ZSW1
 
 TARGET = 0x0100
@@ -21,10 +22,10 @@ def noisy(*, seed: int = 7, velocity: float = 0.0, current: float = 0.0, positio
     bench = BenchAxis()
     for word in (0x0406, 0x0407, 0x040F):
         bench.write(word)
-    bench.axis.velocity_noise = velocity
-    bench.axis.current_noise = current
-    bench.axis.position_noise = position
-    bench.axis.noise_seed = seed
+    bench.axis.measurement.settings.velocity_noise = velocity
+    bench.axis.measurement.settings.current_noise = current
+    bench.axis.measurement.settings.position_noise = position
+    bench.axis.measurement.settings.seed = seed
     bench.write(ENABLED, 60.0, run=500)
     return bench
 
@@ -44,7 +45,7 @@ def signed(words: list[int]) -> list[int]:
 def test_noise_has_the_effective_value_that_was_asked_for_and_no_mean():
     bench = noisy(velocity=2.0)
     speeds = [word * VELOCITY_STEP for word in seen(bench, NIST_A, 4000)]
-    assert statistics.fmean(speeds) == pytest.approx(float(bench.axis.velocity), abs=0.15)
+    assert statistics.fmean(speeds) == pytest.approx(float(bench.axis.motor.velocity), abs=0.15)
     assert statistics.pstdev(speeds) == pytest.approx(2.0, rel=0.05)
     assert max(abs(speed - 60.0) for speed in speeds) < 3.5 * 2.0 + 1.0
 
@@ -61,7 +62,7 @@ def test_noise_of_the_speed_is_in_every_form_of_it_and_hunts_in_the_bits_that_co
     words = {int(bench.image.sent[ZSW1]) & (TARGET | REACHED) for _ in range(400) if bench.run(1) is None}
     assert words == {0, TARGET | REACHED}
     assert len(set(seen(bench, NIST_B, 50))) > 40
-    assert float(bench.axis.velocity) == pytest.approx(60.0, abs=0.3), "the motor runs as before"
+    assert float(bench.axis.motor.velocity) == pytest.approx(60.0, abs=0.3), "the motor runs as before"
 
 
 def test_noise_of_the_current_and_of_the_position_is_in_their_signals():
@@ -80,21 +81,29 @@ def test_noise_moves_no_motor():
         bench.write(ENABLED, 1000.0, run=300)
         bench.write(ENABLED, -200.0, run=300)
         bench.write(0x0400, run=300)
-    for field in ("position", "velocity", "current", "torque", "state", "following_error", "speed_integral"):
-        assert quiet.axis[field] == loud.axis[field], field
+    for field in (
+        "motor.position",
+        "motor.velocity",
+        "motor.current",
+        "motor.torque",
+        "drive.state",
+        "positioning.following_error",
+        "motor.speed_integral",
+    ):
+        assert AXIS.read(quiet.axis, field) == AXIS.read(loud.axis, field), field
 
 
 def test_dynamic_servo_control_counts_from_the_position_that_was_sent_noise_and_all():
     """XERR is a deviation from G1_XIST1 as the controller has it: the noise in it moves no shaft."""
     bench = MsdBench(5)
-    bench.axis.position_noise = 0.005
-    bench.axis.noise_seed = 7
+    bench.axis.measurement.settings.position_noise = 0.005
+    bench.axis.measurement.settings.seed = 7
     bench.enable(KPC=50_000)
     shown, places = set(), []
     for _ in range(400):
         bench.send(1, XERR=round(0.1 * 2**20) - bench.see("G1_XIST1"), KPC=50_000)
         shown.add(bench.see("G1_XIST1"))
-        places.append(float(bench.axis.position))
+        places.append(float(bench.axis.motor.position))
     assert len(shown) > 300
     assert places[-1] == pytest.approx(0.1, abs=1e-4)
     assert max(places[250:]) - min(places[250:]) < 1e-4
@@ -110,4 +119,4 @@ def test_the_same_seed_is_the_same_noise_and_another_seed_another():
 def test_without_noise_nothing_is_drawn():
     bench = noisy(seed=0, velocity=2.0)
     assert len(set(seen(bench, NIST_A, 100))) <= 2
-    assert int(bench.axis.noise_state) == 0
+    assert int(bench.axis.measurement.noise) == 0

@@ -13,11 +13,11 @@ from pnfarm.table.signals import MT_FEEDRATE, SATZANW
 def test_5_8_a_feedrate_of_0_holds_a_passing_task_and_the_next_one_waits_for_its_target(target):
     """AKD PROFINET manual 5.8, signal 101 (MT.FEEDRATE), with a task that hands its target over at speed (5.10.1)."""
     drive = Positioner()
-    drive.axis.feedrate_signal = 1
+    drive.axis.profidrive.settings.feedrate_signal = 1
     drive.image.received[MT_FEEDRATE] = 100
     task(drive, 1, target, following=2)
     task(drive, 2, 2 * target)
-    drive.axis.mt_flags[1] |= TASK_PASSING
+    drive.axis.motion_tasks.settings.kind[1] |= TASK_PASSING
     drive.image.received[SATZANW] = 1
     drive.stw(START)
     drive.stw(READY, 150)
@@ -25,12 +25,12 @@ def test_5_8_a_feedrate_of_0_holds_a_passing_task_and_the_next_one_waits_for_its
     drive.run(300)
     held = drive.place
     assert 0.1 < held / target < 0.9
-    assert drive.axis.task == 1
+    assert drive.axis.positioning.task == 1
     assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED | ACTIVE
     drive.image.received[MT_FEEDRATE] = 50
     drive.run(20)
     assert abs(drive.place) > abs(held), "on in its own direction"
-    while drive.axis.task == 1:
+    while drive.axis.positioning.task == 1:
         drive.run(1)
     assert drive.place == pytest.approx(target, abs=0.3)
     drive.settle()
@@ -44,7 +44,7 @@ def test_5_4_a_jog_never_leads_against_its_direction_where_the_axis_stands_beyon
     axis = drive.axis
     drive.move(stands)
     drive.settle()
-    axis.software_limits, axis.limit_low, axis.limit_high = 3, -0.5, 1.0
+    axis.travel.settings.software_limits, axis.travel.settings.low, axis.travel.settings.high = 3, -0.5, 1.0
     drive.stw(0x040F | bit, 300)
     assert drive.place == pytest.approx(stands, abs=2e-3)
     drive.stw(0x040F, 50)
@@ -57,13 +57,13 @@ def test_5_4_a_jog_in_position_mode_keeps_to_the_velocity_limits_and_the_axis_fo
     """AKD PROFINET manual 5.4 and 5.6 (VL.LIMITP, VL.LIMITN): by set points and in real time."""
     drive = Positioner()
     axis = drive.axis
-    axis.velocity_limit_positive = axis.velocity_limit_negative = 50.0
-    axis.jog_velocity[0], axis.jog_velocity[1] = 600.0, -600.0
-    axis.jog_acceleration = 30_000.0
+    axis.travel.settings.velocity_limit_positive = axis.travel.settings.velocity_limit_negative = 50.0
+    axis.jog.settings.velocity[0], axis.jog.settings.velocity[1] = 600.0, -600.0
+    axis.jog.settings.acceleration = 30_000.0
     drive.data(0.0, velocity=600.0)
     drive.stw(word, 1000)
-    assert axis.velocity == pytest.approx(direction * 50.0, abs=0.5)
-    assert axis.following_error == pytest.approx(0.0, abs=0.05)
+    assert axis.motor.velocity == pytest.approx(direction * 50.0, abs=0.5)
+    assert axis.positioning.following_error == pytest.approx(0.0, abs=0.05)
     assert drive.zsw1 & 0x0100
 
 
@@ -71,17 +71,17 @@ def test_5_10_3_homing_that_turns_at_the_mark_keeps_to_the_velocity_limit_of_eac
     """AKD PROFINET manual 5.10.3 and 5.6 (HOME.DIST, VL.LIMITP, VL.LIMITN)."""
     drive = Positioner(homed=False)
     axis = drive.axis
-    axis.home_distance = -2.0
-    axis.velocity_limit_positive, axis.velocity_limit_negative = 200.0, 60.0
+    axis.homing.settings.distance = -2.0
+    axis.travel.settings.velocity_limit_positive, axis.travel.settings.velocity_limit_negative = 200.0, 60.0
     drive.stand_at(0.2)
     drive.stw(HOME)
     fastest = slowest = largest = 0.0
     while not drive.zsw1 & HOMED:
         drive.run(1)
         # MT.VCMD: the shaft itself overshoots a little
-        fastest, slowest = max(fastest, float(axis.profile_velocity)), min(slowest, float(axis.profile_velocity))
-        largest = max(largest, abs(float(axis.following_error)))
+        fastest, slowest = max(fastest, float(axis.profile.velocity)), min(slowest, float(axis.profile.velocity))
+        largest = max(largest, abs(float(axis.positioning.following_error)))
         assert drive.now < 20e9
     assert (fastest, slowest) == (pytest.approx(200.0), pytest.approx(-60.0))
     assert largest < 0.2
-    assert axis.position == pytest.approx(-1.0, abs=2e-3)
+    assert axis.motor.position == pytest.approx(-1.0, abs=2e-3)

@@ -64,7 +64,7 @@ def test_a_halted_task_is_not_active_and_goes_on_to_its_target_when_continued():
     drive.move(5.0)
     drive.run(200)
     commanded(drive, CMD_STOP, STOP_HALT, run=300)
-    assert drive.axis.motion == HALTED
+    assert drive.axis.positioning.state == HALTED
     assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED
     held = drive.place
     assert 1.0 < held < 4.0
@@ -100,14 +100,14 @@ def test_a_halt_ends_homing_and_leaves_the_home_position_unknown():
     drive.stw(HOME, 20)
     commanded(drive, CMD_STOP, STOP_HALT, run=500)
     assert drive.zsw1 & (STOPPED | HOMED) == STOPPED
-    assert drive.axis.motion == STANDBY, "STW1.11 still stands, and starts homing once only"
+    assert drive.axis.positioning.state == STANDBY, "STW1.11 still stands, and starts homing once only"
 
 
 def test_a_continuation_without_a_halted_task_and_a_halt_without_motion_do_nothing():
     drive = Positioner()
     commanded(drive, CMD_CONTINUE, run=50)
     commanded(drive, CMD_STOP, STOP_HALT, run=50)
-    assert drive.axis.motion == STANDBY
+    assert drive.axis.positioning.state == STANDBY
     assert drive.place == 0.0
 
 
@@ -117,30 +117,30 @@ def test_a_continuation_without_a_halted_task_and_a_halt_without_motion_do_nothi
 def test_a_software_disable_takes_the_power_away_and_the_control_word_leads_back():
     drive = Positioner()
     commanded(drive, CMD_DISABLE)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     assert drive.zsw1 & 0x0047 == 0x0040
     drive.stw(READY, 100)
-    assert drive.axis.state == 1, "the control word stands as before: switching on is inhibited"
+    assert drive.axis.drive.state == 1, "the control word stands as before: switching on is inhibited"
     for word in (0x0436, 0x0437, READY, READY):
         drive.stw(word)
-    assert drive.axis.state == 4
+    assert drive.axis.drive.state == 4
 
 
 def test_a_software_disable_with_a_stop_first_brakes_along_the_quick_stop_ramp():
     drive = Positioner()
     drive.move(50.0)
     drive.run(300)
-    speed = float(drive.axis.velocity)
-    drive.axis.disable_method = DISABLE_STOPPED
+    speed = float(drive.axis.motor.velocity)
+    drive.axis.drive.settings.disable_method = DISABLE_STOPPED
     commanded(drive, CMD_DISABLE)
-    assert drive.axis.state == 5
+    assert drive.axis.drive.state == 5
     assert status(drive) & EMERGENCY_STOP
     took = 1
-    while drive.axis.state == 5:
+    while drive.axis.drive.state == 5:
         drive.run(1)
         took += 1
-    assert drive.axis.state == 1
-    assert took >= speed / drive.axis.quick_stop_deceleration * 1000
+    assert drive.axis.drive.state == 1
+    assert took >= speed / drive.axis.ramp.settings.quick_stop_deceleration * 1000
 
 
 def test_a_software_disable_of_a_drive_that_is_off_is_forgotten():
@@ -148,10 +148,10 @@ def test_a_software_disable_of_a_drive_that_is_off_is_forgotten():
     drive.write(0x0476)
     drive.command(CMD_DISABLE)
     drive.run(1)
-    assert drive.axis.state == 2
+    assert drive.axis.drive.state == 2
     for word in (0x0477, 0x047F, 0x047F):
         drive.write(word)
-    assert drive.axis.state == 4
+    assert drive.axis.drive.state == 4
 
 
 # HOME.SET, HOME.MOVE, MT.MOVE
@@ -178,21 +178,21 @@ def test_a_command_in_a_step_that_cannot_carry_it_out_is_gone():
         drive.command(code, argument)
     drive.run(3)
     drive.stw(READY, 100)
-    assert drive.axis.motion == STANDBY
+    assert drive.axis.positioning.state == STANDBY
     assert drive.place == 0.0
 
 
 def test_tasks_by_command_homing_and_jogging_need_no_telegram_of_tasks():
     """5.10.3 and 5.4 ask for position mode and operation, and for no certain telegram."""
     drive = Positioner(homed=False)
-    drive.axis.task_form = TASKS_NONE
-    drive.axis.home_method = HOME_MARK
+    drive.axis.profidrive.settings.task_form = TASKS_NONE
+    drive.axis.homing.settings.method = HOME_MARK
     drive.stand_at(0.4)
     drive.stw(HOME, 20)
     drive.until(HOMED | STOPPED)
-    assert drive.axis.position == pytest.approx(1.0, abs=5e-3), "HOME.MODE counts, not mode 0"
+    assert drive.axis.motor.position == pytest.approx(1.0, abs=5e-3), "HOME.MODE counts, not mode 0"
     drive.stw(0x050F, 500)
-    assert drive.axis.velocity == pytest.approx(100.0, abs=0.5)
+    assert drive.axis.motor.velocity == pytest.approx(100.0, abs=0.5)
     drive.stw(0x040F, 500)
     task(drive, 3, -1.0)
     drive.stw(READY)
@@ -222,12 +222,12 @@ def test_a_bit_11_that_stands_homes_once_and_again_after_it_fell():
     drive.stand_at(0.4)
     drive.stw(HOME, 1500)
     assert drive.zsw1 & HOMED
-    assert drive.axis.position == pytest.approx(1.0, abs=1e-3)
+    assert drive.axis.motor.position == pytest.approx(1.0, abs=1e-3)
     drive.stw(HOME, 1500)
-    assert drive.axis.position == pytest.approx(1.0, abs=1e-3)
+    assert drive.axis.motor.position == pytest.approx(1.0, abs=1e-3)
     drive.stw(READY)
     drive.stw(HOME, 1500)
-    assert drive.axis.position == pytest.approx(2.0, abs=1e-3)
+    assert drive.axis.motor.position == pytest.approx(2.0, abs=1e-3)
 
 
 def test_a_bit_11_that_is_there_when_operation_begins_homes():
@@ -242,7 +242,7 @@ def test_a_fault_while_homing_leaves_the_home_position_unknown():
     drive.stand_at(0.4)
     drive.stw(HOME, 50)
     commanded(drive, CMD_RAISE_FAULT, 301 | REACTION_QUICK_STOP << 24, run=500)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     assert not drive.zsw1 & HOMED
     commanded(drive, CMD_ACKNOWLEDGE)
     for word in (0x0436, 0x0437, READY, READY):
@@ -261,31 +261,31 @@ def test_a_relative_task_on_the_fly_counts_from_what_mt_cntl_says(base, place):
     drive = Positioner()
     task(drive, 1, 5.0)
     task(drive, 2, 1.0, relative=True)
-    drive.axis.mt_flags[2] |= base
+    drive.axis.motion_tasks.settings.kind[2] |= base
     drive.image.received[SATZANW] = 1
     drive.stw(START, 200)
     drive.stw(READY)
-    begun = float(drive.axis.commanded_position)
+    begun = float(drive.axis.profile.position)
     drive.image.received[SATZANW] = 2
     drive.stw(START)
-    assert drive.axis.target == pytest.approx(place or begun + 1.0, abs=0.02)
+    assert drive.axis.profile.target == pytest.approx(place or begun + 1.0, abs=0.02)
 
 
 def test_a_passing_task_hands_its_target_over_at_speed():
     drive = Positioner()
     task(drive, 1, 3.0, following=2)
     task(drive, 2, 6.0)
-    drive.axis.mt_flags[1] |= TASK_PASSING
-    drive.axis.mt_velocity[2] = 300.0
+    drive.axis.motion_tasks.settings.kind[1] |= TASK_PASSING
+    drive.axis.motion_tasks.settings.velocity[2] = 300.0
     drive.image.received[SATZANW] = 1
     drive.stw(START)
     drive.stw(READY)
-    while drive.axis.task == 1:
+    while drive.axis.positioning.task == 1:
         assert drive.place < 3.3
         drive.run(1)
-    assert drive.axis.profile_velocity >= 570.0, "no stop at the target"
+    assert drive.axis.profile.velocity >= 570.0, "no stop at the target"
     drive.run(200)
-    assert drive.axis.profile_velocity == pytest.approx(300.0, abs=1.0)
+    assert drive.axis.profile.velocity == pytest.approx(300.0, abs=1.0)
     drive.settle()
     assert drive.place == pytest.approx(6.0, abs=2e-3)
 
@@ -293,7 +293,7 @@ def test_a_passing_task_hands_its_target_over_at_speed():
 def test_a_passing_task_backwards_without_a_next_one_comes_back_to_its_target():
     drive = Positioner()
     task(drive, 1, -3.0, following=9)
-    drive.axis.mt_flags[1] |= TASK_PASSING
+    drive.axis.motion_tasks.settings.kind[1] |= TASK_PASSING
     drive.image.received[SATZANW] = 1
     drive.stw(START)
     drive.stw(READY)
@@ -303,14 +303,14 @@ def test_a_passing_task_backwards_without_a_next_one_comes_back_to_its_target():
 
 def test_mt_feedrate_scales_the_velocity_of_a_task_while_it_runs():
     drive = Positioner()
-    drive.axis.feedrate_signal = 1
+    drive.axis.profidrive.settings.feedrate_signal = 1
     drive.image.received[MT_FEEDRATE] = 50
     drive.move(50.0, velocity=600.0)
     drive.run(300)
-    assert drive.axis.velocity == pytest.approx(300.0, abs=1.0)
+    assert drive.axis.motor.velocity == pytest.approx(300.0, abs=1.0)
     drive.image.received[MT_FEEDRATE] = 100
     drive.run(300)
-    assert drive.axis.velocity == pytest.approx(600.0, abs=1.0)
+    assert drive.axis.motor.velocity == pytest.approx(600.0, abs=1.0)
     drive.image.received[MT_FEEDRATE] = 0
     drive.run(300)
     assert drive.zsw1 & (STOPPED | ACTIVE) == STOPPED | ACTIVE
@@ -323,7 +323,7 @@ def test_mt_feedrate_scales_the_velocity_of_a_task_while_it_runs():
 
 def test_motion_status_tells_of_tasks_homing_and_their_errors():
     drive = Positioner(homed=False)
-    drive.axis.target_velocity_window = 10.0
+    drive.axis.positioning.settings.target_velocity_window = 10.0
     drive.data(1.0)
     drive.stw(START, 5)
     assert status(drive) & TASK_REFUSED, "not homed"
@@ -345,11 +345,11 @@ def test_homing_that_runs_into_a_limit_switch_is_an_error_until_the_next_homing(
     drive = Positioner(homed=False)
     drive.stand_at(0.4)
     drive.stw(HOME, 50)
-    drive.axis.fault_limits = 2
+    drive.axis.machine.settings.fault_limits = 2
     drive.run(300)
     assert status(drive) & (HOMING_FAILED | HOMING_ACTIVE) == HOMING_FAILED
     assert not drive.zsw1 & HOMED
-    drive.axis.fault_limits = 0
+    drive.axis.machine.settings.fault_limits = 0
     drive.stw(READY)
     drive.stw(HOME, 2)
     assert not status(drive) & HOMING_FAILED
@@ -366,7 +366,7 @@ def test_an_acknowledgement_forgets_the_error_of_a_task():
 
 def test_edition_b_5_5_bit_13_needs_that_no_task_is_active():
     later, earlier = Positioner(), Positioner()
-    earlier.axis.rest_without_task = 1
+    earlier.axis.positioning.settings.rest_without_task = 1
     for drive in (later, earlier):
         drive.move(5.0)
         drive.run(100)
@@ -377,7 +377,7 @@ def test_edition_b_5_5_bit_13_needs_that_no_task_is_active():
 
 def test_edition_b_5_5_bit_10_stands_while_no_motion_is_active():
     drive = Positioner()
-    drive.axis.reached_without_task = 1
+    drive.axis.profidrive.settings.reached_without_task = 1
     assert drive.zsw1 & ON_TARGET or drive.stw(READY) & ON_TARGET
     drive.move(5.0)
     drive.run(100)
@@ -390,7 +390,7 @@ def test_edition_b_5_5_bit_10_stands_while_no_motion_is_active():
     assert not drive.zsw1 & ON_TARGET
     drive.stw(0x040F, 500)
     assert drive.zsw1 & ON_TARGET
-    drive.axis.home_method = HOME_MARK
+    drive.axis.homing.settings.method = HOME_MARK
     drive.stw(HOME, 5)
     assert not drive.zsw1 & ON_TARGET
 
@@ -398,38 +398,38 @@ def test_edition_b_5_5_bit_10_stands_while_no_motion_is_active():
 def test_a_software_limit_that_is_reached_is_a_warning_until_it_is_left():
     drive = Positioner()
     axis = drive.axis
-    axis.software_limits, axis.limit_low, axis.limit_high = 3, -1.0, 2.0
-    axis.limit_warning[0], axis.limit_warning[1] = 108, 107
+    axis.travel.settings.software_limits, axis.travel.settings.low, axis.travel.settings.high = 3, -1.0, 2.0
+    axis.warnings.settings.limit[0], axis.warnings.settings.limit[1] = 108, 107
     drive.move(2.0)
     drive.settle()
-    assert axis.warning_code == 107
+    assert axis.warnings.code == 107
     assert drive.zsw1 & 0x0080
     drive.move(0.0)
     drive.settle()
     assert not drive.zsw1 & 0x0080
     drive.move(-1.0)
     drive.settle()
-    assert axis.warning_code == 108
+    assert axis.warnings.code == 108
 
 
 def test_a_software_limit_does_not_take_the_place_of_another_warning():
     drive = Positioner()
     axis = drive.axis
-    axis.software_limits, axis.limit_high = 2, 2.0
-    axis.limit_warning[1] = 107
+    axis.travel.settings.software_limits, axis.travel.settings.high = 2, 2.0
+    axis.warnings.settings.limit[1] = 107
     drive.command(CMD_RAISE_WARNING, 77)
     drive.move(2.0)
     drive.settle()
-    assert list(axis.warnings[:3]) == [77, 107, 0], "but stands behind it"
+    assert list(axis.warnings.active[:3]) == [77, 107, 0], "but stands behind it"
     drive.move(0.0)
     drive.settle()
-    assert axis.warning_code == 77
+    assert axis.warnings.code == 77
 
 
 def test_5_8_1_bit_6_tells_that_torque_is_allowed_until_it_is_safely_off():
     drive = Positioner()
     assert not drive.image.sent[DRIVE_INPUTS] & 0x40, "a drive without this fault"
-    drive.axis.sto_fault = 602
+    drive.axis.faults.settings.sto_fault = 602
     drive.run(1)
     assert drive.image.sent[DRIVE_INPUTS] & 0x70 == 0x40
     commanded(drive, CMD_HOLD_FAULT, 602)
@@ -440,12 +440,12 @@ def test_5_8_1_bit_6_tells_that_torque_is_allowed_until_it_is_safely_off():
 
 def test_home_mode_by_its_signal_counts_with_every_telegram_that_brings_it():
     drive = Positioner(homed=False)
-    drive.axis.home_signals, drive.axis.home_method = 1, HOME_MARK
+    drive.axis.profidrive.settings.home_signals, drive.axis.homing.settings.method = 1, HOME_MARK
     drive.image.received[HOME_MODE] = 0
     drive.stand_at(0.4)
     drive.stw(HOME, 5)
     assert drive.zsw1 & HOMED
-    assert drive.axis.position == pytest.approx(0.4, abs=1e-3)
+    assert drive.axis.motor.position == pytest.approx(0.4, abs=1e-3)
 
 
 # jogging
@@ -453,27 +453,27 @@ def test_home_mode_by_its_signal_counts_with_every_telegram_that_brings_it():
 
 def test_5_4_a_jog_in_velocity_mode_begins_at_standstill_only():
     drive = BenchAxis()
-    drive.axis.deceleration = 500.0
+    drive.axis.ramp.settings.deceleration = 500.0
     drive.enable(300.0)
     drive.run(200)
     drive.write(0x050F, 300.0, run=100)
-    assert drive.axis.velocity > 200.0, "still on the way down along its own ramp"
-    down = float(drive.axis.velocity)
+    assert drive.axis.motor.velocity > 200.0, "still on the way down along its own ramp"
+    down = float(drive.axis.motor.velocity)
     drive.run(100)
-    assert down - float(drive.axis.velocity) == pytest.approx(50.0, abs=3.0)
+    assert down - float(drive.axis.motor.velocity) == pytest.approx(50.0, abs=3.0)
     drive.run(2000)
-    assert drive.axis.velocity == pytest.approx(100.0, abs=0.5), "it stood, and jogs now"
+    assert drive.axis.motor.velocity == pytest.approx(100.0, abs=0.5), "it stood, and jogs now"
 
 
 def test_5_4_a_jog_in_velocity_mode_brakes_along_its_own_ramp_and_can_turn_round():
     drive = BenchAxis()
     drive.enable()
-    drive.axis.jog_deceleration = 200.0
+    drive.axis.jog.settings.deceleration = 200.0
     drive.write(0x050F, run=500)
     drive.write(0x040F, run=100)
-    assert drive.axis.velocity == pytest.approx(80.0, abs=1.0)
+    assert drive.axis.motor.velocity == pytest.approx(80.0, abs=1.0)
     drive.write(0x060F, run=1000)
-    assert drive.axis.velocity == pytest.approx(-50.0, abs=0.5)
+    assert drive.axis.motor.velocity == pytest.approx(-50.0, abs=0.5)
 
 
 def test_5_4_bits_4_to_6_end_a_jog_of_velocity_mode():
@@ -481,8 +481,8 @@ def test_5_4_bits_4_to_6_end_a_jog_of_velocity_mode():
     drive.enable()
     drive.write(0x050F, run=500)
     drive.write(0x057F, 0.0, run=500)
-    assert drive.axis.velocity == pytest.approx(0.0, abs=0.5)
-    assert not drive.axis.jogging
+    assert drive.axis.motor.velocity == pytest.approx(0.0, abs=0.5)
+    assert not drive.axis.ramp.jogging
 
 
 def test_5_4_a_jog_in_position_mode_waits_for_standstill():
@@ -490,19 +490,19 @@ def test_5_4_a_jog_in_position_mode_waits_for_standstill():
     drive.move(50.0)
     drive.run(300)
     drive.stw(0x050F, 2)
-    assert drive.axis.motion != JOG, "bit 4 rejects the task first"
+    assert drive.axis.positioning.state != JOG, "bit 4 rejects the task first"
     drive.run(500)
-    assert drive.axis.motion == JOG
-    assert drive.axis.velocity == pytest.approx(100.0, abs=0.5)
+    assert drive.axis.positioning.state == JOG
+    assert drive.axis.motor.velocity == pytest.approx(100.0, abs=0.5)
 
 
 def test_set_points_of_another_source_are_not_followed():
     """DRV.CMDSOURCE: with any other than the fieldbus NSOLL_A means nothing."""
     drive = BenchAxis()
-    drive.axis.setpoint_ignored = 1
+    drive.axis.profidrive.settings.setpoint_ignored = 1
     drive.enable(300.0)
     drive.run(500)
-    assert drive.axis.velocity == 0.0
-    drive.axis.setpoint_ignored = 0
+    assert drive.axis.motor.velocity == 0.0
+    drive.axis.profidrive.settings.setpoint_ignored = 0
     drive.run(500)
-    assert drive.axis.velocity == pytest.approx(300.0, abs=1.0)
+    assert drive.axis.motor.velocity == pytest.approx(300.0, abs=1.0)

@@ -96,24 +96,24 @@ def test_a_chain_whose_next_task_cannot_begin_ends_with_the_error_of_it_until_an
     task(drive, 1, 1.0, following=9)
     if refused != "not there":
         task(drive, 9, 3.0)
-        drive.axis.software_limits, drive.axis.limit_high = 2, 2.0
-    drive.axis.task_warning[0], drive.axis.task_warning[1] = 160, 154
+        drive.axis.travel.settings.software_limits, drive.axis.travel.settings.high = 2, 2.0
+    drive.axis.warnings.settings.task[0], drive.axis.warnings.settings.task[1] = 160, 154
     drive.image.received[SATZANW] = 1
     drive.stw(START)
     drive.stw(READY)
     assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
     drive.settle()
     assert drive.image.sent[DRIVE_MOTION_STATUS] & 0x0C00 == 0x0C00, "reached, and the next one could not be activated"
-    assert (drive.axis.warning_code, drive.zsw1 & 0x0088) == (154, 0x0080)
+    assert (drive.axis.warnings.code, drive.zsw1 & 0x0088) == (154, 0x0080)
     drive.stw(START)
     assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
-    assert (drive.axis.warning_code, drive.zsw1 & 0x0088) == (0, 0)
+    assert (drive.axis.warnings.code, drive.zsw1 & 0x0088) == (0, 0)
 
 
 def test_a_passing_task_whose_next_one_cannot_begin_tells_of_it():
     drive = Positioner()
     task(drive, 1, 1.0, following=9)
-    drive.axis.mt_flags[1] |= TASK_PASSING
+    drive.axis.motion_tasks.settings.kind[1] |= TASK_PASSING
     drive.image.received[SATZANW] = 1
     drive.stw(START)
     drive.stw(READY)
@@ -124,12 +124,12 @@ def test_a_passing_task_whose_next_one_cannot_begin_tells_of_it():
 
 def test_a_task_that_could_not_be_started_is_a_warning_until_one_is_or_faults_are_acknowledged():
     drive = Positioner()
-    drive.axis.task_warning[0], drive.axis.task_warning[1] = 160, 154
+    drive.axis.warnings.settings.task[0], drive.axis.warnings.settings.task[1] = 160, 154
     drive.image.received[SATZANW] = 7
     drive.stw(START)
-    assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (160, 0x0080)
+    assert (drive.axis.warnings.code, drive.zsw1 & 0x0080) == (160, 0x0080)
     drive.stw(READY | 0x0080)
-    assert (drive.axis.warning_code, drive.zsw1 & 0x0080) == (0, 0)
+    assert (drive.axis.warnings.code, drive.zsw1 & 0x0080) == (0, 0)
 
 
 def test_a_chain_that_goes_on_forgets_that_another_task_was_refused_meanwhile():
@@ -142,7 +142,7 @@ def test_a_chain_that_goes_on_forgets_that_another_task_was_refused_meanwhile():
     drive.image.received[SATZANW] = 7
     drive.stw(START)
     assert drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
-    while drive.axis.task == 1:
+    while drive.axis.positioning.task == 1:
         drive.run(1)
     assert not drive.image.sent[DRIVE_MOTION_STATUS] & 0x0400
 
@@ -160,7 +160,7 @@ def test_a_task_that_is_asked_for_in_the_step_of_a_chains_next_one_goes_before_i
         return drive
 
     drive, steps = begun(), 0
-    while drive.axis.task == 1:
+    while drive.axis.positioning.task == 1:
         drive.run(1)
         steps += 1
     drive = begun()

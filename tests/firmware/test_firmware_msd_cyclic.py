@@ -134,9 +134,9 @@ def test_bit_14_runs_at_the_velocity_until_it_is_ended() -> None:
     assert bench.speed == pytest.approx(-900, abs=2)
     assert not bench.zsw1 & REACHED
     # the feed enable pauses it
-    bench.send(300, STW1=int(bench.axis.stw1) & ~FEED)
+    bench.send(300, STW1=int(bench.axis.profidrive.stw1) & ~FEED)
     assert round(bench.speed) == 0
-    bench.send(300, STW1=int(bench.axis.stw1) | FEED)
+    bench.send(300, STW1=int(bench.axis.profidrive.stw1) | FEED)
     assert bench.speed == pytest.approx(-900, abs=2)
     # and the next task takes over
     move(bench, 0.0, VELOCITY_A=900)
@@ -165,16 +165,16 @@ def test_bits_13_and_14_follow_the_velocity_alone() -> None:
 def test_without_feed_enable_a_task_waits_and_without_bit_4_it_is_gone() -> None:
     bench = positioner()
     move(bench, 10.0, run=300)
-    bench.send(300, STW1=int(bench.axis.stw1) & ~FEED)
+    bench.send(300, STW1=int(bench.axis.profidrive.stw1) & ~FEED)
     place = bench.place
     bench.run(100)
     assert bench.place == pytest.approx(place, abs=1e-4)
-    bench.send(300, STW1=int(bench.axis.stw1) | FEED)
+    bench.send(300, STW1=int(bench.axis.profidrive.stw1) | FEED)
     assert bench.place > place + 1.0
-    bench.send(300, STW1=int(bench.axis.stw1) & ~KEEP)
+    bench.send(300, STW1=int(bench.axis.profidrive.stw1) & ~KEEP)
     assert (round(bench.speed), bench.state) == (0, 4)
     place = bench.place
-    bench.send(300, STW1=int(bench.axis.stw1) | KEEP)
+    bench.send(300, STW1=int(bench.axis.profidrive.stw1) | KEEP)
     assert bench.place == pytest.approx(place, abs=1e-4)
 
 
@@ -221,12 +221,12 @@ def test_driving_sets_are_kept_and_their_number_is_seen_while_the_axis_rests() -
 
 def test_homing_begins_with_the_edge_of_bit_11_and_bit_11_of_zsw1_tells_its_end() -> None:
     bench = positioner()
-    bench.axis.position += 0.3
-    bench.axis.commanded_position += 0.3
+    bench.axis.motor.position += 0.3
+    bench.axis.profile.position += 0.3
     bench.send(1, STW1=TASKS | HOME)
     assert not bench.zsw1 & HOMED
     bench.until(lambda: bench.zsw1 & HOMED, 3000)
-    assert bench.axis.position == pytest.approx(1.0, abs=0.002)
+    assert bench.axis.motor.position == pytest.approx(1.0, abs=0.002)
     assert bench.see("XIST_A") == pytest.approx(0, abs=100)
 
 
@@ -302,9 +302,9 @@ def test_frames_that_stay_away_let_the_axis_go_on_for_one_cycle() -> None:
     bench = follower()
     for cycle in range(300):
         bench.send(1, XSOLL_A=round(cycle * 0.01 * REV))
-    place = float(bench.axis.commanded_position)
+    place = float(bench.axis.profile.position)
     bench.run(50, frames=False)
-    assert bench.axis.commanded_position == pytest.approx(place + 0.01, abs=0.001)
+    assert bench.axis.profile.position == pytest.approx(place + 0.01, abs=0.001)
 
 
 def test_without_access_permission_positions_and_deviations_stay_as_they_were() -> None:
@@ -318,7 +318,7 @@ def test_without_access_permission_positions_and_deviations_stay_as_they_were() 
     servo(other, 0.1)
     other.run(300, frames=False)
     other.send(100, STW1=0, XERR=2**20)
-    assert other.axis.position == pytest.approx(0.1, abs=0.01)
+    assert other.axis.motor.position == pytest.approx(0.1, abs=0.01)
 
 
 def test_p_1274_leads_the_axis_where_no_telegram_brings_it() -> None:
@@ -337,7 +337,7 @@ def test_12_1_homing_is_done_by_the_profile_generator_in_the_interpolating_mode_
     bench = follower()
     bench.send(1, STW1=TASKS | START | HOME)
     bench.until(lambda: bench.zsw1 & HOMED, 3000)
-    assert bench.axis.position == pytest.approx(1.0, abs=0.002)
+    assert bench.axis.motor.position == pytest.approx(1.0, abs=0.002)
     # and positions lead the axis again, from the new zero
     bench.send(1, STW1=TASKS | START, XSOLL_A=0)
     for cycle in range(100):
@@ -367,13 +367,13 @@ def test_12_1_homing_in_the_profile_generating_mode_changes_nothing() -> None:
     bench = positioner()
     assert bench.store.get("P-0301") == 0
     bench.send(5, STW1=TASKS | HOME)
-    assert (bench.store.get("P-0301"), bench.axis.ramp_generator_left) == (0, 0)
+    assert (bench.store.get("P-0301"), bench.axis.ramp.generator_left) == (0, 0)
 
 
 def test_12_1_a_p_0301_that_is_written_counts_from_then_on() -> None:
     """With the reading that homing leaves the profile generating mode for good."""
     bench = follower()
-    bench.axis.homing_ends_interpolation = 1
+    bench.axis.homing.settings.ends_interpolation = 1
     bench.send(1, STW1=TASKS | START | HOME)
     bench.until(lambda: bench.zsw1 & HOMED, 3000)
     bench.send(5, STW1=TASKS | START)
@@ -405,9 +405,9 @@ def test_xerr_and_kpc_close_the_position_loop_in_the_drive() -> None:
     for cycle in range(2000):
         angle = 2.0 * pi * cycle / 2000
         servo(bench, 2.0 * (1.0 - cos(angle)), 2.0 * pi * sin(angle))
-        worst = max(worst, abs(float(bench.axis.position) - 2.0 * (1.0 - cos(angle))))
+        worst = max(worst, abs(float(bench.axis.motor.position) - 2.0 * (1.0 - cos(angle))))
     assert worst < 0.03
-    assert bench.axis.position == pytest.approx(0.0, abs=0.01)
+    assert bench.axis.motor.position == pytest.approx(0.0, abs=0.01)
 
 
 def test_the_drive_goes_on_towards_the_target_while_the_controller_is_silent() -> None:
@@ -416,7 +416,7 @@ def test_the_drive_goes_on_towards_the_target_while_the_controller_is_silent() -
     bench.enable(KPC=GAIN)
     servo(bench, 0.1)
     bench.run(500, frames=False)
-    assert bench.axis.position == pytest.approx(0.1, abs=0.001)
+    assert bench.axis.motor.position == pytest.approx(0.1, abs=0.001)
 
 
 def test_kpc_at_0_is_speed_control() -> None:
@@ -444,7 +444,7 @@ def test_without_valid_data_nothing_of_servo_control_is_left() -> None:
     bench.enable(KPC=GAIN, XERR=2**20)
     bench.image.valid, bench.image.lost = 0, LOST_EXPIRED
     bench.run(2)
-    assert (bench.state, float(bench.axis.servo_gain)) == (1, 0.0)
+    assert (bench.state, float(bench.axis.interpolation.servo_gain)) == (1, 0.0)
     bench.image.received[23] = bench.image.received[24] = 0
     bench.enable(READY | 0x0009)
     bench.run(300)

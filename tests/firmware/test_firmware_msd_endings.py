@@ -32,8 +32,8 @@ def test_10_3_a_jog_in_position_control_is_held_at_the_maximum_speed(telegram: i
     bench = MsdBench(telegram, P_1268=10_000, P_1278=1000, P_1279=1000)
     bench.enable(TASKS)
     bench.send(1000, STW1=TASKS | JOG_1)
-    assert bench.speed == pytest.approx(float(bench.axis.max_velocity), rel=0.01)
-    assert abs(float(bench.axis.following_error)) < 0.2
+    assert bench.speed == pytest.approx(float(bench.axis.motor.settings.max_velocity), rel=0.01)
+    assert abs(float(bench.axis.positioning.following_error)) < 0.2
     bench.send(200, STW1=TASKS)
     assert round(bench.speed) == 0
 
@@ -69,7 +69,7 @@ def test_table_10_8_bit_10_goes_when_the_shaft_is_turned_out_of_the_target() -> 
     bench.enable(TASKS)
     bench.send(1, STW1=TASKS | START, TARPOS_A=65536, VELOCITY_A=600)
     bench.until(lambda: bench.zsw1 & 0x2400 == 0x2400)
-    bench.axis.added_torque = 1.0
+    bench.axis.load.settings.added_torque = 1.0
     bench.send(200, STW1=0x043D | START)
     assert abs(bench.place - 1.0) > 1.0
     assert not bench.zsw1 & 0x0400

@@ -72,7 +72,7 @@ def test_10_6_a_controller_that_becomes_slower_is_followed_smoothly_again() -> N
 def test_10_6_frames_that_come_early_and_late_do_not_shake_the_axis(lost: bool) -> None:
     """The connection says its cycle: positions are that far apart, whenever they come."""
     bench = follower()
-    bench.axis.cycle_ns = CYCLE * MS
+    bench.axis.interpolation.settings.cycle_ns = CYCLE * MS
     speeds: list[float] = []
     early_and_late = (0, 1, -1, 1, 0, -1, -1, 0, 1)
     due = [CYCLE * (count + 1) + early_and_late[count % 9] for count in range(300)]

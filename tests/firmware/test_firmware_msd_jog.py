@@ -83,7 +83,7 @@ def test_table_10_11_bits_4_to_6_must_be_zero(bit: int) -> None:
     assert play(bench, BARE | bit, JOG_1) == [0]
     assert play(bench, BARE, JOG_1) == [ONE]
     play(bench, BARE | bit, JOG_1)
-    assert bench.axis.jog_sequence == 0
+    assert bench.axis.jog.sequence == 0
 
 
 @pytest.mark.parametrize("config", [0, 0x0100])
@@ -91,7 +91,7 @@ def test_a_jog_begins_only_while_the_motor_stands(config: int) -> None:
     bench = jogger(config)
     bench.send(100, STW1=RUN, NSOLL_A=500)
     bench.send(3, STW1=BARE | JOG_1, NSOLL_A=0)
-    assert bench.axis.jog_sequence == 0
+    assert bench.axis.jog.sequence == 0
     bench.send(100)
     assert round(bench.speed) == ONE
 
@@ -102,10 +102,10 @@ def test_10_3_3_jogging_takes_the_ramps_of_p_1278_and_p_1279() -> None:
     bench.store.set("P-1279", 2)
     bench.send(1000, STW1=BARE | JOG_1)
     # 1 rev/s2 is 60 rpm/s
-    assert bench.axis.ramp == pytest.approx(60.0, abs=0.2)
+    assert bench.axis.ramp.command == pytest.approx(60.0, abs=0.2)
     bench.run(1000)
     bench.send(500, STW1=BARE)
-    assert bench.axis.ramp == pytest.approx(40.0, abs=0.3)
+    assert bench.axis.ramp.command == pytest.approx(40.0, abs=0.3)
 
 
 def test_10_3_3_ramps_that_the_telegram_brings_count_before_them() -> None:
@@ -113,7 +113,7 @@ def test_10_3_3_ramps_that_the_telegram_brings_count_before_them() -> None:
     bench.store.write(915, 0, [967, 1270, 1270, 1278, 1279])
     bench.enable(BARE, DRV_ACC=2, DRV_DEC=2)
     bench.send(500, STW1=BARE | JOG_1)
-    assert bench.axis.ramp == pytest.approx(60.0, abs=0.3)
+    assert bench.axis.ramp.command == pytest.approx(60.0, abs=0.3)
 
 
 def test_10_3_3_the_speeds_may_be_process_data() -> None:
@@ -132,7 +132,7 @@ def test_a_fault_or_a_stop_ends_the_jog_and_a_bit_that_stands_starts_it_anew_at_
     bench = jogger(0)
     play(bench, BARE, JOG_1)
     bench.send(60, STW1=(BARE | JOG_1) & ~0x0004)
-    assert (bench.state, bench.axis.jog_sequence) == (1, 0)
+    assert (bench.state, bench.axis.jog.sequence) == (1, 0)
 
 
 @pytest.mark.parametrize(("config", "second"), [(0, -ONE), (0x0100, TWO)])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 from msd_bench import ON, READY, RUN, MsdBench
 
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
     CMD_HOLD_FAULT,
     CMD_RAISE_FAULT,
@@ -51,12 +52,12 @@ def test_transition_0_the_drive_boots_into_the_inhibit_and_tells_it() -> None:
 
 def test_transitions_1_and_8_a_dc_link_that_is_too_low_keeps_the_drive_from_state_3() -> None:
     bench = MsdBench()
-    bench.axis.hindrances = LACKS_SUPPLY
+    bench.axis.drive.settings.interlocks = LACKS_SUPPLY
     assert bench.send(3, STW1=READY) & 0x0041 == 0x0040
-    bench.axis.hindrances = 0
+    bench.axis.drive.settings.interlocks = 0
     assert bench.send(3, STW1=READY) & 0x0041 == 0x0001
     other = running()
-    other.axis.hindrances = LACKS_SUPPLY
+    other.axis.drive.settings.interlocks = LACKS_SUPPLY
     other.run(1)
     assert (other.state, other.faults()) == (1, [])
     assert other.zsw1 & 0x4000, "the DC link is neither ENPO nor safe stop"
@@ -179,16 +180,16 @@ def test_transition_15_the_edge_of_stw1_7_acknowledges() -> None:
 def test_transition_15_the_rising_edge_of_enpo_acknowledges_too() -> None:
     bench = ready()
     push(bench, CMD_RAISE_FAULT, "4-1")
-    bench.axis.hindrances = LACKS_ENABLE
+    bench.axis.drive.settings.interlocks = LACKS_ENABLE
     bench.run(2)
     assert bench.faults() == ["4-1"]
-    bench.axis.hindrances = 0
+    bench.axis.drive.settings.interlocks = 0
     bench.run(2)
     assert bench.faults() == []
     push(bench, CMD_HOLD_FAULT, "4-1")
-    bench.axis.hindrances = LACKS_ENABLE
+    bench.axis.drive.settings.interlocks = LACKS_ENABLE
     bench.run(1)
-    bench.axis.hindrances = 0
+    bench.axis.drive.settings.interlocks = 0
     bench.run(1)
     assert bench.faults() == ["4-1"], "its cause is there"
 
@@ -200,11 +201,11 @@ def test_transition_16_without_enpo_the_drive_coasts_from_any_state() -> None:
             if step <= word:
                 bench.send(3, STW1=step, NSOLL_A=SPEED)
         before = bench.state
-        bench.axis.hindrances = LACKS_ENABLE
+        bench.axis.drive.settings.interlocks = LACKS_ENABLE
         bench.run(2)
         assert (bench.state, bench.faults()) == (1, []), before
         assert bench.zsw1 & 0x4040 == 0x0040
-        bench.axis.hindrances = 0
+        bench.axis.drive.settings.interlocks = 0
         bench.run(3)
         # STW1.0 to 2 stand, and so does bit 3: they must rise again
         assert bench.state == (2 if word == READY else 3)
@@ -218,7 +219,7 @@ def test_enpo_that_goes_in_a_quick_stop_or_a_fault_reaction_ends_it() -> None:
         else:
             bench.send(1, STW1=RUN & ~0x0004)
         assert bench.state == 5
-        bench.axis.hindrances = LACKS_ENABLE
+        bench.axis.drive.settings.interlocks = LACKS_ENABLE
         bench.run(2)
         assert bench.state == 1
         assert bench.speed > 500
@@ -328,7 +329,7 @@ def test_signals_that_end_make_every_output_zero() -> None:
     bench = running()
     bench.image.valid, bench.image.lost = 0, LOST_EXPIRED
     bench.run(1)
-    assert (bench.axis.stw1, bench.axis.setpoint, bench.state) == (0, 0.0, 1)
+    assert (bench.axis.profidrive.stw1, bench.axis.ramp.setpoint, bench.state) == (0, 0.0, 1)
 
 
 # status word 1: table 10.8
@@ -445,12 +446,12 @@ def test_bits_2_and_3_are_the_torque_limits() -> None:
 
 def test_bits_4_to_7_are_the_inputs_isd00_to_isd03_and_all_are_in_p_0121() -> None:
     bench = ready()
-    bench.axis.fault_inputs = 0x0065
+    bench.axis.machine.settings.fault_inputs = 0x0065
     bench.run(1)
     assert bench.zsw2 == 0x0050
     assert bench.see("E_DIGITAL") == bench.store.get("P-0121") == 0x0065
     other = MsdBench(3)
-    other.axis.fault_inputs = 0x000F
+    other.axis.machine.settings.fault_inputs = 0x000F
     other.run(1)
     assert other.zsw2 == 0, "table 10.17"
 
@@ -475,7 +476,10 @@ def test_the_sign_of_life_counts_without_control_by_the_plc_too() -> None:
 def test_table_10_5_bits_0_to_11_of_stw2_are_not_used() -> None:
     bench = MsdBench(2)
     bench.enable()
-    before = {name: bench.axis[name].copy() for name in ("state", "stw1", "stop", "motion")}
+    before = {
+        name: int(AXIS.read(bench.axis, name))
+        for name in ("drive.state", "profidrive.stw1", "drive.stop", "positioning.state")
+    }
     bench.send(20, STW2=0x0FFF)
-    assert before == {name: bench.axis[name] for name in before}
+    assert before == {name: int(AXIS.read(bench.axis, name)) for name in before}
     assert bench.zsw2 == 0x0400

@@ -82,20 +82,20 @@ def test_p_0329_to_p_0332_limit_the_torque_in_percent_of_p_0460(
     """Table 10.12; the online factors of table 15.1 act beside them, and so does the drive's peak current."""
     bench = running(1000, **params)
     bench.send(5, NSOLL_A=2900)
-    assert bench.axis.torque == pytest.approx(forwards, rel=0.01)
+    assert bench.axis.motor.torque == pytest.approx(forwards, rel=0.01)
     assert bench.zsw2 & 0xC == 0x4
     bench.send(8, NSOLL_A=-2900 & 0xFFFF)
-    assert bench.axis.torque == pytest.approx(-backwards, rel=0.01)
+    assert bench.axis.motor.torque == pytest.approx(-backwards, rel=0.01)
     assert bench.zsw2 & 0xC == 0x8
 
 
 def test_a_farms_motor_with_a_rated_torque_is_what_the_percentages_are_of() -> None:
     bench = MsdBench()
-    bench.axis.rated_torque = 1.2
+    bench.axis.torque.settings.rated = 1.2
     bench.store.power_on()
     bench.store.set("P-0331", float_bits(50.0))
-    assert float(bench.axis.torque_limit_positive) == pytest.approx(0.6)
-    assert float(bench.axis.torque_limit_negative) == pytest.approx(1.2)
+    assert float(bench.axis.torque.settings.limit_positive) == pytest.approx(0.6)
+    assert float(bench.axis.torque.settings.limit_negative) == pytest.approx(1.2)
 
 
 def test_limits_and_additive_set_points_are_kept_over_a_power_cycle() -> None:
@@ -103,9 +103,9 @@ def test_limits_and_additive_set_points_are_kept_over_a_power_cycle() -> None:
     bench.store.set("P-0971", 1)
     bench.store.power_on()
     axis = bench.axis
-    assert float(axis.torque_limit_negative) == pytest.approx(0.6, rel=1e-6)
-    assert float(axis.velocity_limit_negative) == pytest.approx(600.0, rel=1e-6)
-    assert float(axis.additive_torque) == -0.5
+    assert float(axis.torque.settings.limit_negative) == pytest.approx(0.6, rel=1e-6)
+    assert float(axis.travel.settings.velocity_limit_negative) == pytest.approx(600.0, rel=1e-6)
+    assert float(axis.torque.settings.additive) == -0.5
 
 
 @pytest.mark.parametrize("number", ["P-0328", "P-0332", "P-0401", "P-0402", "P-0460"])
@@ -123,14 +123,14 @@ def test_a_value_that_is_no_number_is_refused(number: str) -> None:
 
 def test_p_0401_is_added_to_the_torque_of_the_speed_controller() -> None:
     bench = running(P_0401=0.6)
-    bench.axis.load_torque = 0.6
+    bench.axis.load.settings.torque = 0.6
     bench.run(200)
-    assert bench.axis.torque == pytest.approx(0.6, abs=FRICTION)
-    assert abs(float(bench.axis.speed_integral)) <= FRICTION
+    assert bench.axis.motor.torque == pytest.approx(0.6, abs=FRICTION)
+    assert abs(float(bench.axis.motor.speed_integral)) <= FRICTION
     bench.store.set("P-0401", float_bits(0.0))
     bench.run(200)
-    assert bench.axis.torque == pytest.approx(0.6, abs=FRICTION)
-    assert bench.axis.speed_integral == pytest.approx(0.6, abs=FRICTION)
+    assert bench.axis.motor.torque == pytest.approx(0.6, abs=FRICTION)
+    assert bench.axis.motor.speed_integral == pytest.approx(0.6, abs=FRICTION)
 
 
 def test_p_0402_is_added_to_the_speed_in_operation() -> None:
@@ -149,7 +149,7 @@ def test_p_0402_shifts_a_position_by_what_its_controller_takes_up() -> None:
     bench.enable(TASKS, VELOCITY_A=1000)
     bench.run(500)
     assert bench.speed == pytest.approx(0.0, abs=0.5)
-    assert bench.axis.following_error == pytest.approx(-30 / 60 / 50, rel=0.05)
+    assert bench.axis.positioning.following_error == pytest.approx(-30 / 60 / 50, rel=0.05)
 
 
 # torque control
@@ -171,7 +171,7 @@ def test_p_0300_at_1_follows_p_1272_as_process_data_in_units_of_p_0295() -> None
     assert bench.see("ACT_TORQUE") == pytest.approx(500, abs=1)
     assert bench.store.get("P-1273") == bench.see("ACT_TORQUE")
     bench.send(30, REF_TORQUE=-500 & 0xFFFF)
-    assert bench.axis.torque == pytest.approx(-0.5, rel=0.01)
+    assert bench.axis.motor.torque == pytest.approx(-0.5, rel=0.01)
     assert bench.store.get("P-1272") == -500
     assert bench.store.get("P-1273") == pytest.approx(-500, abs=1)
     assert bench.store.get("P-0930") == 0
@@ -180,13 +180,13 @@ def test_p_0300_at_1_follows_p_1272_as_process_data_in_units_of_p_0295() -> None
 def test_p_1272_counts_as_a_parameter_where_no_telegram_brings_it() -> None:
     bench = MsdBench(1, P_0300=1, P_0295=float_bits(0.01))
     bench.enable(NSOLL_A=1500)
-    assert (bench.speed, int(bench.axis.ramp)) == (0.0, 0), "a speed means nothing"
+    assert (bench.speed, int(bench.axis.ramp.command)) == (0.0, 0), "a speed means nothing"
     bench.store.set("P-1272", 40)
     bench.run(20)
-    assert bench.axis.torque == pytest.approx(0.4, rel=0.01)
+    assert bench.axis.motor.torque == pytest.approx(0.4, rel=0.01)
     bench.store.set("P-1272", 0)
     bench.run(5)
-    assert bench.axis.torque == pytest.approx(0.0, abs=0.01)
+    assert bench.axis.motor.torque == pytest.approx(0.0, abs=0.01)
 
 
 def test_in_torque_control_limits_and_the_additive_torque_act() -> None:
@@ -198,9 +198,9 @@ def test_in_torque_control_limits_and_the_additive_torque_act() -> None:
         P_0401=float_bits(0.1),
     )
     bench.send(5, REF_TORQUE=100)
-    assert bench.axis.torque == pytest.approx(0.2, rel=0.01)
+    assert bench.axis.motor.torque == pytest.approx(0.2, rel=0.01)
     bench.send(5, REF_TORQUE=2000)
-    assert bench.axis.torque == pytest.approx(0.6, rel=0.01)
+    assert bench.axis.motor.torque == pytest.approx(0.6, rel=0.01)
     assert bench.zsw2 & 0xC == 0x4
     bench.run(500)
     assert 590 < bench.speed <= 600

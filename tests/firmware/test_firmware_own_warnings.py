@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from bench_axis import BenchAxis
 
-from pnfarm.table.axis import WARNING_SLOTS
-from pnfarm.table.axis_codes import CMD_CLEAR_WARNING, CMD_RAISE_WARNING
+from pnfarm.table.axis_codes import CMD_CLEAR_WARNING, CMD_RAISE_WARNING, WARNING_SLOTS
 from pnfarm.table.signals import MELDW, WARN_CODE
 
 OVERLOAD, I2T = 0x910, 0x911
@@ -15,13 +14,13 @@ OVERLOAD, I2T = 0x910, 0x911
 @pytest.fixture
 def drive() -> BenchAxis:
     bench = BenchAxis()
-    bench.axis.message_warnings[:] = (OVERLOAD, I2T)
-    bench.axis.thermal_warning = 0.8
+    bench.axis.profidrive.settings.message_warnings[:] = (OVERLOAD, I2T)
+    bench.axis.warnings.settings.thermal_level = 0.8
     return bench
 
 
 def shown(drive: BenchAxis, heat: float) -> int:
-    drive.axis.thermal_load = heat
+    drive.axis.motor.thermal_load = heat
     drive.run(1)
     return int(drive.image.sent[WARN_CODE])
 
@@ -53,14 +52,14 @@ def test_of_more_warnings_than_there_is_room_for_the_oldest_goes(drive):
     for number in range(1, WARNING_SLOTS + 3):
         drive.command(CMD_RAISE_WARNING, number)
     assert shown(drive, 0.9) == WARNING_SLOTS + 2
-    assert list(drive.axis.warnings) == list(range(WARNING_SLOTS + 2, 2, -1))
+    assert list(drive.axis.warnings.active) == list(range(WARNING_SLOTS + 2, 2, -1))
     drive.command(CMD_RAISE_WARNING, 5)
     drive.command(CMD_CLEAR_WARNING, WARNING_SLOTS + 2)
     assert shown(drive, 0.9) == 5
-    assert list(drive.axis.warnings) == [5, *(n for n in range(WARNING_SLOTS + 1, 2, -1) if n != 5), I2T]
+    assert list(drive.axis.warnings.active) == [5, *(n for n in range(WARNING_SLOTS + 1, 2, -1) if n != 5), I2T]
 
 
 @pytest.mark.parametrize(("threshold", "number"), [(0.0, I2T), (0.8, 0)])
 def test_a_drive_without_threshold_or_without_such_a_warning_shows_none(drive, threshold, number):
-    drive.axis.thermal_warning, drive.axis.message_warnings[1] = threshold, number
+    drive.axis.warnings.settings.thermal_level, drive.axis.profidrive.settings.message_warnings[1] = threshold, number
     assert shown(drive, 0.95) == 0

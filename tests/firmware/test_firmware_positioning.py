@@ -70,10 +70,10 @@ def test_a_relative_task_counts_from_where_the_last_one_led():
 def test_velocity_and_acceleration_stay_at_what_the_task_says():
     drive = Positioner()
     drive.move(20.0, velocity=1200.0, up=12_000.0, down=6_000.0)
-    before, top, most_up, most_down = float(drive.axis.profile_velocity), 0.0, 0.0, 0.0
+    before, top, most_up, most_down = float(drive.axis.profile.velocity), 0.0, 0.0, 0.0
     while not drive.zsw1 & ON_TARGET:
         drive.run(1)
-        command = float(drive.axis.profile_velocity)
+        command = float(drive.axis.profile.velocity)
         most_up, most_down = max(most_up, command - before), max(most_down, before - command)
         top, before = max(top, command), command
     assert top == pytest.approx(1200.0, rel=1e-4)
@@ -89,23 +89,23 @@ def test_0x4000_of_mdi_acc_is_its_own_step_or_the_jogging_ramp_or_the_axis_ramp(
     """HIWIN E1 manual 6.6.1 for the share of a ramp; without a jogging ramp it is, as for jogging, that of the axis."""
     drive = Positioner()
     axis = drive.axis
-    axis.task_acceleration_step = axis.task_deceleration_step = own
-    axis.jog_acceleration = axis.jog_deceleration = jog
-    axis.acceleration = axis.deceleration = 10_000.0
+    axis.profidrive.settings.task_acceleration_step = axis.profidrive.settings.task_deceleration_step = own
+    axis.jog.settings.acceleration = axis.jog.settings.deceleration = jog
+    axis.ramp.settings.acceleration = axis.ramp.settings.deceleration = 10_000.0
     drive.data(20.0)
     drive.image.received[MDI_ACC] = drive.image.received[MDI_DEC] = 0x4000
     assert drive.stw(START) & ACKNOWLEDGED
     drive.run(10)
-    before = float(axis.profile_velocity)
+    before = float(axis.profile.velocity)
     drive.run(1)
-    assert float(axis.profile_velocity) - before == pytest.approx(full / 1000, rel=1e-6)
+    assert float(axis.profile.velocity) - before == pytest.approx(full / 1000, rel=1e-6)
 
 
 def test_the_following_error_at_a_constant_velocity_is_zero_with_the_velocity_fed_forward():
     drive = Positioner()
     drive.move(100.0, velocity=600.0)
     drive.run(1000)
-    assert drive.axis.following_error == pytest.approx(0.0, abs=0.01)
+    assert drive.axis.positioning.following_error == pytest.approx(0.0, abs=0.01)
     assert drive.zsw1 & 0x0100
 
 
@@ -115,11 +115,11 @@ def test_a_new_target_on_the_fly_needs_the_handshake_and_no_stop():
     drive.run(200)
     drive.data(10.0)
     drive.run(50)
-    assert drive.axis.target == pytest.approx(5.0), "data alone start nothing"
+    assert drive.axis.profile.target == pytest.approx(5.0), "data alone start nothing"
     drive.move(10.0)
     for _ in range(500):
         drive.run(1)
-        assert drive.axis.profile_velocity > 500.0
+        assert drive.axis.profile.velocity > 500.0
     drive.settle()
     assert drive.place == pytest.approx(10.0, abs=2e-3)
 
@@ -198,17 +198,21 @@ def test_a_rejected_task_brakes_and_is_gone():
     drive = Positioner()
     drive.move(5.0)
     drive.run(200)
-    start = float(drive.axis.commanded_position)
+    start = float(drive.axis.profile.position)
     drive.stw(READY & ~0x0010, 200)
     assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED
-    assert drive.axis.commanded_position - start == pytest.approx(10.0**2 / (2 * 500.0), rel=0.1)
+    assert drive.axis.profile.position - start == pytest.approx(10.0**2 / (2 * 500.0), rel=0.1)
     drive.stw(READY, 200)
     assert drive.place < 4.0
 
 
 def test_a_target_beyond_the_software_limits_is_refused_and_jogging_ends_at_them():
     drive = Positioner()
-    drive.axis.software_limits, drive.axis.limit_low, drive.axis.limit_high = 3, -1.0, 2.0
+    drive.axis.travel.settings.software_limits, drive.axis.travel.settings.low, drive.axis.travel.settings.high = (
+        3,
+        -1.0,
+        2.0,
+    )
     drive.data(2.1)
     assert not drive.stw(START, 20) & ACKNOWLEDGED
     drive.stw(READY)
@@ -221,11 +225,11 @@ def test_a_target_beyond_the_software_limits_is_refused_and_jogging_ends_at_them
 
 def test_a_velocity_beyond_the_motors_is_the_motors_and_one_below_zero_is_none():
     drive = Positioner()
-    drive.axis.max_velocity = 900.0
+    drive.axis.motor.settings.max_velocity = 900.0
     drive.move(50.0, velocity=1800.0)
     drive.run(500)
-    assert drive.axis.profile_velocity == pytest.approx(900.0)
-    drive.axis.task_velocity_unsigned = 0
+    assert drive.axis.profile.velocity == pytest.approx(900.0)
+    drive.axis.profidrive.settings.task_velocity_unsigned = 0
     drive.data(0.0)
     drive.image.received[MDI_VELOCITY] = -1000
     assert not drive.stw(START, 5) & ACKNOWLEDGED
@@ -235,7 +239,7 @@ def test_a_limit_switch_stops_what_runs_into_it_and_lets_it_back():
     drive = Positioner()
     drive.move(50.0)
     drive.run(300)
-    drive.axis.fault_limits = 2
+    drive.axis.machine.settings.fault_limits = 2
     drive.run(300)
     assert drive.image.sent[DRIVE_INPUTS] == 8, "5.8.1"
     assert drive.zsw1 & (STOPPED | ACTIVE) == STOPPED
@@ -248,12 +252,15 @@ def test_a_limit_switch_stops_what_runs_into_it_and_lets_it_back():
 
 def test_a_following_error_beyond_its_limit_is_the_models_fault():
     drive = Positioner()
-    drive.axis.following_limit, drive.axis.following_fault = 0.2, 439 | REACTION_QUICK_STOP << 24
-    drive.axis.load_torque = 100.0
+    drive.axis.positioning.settings.following_limit, drive.axis.positioning.settings.following_fault = (
+        0.2,
+        439 | REACTION_QUICK_STOP << 24,
+    )
+    drive.axis.load.settings.torque = 100.0
     drive.move(5.0)
     drive.run(500)
     assert drive.zsw1 & 0x0008
-    assert drive.axis.fault_code[0] & 0xFFFF == 439
+    assert drive.axis.faults.code[0] & 0xFFFF == 439
 
 
 def test_leaving_operation_ends_the_task_for_good():
@@ -261,11 +268,11 @@ def test_leaving_operation_ends_the_task_for_good():
     drive.move(5.0)
     drive.run(200)
     drive.stw(0x043E, 2000)
-    assert drive.axis.state == 2
+    assert drive.axis.drive.state == 2
     for word in (0x0437, READY):
         drive.stw(word)
     drive.stw(READY, 300)
-    assert drive.axis.state == 4
+    assert drive.axis.drive.state == 4
     assert drive.zsw1 & (STOPPED | ACTIVE | ON_TARGET) == STOPPED
     assert drive.place < 4.5
 
@@ -279,7 +286,7 @@ def test_power_off_forgets_the_home_position():
 
 def test_111_pos_stw1_selects_and_pos_zsw_tells():
     drive = Positioner()
-    drive.axis.task_form = TASKS_POS_STW
+    drive.axis.profidrive.settings.task_form = TASKS_POS_STW
     drive.image.received[OVERRIDE] = 0x4000
     drive.image.received[POS_STW1] = 0x8100
     drive.data(4.0)
@@ -288,7 +295,7 @@ def test_111_pos_stw1_selects_and_pos_zsw_tells():
     assert drive.image.sent[POS_ZSW2] == 0x8014
     drive.image.received[OVERRIDE] = 0x2000
     drive.run(150)
-    assert drive.axis.velocity == pytest.approx(300.0, abs=2.0)
+    assert drive.axis.motor.velocity == pytest.approx(300.0, abs=2.0)
     drive.image.received[POS_STW1] = 0x8000
     drive.data(-1.0)
     drive.stw(READY)
@@ -299,7 +306,7 @@ def test_111_pos_stw1_selects_and_pos_zsw_tells():
 
 def test_hiwin_3_13_pos_stw2_bit_1_makes_the_place_the_reference_point():
     drive = Positioner(homed=False)
-    drive.axis.task_form, drive.axis.home_position = TASKS_POS_STW, 0.5
+    drive.axis.profidrive.settings.task_form, drive.axis.homing.settings.position = TASKS_POS_STW, 0.5
     drive.stand_at(2.25)
     assert not drive.zsw1 & HOMED
     drive.image.received[POS_STW2] = 2
@@ -313,7 +320,12 @@ def test_hiwin_3_13_pos_stw2_bit_1_makes_the_place_the_reference_point():
 def test_moog_10_5_both_edges_of_bit_6_start_and_bit_12_changes_with_each():
     drive = Positioner()
     axis = drive.axis
-    axis.task_form, axis.control_config, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 0, 1.0, 0
+    (
+        axis.profidrive.settings.task_form,
+        axis.asked.settings.control_config,
+        axis.profidrive.settings.task_velocity_step,
+        axis.jog.settings.real_time,
+    ) = TASKS_TARPOS, 0, 1.0, 0
     drive.image.received[VELOCITY_A] = 600
     seen = []
     for position, word in ((1.0, START), (2.0, READY), (3.0, START)):
@@ -327,7 +339,12 @@ def test_moog_10_5_both_edges_of_bit_6_start_and_bit_12_changes_with_each():
 def test_moog_10_2_1_bit_13_takes_new_targets_without_an_edge_and_bit_12_makes_them_relative():
     drive = Positioner()
     axis = drive.axis
-    axis.task_form, axis.control_config, axis.task_velocity_step, axis.real_time_jog = TASKS_TARPOS, 0, 1.0, 0
+    (
+        axis.profidrive.settings.task_form,
+        axis.asked.settings.control_config,
+        axis.profidrive.settings.task_velocity_step,
+        axis.jog.settings.real_time,
+    ) = TASKS_TARPOS, 0, 1.0, 0
     drive.image.received[VELOCITY_A] = 600
     drive.image.received[TARPOS_A] = 2 * COUNTS
     drive.stw(READY | 0x2000, 10)
@@ -341,17 +358,17 @@ def test_moog_10_2_1_bit_13_takes_new_targets_without_an_edge_and_bit_12_makes_t
 
 def test_5_11_8_home_mode_and_home_dist_of_the_telegram_take_the_place_of_the_parameters():
     drive = Positioner(homed=False)
-    drive.axis.home_signals = 3
+    drive.axis.profidrive.settings.home_signals = 3
     drive.image.received[HOME_MODE] = 0
     drive.stand_at(0.4)
     drive.stw(HOME, 20)
     assert drive.zsw1 & HOMED
-    assert drive.axis.position == pytest.approx(0.4, abs=1e-3), "it took the place where it stood"
+    assert drive.axis.motor.position == pytest.approx(0.4, abs=1e-3), "it took the place where it stood"
     drive.stw(READY)
     drive.image.received[HOME_MODE], drive.image.received[HOME_DIST] = HOME_MARK, COUNTS // 4
     drive.stw(HOME, 20)
     drive.until(ON_TARGET | HOMED | STOPPED)
-    assert drive.axis.position == pytest.approx(1.25, abs=1e-3)
+    assert drive.axis.motor.position == pytest.approx(1.25, abs=1e-3)
     assert drive.place == pytest.approx(0.25, abs=1e-3)
 
 
@@ -367,12 +384,12 @@ def test_the_axis_takes_the_time_of_the_trapezoid():
     drive = Positioner()
     drive.move(8.0, velocity=1200.0, up=24_000.0, down=12_000.0)
     steps = 2
-    while drive.axis.motion == positioning.TASK:
+    while drive.axis.positioning.state == positioning.TASK:
         drive.run(1)
         steps += 1
     up, down, top = 400.0, 200.0, 20.0
     assert steps == pytest.approx(1000 * (top / up / 2 + top / down / 2 + 8.0 / top), abs=4)
-    assert math.isclose(float(drive.axis.commanded_position), 8.0, abs_tol=1e-9)
+    assert math.isclose(float(drive.axis.profile.position), 8.0, abs_tol=1e-9)
     assert drive.image.received[STW1] == READY
 
 
@@ -390,7 +407,7 @@ def test_a_task_can_begin_with_the_step_that_shows_the_axis_stopped():
 def test_hiwin_3_1_ramps_with_a_sign_are_none_below_zero(word, taken):
     for signal in (MDI_ACC, MDI_DEC):
         drive = Positioner()
-        drive.axis.task_ramps_signed = 1
+        drive.axis.profidrive.settings.task_ramps_signed = 1
         drive.data(1.0)
         drive.image.received[signal] = word
         assert bool(drive.stw(START) & ACKNOWLEDGED) == taken
@@ -398,53 +415,57 @@ def test_hiwin_3_1_ramps_with_a_sign_are_none_below_zero(word, taken):
 
 def test_an_override_beyond_100_percent_ends_at_the_velocity_limit():
     drive = Positioner()
-    drive.axis.task_form = TASKS_POS_STW
-    drive.axis.velocity_limit = 900.0
+    drive.axis.profidrive.settings.task_form = TASKS_POS_STW
+    drive.axis.travel.settings.velocity_limit = 900.0
     drive.image.received[POS_STW1] = 0x8100
     drive.image.received[OVERRIDE] = 0xFFFF
     drive.data(100.0)
     assert drive.stw(START) & ACKNOWLEDGED
     drive.run(500)
-    assert drive.axis.velocity == pytest.approx(900.0, abs=1.0)
-    assert abs(drive.axis.following_error) < 0.05
+    assert drive.axis.motor.velocity == pytest.approx(900.0, abs=1.0)
+    assert abs(drive.axis.positioning.following_error) < 0.05
 
 
 def test_without_control_by_plc_nothing_is_taken_over_but_a_command_is():
     drive = Positioner()
-    drive.axis.mt_flags[3], drive.axis.mt_position[3] = TASK_DEFINED, 1.0
-    drive.axis.mt_velocity[3], drive.axis.mt_acceleration[3], drive.axis.mt_deceleration[3] = 300.0, 3e4, 3e4
+    drive.axis.motion_tasks.settings.kind[3], drive.axis.motion_tasks.settings.position[3] = TASK_DEFINED, 1.0
+    (
+        drive.axis.motion_tasks.settings.velocity[3],
+        drive.axis.motion_tasks.settings.acceleration[3],
+        drive.axis.motion_tasks.settings.deceleration[3],
+    ) = 300.0, 3e4, 3e4
     drive.image.received[SATZANW] = 0
     drive.stw((START | HOME) & ~0x0400, 50)
-    assert drive.axis.motion == positioning.STANDBY
-    assert drive.axis.mdi, "as before"
+    assert drive.axis.positioning.state == positioning.STANDBY
+    assert drive.axis.asked.mdi, "as before"
     drive.command(CMD_START_TASK, 3)
     drive.run(2)
-    assert drive.axis.motion == positioning.TASK
+    assert drive.axis.positioning.state == positioning.TASK
 
 
 @pytest.mark.parametrize(("jog_deceleration", "milliseconds"), [(1_000.0, 600), (0.0, 120)])
 def test_a_shaft_that_turns_when_operation_begins_is_brought_to_rest_before_any_task(jog_deceleration, milliseconds):
     drive = Positioner(homed=False)
-    drive.axis.jog_deceleration = jog_deceleration
-    drive.axis.coast_method = 2
+    drive.axis.jog.settings.deceleration = jog_deceleration
+    drive.axis.motor.settings.coast_method = 2
     drive.stw(0x0436)
-    drive.axis.velocity = 600.0
+    drive.axis.motor.velocity = 600.0
     for word in (0x0437, READY):
         drive.stw(word)
     drive.run(milliseconds * 3 // 4)
-    assert drive.axis.velocity > 50.0
+    assert drive.axis.motor.velocity > 50.0
     drive.run(milliseconds // 2)
-    assert abs(drive.axis.velocity) < 1.0
+    assert abs(drive.axis.motor.velocity) < 1.0
     assert drive.zsw1 & STOPPED
 
 
 def test_fed_forward_acceleration_takes_most_of_the_following_error_of_a_profile_away():
     def worst(gain):
         drive = Positioner()
-        drive.axis.friction = 0.0
-        drive.axis.acceleration_gain = gain
+        drive.axis.load.settings.friction = 0.0
+        drive.axis.motor.settings.acceleration_gain = gain
         drive.move(5.0)
-        return max(abs(float(drive.axis.following_error)) for _ in range(600) if drive.stw(READY) | 1)
+        return max(abs(float(drive.axis.positioning.following_error)) for _ in range(600) if drive.stw(READY) | 1)
 
     assert worst(1.0) < 0.3 * worst(0.0)
 
@@ -452,9 +473,11 @@ def test_fed_forward_acceleration_takes_most_of_the_following_error_of_a_profile
 @pytest.mark.parametrize("part", [0.0, 0.5, 1.0])
 def test_the_following_error_of_a_steady_move_is_what_is_not_fed_forward_over_the_gain(part):
     drive = Positioner()
-    drive.axis.speed_feed_forward = part
+    drive.axis.motor.settings.speed_feed_forward = part
     drive.move(20.0)
     drive.stw(READY, 1000)
-    speed = float(drive.axis.profile_velocity) / 60
+    speed = float(drive.axis.profile.velocity) / 60
     assert speed == pytest.approx(10.0)
-    assert drive.axis.following_error == pytest.approx((1.0 - part) * speed / float(drive.axis.position_gain), abs=1e-3)
+    assert drive.axis.positioning.following_error == pytest.approx(
+        (1.0 - part) * speed / float(drive.axis.positioning.settings.gain), abs=1e-3
+    )

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
-from pnfarm.table.axis import AXIS
 from pnfarm.table.axis_codes import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
 from pnfarm.table.compiled import compiled
 
@@ -24,8 +24,8 @@ def walk(axes, step, steps, over, path):
         if over and profile_over(axis):
             return i
         step_profile(axis, step)
-        path[i, 0] = axis.commanded_position
-        path[i, 1] = axis.profile_velocity
+        path[i, 0] = axis.profile.position
+        path[i, 1] = axis.profile.velocity
     return steps
 
 
@@ -35,16 +35,16 @@ class Profile:
     def __init__(self, position=0.0, velocity=0.0, *, jerk=0.0):
         self.axes = np.zeros(1, AXIS.dtype).view(np.recarray)
         self.axis = self.axes[0]
-        self.axis.commanded_position = position
-        self.axis.profile_velocity = velocity * RPM
-        self.axis.jerk_time = jerk
+        self.axis.profile.position = position
+        self.axis.profile.velocity = velocity * RPM
+        self.axis.profile.settings.jerk_time = jerk
         self.time = 0.0
         begin_profile(self.axis)
 
     def task(self, target=0.0, velocity=10.0, up=100.0, down=100.0, profile=PROFILE_TARGET):
         axis = self.axis
-        axis.profile, axis.target = profile, target
-        axis.task_velocity, axis.task_acceleration, axis.task_deceleration = velocity * RPM, up * RPM, down * RPM
+        axis.profile.mode, axis.profile.target = profile, target
+        axis.profile.top, axis.profile.acceleration, axis.profile.deceleration = velocity * RPM, up * RPM, down * RPM
         return self
 
     def run(self, seconds, step=0.001):
@@ -91,7 +91,7 @@ def test_a_move_takes_the_time_of_its_trapezoid_whatever_the_step(distance, velo
     profile = Profile().task(distance if forward else -distance, velocity, up, down)
     profile.until_over(step)
     assert needed - 1e-6 <= profile.time <= needed + step + 1e-6
-    assert profile.axis.commanded_position == (distance if forward else -distance)
+    assert profile.axis.profile.position == (distance if forward else -distance)
 
 
 @given(distance=st.floats(-50, 50), start=st.floats(-20, 20), velocity=st.floats(0.5, 30), up=limits, down=limits)
@@ -113,8 +113,8 @@ def test_the_path_does_not_depend_on_the_step(step):
     for _ in range(40):
         profile.run(0.007, step)
         fine.run(0.007, 0.0005)
-        assert profile.axis.commanded_position == pytest.approx(fine.axis.commanded_position, abs=1e-9)
-        assert profile.axis.profile_velocity == pytest.approx(fine.axis.profile_velocity, abs=1e-6)
+        assert profile.axis.profile.position == pytest.approx(fine.axis.profile.position, abs=1e-9)
+        assert profile.axis.profile.velocity == pytest.approx(fine.axis.profile.velocity, abs=1e-6)
 
 
 def test_a_target_behind_the_stopping_distance_is_met_from_behind():
@@ -148,7 +148,7 @@ def test_a_stop_takes_v_over_a_and_v_squared_over_two_a():
     profile = Profile(0.0, 8.0).task(profile=PROFILE_STOP, down=40.0)
     profile.until_over()
     assert profile.time == pytest.approx(0.2, abs=0.0011)
-    assert profile.axis.commanded_position == pytest.approx(0.8)
+    assert profile.axis.profile.position == pytest.approx(0.8)
 
 
 @given(start=st.floats(-20, 20), wanted=st.floats(-20, 20), up=limits, down=limits)
@@ -161,14 +161,14 @@ def test_a_velocity_is_reached_over_a_rest_when_it_has_the_other_sign(start, wan
     assume(time < 5.0)
     profile = Profile(0.0, start).task(velocity=wanted, up=up, down=down, profile=PROFILE_VELOCITY)
     profile.run(time + 0.002)
-    assert profile.axis.profile_velocity / RPM == pytest.approx(wanted, abs=1e-9)
+    assert profile.axis.profile.velocity / RPM == pytest.approx(wanted, abs=1e-9)
 
 
 def test_with_a_jerk_time_the_axis_arrives_that_much_later_and_exactly():
     profile = Profile(jerk=0.04).task(3.0, 10.0, 100.0, 100.0)
     profile.until_over()
     assert profile.time == pytest.approx(trapezoid_time(3.0, 10.0, 100.0, 100.0) + 0.04, abs=0.004)
-    assert profile.axis.commanded_position == 3.0
+    assert profile.axis.profile.position == 3.0
 
 
 @pytest.mark.parametrize("step", [0.00025, 0.001, 0.004])

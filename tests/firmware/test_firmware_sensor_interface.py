@@ -37,12 +37,25 @@ class SensorBench(BenchAxis):
     def __init__(self) -> None:
         super().__init__()
         axis = self.axis
-        axis.sensor_step = axis.sensor_step_2 = STEP
-        axis.sensor_bits, axis.sensor_status_bits = 0xF8FF, 0xFBFF
-        axis.sensor_refused = SET_HOME
-        axis.sensor_marks[:] = (MARK_PROBE_1, MARK_PROBE_2, MARK_ZERO, MARK_NONE, 0, EDGE_FALLING, 0, 0, 0, 0, 0, 0)
-        axis.probe_inputs[:] = (INPUT_5, INPUT_6)
-        axis.sensor_fault = ENCODER_FAULT
+        axis.sensor.settings.step = axis.sensor.settings.step_2 = STEP
+        axis.sensor.settings.bits, axis.sensor.settings.status_bits = 0xF8FF, 0xFBFF
+        axis.sensor.settings.refused = SET_HOME
+        axis.sensor.settings.marks[:] = (
+            MARK_PROBE_1,
+            MARK_PROBE_2,
+            MARK_ZERO,
+            MARK_NONE,
+            0,
+            EDGE_FALLING,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
+        axis.sensor.settings.probe_inputs[:] = (INPUT_5, INPUT_6)
+        axis.sensor.settings.fault = ENCODER_FAULT
         self.write(0x0400)
         self.run(1)
 
@@ -65,14 +78,14 @@ class SensorBench(BenchAxis):
 
     def turn(self, to: float, per_step: float = 0.01) -> None:
         """Turn the shaft by hand."""
-        while abs(to - self.axis.position) > 1e-9:
-            way = to - self.axis.position
-            self.axis.position += max(-per_step, min(per_step, way))
+        while abs(to - self.axis.motor.position) > 1e-9:
+            way = to - self.axis.motor.position
+            self.axis.motor.position += max(-per_step, min(per_step, way))
             self.run(1)
 
     def edge(self, mask: int, *, rising: bool = True) -> None:
-        inputs = int(self.axis.fault_inputs)
-        self.axis.fault_inputs = inputs | mask if rising else inputs & ~mask
+        inputs = int(self.axis.machine.settings.fault_inputs)
+        self.axis.machine.settings.fault_inputs = inputs | mask if rising else inputs & ~mask
         self.run(1)
 
     def error(self) -> int:
@@ -94,7 +107,7 @@ def test_every_transition_leads_from_a_state_that_is_reached_and_its_event_has_a
 
 def test_a_drive_without_the_interface_answers_nothing() -> None:
     bench = SensorBench()
-    bench.axis.sensor_bits = 0
+    bench.axis.sensor.settings.bits = 0
     bench.image.sent[G1_ZSW] = 0
     assert bench.ask(PARK | ABSOLUTE | ACTIVATE | 1) == 0
 
@@ -108,7 +121,7 @@ def test_a_reference_mark_is_searched_found_read_and_taken(sensor: SensorBench) 
     sensor.turn(0.25)
     assert sensor.zsw == 0x0001
     sensor.edge(INPUT_5)
-    place = sensor.axis.position
+    place = sensor.axis.motor.position
     # the probe's own level is bit 8
     assert sensor.zsw == 0x0110
     sensor.turn(0.5)
@@ -266,13 +279,13 @@ def test_the_absolute_position_is_sent_on_request_and_not_beside_a_search(sensor
 
 def test_a_drive_whose_second_value_always_shows_the_position_does_so(sensor: SensorBench) -> None:
     """Moog MSD manual 11.3.1: G1_XIST2 is identical to G1_XIST1."""
-    sensor.axis.sensor_shows = 1
+    sensor.axis.sensor.settings.shows = 1
     sensor.turn(1.75, per_step=1.0)
     assert sensor.xist2 == sensor.xist1 == round(1.75 / STEP)
 
 
 def test_a_request_for_an_absolute_position_that_is_not_there_is_error_8(sensor: SensorBench) -> None:
-    sensor.axis.sensor_refused = ABSOLUTE
+    sensor.axis.sensor.settings.refused = ABSOLUTE
     sensor.ask(ABSOLUTE)
     assert sensor.error() == 0x0008
 
@@ -305,25 +318,25 @@ def test_what_cannot_be_is_an_error_with_its_code(sensor: SensorBench, words: tu
 
 
 def test_probes_that_do_not_measure_cannot_be_waited_for(sensor: SensorBench) -> None:
-    sensor.axis.probe_mode = 1
+    sensor.axis.sensor.settings.probe_mode = 1
     sensor.ask(ACTIVATE | 1)
     assert sensor.error() == 0x0004
     other = SensorBench()
-    other.axis.probe_inputs[0] = 0
+    other.axis.sensor.settings.probe_inputs[0] = 0
     other.ask(ON_THE_FLY | ACTIVATE | 1)
     assert other.error() == 0x0006
 
 
 def test_a_drive_that_reserves_measuring_on_the_fly_refuses_it(sensor: SensorBench) -> None:
     """HIWIN E1 manual 3.7: bit 7."""
-    sensor.axis.sensor_bits, sensor.axis.sensor_refused = 0xC0FF, ON_THE_FLY
+    sensor.axis.sensor.settings.bits, sensor.axis.sensor.settings.refused = 0xC0FF, ON_THE_FLY
     assert sensor.ask(ON_THE_FLY) == 0
     sensor.ask(ON_THE_FLY | ACTIVATE | 1)
     assert sensor.error() == 0x0F01
 
 
 def test_bits_that_a_drive_reserves_do_nothing_and_are_not_shown(sensor: SensorBench) -> None:
-    sensor.axis.sensor_bits, sensor.axis.sensor_status_bits = 0xC0FF, 0xC8FF
+    sensor.axis.sensor.settings.bits, sensor.axis.sensor.settings.status_bits = 0xC0FF, 0xC8FF
     sensor.edge(INPUT_5)
     assert sensor.ask(ABSOLUTE | SET_HOME) == 0
 
@@ -403,7 +416,7 @@ def test_an_encoder_that_is_at_work_cannot_be_parked(sensor: SensorBench) -> Non
     sensor.enable()
     sensor.ask(PARK)
     assert sensor.error() == 0x0003
-    assert sensor.axis.state == 4
+    assert sensor.axis.drive.state == 4
     assert sensor.xist1 == 0
 
 

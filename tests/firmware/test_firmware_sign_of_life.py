@@ -17,9 +17,9 @@ class Living(BenchAxis):
 
     def __init__(self, tolerance: int = 5) -> None:
         super().__init__()
-        self.axis.life = 1
-        self.axis.life_tolerance = tolerance
-        self.axis.life_fault = FAULT | REACTION_QUICK_STOP << 24
+        self.axis.life.settings.watched = 1
+        self.axis.life.settings.tolerance = tolerance
+        self.axis.life.settings.fault = FAULT | REACTION_QUICK_STOP << 24
         self.count = 0
 
     def frame(self, count: int | None = None, *, frames: int = 1) -> None:
@@ -40,7 +40,7 @@ class Living(BenchAxis):
 
     @property
     def faults(self) -> list[int]:
-        return [int(code) & 0xFFFFFF for code in self.axis.fault_code if code]
+        return [int(code) & 0xFFFFFF for code in self.axis.faults.code if code]
 
     @property
     def own(self) -> int:
@@ -77,7 +77,7 @@ def test_the_drive_counts_each_frame_that_it_takes(drive):
 
 def test_a_controller_in_sequence_raises_nothing(drive):
     drive.good(100)
-    assert (drive.axis.life_run, drive.axis.life_count, drive.axis.life_errors) == (15, 0, 0)
+    assert (drive.axis.life.run, drive.axis.life.count, drive.axis.life.errors) == (15, 0, 0)
     assert drive.faults == []
 
 
@@ -85,17 +85,17 @@ def test_a_controller_without_a_sign_of_life_is_left_in_peace(drive):
     for count in (0, 5):
         for _ in range(50):
             drive.frame(count)
-    assert drive.axis.life_errors == 0
+    assert drive.axis.life.errors == 0
     assert drive.faults == []
 
 
 def test_watching_begins_after_15_frames_in_sequence(drive):
     drive.good(14)
     drive.stand(20)
-    assert drive.axis.life_errors == 0
+    assert drive.axis.life.errors == 0
     drive.good(14)  # the frame that stood last is the first of the new sequence
     drive.stand(1)
-    assert drive.axis.life_errors == 1
+    assert drive.axis.life.errors == 1
 
 
 def test_a_failure_counts_ten_up_and_a_good_frame_one_down():
@@ -106,14 +106,14 @@ def test_a_failure_counts_ten_up_and_a_good_frame_one_down():
     counts = []
     for _ in range(3):
         drive.stand(1)
-        counts.append(int(drive.axis.life_count))
+        counts.append(int(drive.axis.life.count))
     for _ in range(3):
         drive.good(1)
-        counts.append(int(drive.axis.life_count))
+        counts.append(int(drive.axis.life.count))
     assert counts == [10, 20, 30, 29, 28, 27]
     assert drive.faults == []
     drive.good(40)
-    assert drive.axis.life_count == 0
+    assert drive.axis.life.count == 0
 
 
 def test_as_many_failures_as_the_tolerance_are_a_fault():
@@ -124,7 +124,7 @@ def test_as_many_failures_as_the_tolerance_are_a_fault():
     drive.stand(3)
     assert drive.faults == []
     drive.stand(1)
-    assert drive.axis.life_count == 40
+    assert drive.axis.life.count == 40
     assert drive.faults == [FAULT]
     assert drive.zsw1 & 0x0008
 
@@ -146,8 +146,8 @@ def test_the_largest_tolerance_watches_nothing_but_counts_errors():
     drive.enable()
     drive.good(20)
     drive.stand(100)
-    assert drive.axis.life_errors == 100
-    assert drive.axis.life_count == 0
+    assert drive.axis.life.errors == 100
+    assert drive.axis.life.count == 0
     assert drive.faults == []
 
 
@@ -155,9 +155,9 @@ def test_the_largest_tolerance_watches_nothing_but_counts_errors():
 def test_a_jump_of_any_width_is_one_failure(drive, ahead):
     drive.good(20)
     drive.frame(following(drive.count, ahead))
-    assert drive.axis.life_errors == 1
+    assert drive.axis.life.errors == 1
     drive.good(1)
-    assert drive.axis.life_errors == 1
+    assert drive.axis.life.errors == 1
 
 
 def test_zero_is_a_failure_and_so_is_coming_back_from_it(drive):
@@ -165,24 +165,24 @@ def test_zero_is_a_failure_and_so_is_coming_back_from_it(drive):
     drive.frame(0)
     drive.frame(0)
     drive.frame(1)
-    assert drive.axis.life_errors == 3
+    assert drive.axis.life.errors == 3
     drive.good(1)
-    assert drive.axis.life_errors == 3
+    assert drive.axis.life.errors == 3
 
 
 def test_a_lost_frame_is_one_failure(drive):
     drive.good(20)
     drive.count = following(drive.count, 1)
     drive.good(1)
-    assert (drive.axis.life_errors, drive.axis.life_count) == (1, 10)
+    assert (drive.axis.life.errors, drive.axis.life.count) == (1, 10)
     drive.good(10)
-    assert drive.axis.life_count == 0
+    assert drive.axis.life.count == 0
 
 
 def test_frames_that_came_together_are_in_sequence(drive):
     drive.good(20)
     drive.frame(frames=2)
-    assert drive.axis.life_errors == 0
+    assert drive.axis.life.errors == 0
 
 
 def test_a_new_connection_begins_with_a_clean_count(drive):
@@ -190,11 +190,11 @@ def test_a_new_connection_begins_with_a_clean_count(drive):
     drive.stand(3)
     drive.image.valid = 0
     count_life(drive.axis, drive.image)
-    assert (drive.axis.life_count, drive.axis.life_run) == (0, 0)
+    assert (drive.axis.life.count, drive.axis.life.run) == (0, 0)
     drive.image.valid = 1
     drive.count = 9
     drive.good(20)
-    assert (drive.axis.life_errors, drive.axis.life_count) == (3, 0)
+    assert (drive.axis.life.errors, drive.axis.life.count) == (3, 0)
 
 
 def test_a_fault_comes_back_while_the_count_stands_and_stays_away_when_it_runs(drive):
@@ -217,13 +217,13 @@ def test_moog_8_3_2_ten_times_the_tolerance_is_the_counters_maximum_so_that_a_lo
     """Moog MSD manual, figure 8.5: the counter reaches its maximum value when the error reaction starts."""
     drive.good(20)
     drive.stand(5000)
-    assert drive.axis.life_count == 10 * drive.axis.life_tolerance
-    drive.good(10 * int(drive.axis.life_tolerance))
-    assert drive.axis.life_count == 0
+    assert drive.axis.life.count == 10 * drive.axis.life.settings.tolerance
+    drive.good(10 * int(drive.axis.life.settings.tolerance))
+    assert drive.axis.life.count == 0
     drive.write(0x0476 | 0x0080)
     drive.write(0x0476)
     drive.good(20)
-    drive.stand(int(drive.axis.life_tolerance) - 1)
+    drive.stand(int(drive.axis.life.settings.tolerance) - 1)
     assert drive.faults == []
 
 
@@ -248,10 +248,10 @@ def test_it_is_watched_without_control_by_the_plc(drive):
 @pytest.mark.parametrize("bit", [0x0400, 0x0800])
 def test_pulses_are_told_by_the_bit_of_the_telegram_and_by_none_without(drive, bit):
     for opmode in (1, 2):
-        drive.axis.opmode = opmode
+        drive.axis.drive.settings.opmode = opmode
         drive.frame()
         assert not int(drive.image.sent[ZSW2]) & 0x0FFF
-    drive.axis.pulses_enabled = bit
+    drive.axis.profidrive.settings.pulses_enabled = bit
     drive.frame()
     assert int(drive.image.sent[ZSW2]) & 0x0FFF == bit
     drive.write(0x0476)

@@ -17,8 +17,8 @@ RPM_3000 = 3000.0 / 0x4000
 @pytest.fixture
 def drive() -> BenchAxis:
     bench = BenchAxis()
-    bench.axis.ramp_generator, bench.axis.velocity_signal = RAMP_ABSENT, VELOCITY_NSOLL_B
-    bench.axis.velocity_step = RPM_3000
+    bench.axis.ramp.settings.generator, bench.axis.profidrive.settings.velocity_signal = RAMP_ABSENT, VELOCITY_NSOLL_B
+    bench.axis.profidrive.settings.velocity_step = RPM_3000
     return bench
 
 
@@ -37,22 +37,22 @@ def command(drive: BenchAxis, rpm: float, stw1: int = 0x040F, run: int = 1) -> N
 def test_nsoll_b_is_a_share_of_the_reference_value(drive, word, rpm):
     drive.image.received[NSOLL_B] = word
     from_setpoints(drive.axis, drive.image)
-    assert drive.axis.setpoint == pytest.approx(rpm, rel=1e-12)
+    assert drive.axis.ramp.setpoint == pytest.approx(rpm, rel=1e-12)
 
 
 @pytest.mark.parametrize(("word", "rpm"), [(0x4000, 3000.0), (0xC000, -3000.0)])
 def test_nsoll_a_is_the_same_share_in_16_bits(drive, word, rpm):
-    drive.axis.velocity_signal = VELOCITY_NSOLL_A
+    drive.axis.profidrive.settings.velocity_signal = VELOCITY_NSOLL_A
     drive.image.received[NSOLL_A] = word
     from_setpoints(drive.axis, drive.image)
-    assert drive.axis.setpoint == pytest.approx(rpm)
+    assert drive.axis.ramp.setpoint == pytest.approx(rpm)
 
 
 @given(st.floats(-20_000, 20_000))
 def test_nist_b_is_the_upper_half_of_nist_a_and_stops_at_its_range(rpm):
     drive = BenchAxis()
-    drive.axis.velocity_step = RPM_3000
-    drive.axis.velocity = rpm
+    drive.axis.profidrive.settings.velocity_step = RPM_3000
+    drive.axis.motor.velocity = rpm
     to_actuals(drive.axis, drive.image)
     wide, narrow = int(drive.image.sent[NIST_B]), drive.nist_a
     assert -(2**31) <= wide < 2**31
@@ -68,37 +68,37 @@ def test_the_set_point_needs_no_bits_of_a_ramp_generator_and_knows_no_ramp(drive
     for word in (0x0400, 0x0406, 0x0407, 0x040F):
         drive.write(word)
     command(drive, 1000.0)
-    assert drive.axis.ramp == pytest.approx(1000.0, abs=1e-5)
+    assert drive.axis.ramp.command == pytest.approx(1000.0, abs=1e-5)
     command(drive, -500.0, stw1=0x040F | 0x0300)
-    assert drive.axis.ramp == pytest.approx(-500.0, abs=1e-5)
+    assert drive.axis.ramp.command == pytest.approx(-500.0, abs=1e-5)
     drive.run(100)
-    assert drive.axis.velocity == pytest.approx(-500.0, abs=0.1)
+    assert drive.axis.motor.velocity == pytest.approx(-500.0, abs=0.1)
 
 
 def test_the_limits_of_motor_and_parameter_hold(drive):
     drive.enable()
-    drive.axis.max_velocity = 2000.0
+    drive.axis.motor.settings.max_velocity = 2000.0
     command(drive, 3000.0)
-    assert drive.axis.ramp == 2000.0
-    drive.axis.velocity_limit = 800.0
+    assert drive.axis.ramp.command == 2000.0
+    drive.axis.travel.settings.velocity_limit = 800.0
     command(drive, -3000.0)
-    assert drive.axis.ramp == -800.0
-    drive.axis.velocity_limit = 9000.0
+    assert drive.axis.ramp.command == -800.0
+    drive.axis.travel.settings.velocity_limit = 9000.0
     command(drive, 3000.0)
-    assert drive.axis.ramp == 2000.0
+    assert drive.axis.ramp.command == 2000.0
 
 
 @pytest.mark.parametrize(("stw1", "then"), [(0x040E, 2), (0x040B, 1)])
 def test_off_and_quick_stop_use_the_same_ramp(drive, stw1, then):
-    drive.axis.quick_stop_deceleration = 10_000.0
+    drive.axis.ramp.settings.quick_stop_deceleration = 10_000.0
     drive.enable()
     command(drive, 1000.0, run=200)
     drive.write(stw1, run=50)
-    assert drive.axis.state == 5
-    assert drive.axis.ramp == pytest.approx(500.0, abs=21)
+    assert drive.axis.drive.state == 5
+    assert drive.axis.ramp.command == pytest.approx(500.0, abs=21)
     drive.run(80)
-    assert drive.axis.velocity == pytest.approx(0.0, abs=0.5)
-    assert drive.axis.state == then
+    assert drive.axis.motor.velocity == pytest.approx(0.0, abs=0.5)
+    assert drive.axis.drive.state == then
 
 
 # 6.5
@@ -106,15 +106,15 @@ def test_off_and_quick_stop_use_the_same_ramp(drive, stw1, then):
 
 def stopped_after(method: int, brake: float = 0.01) -> tuple[BenchAxis, int]:
     drive = BenchAxis()
-    drive.axis.coast_method = method
-    drive.axis.brake_damping = brake
-    drive.axis.friction = 0.001
+    drive.axis.motor.settings.coast_method = method
+    drive.axis.motor.settings.brake_damping = brake
+    drive.axis.load.settings.friction = 0.001
     drive.enable(1000.0)
     drive.run(1000)
     drive.write(0x047D)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     time = 0
-    while abs(drive.axis.velocity) > drive.axis.standstill and time < 5000:
+    while abs(drive.axis.motor.velocity) > drive.axis.ramp.settings.standstill and time < 5000:
         drive.run(1)
         time += 1
     return drive, time
@@ -131,23 +131,23 @@ def test_the_brake_stays_on_or_lets_go_after_the_stop():
     speeds = []
     for method in (0, 1):
         drive, _ = stopped_after(method)
-        drive.axis.standstill = 50.0  # well above the creeping of a braked load
-        drive.axis.load_torque = -0.02
+        drive.axis.ramp.settings.standstill = 50.0  # well above the creeping of a braked load
+        drive.axis.load.settings.torque = -0.02
         drive.run(300)
-        speeds.append(abs(float(drive.axis.velocity)))
+        speeds.append(abs(float(drive.axis.motor.velocity)))
     held, free = speeds
     assert held < 0.6 * free
 
 
 def test_a_very_light_load_stays_stable_under_the_brake():
     drive = BenchAxis()
-    drive.axis.brake_damping = 1.0
+    drive.axis.motor.settings.brake_damping = 1.0
     drive.enable(1000.0)
     drive.run(1000)
-    drive.axis.inertia = 1e-7
-    drive.axis.friction = 0.0
+    drive.axis.load.settings.inertia = 1e-7
+    drive.axis.load.settings.friction = 0.0
     drive.write(0x047D, run=100)
-    assert abs(drive.axis.velocity) < 1.0
+    assert abs(drive.axis.motor.velocity) < 1.0
 
 
 # 3.16, FAULT_CODE, PNU 944 and 952
@@ -158,12 +158,12 @@ def test_meldw_tells_enable_ready_and_pulses(drive):
     drive.enable()
     drive.run(1)
     assert int(drive.image.sent[MELDW]) == 0x39C2
-    drive.axis.torque = -drive.axis.peak_current * drive.axis.torque_constant
+    drive.axis.motor.torque = -drive.axis.motor.settings.peak_current * drive.axis.motor.settings.torque_constant
     assert message_word(drive.axis) == 0x39C0
 
 
 def test_fault_code_is_the_models_word_or_the_number(drive):
-    drive.axis.fault_words[73] = 0xFB1
+    drive.axis.profidrive.settings.fault_words[73] = 0xFB1
     assert drive.image.sent[FAULT_CODE] == 0
     drive.command(CMD_RAISE_FAULT, 73)
     drive.run(1)
@@ -180,42 +180,42 @@ def test_every_change_of_the_fault_buffer_counts_and_its_history_can_be_forgotte
     for number in (17, 18):
         drive.command(CMD_RAISE_FAULT, number)
         drive.run(1)
-    assert (axis.fault_changes, axis.fault_counter) == (2, 1)
+    assert (axis.faults.changes, axis.faults.counter) == (2, 1)
     drive.write(0x0480)
-    assert (axis.fault_changes, axis.fault_counter) == (3, 1)
+    assert (axis.faults.changes, axis.faults.counter) == (3, 1)
     drive.command(CMD_RAISE_FAULT, 19)
     drive.run(1)
-    assert (axis.fault_changes, axis.fault_counter) == (4, 2)
+    assert (axis.faults.changes, axis.faults.counter) == (4, 2)
     drive.command(CMD_CLEAR_HISTORY)
     drive.run(1)
-    assert (axis.fault_changes, axis.fault_counter) == (5, 1)
-    assert [int(number) for number in axis.fault_buffer if number] == [19]
+    assert (axis.faults.changes, axis.faults.counter) == (5, 1)
+    assert [int(number) for number in axis.faults.buffer if number] == [19]
     drive.write(0x0400)
     drive.write(0x0480)
     drive.command(CMD_CLEAR_HISTORY)
     drive.run(1)
-    assert (axis.fault_changes, axis.fault_counter) == (7, 0)
-    assert not axis.fault_buffer.any()
+    assert (axis.faults.changes, axis.faults.counter) == (7, 0)
+    assert not axis.faults.buffer.any()
     drive.command(CMD_CLEAR_HISTORY)
     drive.run(1)
-    assert axis.fault_changes == 7, "there was nothing to forget"
+    assert axis.faults.changes == 7, "there was nothing to forget"
 
 
 def test_a_sensor_without_a_step_sends_no_position(drive):
-    drive.axis.position = 1.5
+    drive.axis.motor.position = 1.5
     drive.run(1)
     assert drive.image.sent[G1_XIST1] == 0
-    drive.axis.sensor_step = 2.0**-23
+    drive.axis.sensor.settings.step = 2.0**-23
     drive.run(1)
     assert drive.image.sent[G1_XIST1] == 3 << 22
 
 
 def test_the_second_position_of_a_sensor_has_a_step_of_its_own_or_stays_0(drive):
-    drive.axis.position = 1.5
-    drive.axis.sensor_step = 2.0**-23
+    drive.axis.motor.position = 1.5
+    drive.axis.sensor.settings.step = 2.0**-23
     drive.run(1)
     assert (drive.image.sent[G1_XIST1], drive.image.sent[G1_XIST2]) == (3 << 22, 0)
-    drive.axis.sensor_step_2 = 2.0**-20
+    drive.axis.sensor.settings.step_2 = 2.0**-20
     drive.run(1)
     assert (drive.image.sent[G1_XIST1], drive.image.sent[G1_XIST2]) == (3 << 22, 3 << 19)
 
@@ -223,5 +223,5 @@ def test_the_second_position_of_a_sensor_has_a_step_of_its_own_or_stays_0(drive)
 def test_a_drive_with_a_ramp_generator_keeps_it():
     drive = BenchAxis()
     drive.enable(1000.0)
-    assert drive.axis.ramp == pytest.approx(10.0, abs=0.5)
-    assert drive.image.sent[NIST_A] == round(drive.axis.velocity / VELOCITY_STEP)
+    assert drive.axis.ramp.command == pytest.approx(10.0, abs=0.5)
+    assert drive.image.sent[NIST_A] == round(drive.axis.motor.velocity / VELOCITY_STEP)

@@ -40,9 +40,9 @@ def test_akd_7_1_4_sample_words_0x047f_gives_0x0237_while_the_axis_speeds_up():
 def test_switching_on_inhibit_is_left_only_with_bit_0_withdrawn():
     drive = BenchAxis()
     drive.write(0x0477, run=20)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     drive.write(0x0476)
-    assert drive.axis.state == 2
+    assert drive.axis.drive.state == 2
 
 
 @pytest.mark.parametrize("state_word", [0x0476, 0x0477, 0x047F])
@@ -54,7 +54,7 @@ def test_coast_stop_leads_to_s1_from_everywhere(state_word, stop_word):
         if word == state_word:
             break
     drive.write(stop_word, run=2)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
 
 
 def test_off_in_operation_ramps_down_with_the_deceleration_then_s2():
@@ -62,12 +62,12 @@ def test_off_in_operation_ramps_down_with_the_deceleration_then_s2():
     drive.enable(1000.0)
     drive.run(300)
     drive.write(0x047E, 1000.0)
-    assert drive.axis.state == 5
+    assert drive.axis.drive.state == 5
     assert state_bits(drive.zsw1) == (1, 1, 0, 0)
     drive.run(98)
-    assert drive.axis.velocity == pytest.approx(1000 - 5000 * 0.099, rel=0.03)
+    assert drive.axis.motor.velocity == pytest.approx(1000 - 5000 * 0.099, rel=0.03)
     drive.run(120)
-    assert drive.axis.state == 2
+    assert drive.axis.drive.state == 2
 
 
 def test_on_again_during_the_ramp_stop_returns_to_operation():
@@ -76,7 +76,7 @@ def test_on_again_during_the_ramp_stop_returns_to_operation():
     drive.run(300)
     drive.write(0x047E, 1000.0, run=50)
     drive.write(0x047F, 1000.0)
-    assert drive.axis.state == 4
+    assert drive.axis.drive.state == 4
 
 
 def test_quick_stop_uses_its_own_ramp_and_ends_in_s1():
@@ -84,11 +84,11 @@ def test_quick_stop_uses_its_own_ramp_and_ends_in_s1():
     drive.enable(1000.0)
     drive.run(300)
     drive.write(0x047B, 1000.0)
-    assert drive.axis.state == 5
+    assert drive.axis.drive.state == 5
     assert drive.zsw1 & 0x0020 == 0
     drive.run(60)
-    assert drive.axis.state == 1
-    assert drive.axis.velocity == pytest.approx(0.0, abs=0.5)
+    assert drive.axis.drive.state == 1
+    assert drive.axis.motor.velocity == pytest.approx(0.0, abs=0.5)
 
 
 def test_quick_stop_overrides_a_ramp_stop():
@@ -96,9 +96,9 @@ def test_quick_stop_overrides_a_ramp_stop():
     drive.enable(2000.0)
     drive.run(400)
     drive.write(0x047E, run=10)
-    assert drive.axis.stop == 1
+    assert drive.axis.drive.stop == 1
     drive.write(0x047A, run=2)
-    assert drive.axis.stop == 2
+    assert drive.axis.drive.stop == 2
 
 
 def test_disable_operation_takes_the_power_stage_off_and_the_axis_coasts():
@@ -106,18 +106,18 @@ def test_disable_operation_takes_the_power_stage_off_and_the_axis_coasts():
     drive.enable(1000.0)
     drive.run(300)
     drive.write(0x0477, 1000.0, run=2)
-    assert drive.axis.state == 3
-    assert drive.axis.current == 0.0
-    assert drive.axis.velocity > 900.0
+    assert drive.axis.drive.state == 3
+    assert drive.axis.motor.current == 0.0
+    assert drive.axis.motor.velocity > 900.0
 
 
 def test_without_control_by_plc_the_other_bits_are_not_taken_over():
     drive = BenchAxis()
     drive.enable(500.0)
     drive.write(0x0000, run=20)
-    assert drive.axis.state == 4
+    assert drive.axis.drive.state == 4
     drive.write(0x0400, run=2)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
 
 
 def test_a_fault_in_operation_sets_bit_3_and_ends_in_s1():
@@ -125,7 +125,7 @@ def test_a_fault_in_operation_sets_bit_3_and_ends_in_s1():
     drive.enable(500.0)
     drive.command(CMD_RAISE_FAULT, 529)
     drive.run(2)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     assert drive.zsw1 & 0x0008
 
 
@@ -135,10 +135,10 @@ def test_a_fault_with_controlled_stop_brakes_first():
     drive.run(200)
     drive.command(CMD_RAISE_FAULT, 702 | REACTION_QUICK_STOP << 24)
     drive.run(2)
-    assert drive.axis.state == 5
-    assert drive.axis.current < 0.0
+    assert drive.axis.drive.state == 5
+    assert drive.axis.motor.current < 0.0
     drive.run(60)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
 
 
 def test_acknowledgement_needs_an_edge_of_bit_7():
@@ -160,9 +160,9 @@ def test_a_controller_that_holds_bit_0_through_a_fault_stays_in_s1():
     drive.write(0x04FF)
     drive.write(0x047F, run=50)
     assert not drive.zsw1 & 0x0008
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     drive.write(0x0476)
-    assert drive.axis.state == 2
+    assert drive.axis.drive.state == 2
 
 
 def test_a_fault_whose_cause_is_still_there_cannot_be_acknowledged():
@@ -182,17 +182,17 @@ def test_akd_5_14_acknowledging_shifts_the_fault_buffer_by_eight_and_each_situat
     for number in (501, 502):
         drive.command(CMD_RAISE_FAULT, number)
     drive.run(1)
-    assert list(drive.axis.fault_buffer[:3]) == [501, 502, 0]
-    assert drive.axis.fault_counter == 1
+    assert list(drive.axis.faults.buffer[:3]) == [501, 502, 0]
+    assert drive.axis.faults.counter == 1
     drive.command(CMD_ACKNOWLEDGE)
     drive.run(1)
-    assert list(drive.axis.fault_buffer[:3]) == [0, 0, 0]
-    assert list(drive.axis.fault_buffer[8:11]) == [501, 502, 0]
+    assert list(drive.axis.faults.buffer[:3]) == [0, 0, 0]
+    assert list(drive.axis.faults.buffer[8:11]) == [501, 502, 0]
     drive.command(CMD_RAISE_FAULT, 702)
     drive.run(1)
-    assert drive.axis.fault_counter == 2
-    assert drive.axis.fault_buffer[0] == 702
-    assert list(drive.axis.fault_buffer[8:10]) == [501, 502]
+    assert drive.axis.faults.counter == 2
+    assert drive.axis.faults.buffer[0] == 702
+    assert list(drive.axis.faults.buffer[8:10]) == [501, 502]
 
 
 def test_a_ninth_situation_pushes_the_oldest_out():
@@ -201,7 +201,7 @@ def test_a_ninth_situation_pushes_the_oldest_out():
         drive.command(CMD_RAISE_FAULT, number)
         drive.command(CMD_ACKNOWLEDGE)
         drive.run(1)
-    assert list(drive.axis.fault_buffer[0::8]) == [0, 10, 9, 8, 7, 6, 5, 4]
+    assert list(drive.axis.faults.buffer[0::8]) == [0, 10, 9, 8, 7, 6, 5, 4]
 
 
 def test_the_same_fault_twice_is_one_entry():
@@ -209,7 +209,7 @@ def test_the_same_fault_twice_is_one_entry():
     drive.command(CMD_RAISE_FAULT, 501)
     drive.command(CMD_RAISE_FAULT, 501 | REACTION_QUICK_STOP << 24)
     drive.run(1)
-    assert list(drive.axis.fault_code[:2]) == [501, 0]
+    assert list(drive.axis.faults.code[:2]) == [501, 0]
 
 
 def test_loss_of_cyclic_data_raises_702_and_stops_the_axis_along_its_ramp():
@@ -217,11 +217,11 @@ def test_loss_of_cyclic_data_raises_702_and_stops_the_axis_along_its_ramp():
     drive.enable(1000.0)
     drive.run(200)
     drive.lose(LOST_EXPIRED)
-    assert drive.axis.fault_buffer[0] == 702
-    assert drive.axis.state == 5
+    assert drive.axis.faults.buffer[0] == 702
+    assert drive.axis.drive.state == 5
     drive.run(60)
-    assert drive.axis.state == 1
-    assert drive.axis.velocity == pytest.approx(0.0, abs=0.5)
+    assert drive.axis.drive.state == 1
+    assert drive.axis.motor.velocity == pytest.approx(0.0, abs=0.5)
 
 
 def test_an_orderly_release_coasts_without_a_fault():
@@ -229,8 +229,8 @@ def test_an_orderly_release_coasts_without_a_fault():
     drive.enable(1000.0)
     drive.lose(LOST_CLOSED)
     drive.run(2)
-    assert drive.axis.fault_code[0] == 0
-    assert drive.axis.state == 1
+    assert drive.axis.faults.code[0] == 0
+    assert drive.axis.drive.state == 1
 
 
 @pytest.mark.parametrize(("word", "coasts"), [(0x047D, True), (0x047B, False), (0x047E, False), (0x0477, False)])
@@ -239,24 +239,24 @@ def test_5_4_a_coast_stop_ends_the_controlled_stop_of_a_fault_and_nothing_softer
     drive = BenchAxis()
     drive.enable(1000.0)
     drive.run(300)
-    drive.axis.quick_stop_deceleration = 2_000.0
+    drive.axis.ramp.settings.quick_stop_deceleration = 2_000.0
     drive.command(CMD_RAISE_FAULT, 301 | REACTION_QUICK_STOP << 24)
     drive.run(20)
-    assert drive.axis.state == 5
+    assert drive.axis.drive.state == 5
     drive.write(word, 1000.0, run=2)
-    assert (drive.axis.state == 1) == coasts
-    assert (drive.axis.current == 0.0) == coasts
+    assert (drive.axis.drive.state == 1) == coasts
+    assert (drive.axis.motor.current == 0.0) == coasts
 
 
 def test_provider_stop_raises_702_only_where_fbus_param02_asks_for_it():
     drive = BenchAxis()
     drive.enable()
     drive.lose(LOST_STOP)
-    assert drive.axis.fault_code[0] == 0
+    assert drive.axis.faults.code[0] == 0
     drive.enable()
-    drive.axis.stop_fault = 702
+    drive.axis.faults.settings.stop_fault = 702
     drive.lose(LOST_STOP)
-    assert drive.axis.fault_code[0] == 702
+    assert drive.axis.faults.code[0] == 702
 
 
 def test_power_on_boots_for_a_while_and_moves_the_open_situation_into_history():
@@ -265,11 +265,11 @@ def test_power_on_boots_for_a_while_and_moves_the_open_situation_into_history():
     drive.run(1)
     drive.command(CMD_POWER_ON)
     drive.run(1)
-    assert drive.axis.state == 0
+    assert drive.axis.drive.state == 0
     drive.run(100)
-    assert drive.axis.state == 1
+    assert drive.axis.drive.state == 1
     assert not drive.zsw1 & 0x0008
-    assert drive.axis.fault_buffer[8] == 501
+    assert drive.axis.faults.buffer[8] == 501
 
 
 @pytest.mark.parametrize("row", sorted(TRANSITIONS), ids=str)
@@ -283,8 +283,8 @@ def test_every_row_of_the_table_is_reachable_by_priority(row):
         # a quick stop that is taken back is an event of drives that stay in it only
         held = conditions(stw1, faulty, reaction, standing, state == 0) | (event == RELEASED) << RELEASED
         if next((e for e in PRIORITY if held & 1 << e and (state, e) in TRANSITIONS), None) == event:
-            axis.state, axis.stop = min(state, 5), max(state - 4, 0)
+            axis.drive.state, axis.drive.stop = min(state, 5), max(state - 4, 0)
             advance(axis, held)
-            assert int(axis.state) + max(int(axis.stop) - 1, 0) == TRANSITIONS[row]
+            assert int(axis.drive.state) + max(int(axis.drive.stop) - 1, 0) == TRANSITIONS[row]
             ways += 1
     assert ways

@@ -17,8 +17,8 @@ PEAK = 9.0 * 0.5
 @pytest.fixture
 def drive() -> BenchAxis:
     bench = BenchAxis()
-    bench.axis.inertia = 0.1
-    bench.axis.acceleration = bench.axis.deceleration = 1e6
+    bench.axis.load.settings.inertia = 0.1
+    bench.axis.ramp.settings.acceleration = bench.axis.ramp.settings.deceleration = 1e6
     return bench
 
 
@@ -26,7 +26,7 @@ def gained(drive: BenchAxis, rpm: float) -> float:
     """Speed after 100 ms towards ``rpm`` from rest."""
     drive.enable(rpm)
     drive.run(100)
-    return float(drive.axis.velocity)
+    return float(drive.axis.motor.velocity)
 
 
 def expected(torque: float) -> float:
@@ -39,7 +39,7 @@ def not_limited(drive: BenchAxis) -> bool:
 
 
 def test_without_limits_the_peak_current_is_the_limit(drive):
-    assert drive.axis.torque_limit_positive == drive.axis.torque_limit_negative == inf
+    assert drive.axis.torque.settings.limit_positive == drive.axis.torque.settings.limit_negative == inf
     assert gained(drive, 3000.0) == pytest.approx(expected(PEAK), rel=0.05)
     assert not not_limited(drive)
 
@@ -49,33 +49,33 @@ def test_without_limits_the_peak_current_is_the_limit(drive):
     (-3000.0, 2.0, inf, PEAK), (-3000.0, 2.0, 0.5, 0.5), (3000.0, 99.0, 99.0, PEAK),
 ])  # fmt: skip
 def test_each_direction_has_its_own_limit_and_none_goes_beyond_the_peak(drive, rpm, positive, negative, torque):
-    drive.axis.torque_limit_positive, drive.axis.torque_limit_negative = positive, negative
+    drive.axis.torque.settings.limit_positive, drive.axis.torque.settings.limit_negative = positive, negative
     assert abs(gained(drive, rpm)) == pytest.approx(expected(torque), rel=0.05)
-    assert abs(float(drive.axis.torque)) == pytest.approx(torque)
+    assert abs(float(drive.axis.motor.torque)) == pytest.approx(torque)
     assert not not_limited(drive)
 
 
 def test_braking_is_limited_in_the_direction_of_its_torque(drive):
-    drive.axis.torque_limit_negative = 1.0
+    drive.axis.torque.settings.limit_negative = 1.0
     gained(drive, 3000.0)
     drive.write(0x047F, 0.0, run=10)
-    before = float(drive.axis.velocity)
+    before = float(drive.axis.motor.velocity)
     drive.run(100)
     lost = (1.0 + 0.05) / 0.1 * 0.1 * 60 / (2 * pi)
-    assert before - float(drive.axis.velocity) == pytest.approx(lost, rel=0.05)
+    assert before - float(drive.axis.motor.velocity) == pytest.approx(lost, rel=0.05)
 
 
 def test_a_limit_of_zero_gives_no_torque_and_a_load_moves_the_axis(drive):
-    drive.axis.torque_limit_positive = 0.0
+    drive.axis.torque.settings.limit_positive = 0.0
     assert gained(drive, 1000.0) == 0.0
     assert not not_limited(drive)
 
 
 def test_the_bit_comes_back_when_less_is_asked_and_when_the_power_stage_is_off(drive):
-    drive.axis.torque_limit_positive = 1.0
+    drive.axis.torque.settings.limit_positive = 1.0
     gained(drive, 3000.0)
     assert not not_limited(drive)
-    drive.write(0x047F, float(drive.axis.velocity) / 2)
+    drive.write(0x047F, float(drive.axis.motor.velocity) / 2)
     drive.run(2000)
     assert not_limited(drive)
     gained(drive, 3000.0)

@@ -72,7 +72,7 @@ class Difference:
 
 EVERY = [*SPEED, *POSITION]
 #: Those whose ZSW1.10 is 1 whenever no task is active.
-IDLE_IS_REACHED = [case for case in POSITION if model(case.model).firmware.get("reached_without_task")]
+IDLE_IS_REACHED = [case for case in POSITION if model(case.model).firmware.get("profidrive.reached_without_task")]
 DIFFERENCES = {
     "stopped": Difference(
         tuple(case.name for case in POSITION if case not in IDLE_IS_REACHED),
@@ -217,9 +217,9 @@ def test_edcon_enables_and_disables(open_line, case):
     assert not handler.ready_for_motion()
     assert handler.enable_powerstage()
     assert handler.ready_for_motion()
-    assert int(line.axis.state) == 4
+    assert int(line.axis.drive.state) == 4
     assert handler.disable_powerstage()
-    assert int(line.axis.state) == 2
+    assert int(line.axis.drive.state) == 2
     assert handler.enable_powerstage()
 
 
@@ -248,7 +248,7 @@ def test_edcon_leaves_and_the_drive_stays_as_it_was(open_line, case):
     assert line.handler.enable_powerstage()
     line.handler.shutdown()
     line.run(0.5)
-    assert int(line.axis.state) == 4
+    assert int(line.axis.drive.state) == 4
     with pytest.raises(ConnectionError):
         line.handler.update_io()
 
@@ -267,16 +267,16 @@ def test_edcon_runs_a_velocity_both_ways_and_stops_it(open_line, case):
         handler.update_inputs()
         actual = telegram.nist_b if hasattr(telegram, "nist_b") else telegram.nist_a
         assert int(actual) == pytest.approx(sign * case.speed, rel=0.01)
-        assert float(line.axis.velocity) == pytest.approx(sign * 600.0, abs=2.0)
+        assert float(line.axis.motor.velocity) == pytest.approx(sign * 600.0, abs=2.0)
         assert telegram.zsw1.speed_error_within_tolerance_range
         assert telegram.zsw1.f_or_n_reached_or_exceeded
     assert handler.velocity_task(case.speed, duration=1.0)
-    if int(line.axis.ramp_generator) == 2:
+    if int(line.axis.ramp.settings.generator) == 2:
         # HIWIN E1 3.3.1 reserves STW1.4 to 6: the set point itself goes to zero
         telegram.nsoll_b.value = 0
         handler.update_outputs()
     line.run(2.0)
-    assert float(line.axis.velocity) == pytest.approx(0.0, abs=0.5)
+    assert float(line.axis.motor.velocity) == pytest.approx(0.0, abs=0.5)
     assert handler.ready_for_motion()
 
 
@@ -291,12 +291,12 @@ def test_edcon_stops_a_running_axis_out_of_operation_and_starts_it_again(open_li
     getattr(handler, stop)(active=True)
     handler.update_outputs()
     line.run(5.0)
-    assert int(line.axis.state) == 1, "switching on inhibited"
+    assert int(line.axis.drive.state) == 1, "switching on inhibited"
     assert not handler.enable_powerstage(timeout=0.5)
     getattr(handler, stop)(active=False)
     assert handler.enable_powerstage()
     line.run(2.0)
-    assert float(line.axis.velocity) == pytest.approx(600.0, abs=2.0)
+    assert float(line.axis.motor.velocity) == pytest.approx(600.0, abs=2.0)
 
 
 # positions
@@ -334,7 +334,7 @@ def test_edcon_stops_a_move_and_starts_another(open_line, case):
     waits_for_standstill(handler)
     assert go(case, handler, 50.0, absolute=True, nonblocking=True)
     line.run(1.0)
-    assert float(line.axis.velocity) == pytest.approx(600.0, abs=2.0)
+    assert float(line.axis.motor.velocity) == pytest.approx(600.0, abs=2.0)
     assert not handler.stopped()
     handler.stop_motion_task()
     assert handler.stopped()
@@ -404,7 +404,7 @@ def test_edcon_jogs_both_ways_and_stops(open_line, case):
             stw1.do_not_reject_traversing_task = stw1.no_intermediate_stop = False
         assert handler.jog_task(sign > 0, sign < 0)
         line.run(1.0)
-        assert float(line.axis.velocity) == pytest.approx(sign * case.jog_rpm, abs=2.0)
+        assert float(line.axis.motor.velocity) == pytest.approx(sign * case.jog_rpm, abs=2.0)
         handler.stop_motion_task()
         assert handler.stopped()
         stw1.no_intermediate_stop = True

@@ -6,9 +6,9 @@ from typing import Any
 
 from stepping import run_steps
 
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.faults import take_commands  # noqa: F401 - re-exported for tests that drive it alone
-from pnfarm.table.axis import AXIS, COMMANDS
-from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE, REACTION_QUICK_STOP
+from pnfarm.table.axis_codes import COMMANDS, FIRMWARE_PROFIDRIVE, REACTION_QUICK_STOP
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
 from pnfarm.table.signals import NIST_A, NSOLL_A, STW1, ZSW1
 
@@ -18,30 +18,30 @@ VELOCITY_STEP = 1638 * 60 * 16000 / 2**32
 
 def configure(axis: Any) -> None:
     """Values of a small servo; the ramps are round numbers."""
-    axis.firmware = FIRMWARE_PROFIDRIVE
+    axis.front = FIRMWARE_PROFIDRIVE
     axis.powered = 1
     axis.step_ns = MS
     axis.boot_time_ns = 100 * MS
-    axis.inertia = 2e-4
-    axis.friction = 0.05
-    axis.damping = 0.0
-    axis.torque_constant = 0.5
-    axis.peak_current = 9.0
-    axis.velocity_time_constant = 0.002
-    axis.max_velocity = 12000.0
-    axis.opmode = 1
-    axis.velocity_step = VELOCITY_STEP
-    axis.position_step = 1 / 65536
-    axis.acceleration = 10_000.0
-    axis.deceleration = 5_000.0
-    axis.quick_stop_deceleration = 50_000.0
-    axis.velocity_window = 1.0
-    axis.standstill = 0.5
-    axis.jog_velocity[0] = 100.0
-    axis.jog_velocity[1] = -50.0
-    axis.jog_acceleration = 1_000.0
-    axis.jog_deceleration = 1_000.0
-    axis.loss_fault = 702 | REACTION_QUICK_STOP << 24
+    axis.load.settings.inertia = 2e-4
+    axis.load.settings.friction = 0.05
+    axis.load.settings.damping = 0.0
+    axis.motor.settings.torque_constant = 0.5
+    axis.motor.settings.peak_current = 9.0
+    axis.motor.settings.velocity_time_constant = 0.002
+    axis.motor.settings.max_velocity = 12000.0
+    axis.drive.settings.opmode = 1
+    axis.profidrive.settings.velocity_step = VELOCITY_STEP
+    axis.profidrive.settings.position_step = 1 / 65536
+    axis.ramp.settings.acceleration = 10_000.0
+    axis.ramp.settings.deceleration = 5_000.0
+    axis.ramp.settings.quick_stop_deceleration = 50_000.0
+    axis.ramp.settings.velocity_window = 1.0
+    axis.ramp.settings.standstill = 0.5
+    axis.jog.settings.velocity[0] = 100.0
+    axis.jog.settings.velocity[1] = -50.0
+    axis.jog.settings.acceleration = 1_000.0
+    axis.jog.settings.deceleration = 1_000.0
+    axis.faults.settings.loss_fault = 702 | REACTION_QUICK_STOP << 24
 
 
 class BenchAxis:
@@ -77,15 +77,15 @@ class BenchAxis:
         self.run(1)
 
     def command(self, code: int, argument: int = 0) -> None:
-        head = int(self.axis.command_head)
-        self.axis.command[head % COMMANDS] = code | argument << 8
-        self.axis.command_head = head + 1
+        head = int(self.axis.commands.settings.head)
+        self.axis.commands.settings.ring[head % COMMANDS] = code | argument << 8
+        self.axis.commands.settings.head = head + 1
 
     def enable(self, rpm: float = 0.0) -> None:
         for word in (0x0470, 0x0476, 0x0477, 0x047F):
             self.write(word)
         self.write(0x047F, rpm)
-        assert self.axis.state == 4
+        assert self.axis.drive.state == 4
 
     @property
     def zsw1(self) -> int:

@@ -54,7 +54,7 @@ class E1Plc(HandPlc):
 
     @property
     def rpm(self) -> float:
-        return float(self.axis.velocity)
+        return float(self.axis.motor.velocity)
 
     def bit(self, bits: int) -> bool:
         return self["ZSW1"] & bits == bits

@@ -235,4 +235,4 @@ class EdconLine(VirtualLine):
     @property
     def turns(self) -> float:
         """Where the axis stands, revolutions from the home position."""
-        return float(self.axis.position) - float(self.axis.origin)
+        return float(self.axis.motor.position) - float(self.axis.homing.origin)

@@ -54,4 +54,4 @@ class HandLine(VirtualLine):
     @property
     def place(self) -> float:
         """The machine's position, rev."""
-        return float(self.axis.position) - float(self.axis.origin)
+        return float(self.axis.motor.position) - float(self.axis.homing.origin)

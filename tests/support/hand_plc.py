@@ -34,7 +34,7 @@ class HandPlc(VirtualLine):
         self.life = 0
         #: Bits 0 to 11 of STW2.
         self.stw2 = 0
-        self.wait_for(lambda: self.axis.state == 1)
+        self.wait_for(lambda: self.axis.drive.state == 1)
         self.wait(30)
 
     def wait(self, milliseconds: int = 1) -> None:
@@ -69,10 +69,10 @@ class HandPlc(VirtualLine):
             if condition():
                 return milliseconds
             self.wait()
-        raise AssertionError(f"ZSW1 0x{self['ZSW1']:04X}, S{int(self.axis.state)}")
+        raise AssertionError(f"ZSW1 0x{self['ZSW1']:04X}, S{int(self.axis.drive.state)}")
 
     def switch_on(self, *, operation: int) -> None:
         """S1 to S4; ``operation`` is STW1 with operation enabled."""
         for word in (0x0406, 0x0407, operation):
             self.put(STW1=word)
-        assert self.axis.state == 4
+        assert self.axis.drive.state == 4

@@ -9,7 +9,7 @@ from stepping import run_steps
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.store import ParameterStore
-from pnfarm.table.axis import AXIS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
@@ -33,7 +33,7 @@ class MsdBench:
         self.image: Any = self.images[0]
         self.store = ParameterStore(self.model, AxisHandle(self.axis, self.image))
         self.model.apply_motor(self.axis)
-        self.axis.firmware = FIRMWARE_PROFIDRIVE
+        self.axis.front = FIRMWARE_PROFIDRIVE
         self.axis.powered = 1
         self.axis.step_ns = MS
         self.image.lost = LOST_NEVER
@@ -70,16 +70,16 @@ class MsdBench:
 
     @property
     def state(self) -> int:
-        return int(self.axis.state)
+        return int(self.axis.drive.state)
 
     @property
     def speed(self) -> float:
-        return float(self.axis.velocity)
+        return float(self.axis.motor.velocity)
 
     @property
     def place(self) -> float:
         """Revolutions from the machine's zero."""
-        return float(self.axis.position - self.axis.origin)
+        return float(self.axis.motor.position - self.axis.homing.origin)
 
     def enable(self, last: int = RUN, **signals: int) -> None:
         for word in (READY, ON, last):
@@ -87,7 +87,7 @@ class MsdBench:
         assert self.state == 4, f"S{self.state}, ZSW1 0x{self.zsw1:04X}"
 
     def faults(self) -> list[str]:
-        return [self.model.faults[int(code) & 0xFFFFFF].label for code in self.axis.fault_code if code]
+        return [self.model.faults[int(code) & 0xFFFFFF].label for code in self.axis.faults.code if code]
 
     def until(self, condition: Any, within: int = 5000) -> int:
         """Milliseconds until ``condition()`` holds."""

@@ -74,4 +74,4 @@ class MsdHand(VirtualLine):
     def labels(self) -> list[str]:
         """The drive's active faults."""
         known = self.farm.stations[0].model.faults
-        return [known[int(code) & 0xFFFFFF].label for code in self.axis.fault_code if code]
+        return [known[int(code) & 0xFFFFFF].label for code in self.axis.faults.code if code]

@@ -79,7 +79,7 @@ class Plc(HandPlc):
         return parse_response(read.data)
 
     def rpm(self) -> float:
-        return float(self.axis.velocity)
+        return float(self.axis.motor.velocity)
 
 
 def task_plc(name: str, behaviour: str, *, homed: bool = True, **options) -> Plc:

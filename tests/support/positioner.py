@@ -32,31 +32,38 @@ class Positioner(BenchAxis):
     def __init__(self, *, homed=True):
         super().__init__()
         axis = self.axis
-        axis.opmode = 2
-        axis.task_form = TASKS_MDI
-        axis.target_step = 1 / COUNTS
-        axis.position_step = 1 / COUNTS
-        axis.task_velocity_step = VELOCITY_UNIT
-        axis.task_velocity_unsigned = 1
-        axis.task_acceleration_step = axis.task_deceleration_step = ACCELERATION_UNIT
-        axis.task_active = ACTIVE
-        axis.control_config = CONFIG_RISING_EDGE | CONFIG_PROFILE_JOG
-        axis.real_time_jog = 1
-        axis.home_required = 1
-        axis.home_velocity, axis.home_acceleration, axis.home_deceleration, axis.home_direction = 300.0, 3e4, 3e4, 1.0
-        axis.home_method = HOME_MARK
-        axis.position_gain = 60.0
-        axis.following_window = 0.5
-        axis.target_window = 0.001
+        axis.drive.settings.opmode = 2
+        axis.profidrive.settings.task_form = TASKS_MDI
+        axis.profidrive.settings.target_step = 1 / COUNTS
+        axis.profidrive.settings.position_step = 1 / COUNTS
+        axis.profidrive.settings.task_velocity_step = VELOCITY_UNIT
+        axis.profidrive.settings.task_velocity_unsigned = 1
+        axis.profidrive.settings.task_acceleration_step = axis.profidrive.settings.task_deceleration_step = (
+            ACCELERATION_UNIT
+        )
+        axis.profidrive.settings.task_active = ACTIVE
+        axis.asked.settings.control_config = CONFIG_RISING_EDGE | CONFIG_PROFILE_JOG
+        axis.jog.settings.real_time = 1
+        axis.homing.settings.required = 1
+        (
+            axis.homing.settings.velocity,
+            axis.homing.settings.acceleration,
+            axis.homing.settings.deceleration,
+            axis.homing.settings.direction,
+        ) = 300.0, 3e4, 3e4, 1.0
+        axis.homing.settings.method = HOME_MARK
+        axis.positioning.settings.gain = 60.0
+        axis.positioning.settings.following_window = 0.5
+        axis.positioning.settings.target_window = 0.001
         self.data(0.0)
         for word in (0x0430, 0x0436, 0x0437, READY):
             self.stw(word)
-        assert axis.state == 4
+        assert axis.drive.state == 4
         if homed:
-            axis.home_method = HOME_AT_ONCE
+            axis.homing.settings.method = HOME_AT_ONCE
             self.stw(HOME, 5)
             self.stw(READY)
-            axis.home_method = HOME_MARK
+            axis.homing.settings.method = HOME_MARK
             assert self.zsw1 & HOMED
 
     def stw(self, word, run=1):
@@ -81,7 +88,7 @@ class Positioner(BenchAxis):
         """Disabled, turned there by hand, and enabled again."""
         for word in (0x0430, 0x0436):
             self.stw(word)
-        self.axis.position = position
+        self.axis.motor.position = position
         for word in (0x0437, READY, READY):
             self.stw(word)
 
@@ -105,8 +112,10 @@ class Positioner(BenchAxis):
 def task(drive, number, position, *, relative=False, following=None, dwell=0.0):
     """A motion task of the drive's own."""
     axis = drive.axis
-    axis.mt_position[number], axis.mt_velocity[number] = position, 600.0
-    axis.mt_acceleration[number] = axis.mt_deceleration[number] = 30_000.0
-    axis.mt_flags[number] = TASK_DEFINED | relative * TASK_RELATIVE | (following is not None) * TASK_CHAINED
-    axis.mt_next[number] = following or 0
-    axis.mt_dwell_ns[number] = round(dwell * 1e9)
+    axis.motion_tasks.settings.position[number], axis.motion_tasks.settings.velocity[number] = position, 600.0
+    axis.motion_tasks.settings.acceleration[number] = axis.motion_tasks.settings.deceleration[number] = 30_000.0
+    axis.motion_tasks.settings.kind[number] = (
+        TASK_DEFINED | relative * TASK_RELATIVE | (following is not None) * TASK_CHAINED
+    )
+    axis.motion_tasks.settings.next[number] = following or 0
+    axis.motion_tasks.settings.dwell_ns[number] = round(dwell * 1e9)

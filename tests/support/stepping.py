@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
-from pnfarm.table.axis import AXIS
 from pnfarm.table.compiled import compiled
 from pnfarm.table.image import IMAGE
 

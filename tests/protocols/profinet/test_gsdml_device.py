@@ -32,6 +32,7 @@ from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.model_identity import with_identity
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
+from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.profinet.binding import describe_device, serial_number
 from pnfarm.protocols.profinet.cmctl import CmController
 from pnfarm.protocols.profinet.cmctl_events import ArEstablished, Connected
@@ -51,7 +52,6 @@ from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 from pnfarm.protocols.profinet.wire.dcp_blocks import BlockError, ResetToFactoryBlock
 from pnfarm.protocols.profinet.wire.iocr import RtClass
 from pnfarm.protocols.profinet.wire.records import parse_identification_data, parse_im0
-from pnfarm.table.axis import AXIS
 from pnfarm.table.image import IMAGE
 from pnfarm.wire.ethernet import EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
@@ -567,7 +567,7 @@ def test_every_diagnosis_that_a_fault_of_the_drive_becomes_stands_in_the_file_an
     gsdml, _ = described(drive_model)
     store = ParameterStore(drive_model, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
     store.power_on()
-    store.handle.axis.warning_code = 0x0002_0014
+    store.handle.axis.warnings.code = 0x0002_0014
     coding = drive_model.diagnosis_coding
     channels, units = set(), set()
     for mode, number in product(range(len(coding.modes) if coding else 1), drive_model.faults):

@@ -181,7 +181,7 @@ class StationConnections:
         ar = self._station.ars.get(key)
         if ar is not None and ar.feeds:
             self._station.store.watchdog_ns = ar.watchdog_ns
-            self._station.handle.axis.cycle_ns = ar.set_point_cycle_ns
+            self._station.handle.axis.interpolation.settings.cycle_ns = ar.set_point_cycle_ns
         # the diagnosis of what was pulled went with it
         self._tell_problem(key)
         if event.starting and not unusable:
@@ -208,10 +208,10 @@ class StationConnections:
         self.close(key)
         if ar is None:
             return
-        code = int(self._station.handle.axis.loss_fault)
+        code = int(self._station.handle.axis.faults.settings.loss_fault)
         # with two controllers on one drive, only the loss of the one that feeds it is the drive's; a drive that waits
         # for telegrams for a time of its own finds out by itself
-        if ar.established and code and ar.feeds and not int(self._station.handle.axis.loss_delay_ns):
+        if ar.established and code and ar.feeds and not int(self._station.handle.axis.faults.settings.loss_delay_ns):
             self._station.handle.push_command(CMD_RAISE_FAULT, code)
 
     # -- the engine's events -----------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.wire.diagnosis import Direction, Usi
-from pnfarm.table.axis import FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SLOTS
 
 if TYPE_CHECKING:
     from pnfarm.drives.store import ParameterStore
@@ -44,7 +44,7 @@ def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
             return entry(usi=Usi.EXT_CHANNEL, error_type=error_type, ext_add_value=number)
         case "manufacturer":
             assert coding is not None  # the plain form is another one
-            warning = int(store.handle.axis.warning_code)
+            warning = int(store.handle.axis.warnings.code)
             data = number.to_bytes(4, "big") + warning.to_bytes(4, "big")
             return entry(usi=coding.user_structure, data=data)
         case _:
@@ -66,7 +66,7 @@ class FaultDiagnosis:
     def raised(self, number: int) -> None:
         """The firmware raised a fault."""
         self._count += 1
-        if self._count > (int(self._store.handle.axis.fault_places) or FAULT_SLOTS):
+        if self._count > (int(self._store.handle.axis.faults.settings.places) or FAULT_SLOTS):
             return
         entry = fault_entry(self._store, number)
         if entry is not None and number not in self._entries and self._diagnosis.add(entry):

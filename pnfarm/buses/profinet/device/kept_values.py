@@ -15,7 +15,7 @@ from pnfarm.errors import EnvironmentError_
 from pnfarm.protocols.profinet.dcp_rules import check_ip_suite
 from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.wire.names import check_station_name
-from pnfarm.table.axis import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:

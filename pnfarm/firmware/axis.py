@@ -1,0 +1,81 @@
+"""The axis: one row for each virtual drive (one drive object with one motor), put together from its subjects.
+
+Each subject is declared in ``records``, in the file of the name of the module that writes it; what the event loop
+writes are its settings.  Nothing here waits for the compiler.
+
+* ``drive.state``: 1..5 for S1..S5 of the PROFIdrive general state machine, 0 while the drive boots.
+* fault numbers are the manual's own (AKD: 702 ...); 0 means none;
+* names with a star are the constants in :mod:`pnfarm.table.axis_codes` and :mod:`pnfarm.table.axis_readings`.
+"""
+
+from __future__ import annotations
+
+from pnfarm.firmware.records.direction import DIRECTION_RECORD
+from pnfarm.firmware.records.drive_clock import CLOCK_RECORD
+from pnfarm.firmware.records.faults import COMMANDS_RECORD, FAULTS_RECORD
+from pnfarm.firmware.records.foldback import FOLDBACK_RECORD
+from pnfarm.firmware.records.homing import HOMING_RECORD
+from pnfarm.firmware.records.interpolation import INTERPOLATION_RECORD
+from pnfarm.firmware.records.jog import JOG_RECORD
+from pnfarm.firmware.records.machine import MACHINE_RECORD
+from pnfarm.firmware.records.measurement import MEASUREMENT_RECORD
+from pnfarm.firmware.records.motor import BRAKE_RECORD, LOAD_RECORD, MOTOR_RECORD
+from pnfarm.firmware.records.own_warnings import WARNINGS_RECORD
+from pnfarm.firmware.records.positioning import POSITIONING_RECORD
+from pnfarm.firmware.records.profidrive import PROFIDRIVE_RECORD
+from pnfarm.firmware.records.profile_generator import PROFILE_RECORD
+from pnfarm.firmware.records.ramp import RAMP_RECORD
+from pnfarm.firmware.records.sensor_interface import SENSOR_RECORD
+from pnfarm.firmware.records.service_motion import SERVICE_RECORD
+from pnfarm.firmware.records.sign_of_life import LIFE_RECORD
+from pnfarm.firmware.records.state_machine import DRIVE_RECORD
+from pnfarm.firmware.records.supply import SUPPLY_RECORD
+from pnfarm.firmware.records.tasks import ASKED_RECORD, DRIVING_SETS_RECORD, MOTION_TASKS_RECORD
+from pnfarm.firmware.records.torque_limits import TORQUE_RECORD
+from pnfarm.firmware.records.travel import TRAVEL_RECORD
+from pnfarm.table.layout import Field, Layout
+
+__all__ = ["AXIS"]
+
+AXIS = Layout(
+    "axis",
+    "One virtual drive: what it was configured with, what its firmware computes, what its motor does.",
+    [
+        Field("front", "u1", "", "station", "firmware variant, 0 = row unused"),
+        Field("powered", "u1", "", "station", "1 while the control supply is on"),
+        Field("step_ns", "i8", "ns", "station", "longest time between two firmware steps"),
+        Field("boot_time_ns", "i8", "ns", "station", "from then to S1"),
+        Field("last_ns", "i8", "ns", "firmware", "time of the last step"),
+        Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
+    ],
+    (
+        DRIVE_RECORD,
+        CLOCK_RECORD,
+        COMMANDS_RECORD,
+        FAULTS_RECORD,
+        WARNINGS_RECORD,
+        PROFIDRIVE_RECORD,
+        LIFE_RECORD,
+        DIRECTION_RECORD,
+        MACHINE_RECORD,
+        LOAD_RECORD,
+        MOTOR_RECORD,
+        BRAKE_RECORD,
+        SUPPLY_RECORD,
+        FOLDBACK_RECORD,
+        TORQUE_RECORD,
+        RAMP_RECORD,
+        TRAVEL_RECORD,
+        JOG_RECORD,
+        ASKED_RECORD,
+        POSITIONING_RECORD,
+        PROFILE_RECORD,
+        HOMING_RECORD,
+        INTERPOLATION_RECORD,
+        SERVICE_RECORD,
+        SENSOR_RECORD,
+        MEASUREMENT_RECORD,
+        DRIVING_SETS_RECORD,
+        MOTION_TASKS_RECORD,
+    ),
+)

@@ -1,0 +1,50 @@
+"""Of the axis record: positioning."""
+
+from __future__ import annotations
+
+from pnfarm.table.layout import Field, subject
+
+__all__ = ["POSITIONING_RECORD"]
+
+POSITIONING_RECORD = subject(
+    "positioning",
+    "Positioning: what the axis does in position mode.",
+    settings=[
+        Field("gain", "f8", "1/s", "parameter", "proportional position controller"),
+        Field("following_window", "f8", "rev", "parameter", "ZSW1.8 in position mode"),
+        Field("following_limit", "f8", "rev", "parameter", "following error that is a fault, 0 = none"),
+        Field("following_fault", "u4", "", "parameter", "that fault, number | reaction << 24"),
+        Field("target_window", "f8", "rev", "parameter", "ZSW1.10 in position mode"),
+        Field("target_velocity_window", "f8", "rpm", "parameter", "how near a task's velocity counts as reached"),
+        Field(
+            "resume_first",
+            "u1",
+            "",
+            "parameter",
+            "1 = the task that waits goes before one whose edge comes with STW1.5",
+        ),
+        Field("interpolation_by_edge", "u1", "", "parameter", "1 = interpolation begins with the edge of STW1.6"),
+        Field(
+            "targets_counted_on",
+            "u1",
+            "",
+            "parameter",
+            "1 = an absolute target counts from the home, though XIST_A wrapped since",
+        ),
+        Field("rest_without_task", "u1", "", "parameter", "1 = ZSW1.13 stands only while no task is active, too"),
+    ],
+    state=[
+        Field("following_error", "f8", "rev", "firmware", "commanded minus actual position (PL.ERR)"),
+        Field("over_ns", "i8", "ns", "firmware", "since when a chained task waits for its dwell, 0 = it runs"),
+        Field("top", "f8", "rpm", "firmware", "velocity of the task at hand at an override of 100 %"),
+        Field("task", "i2", "", "firmware", "the running one, alike"),
+        Field("state", "u1", "", "firmware", "state of positioning, see firmware/positioning.py; 0 = none"),
+        Field("stw1_seen", "u2", "", "firmware", "STW1 of the last step, for edges"),
+        Field("acknowledged", "u1", "", "firmware", "ZSW1.12"),
+        Field("target_reached", "u1", "", "firmware", "the last task ended in its target"),
+        Field("endless", "u1", "", "firmware", "1 = the task at hand runs at its velocity until it is ended"),
+        Field("relative", "u1", "", "firmware", "1 = the task at hand is a way"),
+        Field("backwards", "u1", "", "firmware", "1 = and it runs backwards"),
+        Field("error", "u1", "", "firmware", "1 = the last task could not be started, 2 = nor the one behind a task"),
+    ],
+)

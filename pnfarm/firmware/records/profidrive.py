@@ -1,0 +1,106 @@
+"""Of the axis record: profidrive."""
+
+from __future__ import annotations
+
+from pnfarm.table.axis_codes import FAULT_WORDS
+from pnfarm.table.layout import Field, subject
+from pnfarm.table.signals import SHOWN
+
+__all__ = ["PROFIDRIVE_RECORD"]
+
+PROFIDRIVE_RECORD = subject(
+    "profidrive",
+    "PROFIdrive's words: how the telegram's signals count, and the control and status words.",
+    settings=[
+        Field("velocity_step", "f8", "rpm", "parameter", "one increment of NSOLL_A and NIST_A"),
+        Field(
+            "velocity_step_b",
+            "f8",
+            "rpm",
+            "parameter",
+            "one increment of NSOLL_B and NIST_B, 0 = a 65536th of velocity_step",
+        ),
+        Field("acceleration_step", "f8", "rpm/s", "parameter", "one increment of DRV_ACC and DRV_DEC (PN.ACCSCALING)"),
+        Field("torque_step", "f8", "N m", "parameter", "one increment of torque signals, 0 = a 16384th of the peak"),
+        Field("position_step", "f8", "rev", "parameter", "one increment of the position signals"),
+        Field("target_step", "f8", "rev", "parameter", "one increment of a target position, 0 = position_step"),
+        Field("task_velocity_step", "f8", "rpm", "parameter", "one increment of a task's velocity"),
+        Field(
+            "task_acceleration_step",
+            "f8",
+            "rpm/s",
+            "parameter",
+            "one increment of a task's acceleration, 0 = a 16384th of jog_acceleration",
+        ),
+        Field(
+            "task_deceleration_step", "f8", "rpm/s", "parameter", "one increment of a task's deceleration, 0 = alike"
+        ),
+        Field("message_warnings", "u4", "", "station", "warnings that MELDW.6 and 7 tell of, 0 = none", (2,)),
+        Field("pulses_enabled", "u2", "", "parameter", "bit of ZSW2 while pulses are enabled, 0 = no such bit"),
+        Field("pulses_choice", "u2", "", "parameter", "signal and bit for enabled pulses, STATUS_MOOG (P-0924)", (2,)),
+        Field("profile_mode", "u2", "", "parameter", "1 or 3 = status words as in the profile's class 4 (P-1258)"),
+        Field("task_active", "u2", "", "parameter", "bit of ZSW1 while a task is active, 0 = no such bit"),
+        Field("spare_acceleration", "u2", "", "parameter", "MDI_ACC where the telegram's is 0, 0 = none"),
+        Field("control_location", "u2", "", "parameter", "who controls the drive; only bus_location hears STW1"),
+        Field("bus_location", "u2", "", "parameter", "the controller as control_location"),
+        Field("reference_source", "u2", "", "parameter", "whose set points count; the controller's with bus_source"),
+        Field("bus_source", "u2", "", "parameter", "the controller as reference_source"),
+        Field("velocity_signal", "u1", "", "parameter", "which set point the telegram brings: VELOCITY_*"),
+        Field("task_form", "u1", "", "parameter", "which signals bring traversing tasks: TASKS_*"),
+        Field("status_form", "u1", "", "parameter", "how the status words are used: STATUS_*"),
+        Field("task_ramps_scaled", "u1", "", "parameter", "1 = a task's ramps count in acceleration_step"),
+        Field("task_ramps_signed", "u1", "", "parameter", "1 = MDI_ACC and MDI_DEC have a sign; below 0 is no ramp"),
+        Field("task_velocity_unsigned", "u1", "", "parameter", "1 = a task's velocity in the telegram has no sign"),
+        Field("home_signals", "u1", "", "parameter", "what the telegram brings: bit 0 HOME_MODE, bit 1 HOME_DIST"),
+        Field("jog_signals", "u1", "", "parameter", "bits 0 and 1: the telegram brings jogging set points 1 and 2"),
+        Field("torque_signals", "u1", "", "parameter", "bits 0 and 1: the telegram brings these parts instead"),
+        Field("feedrate_signal", "u1", "", "parameter", "1 = MT_FEEDRATE is brought, in percent"),
+        Field("parameter_channel", "u1", "", "parameter", "1 = the telegram has a parameter channel"),
+        Field(
+            "setpoint_ignored",
+            "u1",
+            "",
+            "parameter",
+            "1 = set points of the telegram are not followed, but torque_command is; 2 = neither",
+        ),
+        Field("without_control", "u1", "", "parameter", "set points without STW1.10: WITHOUT_CONTROL_*"),
+        Field("without_run", "u1", "", "parameter", "set points while the controller is in STOP: WITHOUT_RUN_*"),
+        Field(
+            "acknowledges_by_level", "u1", "", "parameter", "1 = STW1.7 acknowledges while it is set, not with its edge"
+        ),
+        Field("control_shown", "u1", "", "parameter", "1 = ZSW1.9 shows STW1.10, not that the drive asks for control"),
+        Field("on_by_enable", "u1", "", "parameter", "1 = STW1.3 leads to S3 as STW1.0 does; both lead to S4"),
+        Field("off_at_once", "u1", "", "parameter", "1 = STW1.0 = 0 in operation switches off without a ramp"),
+        Field("ready_with_on", "u1", "", "parameter", "1 = S1 is left with STW1.0 set, too"),
+        Field("enable_by_edge", "u1", "", "parameter", "1 = S3 is left when STW1.0 and 3 rise, not while they are set"),
+        Field("speed_error_bit", "u1", "", "parameter", "ZSW1.8 in speed control: SPEED_*"),
+        Field("speed_reached_bit", "u1", "", "parameter", "ZSW1.10 in speed control: SPEED_*"),
+        Field("following_error_bit", "u1", "", "parameter", "1 = ZSW1.8 in position mode tells a following error"),
+        Field("moving_bit", "u1", "", "parameter", "1 = ZSW1.13 tells that the axis moves, not that it stands"),
+        Field("reached_without_task", "u1", "", "parameter", "ZSW1.10 in position mode: REACHED_*"),
+        Field(
+            "shows",
+            "u1",
+            "",
+            "parameter",
+            "what the telegram shows beside actual values: bit 0 set points as they came, bit 1 stored parameters",
+        ),
+        Field("shown", "i4", "", "parameter", "raw numbers of the stored parameters that it shows", (SHOWN,)),
+        Field("fault_words", "u2", "", "station", "signal FAULT_CODE by fault number", (FAULT_WORDS,)),
+    ],
+    state=[
+        Field(
+            "telegram_ns", "i8", "ns", "firmware", "when cyclic data was there last, 0 = not yet, or its loss was told"
+        ),
+        Field("telegram_frames", "u4", "", "firmware", "set point frames taken when cyclic data was there last"),
+        Field("motion_status", "u4", "", "firmware", "DRV.MOTIONSTAT"),
+        Field("generator_speed", "f8", "rpm", "firmware", "its speed at the last step"),
+        Field("stw1", "u2", "", "firmware", "control word 1 in force (with bit 10 honoured)"),
+        Field("stw1_seen", "u2", "", "firmware", "control word 1 as it came in last, for edges"),
+        Field("stw1_changed", "u2", "", "firmware", "bits that differ from that in the word that is taken over now"),
+        Field("zsw1", "u2", "", "firmware", "status word 1"),
+        Field("image_valid", "u1", "", "firmware", "validity of the set points as the last step saw it"),
+        Field("setpoints", "u1", "", "firmware", "what the set points are in this step: SETPOINTS_*"),
+        Field("generator", "u1", "", "firmware", "profile generator: 0 at rest, 1 up, 2 constant, 3 down"),
+    ],
+)

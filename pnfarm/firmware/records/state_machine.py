@@ -1,0 +1,25 @@
+"""Of the axis record: drive."""
+
+from __future__ import annotations
+
+from pnfarm.table.layout import Field, subject
+
+__all__ = ["DRIVE_RECORD"]
+
+DRIVE_RECORD = subject(
+    "drive",
+    "What the drive is about as a whole: its state, and what keeps it from operation.",
+    settings=[
+        Field("opmode", "u1", "", "parameter", "0 torque, 1 velocity, 2 position (DRV.OPMODE)"),
+        Field("interlocks", "u1", "", "fault", "what the drive lacks: LACKS_*"),
+        Field("quick_stop_option", "u1", "", "parameter", "what a quick stop does: QUICK_STOP_*"),
+        Field("disable_method", "u1", "", "parameter", "how the power stage goes off by software: DISABLE_*"),
+        Field("enable_acknowledges", "u1", "", "parameter", "1 = the hardware enable acknowledges when it comes"),
+    ],
+    state=[
+        Field("state", "u1", "", "firmware", "S1..S5 as 1..5, 0 while booting"),
+        Field("stop", "u1", "", "firmware", "why S5 stops: 0 not, 1 ramp stop, 2 quick stop, 3 fault"),
+        Field("lacks", "u1", "", "firmware", "what the drive lacks, by faults and inputs: LACKS_*"),
+        Field("enable_rose", "u1", "", "firmware", "1 = STW1.0 and 3 rose since the drive got ready"),
+    ],
+)
