@@ -19,7 +19,8 @@ from typing import Any
 import anyio
 import anyio.to_thread
 
-ETHERTYPE = 0x8892
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
+
 PR_SET_TIMERSLACK = 29
 
 
@@ -129,7 +130,7 @@ def _floor(settings: dict[str, Any]) -> None:
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as sock:
         sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_RCVBUFFORCE", 33), 16 << 20)
         # bound to one interface where there is one, to all where there are many: as the engine's is
-        sock.bind((settings["interface"], ETHERTYPE)) if settings["interface"] else _bind_all(sock)
+        sock.bind((settings["interface"], ETHERTYPE_PROFINET)) if settings["interface"] else _bind_all(sock)
 
         def run(seconds: float) -> None:
             # the timer slack that the engine's thread has, too; the kernel's default would make the floor late
@@ -167,7 +168,7 @@ def _bind_all(sock: socket.socket) -> None:
     import ctypes
 
     # sockaddr_ll with interface 0; Python's own bind wants a name
-    address = (socket.AF_PACKET).to_bytes(2, sys.byteorder) + ETHERTYPE.to_bytes(2, "big") + bytes(16)
+    address = (socket.AF_PACKET).to_bytes(2, sys.byteorder) + ETHERTYPE_PROFINET.to_bytes(2, "big") + bytes(16)
     if ctypes.CDLL(None, use_errno=True).bind(sock.fileno(), address, len(address)):
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 

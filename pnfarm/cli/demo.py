@@ -130,9 +130,10 @@ def _enter() -> tuple[str, str]:
 def _try() -> None:
     """Whether this kernel lets us have what the demo needs: a cable, a macvlan on it, a raw socket."""
     from pnfarm.links import bpf
-    from pnfarm.links.base import ETHERTYPE_PROFINET, PortSpec
+    from pnfarm.links.base import PortSpec
     from pnfarm.links.interfaces import Interfaces
     from pnfarm.links.packet import open_packet_socket
+    from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
     _cable()
     try:

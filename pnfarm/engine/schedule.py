@@ -8,21 +8,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from pnfarm.engine.columns import Columns, lookup_rebuild
+from pnfarm.engine.rtc import TRAILER
 from pnfarm.errors import InternalError
 from pnfarm.firmware.drive_clock import true_duration
-from pnfarm.table.channel import FRAME_SLOT, IDLE, IOXS_GOOD, MAX_IOPS, MAX_WORDS, STATUS_GOOD
+from pnfarm.table.channel import FRAME_SLOT, FRAMING_RTC, IDLE, IOXS_GOOD, MAX_IOPS, MAX_WORDS, STATUS_GOOD
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
-__all__ = ["UNIT_NS", "ChannelTable", "ConsumerPlan", "ProviderPlan"]
+__all__ = ["ChannelTable", "ConsumerPlan", "ProviderPlan"]
 
-#: PROFINET's time unit: send clock factor and cycle counter count in it.
-UNIT_NS = 31_250
 #: Priority-tagged Ethernet header: 6 + 6 + tag 4 + type 2.
 TAGGED_HEADER = 18
-ETHERTYPE_VLAN = bytes.fromhex("8100")
 #: Tag of RT frames where nobody asked for another one: priority 6, VLAN 0 (IEC 61158-6-10).
 RT_TAG = 0xC000
-ETHERTYPE = bytes.fromhex("8892")
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +51,7 @@ class ProviderPlan:
 
     @property
     def cycle_ns(self) -> int:
-        return UNIT_NS * self.send_clock_factor * self.reduction_ratio
+        return SEND_CLOCK_NS * self.send_clock_factor * self.reduction_ratio
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +80,7 @@ class ConsumerPlan:
 
     @property
     def cycle_ns(self) -> int:
-        return UNIT_NS * self.send_clock_factor * self.reduction_ratio
+        return SEND_CLOCK_NS * self.send_clock_factor * self.reduction_ratio
 
 
 def _check(words: Sequence[tuple[int, int]], iops: Iterable[int], data_length: int) -> None:
@@ -156,15 +155,16 @@ class ChannelTable:
         """A row that sends from the next tick on."""
         _check(plan.words, plan.iops, plan.data_length)
         start = TAGGED_HEADER + 2
-        length = start + plan.data_length + 4
+        length = start + plan.data_length + TRAILER
         if length > FRAME_SLOT:
             raise InternalError(f"a frame of {length} octets does not fit into {FRAME_SLOT}")
         number = self._row("ppm")
         columns = self.columns
         frame = columns.frames[number]
         frame[:] = 0
-        tag = ETHERTYPE_VLAN + plan.tag.to_bytes(2, "big")
-        header = plan.destination + plan.source + tag + ETHERTYPE + plan.frame_id.to_bytes(2, "big")
+        tag = ETHERTYPE_VLAN.to_bytes(2, "big") + plan.tag.to_bytes(2, "big")
+        kind = ETHERTYPE_PROFINET.to_bytes(2, "big")
+        header = plan.destination + plan.source + tag + kind + plan.frame_id.to_bytes(2, "big")
         frame[:start] = list(header)
         for offset, octet in plan.constants:
             frame[start + offset] = octet
@@ -172,6 +172,7 @@ class ChannelTable:
             frame[start + offset] = IOXS_GOOD
         row = columns.ppm[number]
         row.image = plan.image
+        row.framing = FRAMING_RTC
         row.port = plan.port
         row.frame_id = plan.frame_id
         row.length = length
@@ -180,7 +181,7 @@ class ChannelTable:
         row.counter_step = plan.send_clock_factor * plan.reduction_ratio
         row.slipped_ns = 0.0
         row.slip_ns = plan.cycle_ns - true_duration(plan.cycle_ns, plan.drift) if plan.drift else 0.0
-        row.phase_ns = (plan.phase % plan.reduction_ratio) * plan.send_clock_factor * UNIT_NS
+        row.phase_ns = (plan.phase % plan.reduction_ratio) * plan.send_clock_factor * SEND_CLOCK_NS
         row.words = len(plan.words)
         for i, (code, offset) in enumerate(plan.words):
             row.word_code[i] = code
@@ -203,6 +204,7 @@ class ChannelTable:
         number = self._row("cpm")
         row = self.columns.cpm[number]
         row.image = plan.image
+        row.framing = FRAMING_RTC
         row.port = plan.port
         row.frame_id = plan.frame_id
         row.source = int.from_bytes(plan.source, "big")
@@ -234,7 +236,7 @@ class ChannelTable:
         """The IO data of a provider as the engine filled it last."""
         row = self.columns.ppm[number]
         start = int(row.data_offset)
-        return bytes(self.columns.frames[number][start : int(row.length) - 4])
+        return bytes(self.columns.frames[number][start : int(row.length) - TRAILER])
 
     def consumed(self, number: int) -> bytes:
         """The IO data of a consumer, rebuilt from its words and provider status; what no word carries is zero."""

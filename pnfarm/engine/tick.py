@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from pnfarm.engine import framing
 from pnfarm.engine.columns import Columns, lookup_find
 from pnfarm.engine.impair import impair_received, impair_sent
 from pnfarm.firmware.axis_program import step_program
@@ -20,12 +21,9 @@ from pnfarm.firmware.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FAULT_SLOTS
 from pnfarm.table.channel import (
-    DISCARD_COUNTER,
     DISCARD_IMPAIRED,
-    DISCARD_INVALID,
     DISCARD_LENGTH,
     DISCARD_SOURCE,
-    DISCARD_TRANSFER,
     FRUN,
     IDLE,
     INTERVAL_BUCKETS,
@@ -33,8 +31,6 @@ from pnfarm.table.channel import (
     IOXS_BAD,
     IOXS_GOOD,
     RUN,
-    STATUS_RUN,
-    STATUS_VALID,
     W_START,
 )
 from pnfarm.table.compiled import compiled
@@ -57,12 +53,6 @@ from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
 
 __all__ = ["next_due", "receive", "run_firmware", "tick", "transmit"]
 
-#: Octets before the frame id of an untagged frame.
-HEADER = 14
-#: Cycle counter, data status, transfer status.
-TRAILER = 4
-#: A cycle counter that lies this far behind the last one belongs to an old frame (IEC 61158-6-10, CPM).
-COUNTER_WINDOW = 61440
 #: An array, because indexing a tuple in compiled code copies it.
 _EDGES = np.array(INTERVAL_EDGES_NS, np.int64)
 
@@ -114,12 +104,12 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     consumer: Any,
     frame: Any,
     length: int,
-    start: int,
+    place: int,
     arrival: int,
 ) -> None:
-    """A frame of this consumer: check it as the CPM does, then take its data."""
-    size = consumer.data_length
-    if length != start + 2 + size + TRAILER:
+    """A frame of this consumer, whose id stands at ``place``: check it as the CPM does, then take its data."""
+    data = framing.fits(consumer, length, place)
+    if data == 0:
         consumer.discarded[DISCARD_LENGTH] += 1
         return
     if _address(frame, 6) != consumer.source:
@@ -128,23 +118,12 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     if consumer.impairment > 0 and impair_received(impairments, consumer.impairment, arrival):
         consumer.discarded[DISCARD_IMPAIRED] += 1
         return
-    trailer = length - TRAILER
-    counter = (int(frame[trailer]) << 8) | int(frame[trailer + 1])
-    status = int(frame[trailer + 2])
-    if consumer.state == RUN:
-        ahead = (counter - int(consumer.counter)) & 0xFFFF
-        if ahead == 0 or ahead > COUNTER_WINDOW:
-            consumer.discarded[DISCARD_COUNTER] += 1
-            return
-    if not status & STATUS_VALID:
-        consumer.discarded[DISCARD_INVALID] += 1
-        return
-    if frame[trailer + 3] != 0:
-        consumer.discarded[DISCARD_TRANSFER] += 1
+    why = framing.refused(consumer, frame, length)
+    if why >= 0:
+        consumer.discarded[why] += 1
         return
 
     iops = IOXS_GOOD
-    data = start + 2
     for i in range(consumer.iops_count):
         if not frame[data + consumer.iops_offset[i]] & IOXS_GOOD:
             iops = IOXS_BAD
@@ -160,18 +139,18 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
         while bucket < INTERVAL_BUCKETS - 1 and interval > _EDGES[bucket]:
             bucket += 1
         consumer.intervals[bucket] += 1
-    if first or (status ^ int(consumer.data_status)) & STATUS_RUN:
-        emit(engine, events, PROVIDER_CHANGED, number, arrival, 1 if status & STATUS_RUN else 0)
+    runs = framing.provider_runs(consumer, frame, length)
+    if first or runs != framing.provider_ran(consumer):
+        emit(engine, events, PROVIDER_CHANGED, number, arrival, 1 if runs else 0)
     if first or iops != consumer.iops:
         emit(engine, events, IOPS_CHANGED, number, arrival, 1 if iops == IOXS_GOOD else 0)
-    consumer.counter = counter
-    consumer.data_status = status
+    framing.take(consumer, frame, length)
     consumer.iops = iops
     consumer.last_ns = arrival
     consumer.received += 1
     if consumer.feeds == 0:
         return
-    if status & STATUS_RUN and iops == IOXS_GOOD:
+    if runs and iops == IOXS_GOOD:
         _unpack(consumer, image, frame, data)
         image.frames = (int(image.frames) + 1) & 0xFFFFFFFF
         consumer.fed = 1
@@ -211,27 +190,19 @@ def receive(columns: Columns, count: int) -> None:
     for i in range(count):
         frame = columns.rx_frames[i]
         length = int(columns.rx_length[i])
-        start = HEADER
-        if length < HEADER + 2 + TRAILER or length > frame.shape[0]:
+        place = framing.locate(frame, length)
+        if place == 0:
             engine.malformed += 1
             _stray(columns, columns.rx_port[i], frame)
             continue
-        kind = (int(frame[12]) << 8) | int(frame[13])
-        if kind == 0x8100 and length >= HEADER + 4 + 2 + TRAILER:
-            start = HEADER + 4
-            kind = (int(frame[16]) << 8) | int(frame[17])
-        if kind != 0x8892:
-            engine.malformed += 1
-            _stray(columns, columns.rx_port[i], frame)
-            continue
-        frame_id = (int(frame[start]) << 8) | int(frame[start + 1])
+        frame_id = (int(frame[place]) << 8) | int(frame[place + 1])
         number = lookup_find(table, consumers, columns.rx_port[i], frame_id)
         if number < 0 or _address(frame, 0) != consumers[number].destination:
             # a group's frames (multicast communication) are nobody's here, and those for others are theirs
             engine.unknown += 1
             _stray(columns, columns.rx_port[i], frame)
             continue
-        _take(engine, events, images, impairments, number, consumers[number], frame, length, start, columns.rx_ns[i])
+        _take(engine, events, images, impairments, number, consumers[number], frame, length, place, columns.rx_ns[i])
 
 
 @compiled
@@ -331,7 +302,7 @@ def run_firmware(columns: Columns, now: int) -> None:
 
 @compiled
 def _pack(provider: Any, image: Any, frame: Any) -> None:
-    """The process image into telegram words, provider status and APDU status."""
+    """The process image into telegram words, provider status and what stands around them."""
     for i in range(provider.words):
         code = int(provider.word_code[i])
         word = 0
@@ -344,11 +315,7 @@ def _pack(provider: Any, image: Any, frame: Any) -> None:
     status = IOXS_GOOD if image.good else IOXS_BAD
     for i in range(provider.iops_count):
         frame[provider.iops_offset[i]] = status
-    trailer = provider.length - TRAILER
-    frame[trailer] = provider.counter >> 8
-    frame[trailer + 1] = provider.counter & 0xFF
-    frame[trailer + 2] = provider.data_status
-    frame[trailer + 3] = 0
+    framing.seal(provider, frame)
 
 
 @compiled
@@ -379,7 +346,7 @@ def transmit(columns: Columns, now: int) -> int:
             provider.next_ns = now - now % provider.cycle_ns + provider.phase_ns
             if provider.next_ns < now:
                 provider.next_ns += provider.cycle_ns
-            provider.counter = (provider.next_ns // 31250) & 0xFFFF
+            framing.start(provider)
             provider.state = W_START
         late = now - provider.next_ns
         if late < 0:
@@ -388,10 +355,10 @@ def transmit(columns: Columns, now: int) -> int:
             skipped = late // provider.cycle_ns
             provider.late += skipped
             _go_on(provider, skipped)
-            provider.counter = (int(provider.counter) + skipped * int(provider.counter_step)) & 0xFFFF
+            framing.advance(provider, skipped)
             overrun = True
         _go_on(provider, 1)
-        provider.counter = (int(provider.counter) + int(provider.counter_step)) & 0xFFFF
+        framing.advance(provider, 1)
         provider.state = RUN
         frame = columns.frames[number]
         image = columns.image[provider.image]

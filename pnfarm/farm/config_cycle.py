@@ -17,6 +17,8 @@ from __future__ import annotations
 import re
 from decimal import Decimal
 
+from pnfarm.wire.rtc import SEND_CLOCK_NS
+
 __all__ = [
     "CYCLE_UNIT_NS",
     "MAX_CYCLE_UNITS",
@@ -34,8 +36,8 @@ __all__ = [
     "split_cycle",
 ]
 
-#: The unit of all cycle arithmetic: 31.25 us.
-CYCLE_UNIT_NS = 31_250
+#: The unit of all cycle arithmetic.
+CYCLE_UNIT_NS = SEND_CLOCK_NS
 #: 512 ms, the slowest cycle, in units.
 MAX_CYCLE_UNITS = 1 << 14
 SEND_CLOCK_FACTORS = tuple(1 << exponent for exponent in range(8))

@@ -41,7 +41,7 @@ AXIS = Layout(
     "axis",
     "One virtual drive: what it was configured with, what its firmware computes, what its motor does.",
     [
-        Field("front", "u1", "", "station", "firmware variant, 0 = row unused"),
+        Field("front", "u1", "", "station", "whose words lead it: FIRMWARE_*; 0 = row unused"),
         Field("powered", "u1", "", "station", "1 while the control supply is on"),
         Field("step_ns", "i8", "ns", "station", "longest time between two firmware steps"),
         Field("boot_time_ns", "i8", "ns", "station", "from then to S1"),

@@ -20,15 +20,7 @@ if TYPE_CHECKING:
     import socket
 
 __all__ = [
-    "ALARM_FRAME_IDS",
     "BROADCAST",
-    "ETHERTYPE_ARP",
-    "ETHERTYPE_IPV4",
-    "ETHERTYPE_LLDP",
-    "ETHERTYPE_PROFINET",
-    "ETHERTYPE_VLAN",
-    "FIRST_ACYCLIC_FRAME_ID",
-    "FIRST_CYCLIC_FRAME_ID",
     "MULTICAST_DCP_IDENTIFY",
     "MULTICAST_LLDP",
     "Clock",
@@ -41,18 +33,6 @@ __all__ = [
     "unwrap",
 ]
 
-ETHERTYPE_IPV4 = 0x0800
-ETHERTYPE_ARP = 0x0806
-ETHERTYPE_VLAN = 0x8100
-ETHERTYPE_PROFINET = 0x8892
-ETHERTYPE_LLDP = 0x88CC
-
-#: IEC 61158-6-10, coding of FrameID: cyclic RT frames lie below, alarms (0xFC01, 0xFE01) and DCP (0xFEFC ...) above.
-FIRST_ACYCLIC_FRAME_ID = 0xFC00
-#: IEC 61158-6-10, coding of FrameID: alarms of high and of low priority.
-ALARM_FRAME_IDS = (0xFC01, 0xFE01)
-#: Below lie the sync frames of PTCP (0x0020 ... 0x0081) and what the standard keeps for later.
-FIRST_CYCLIC_FRAME_ID = 0x0100
 
 BROADCAST = b"\xff" * 6
 #: IEC 61158-6-10: destination of DCP Identify requests.

@@ -15,7 +15,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.links.base import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
+from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

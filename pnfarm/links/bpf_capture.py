@@ -9,17 +9,9 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, NamedTuple
 
-from pnfarm.links.base import (
-    ALARM_FRAME_IDS,
-    ETHERTYPE_ARP,
-    ETHERTYPE_IPV4,
-    ETHERTYPE_LLDP,
-    ETHERTYPE_PROFINET,
-    ETHERTYPE_VLAN,
-    FIRST_ACYCLIC_FRAME_ID,
-    FIRST_CYCLIC_FRAME_ID,
-)
 from pnfarm.links.bpf import MAX_INSTRUCTIONS
+from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
+from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable

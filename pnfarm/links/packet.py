@@ -28,18 +28,8 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links import bpf
-from pnfarm.links.base import (
-    ETHERTYPE_ARP,
-    ETHERTYPE_IPV4,
-    ETHERTYPE_LLDP,
-    ETHERTYPE_PROFINET,
-    MULTICAST_DCP_IDENTIFY,
-    MULTICAST_LLDP,
-    Clock,
-    LinkCounters,
-    Port,
-    Receiver,
-)
+from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, Clock, LinkCounters, Port, Receiver
+from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import PnfarmError
 from pnfarm.links.sandbox import enter_sandbox
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,7 +79,7 @@ def _packet_socket() -> None:
     from pnfarm.links.bpf import cyclic_filter  # noqa: PLC0415 - after the namespace, see above
     from pnfarm.links.packet import open_packet_socket  # noqa: PLC0415 - after the namespace, see above
 
-    open_packet_socket(0x8892, cyclic_filter(1, 1)).close()
+    open_packet_socket(ETHERTYPE_PROFINET, cyclic_filter(1, 1)).close()
 
 
 async def _open_and_close(link: object) -> None:

@@ -20,19 +20,10 @@ import time
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
-from pnfarm.links.base import (
-    ALARM_FRAME_IDS,
-    ETHERTYPE_PROFINET,
-    ETHERTYPE_VLAN,
-    FIRST_ACYCLIC_FRAME_ID,
-    MULTICAST_LLDP,
-    Clock,
-    LinkCounters,
-    Port,
-    PortSpec,
-    Receiver,
-)
+from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
 from pnfarm.links.interfaces import Interfaces, to_its_end
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
+from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

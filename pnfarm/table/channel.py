@@ -34,6 +34,9 @@ INTERVAL_EDGES_NS = (
 )  # fmt: skip
 INTERVAL_BUCKETS = len(INTERVAL_EDGES_NS) + 1
 
+# What stands around the data of a frame (``framing``; :mod:`pnfarm.engine.framing`).
+FRAMING_RTC = 0  # frame id before them, cycle counter and data status behind them
+
 # States of both machines.
 IDLE = 0
 W_START = 1
@@ -61,6 +64,7 @@ PPM = Layout(
         Field("state", "u1", "", "transmit", "IDLE, W_START or RUN"),
         Field("image", "i4", "", "station", "row of the process image that fills it"),
         Field("port", "i4", "", "station", "where it goes out: interface index, or port of a memory link"),
+        Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
         Field("frame_id", "u2", "", "station", ""),
         Field("length", "u2", "octets", "station", "whole frame from the destination address, without FCS"),
         Field("data_offset", "u2", "octets", "station", "first octet of the IO data in the frame"),
@@ -103,6 +107,7 @@ CPM = Layout(
         ),
         Field("zeroes", "u1", "", "station", "1 = data of a provider in STOP or with bad IOPS count as zero"),
         Field("port", "i4", "", "station", "where it comes in"),
+        Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
         Field("frame_id", "u2", "", "station", ""),
         Field("source", "i8", "", "station", "the only sender accepted: MAC as a 48-bit number"),
         Field("destination", "i8", "", "station", "the address that it consumes at: MAC as a 48-bit number"),

@@ -12,11 +12,11 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.errors import IocrField
 from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
 from pnfarm.protocols.profinet.wire.blocks_expected import DataDirection, SubmoduleType
 from pnfarm.protocols.profinet.wire.iocr import IOCR_TAG_HEADER, IocrType
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -13,7 +13,6 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.description import (
     MAX_REDUCTION,
     REDUCTION_RATIOS,
-    SEND_CLOCK_NS,
     DeviceDescription,
     Im0Description,
     Limits,
@@ -22,6 +21,7 @@ from pnfarm.protocols.profinet.description import (
 )
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Sequence

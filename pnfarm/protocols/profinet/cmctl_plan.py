@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Literal
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.ar import DataPlace, IocrLayout, IocsPlace
-from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.wire.blocks_connect import STARTUP_ADVANCED, STARTUP_LEGACY, ArProperties, ArType
 from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties, SubmoduleType
 from pnfarm.protocols.profinet.wire.frame_id import RT_UDP_UNICAST, RTC1_UNICAST
@@ -34,6 +33,7 @@ from pnfarm.protocols.profinet.wire.iocr import (
     RtClass,
 )
 from pnfarm.protocols.profinet.wire.rpc import object_uuid
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.ar import LayoutError, compute_layout, expected_submodules
-from pnfarm.protocols.profinet.description import MAX_REDUCTION, SEND_CLOCK_NS
+from pnfarm.protocols.profinet.description import MAX_REDUCTION
 from pnfarm.protocols.profinet.errors import (
     AlarmCrField,
     ArField,
@@ -57,6 +57,7 @@ from pnfarm.protocols.profinet.wire.iocr import (
     RtClass,
 )
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable

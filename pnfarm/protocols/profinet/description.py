@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from pnfarm.wire.rtc import SEND_CLOCK_NS
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -17,7 +19,6 @@ __all__ = [
     "MAX_REDUCTION",
     "MAX_SUPERVISOR_ARS",
     "REDUCTION_RATIOS",
-    "SEND_CLOCK_NS",
     "DeviceDescription",
     "Im0Description",
     "ImCarrier",
@@ -28,8 +29,6 @@ __all__ = [
     "SubmoduleDescription",
 ]
 
-#: One step of SendClockFactor and of MinDeviceInterval: 31.25 us.
-SEND_CLOCK_NS = 31_250
 #: The greatest ReductionRatio, and those of engineering.
 MAX_REDUCTION = 512
 REDUCTION_RATIOS = tuple(1 << exponent for exponent in range(10))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.controller.events import PHASES
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.session import DeviceSession
@@ -39,7 +40,7 @@ def snapshot_row(session: DeviceSession, columns: Columns) -> dict[str, Any]:
         "reaction_seconds": _seconds(int(row.reaction_ns) or None),
         "reaction_max_seconds": _seconds(int(row.reaction_max_ns) or None),
         "recovery_seconds": _seconds(int(row.recovery_ns) or None),
-        "cycle_seconds": session.plan.send_clock_factor * session.plan.reduction_ratio * 31.25e-6,
+        "cycle_seconds": session.plan.send_clock_factor * session.plan.reduction_ratio * SEND_CLOCK_NS / 1e9,
         "frames_sent": measures.frames_sent + (int(provider.sent) if provider is not None else 0),
         "frames_received": measures.frames_received + (int(consumer.received) if consumer is not None else 0),
         "alarms_received": measures.alarms_received,

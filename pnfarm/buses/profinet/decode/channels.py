@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.wire.iocr import IocrType
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -61,7 +62,7 @@ class Channel:
         layout = template.layout if template is not None else None
         self.cycle_ns = layout.cycle_ns if layout is not None else 0
         self.hold_ns = layout.data_hold_ns if layout is not None else 0
-        self.step = self.cycle_ns // 31_250
+        self.step = self.cycle_ns // SEND_CLOCK_NS
         #: None while it is not known, because the Connect is not in the capture.
         self.sent_by_device: bool | None = layout.iocr_type == IocrType.INPUT if layout is not None else None
         self.partner: Channel | None = None

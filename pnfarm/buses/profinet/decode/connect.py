@@ -23,6 +23,7 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
     ModuleState,
 )
 from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockReq, IocrBlockRes, IocrType
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["connect_request", "connect_response", "forget_asked"]
 
-#: Time that SendClockFactor counts.
-_SEND_CLOCK_NS = 31_250
 _AR_TYPES = {
     ArType.IOCAR_SINGLE: "",
     ArType.IOSAR: "supervisor ",
@@ -91,7 +90,7 @@ def forget_asked(request: tuple[Block, ...], controller: bytes, device: bytes, s
 
 
 def _cycle(iocr: IocrBlockReq) -> str:
-    cycle_ns = _SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio
+    cycle_ns = SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio
     return f"cycle {cycle_ns / 1e6:g} ms, watchdog {iocr.watchdog_factor} x"
 
 

@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.wire.rtc import (
     STATUS_LENGTH,
     DataStatus,
 )
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,7 +43,7 @@ BIT_WORDS = (
 #: Lines of one kind for one channel; what comes after them is counted only.
 MOST_LINES = 50
 #: The cycle counter goes round in this time, so that a longer silence leaves it anywhere.
-COUNTER_ROUND_NS = 65_536 * 31_250
+COUNTER_ROUND_NS = 65_536 * SEND_CLOCK_NS
 
 _STATES = {
     0x40: "S1 switching on inhibited",
@@ -196,7 +197,7 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
     if not channel.step:
         # without a Connect: two equal steps of the counter give the cycle
         if ahead and ahead == channel.received:
-            channel.step, channel.cycle_ns = ahead, ahead * 31_250
+            channel.step, channel.cycle_ns = ahead, ahead * SEND_CLOCK_NS
         channel.received = ahead
         return
     step = channel.step

@@ -19,7 +19,6 @@ from pnfarm.buses.profinet.decode.dcp import dcp
 from pnfarm.buses.profinet.decode.packet import Packet, Said, Shared
 from pnfarm.buses.profinet.decode.stations import Bounded
 from pnfarm.errors import DecodeError
-from pnfarm.links.base import FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW, DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.ptcp import PTCP_NAMES
 from pnfarm.wire.ethernet import (
@@ -30,6 +29,7 @@ from pnfarm.wire.ethernet import (
     ETHERTYPE_VLAN,
 )
 from pnfarm.wire.ipv4 import PROTOCOL_ICMP, PROTOCOL_UDP
+from pnfarm.wire.rtc import FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

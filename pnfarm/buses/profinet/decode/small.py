@@ -16,7 +16,7 @@ from pnfarm.protocols.profinet.wire.ptcp import PTCP_NAMES, parse_ptcp
 from pnfarm.protocols.profinet.wire.rta import RtaType, error_of, parse_rta
 from pnfarm.protocols.profinet.wire.snmp import GET, GET_BULK, GET_NEXT, RESPONSE, SET, Pdu, parse_snmp
 from pnfarm.wire.arp import OPERATION_REPLY, OPERATION_REQUEST, parse_arp
-from pnfarm.wire.ethernet import ETHERTYPE_IPV4
+from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET
 from pnfarm.wire.icmp import TYPE_ECHO_REPLY, TYPE_ECHO_REQUEST, parse_icmp
 from pnfarm.wire.ipv4 import PROTOCOL_UDP
 from pnfarm.wire.udp import parse_udp
@@ -162,7 +162,7 @@ def other(packet: Packet, shared: Shared) -> Iterator[Said]:
         elif ip is not None:
             yield Said("IP", f"protocol {ip.protocol}")
         return
-    if packet.ethertype == 0x8892 and len(packet.payload) >= 2:
+    if packet.ethertype == ETHERTYPE_PROFINET and len(packet.payload) >= 2:
         frame_id = int.from_bytes(packet.payload[:2], "big")
         yield Said(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)
     elif packet.ethertype < 0x0600:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Final
 
 from pnfarm.errors import DecodeError
-from pnfarm.links.base import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
 from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
+from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 
 __all__ = ["ALARM", "ALARM_ACK", "ALARM_ERROR", "DCP", "OTHER", "RPC", "acknowledging_nothing", "frame_class"]
 

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.dcp_rules import RESET_MODES
-from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.gsdml.document import (
     NO_NUMBERS,
     PROFILE_TYPES,
@@ -37,6 +36,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
 from pnfarm.protocols.profinet.gsdml.records import ParameterRef
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.wire.diagnosis_words import PROFIDRIVE_API, PROFIDRIVE_ERROR_TYPES
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Literal
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.description import SEND_CLOCK_NS
 from pnfarm.protocols.profinet.gsdml.document import DEFAULT_RATIOS, DEFAULT_SEND_CLOCKS, PortSubmodule, SubmoduleItem
 from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+from pnfarm.wire.rtc import ALARM_HIGH, ALARM_LOW, FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
+
 __all__ = [
     "ALARM_HIGH",
     "ALARM_LOW",
@@ -21,8 +23,6 @@ __all__ = [
     "classify_frame_id",
 ]
 
-ALARM_HIGH = 0xFC01
-ALARM_LOW = 0xFE01
 RSI = 0xFE02
 DCP_HELLO = 0xFEFC
 DCP_GET_SET = 0xFEFD
@@ -30,13 +30,13 @@ DCP_IDENTIFY_REQUEST = 0xFEFE
 DCP_IDENTIFY_RESPONSE = 0xFEFF
 
 #: Isochronous frames; from 0x0700 on the redundant ones.
-RTC3 = range(0x0100, 0x1000)
+RTC3 = range(FIRST_CYCLIC_FRAME_ID, 0x1000)
 #: RT_CLASS_1 of today; older engineering tools name the same range RT_CLASS_2.
 RTC1_UNICAST = range(0x8000, 0xBC00)
 RTC1_MULTICAST = range(0xBC00, 0xC000)
 #: RT_CLASS_UDP, and the RT_CLASS_1 of old engineering tools.
 RT_UDP_UNICAST = range(0xC000, 0xF800)
-RT_UDP_MULTICAST = range(0xF800, 0xFC00)
+RT_UDP_MULTICAST = range(0xF800, FIRST_ACYCLIC_FRAME_ID)
 
 
 class FrameClass(Enum):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from pnfarm.protocols.profinet.wire.blocks import VERSION_1_0, BlockType, RawBlock, check_type, emit_raw_block
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
@@ -27,7 +28,6 @@ __all__ = [
     "parse_iocr_block_res",
 ]
 
-ETHERTYPE_PROFINET = 0x8892
 #: FrameID of an output CR in a request: the device is to choose.
 FRAME_ID_ASSIGN = 0xFFFF
 #: FrameSendOffset: best effort.

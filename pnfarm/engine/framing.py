@@ -1,0 +1,72 @@
+"""What stands around the data of a cyclic frame, by the ``framing`` of its channel's row.
+
+Everything else in a tick is the same for all: rows, impairments, data hold timers, telegram words, the process image.
+A further framing, such as CIP's class 1 (a sequence count and a run/idle header before the data), is a number in
+:mod:`pnfarm.table.channel`, a file such as :mod:`pnfarm.engine.rtc` with the same functions, and a branch in each
+function here.  A row with a number that none of them knows takes no frame.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.engine import rtc
+from pnfarm.table.channel import DISCARD_INVALID, FRAMING_RTC
+from pnfarm.table.compiled import compiled
+
+__all__ = ["advance", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take"]
+
+#: How a received frame is found, before its row is known.
+locate = rtc.locate
+
+
+@compiled
+def fits(consumer: Any, length: int, place: int) -> int:
+    """Where the data begin in a frame whose id stands at ``place``; 0 for a frame of another length than agreed."""
+    return rtc.fits(consumer, length, place) if consumer.framing == FRAMING_RTC else 0
+
+
+@compiled
+def refused(consumer: Any, frame: Any, length: int) -> int:
+    """Why a frame is not taken: an index of ``CPM.discarded``, -1 if it is."""
+    return rtc.refused(consumer, frame, length) if consumer.framing == FRAMING_RTC else DISCARD_INVALID
+
+
+@compiled
+def provider_runs(consumer: Any, frame: Any, length: int) -> bool:
+    """Whether the sender of a frame is in RUN."""
+    return consumer.framing == FRAMING_RTC and rtc.provider_runs(frame, length) != 0
+
+
+@compiled
+def provider_ran(consumer: Any) -> bool:
+    """Whether the sender of the frame that was taken last was in RUN."""
+    return consumer.framing == FRAMING_RTC and rtc.provider_ran(consumer) != 0
+
+
+@compiled
+def take(consumer: Any, frame: Any, length: int) -> None:
+    """Keep what the next frame is held against."""
+    if consumer.framing == FRAMING_RTC:
+        rtc.take(consumer, frame, length)
+
+
+@compiled
+def start(provider: Any) -> None:
+    """A provider's first frame is due at ``next_ns``."""
+    if provider.framing == FRAMING_RTC:
+        rtc.start(provider)
+
+
+@compiled
+def advance(provider: Any, cycles: int) -> None:
+    """So many cycles of a provider passed."""
+    if provider.framing == FRAMING_RTC:
+        rtc.advance(provider, cycles)
+
+
+@compiled
+def seal(provider: Any, frame: Any) -> None:
+    """Complete a frame that leaves."""
+    if provider.framing == FRAMING_RTC:
+        rtc.seal(provider, frame)

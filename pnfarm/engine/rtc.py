@@ -1,0 +1,119 @@
+"""The framing of real-time class frames (IEC 61158-6-10, RTC-PDU): what stands before the IO data and behind them.
+
+====================  ==================================================
+Ethernet header       14 octets, 18 with a VLAN tag
+frame id              2 octets
+IO data
+cycle counter         2 octets, counts 31.25 us
+data status           1 octet
+transfer status       1 octet, 0
+====================  ==================================================
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.channel import (
+    DISCARD_COUNTER,
+    DISCARD_INVALID,
+    DISCARD_TRANSFER,
+    RUN,
+    STATUS_RUN,
+    STATUS_VALID,
+)
+from pnfarm.table.compiled import compiled
+from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
+from pnfarm.wire.rtc import SEND_CLOCK_NS
+
+__all__ = ["TRAILER", "advance", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take"]
+
+#: Octets before the frame id of an untagged frame, and of a VLAN tag.
+HEADER = 14
+TAG = 4
+#: Octets of the frame id.
+FRAME_ID = 2
+#: Cycle counter, data status, transfer status.
+TRAILER = 4
+#: A cycle counter that lies this far behind the last one belongs to an old frame (IEC 61158-6-10, CPM).
+COUNTER_WINDOW = 61440
+
+
+@compiled
+def locate(frame: Any, length: int) -> int:
+    """Where the frame id stands in a received frame; 0 for a frame of another kind."""
+    if length < HEADER + FRAME_ID + TRAILER or length > frame.shape[0]:
+        return 0
+    place = HEADER
+    kind = (int(frame[12]) << 8) | int(frame[13])
+    if kind == ETHERTYPE_VLAN and length >= HEADER + TAG + FRAME_ID + TRAILER:
+        place += TAG
+        kind = (int(frame[16]) << 8) | int(frame[17])
+    return place if kind == ETHERTYPE_PROFINET else 0
+
+
+@compiled
+def fits(consumer: Any, length: int, place: int) -> int:
+    """Where the data begin behind the frame id at ``place``; 0 for a frame of another length than agreed."""
+    data = place + FRAME_ID
+    return data if length == data + consumer.data_length + TRAILER else 0
+
+
+@compiled
+def refused(consumer: Any, frame: Any, length: int) -> int:
+    """Why the CPM does not take this frame: an index of ``CPM.discarded``, -1 if it does."""
+    trailer = length - TRAILER
+    if consumer.state == RUN:
+        ahead = (_counter(frame, trailer) - int(consumer.counter)) & 0xFFFF
+        if ahead == 0 or ahead > COUNTER_WINDOW:
+            return DISCARD_COUNTER
+    if not int(frame[trailer + 2]) & STATUS_VALID:
+        return DISCARD_INVALID
+    return DISCARD_TRANSFER if frame[trailer + 3] != 0 else -1
+
+
+@compiled
+def provider_runs(frame: Any, length: int) -> int:
+    """Whether the sender is in RUN: the bit of the data status."""
+    return int(frame[length - TRAILER + 2]) & STATUS_RUN
+
+
+@compiled
+def provider_ran(consumer: Any) -> int:
+    """The same of the frame that was taken last."""
+    return int(consumer.data_status) & STATUS_RUN
+
+
+@compiled
+def take(consumer: Any, frame: Any, length: int) -> None:
+    """Keep what the next frame is held against."""
+    trailer = length - TRAILER
+    consumer.counter = _counter(frame, trailer)
+    consumer.data_status = frame[trailer + 2]
+
+
+@compiled
+def _counter(frame: Any, trailer: int) -> int:
+    return (int(frame[trailer]) << 8) | int(frame[trailer + 1])
+
+
+@compiled
+def start(provider: Any) -> None:
+    """The counter of a provider whose first frame is due at ``next_ns``."""
+    provider.counter = (provider.next_ns // SEND_CLOCK_NS) & 0xFFFF
+
+
+@compiled
+def advance(provider: Any, cycles: int) -> None:
+    """So many cycles passed."""
+    provider.counter = (int(provider.counter) + cycles * int(provider.counter_step)) & 0xFFFF
+
+
+@compiled
+def seal(provider: Any, frame: Any) -> None:
+    """What stands behind the data of a frame that leaves."""
+    trailer = provider.length - TRAILER
+    frame[trailer] = provider.counter >> 8
+    frame[trailer + 1] = provider.counter & 0xFF
+    frame[trailer + 2] = provider.data_status
+    frame[trailer + 3] = 0

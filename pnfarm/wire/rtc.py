@@ -1,0 +1,23 @@
+"""What cyclic frames count in, and which frame ids they have (IEC 61158-6-10, coding of FrameID)."""
+
+from __future__ import annotations
+
+__all__ = [
+    "ALARM_FRAME_IDS",
+    "ALARM_HIGH",
+    "ALARM_LOW",
+    "FIRST_ACYCLIC_FRAME_ID",
+    "FIRST_CYCLIC_FRAME_ID",
+    "SEND_CLOCK_NS",
+]
+
+#: The unit of send clocks and of the cycle counter: 31.25 us.
+SEND_CLOCK_NS = 31_250
+
+#: Below lie the sync frames of PTCP (0x0020 ... 0x0081) and what the standard keeps for later.
+FIRST_CYCLIC_FRAME_ID = 0x0100
+#: Cyclic RT frames lie below, alarms and DCP (0xFEFC ...) above.
+FIRST_ACYCLIC_FRAME_ID = 0xFC00
+ALARM_HIGH = 0xFC01
+ALARM_LOW = 0xFE01
+ALARM_FRAME_IDS = (ALARM_HIGH, ALARM_LOW)
