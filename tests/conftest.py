@@ -14,21 +14,42 @@ settings.register_profile("pnfarm", deadline=None)
 settings.load_profile("pnfarm")
 
 REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
-#: Folders and files whose tests use real time, processes of their own or the kernel's network.
+TESTS = Path(__file__).resolve().parent
+#: Folders and files whose tests use real time or the kernel's network; the replay takes what all others kept.
 EXCLUSIVE = (
-    "api/test_api_limits.py", "api/test_api_page.py", "api/test_api_server.py", "cli", "engine/test_engine_realtime.py",
-    "farm/test_farm_library.py",
+    "api/test_api_limits.py", "api/test_api_page.py", "api/test_api_server.py",
+    "cli/test_cli_attacked.py", "cli/test_cli_bench.py", "cli/test_cli_client.py", "cli/test_cli_demo.py",
+    "cli/test_cli_log_limit.py", "cli/test_cli_running.py",
+    "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
     "faults/test_fault_real_link.py", "interop", "links", "test_rig_dashboards.py", "test_rig_files.py",
     "test_rig_warm.py",
 )  # fmt: skip
+#: Files in those folders that live in memory and virtual time after all.
+SHARED = (
+    "interop/test_interop_captures.py", "interop/test_interop_edcon.py", "interop/test_interop_everything.py",
+    "interop/test_interop_gsdml.py", "links/test_links_memory.py", "links/test_links_pcap_files.py",
+    "links/test_links_wrappers.py",
+)  # fmt: skip
+#: Fixtures that start what runs in real time.
+EXCLUSIVE_FIXTURES = {"background", "network", "shared_background"}
+#: Folders whose tests call nothing that is compiled: they run beside the compiler.
+UNCOMPILED = ("protocols", "wire")
 _skipped: Counter[tuple[str, str]] = Counter()
 
 
+def _within(path, names):
+    return any(path.is_relative_to(TESTS / name) for name in names)
+
+
 def pytest_collection_modifyitems(items):
-    exclusive = [Path(__file__).parent / name for name in EXCLUSIVE]
     for item in items:
-        if any(item.path.is_relative_to(place) for place in exclusive):
+        alone = _within(item.path, EXCLUSIVE) and not _within(item.path, SHARED)
+        if alone or not EXCLUSIVE_FIXTURES.isdisjoint(item.fixturenames):
             item.add_marker(pytest.mark.exclusive)
+        if _within(item.path, UNCOMPILED):
+            item.add_marker(pytest.mark.uncompiled)
+    # the longest ones first: the others are spread over the cores that are free
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 def _note(report):

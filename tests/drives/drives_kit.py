@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from stepping import pass_time
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
@@ -14,7 +15,6 @@ from pnfarm.drives.model import Model
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.store import ParameterStore
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NOT
 from pnfarm.table.signals import NSOLL_A, STW1, ZSW1
@@ -35,15 +35,21 @@ class Drive:
     axis: Any
     image: Any
     store: ParameterStore
+    rows: tuple[Any, Any]
+
+    def pass_time(self, now: int, milliseconds: int, *, frames: bool = True) -> int:
+        """One step of the firmware each millisecond, each with a frame of valid set points; the time behind them."""
+        return int(pass_time(*self.rows, now, MS, milliseconds, 0, frames))
 
 
 def new_drive(name: str) -> Drive:
     described = model(name)
-    axis, image = AXIS.allocate(3)[1], IMAGE.allocate(3)[1]
+    rows = AXIS.allocate(3)[1:2], IMAGE.allocate(3)[1:2]
+    axis, image = rows[0][0], rows[1][0]
     store = ParameterStore(described, AxisHandle(axis, image))
     described.apply_motor(axis)
     store.power_on()
-    return Drive(described, axis, image, store)
+    return Drive(described, axis, image, store, rows)
 
 
 class Running:
@@ -60,10 +66,7 @@ class Running:
         self.run(150)
 
     def run(self, milliseconds: int) -> None:
-        for _ in range(milliseconds):
-            self.now += MS
-            self.image.frames += self.image.valid
-            step(self.axis, self.image, self.now)
+        self.now = self.drive.pass_time(self.now, milliseconds)
 
     def send(self, stw1: int, nsoll_a: int = 0, milliseconds: int = 1) -> int:
         """ZSW1 after so many milliseconds."""

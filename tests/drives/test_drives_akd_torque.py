@@ -8,7 +8,6 @@ import pytest
 from drives_kit import new_drive
 
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
-from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import CMD_POWER_ON
 from pnfarm.table.image import LOST_NOT
 from pnfarm.table.signals import ITIST_GLATT, NSOLL_A, STW1, TORQUE_SETPOINT
@@ -40,8 +39,7 @@ class Torque:
         assert self.axis.drive.state == 4
 
     def run(self, milliseconds: int) -> None:
-        for _ in range(milliseconds):
-            step(self.axis, self.image, int(self.axis.last_ns) + MS)
+        self.drive.pass_time(int(self.axis.last_ns), milliseconds, frames=False)
 
     def send(self, word: int, amperes: float | None = None, milliseconds: int = 5) -> None:
         self.image.valid, self.image.lost = 1, LOST_NOT

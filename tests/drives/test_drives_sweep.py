@@ -11,7 +11,6 @@ from pnfarm.drives.model_parts import Fault
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
     CMD_POWER_ON,
@@ -43,10 +42,7 @@ class Running:
         self.enable()
 
     def run(self, milliseconds: int) -> None:
-        for _ in range(milliseconds):
-            self.now += MS
-            self.image.frames += self.image.valid
-            step(self.axis, self.image, self.now)
+        self.now = self.drive.pass_time(self.now, milliseconds)
 
     def put(self, word: int, milliseconds: int = 5) -> None:
         self.image.valid, self.image.lost = 1, LOST_NOT

@@ -48,7 +48,7 @@ def inner(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]
     return subprocess.run(
         [sys.executable, *arguments],
         cwd=ROOT,
-        env={**os.environ, **variables},
+        env={**os.environ, "PNFARM_STEPS": "", **variables},
         capture_output=True,
         text=True,
         timeout=900,
@@ -66,14 +66,3 @@ def test_engine_and_firmware_behave_alike_with_bounds_checked():
 def test_engine_behaves_alike_interpreted():
     run = inner(*PYTEST, "tests/engine", NUMBA_DISABLE_JIT="1")
     assert run.returncode == 0, run.stdout[-3000:]
-
-
-@pytest.mark.slow
-def test_each_kept_step_of_the_firmwares_tests_ends_alike_interpreted_to_the_last_octet(tmp_path):
-    kept = tmp_path / "steps"
-    run = inner(*PYTEST, "tests/firmware", PNFARM_STEPS=str(kept))
-    assert run.returncode == 0, run.stdout[-3000:]
-    run = inner("tests/support/replay.py", str(kept), NUMBA_DISABLE_JIT="1")
-    assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-1000:]
-    steps = int(run.stdout.split()[0])
-    assert steps > 5000, "the tests of the firmware step drives often"

@@ -1,29 +1,43 @@
-"""The firmware steps that :mod:`stepping` kept, interpreted: ``NUMBA_DISABLE_JIT=1 python replay.py FILE``.
+"""The firmware steps that :mod:`stepping` kept, interpreted: ``NUMBA_DISABLE_JIT=1 python replay.py FOLDER``.
 
-Each is compared with what the compiled step made of the same records.  Prints how many steps there were; exit 1 and
-the fields that differ, if any do.
+Each is compared, octet for octet, with what the compiled step made of the same records.  All are done on plain Python
+objects in the records' place (:mod:`plain_record`), some on the records themselves, as under a debugger, too.  Prints
+how many steps there were; exit 1 and the fields that differ, if any do.
 """
 
 from __future__ import annotations
 
 import os
+import struct
 import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 os.environ["NUMBA_DISABLE_JIT"] = "1"
 
 import numpy as np
+from plain_record import octets, plain
 from stepping import STEP, pass_time
 
 from pnfarm.table.compiled import IS_COMPILED
 
 #: Compiled and interpreted code may round a transcendental function differently in the last digit.
 RELATIVE = 1e-12
+#: One step of so many is done on the records themselves.
+RECORDS_EVERY = 8
+NAMES = ("axis", "image")
 
 
-def _differences(name: str, before: np.ndarray, wanted: np.ndarray, got: np.ndarray) -> list[str]:
+def _differences(name: str, before: Any, wanted: Any, got: Any) -> list[str]:
     told = []
     for field in wanted.dtype.names or ():
         right, wrong = wanted[field], got[field]
+        if right.dtype.names is not None:
+            for place in np.ndindex(right.shape):
+                inner = f"{name}.{field}{list(place) if place else ''}"
+                told += _differences(inner, before[field][place], right[place], wrong[place])
+            continue
         alike = (
             np.allclose(right, wrong, rtol=RELATIVE, atol=1e-12, equal_nan=True)
             if right.dtype.kind == "f"
@@ -34,26 +48,48 @@ def _differences(name: str, before: np.ndarray, wanted: np.ndarray, got: np.ndar
     return told
 
 
-def _copy(record: np.void) -> np.ndarray:
-    """An array of one record, padding and all, to be written to."""
-    return np.frombuffer(bytearray(record.tobytes()), record.dtype).view(np.recarray)
+def on_records(step: Any) -> tuple[bytes, ...]:
+    """The records' octets behind a kept step, done on the records themselves, padding and all."""
+    records = [np.frombuffer(bytearray(step[name].tobytes()), step[name].dtype).view(np.recarray) for name in NAMES]
+    pass_time(*records, int(step["now"]), 0, 1, int(step["life"]), int(step["frame"]))
+    return tuple(record.tobytes() for record in records)
 
 
-def main(file: str) -> int:
+def on_plain_objects(step: Any) -> tuple[bytes, ...]:
+    """The records' octets behind a kept step, done on Python objects in their place."""
+    stand_ins = [plain(step[name]) for name in NAMES]
+    pass_time(*([it] for it in stand_ins), int(step["now"]), 0, 1, int(step["life"]), int(step["frame"]))
+    return tuple(octets(it, step[name].dtype) for it, name in zip(stand_ins, NAMES, strict=True))
+
+
+def compare(step: Any, way: Callable[[Any], tuple[bytes, ...]]) -> list[str]:
+    """What one kept step came to, interpreted one way or the other, that the compiled step did not."""
+    try:
+        behind = way(step)
+    except (ArithmeticError, AttributeError, IndexError, TypeError, ValueError, struct.error) as error:
+        return [f"{way.__name__}: {type(error).__name__}: {error}"]
+    told = []
+    for name, got in zip(NAMES, behind, strict=True):
+        wanted = step[f"{name}_after"]
+        if got != wanted.tobytes():
+            told += _differences(name, step[name], wanted, np.frombuffer(got, wanted.dtype)[0])
+    return told
+
+
+def main(folder: str) -> int:
     if IS_COMPILED:
         raise SystemExit("NUMBA_DISABLE_JIT=1 is not set")
-    steps = np.fromfile(file, STEP)
-    told: list[str] = []
     np.seterr(all="ignore")
-    for number, step in enumerate(steps):
-        axes, images = (_copy(step[name]) for name in ("axis", "image"))
-        pass_time(axes, images, int(step["now"]), 0, 1, int(step["life"]), int(step["frame"]))
-        for name, got in (("axis", axes), ("image", images)):
-            if got.tobytes() != step[f"{name}_after"].tobytes():
-                lines = _differences(name, step[name], step[f"{name}_after"], got[0])
-                told += [f"step {number}: {line}" for line in lines]
-    sys.stdout.write("\n".join((f"{len(steps)} steps, {len(told)} differences", *told[:40], "")))
-    return 1 if told or not len(steps) else 0
+    count, told = 0, []
+    for file in sorted(Path(folder).iterdir()):
+        for step in np.fromfile(file, STEP):
+            lines = compare(step, on_plain_objects)
+            if count % RECORDS_EVERY == 0:
+                lines += compare(step, on_records)
+            told += [f"{file.name}, step {count}: {line}" for line in lines]
+            count += 1
+    sys.stdout.write("\n".join((f"{count} steps, {len(told)} differences", *told[:40], "")))
+    return 1 if told or not count else 0
 
 
 if __name__ == "__main__":

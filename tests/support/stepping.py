@@ -1,12 +1,11 @@
 """Time passes for a drive on the bench: many firmware steps in one compiled call, as a call costs more than its step.
 
-With ``PNFARM_STEPS=FILE`` some of the steps are kept, octet for octet as they were before and behind each, so that
-:mod:`replay` can do the same steps interpreted and compare.
+With ``PNFARM_STEPS=FOLDER`` some of the steps are kept there, in a file for each process, octet for octet as they were
+before and behind each, so that :mod:`replay` can do the same steps interpreted and compare.
 """
 
 from __future__ import annotations
 
-import atexit
 import os
 from pathlib import Path
 from typing import Any
@@ -61,7 +60,6 @@ class _Keeper:
         self._calls = 0
         self._next = 0
         self._count = 0
-        self.steps: list[np.ndarray] = []
 
     def wants(self) -> bool:
         test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" ")[0]
@@ -74,13 +72,12 @@ class _Keeper:
         self._next = self._calls + self._calls // 8
         return True
 
-    def write(self) -> None:
-        Path(KEPT).write_bytes(b"".join(step.tobytes() for step in self.steps))
+    def keep(self, step: np.ndarray) -> None:
+        with (Path(KEPT) / f"{os.getpid()}.steps").open("ab") as file:
+            file.write(step.tobytes())
 
 
 _keeper = _Keeper()
-if KEPT:
-    atexit.register(_keeper.write)
 
 
 def run_steps(
@@ -93,6 +90,6 @@ def run_steps(
         kept["life"], kept["frame"] = life, frame
         now = pass_time(axes, images, now, step_ns, 1, life, frame)
         kept["now"], kept["axis_after"], kept["image_after"] = now, axes[:1], images[:1]
-        _keeper.steps.append(kept)
+        _keeper.keep(kept)
         steps -= 1
     return int(pass_time(axes, images, now, step_ns, steps, life, frame))
