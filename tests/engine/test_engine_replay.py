@@ -94,7 +94,7 @@ def test_a_field_that_came_out_otherwise_is_told_whatever_it_is(tmp_path):
             "axis.last_ns:",
             "image.sent:",
             "axis.profidrive.stw1:",
-        )  # fmt: skip
+        )
     ):
         assert any(f"step {number}: {field}" in line for line in told), field
     assert not any(f"step {number}:" in line for line in told for number in (6, 7, 8))
