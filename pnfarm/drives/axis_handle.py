@@ -30,7 +30,7 @@ class AxisHandle:
         self.image = image
 
     def push_command(self, code: int, argument: int = 0) -> None:
-        """Hand ``code`` (``CMD_*`` of :mod:`pnfarm.table.axis_codes`) to the firmware; raises :class:`CommandRingFullError`.
+        """Hand ``code`` (``CMD_*``) to the firmware; raises :class:`CommandRingFullError`.
 
         The entry is written before the head moves, so that the engine never takes a half-written one.
         """
