@@ -84,7 +84,7 @@ def apply_machine(axis: Any, machine: Machine, load: Load, pitch: float) -> None
     ):
         for place, field, bit in zip(ends or (), fields, bits, strict=False):
             if place is not None:
-                AXIS.write(axis, f"machine.{field}", place * unit)
+                AXIS.write(axis, field, place * unit)
                 axis.machine.settings.parts |= bit
     for i, cam in enumerate(machine.cams):
         axis.machine.settings.parts |= MACHINE_CAMS
