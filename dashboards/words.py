@@ -40,7 +40,7 @@ STATES: dict[int, tuple[str, str]] = {
 CONNECTIONS: dict[int, tuple[str, str]] = {
     0: ("no connection", RED),
     **{
-        number: (state.value, GREEN if state is CmdevState.DATA else RED if state is CmdevState.ABORT else YELLOW)
+        number: (state, GREEN if state == CmdevState.DATA else RED if state == CmdevState.ABORT else YELLOW)
         for state, number in AR_STATES.items()
     },
 }
