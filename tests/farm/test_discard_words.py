@@ -12,7 +12,7 @@ from pnfarm.farm.discard_words import PREFIXES, REASONS, discard_words
 from pnfarm.table.channel import DISCARDS
 
 ROOT = Path(pnfarm.__file__).parent
-ROOMS = ("protocols", "links", "farm", "controller", "wire", "drives")
+ROOMS = ("protocols", "links", "farm", "buses", "controller", "wire", "drives")
 #: Names of what counts: the counters themselves, and the functions that count.
 COUNTERS = {"dropped", "_dropped"}
 FUNCTIONS = {"_drop", "passed_over", "drop"}

@@ -171,6 +171,6 @@ def test_a_run_that_is_asked_to_end_leaves_nothing(cable, number):
     process = start(RUN, "macvlan")
     assert len(own_interfaces()) == 8
     process.send_signal(number)
-    process.wait(20)
+    process.wait(120)
     process.stdout.close()
     assert own_interfaces() == []
