@@ -18,7 +18,7 @@ from panels import (
     thresholds,
 )
 
-from pnfarm.metrics.collector import AR_STATES
+from pnfarm.metrics.collector import connection_numbers
 from pnfarm.protocols.profinet.ar import CmdevState
 
 FARM_UID = "pnfarm-farm"
@@ -27,6 +27,7 @@ DRIVE_UID = "pnfarm-drive"
 TO_DRIVE = f"/d/{DRIVE_UID}?var-farm=${{farm}}&${{__url_time_range}}&var-drive="
 BY_LABEL = TO_DRIVE + "${__field.labels.drive}"
 
+AR_STATES = connection_numbers("profinet")
 DATA = AR_STATES[CmdevState.DATA]
 #: PROFIdrive's states by ``pnfarm_axis_state``.
 STATES: dict[int, tuple[str, str]] = {

@@ -165,7 +165,7 @@ def test_counters_never_fall_while_connections_come_and_go():
     line.connect()
     total = of(read(collector), "pnfarm_frames_received_total", drive="axis-01")
     now = drive_snapshot(line.farm, line.farm.station("axis-01"), line.world.now)
-    consumer = line.farm.station("axis-01").ars
+    consumer = line.farm.station("axis-01").device.ars
     open_row = next(row for ar in consumer.values() for row, _ in ar.consumers)
     assert total == now["frames_received"] > int(line.farm.columns.cpm[open_row].received)
 
@@ -176,10 +176,10 @@ def test_lost_connection_is_counted_by_reason_and_its_reconnect_is_timed():
     line.connect()
     line.enable()
     # the controller's frames no longer arrive: the drive's watchdog has to find it
-    row = next(row for ar in line.farm.station("axis-01").ars.values() for row, _ in ar.consumers)
+    row = next(row for ar in line.farm.station("axis-01").device.ars.values() for row, _ in ar.consumers)
     line.farm.columns.cpm[row].source = 1
     start = line.world.now
-    assert line.world.run(3.0, until=lambda: line.farm.station("axis-01").watchdog_expirations == 1)
+    assert line.world.run(3.0, until=lambda: line.farm.station("axis-01").device.watchdog_expirations == 1)
     lost = line.world.now
     line.run(0.1)
     line.enable(10.0)

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from starlette.requests import Request
 
-    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
     from pnfarm.metrics import FarmCollector
+    from pnfarm.station.station import Station
 
 __all__ = ["PREFIX", "ApiContext", "read_object"]
 
@@ -45,18 +45,18 @@ class ApiContext:
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
     messages: Messages = field(default_factory=Messages)
 
-    def station(self, name: str) -> DriveStation:
+    def station(self, name: str) -> Station:
         """Raises :class:`NotFoundError`."""
         try:
             return self.core.station(name)
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
 
-    def view(self, station: DriveStation) -> dict[str, Any]:
+    def view(self, station: Station) -> dict[str, Any]:
         """One drive as it is now."""
         return drive_snapshot(self.core, station, self.now())
 
-    def changed(self, station: DriveStation) -> None:
+    def changed(self, station: Station) -> None:
         """A handler changed this station: let it finish what follows, and send it."""
         self.core.settle(station, self.now())
         self.poke()

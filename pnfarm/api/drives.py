@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.station.station import Station
 
 __all__ = ["add_drives"]
 
@@ -110,13 +110,13 @@ def _value(body: dict[str, Any]) -> int:
         raise RequestError(f'{sentence}; send {{"value": a whole number}}', errors) from exc
 
 
-def _powered(station: DriveStation) -> DriveStation:
+def _powered(station: Station) -> Station:
     if not station.powered:
         raise ParameterError(ParameterErrorNumber.OPERATING_STATE, detail=f"{station.configured_name} is switched off")
     return station
 
 
-def _parameter(station: DriveStation, wanted: str) -> dict[str, Any]:
+def _parameter(station: Station, wanted: str) -> dict[str, Any]:
     parameter, subindex = station.model.resolve(wanted)
     store = station.store
     values = store.read(parameter.pnu, 0, parameter.elements) if parameter.elements else None

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from pnfarm.api.context import PREFIX, ApiContext, read_object
 from pnfarm.api.problems import Json, RequestError
 from pnfarm.api.schemas import ModulePlug, ModulesView, PluggedView
+from pnfarm.buses.profinet.device.device import ProfinetDevice
 from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull_module
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.station.station import Station
 
 __all__ = ["add_modules"]
 
@@ -58,7 +59,7 @@ def add_modules(app: FastAPI, context: ApiContext) -> None:
             raise RequestError(f"{sentence}; allowed: telegram, module_ident, substitute", errors) from exc
         station = context.station(name)
         changed = plug_module(
-            station,
+            _device(station),
             slot,
             context.now(),
             telegram=wanted.telegram,
@@ -76,10 +77,17 @@ def add_modules(app: FastAPI, context: ApiContext) -> None:
     )
     async def pull(name: str, slot: int, subslot: int | None = None) -> Json:
         station = context.station(name)
-        pull_module(station, slot, subslot, context.now())
+        pull_module(_device(station), slot, subslot, context.now())
         context.changed(station)
         return Json(_view(station))
 
 
-def _view(station: DriveStation) -> dict[str, object]:
-    return {"drive": station.configured_name, "modules": modules_view(station)}
+def _device(station: Station) -> ProfinetDevice:
+    """Raises :class:`RequestError` for a drive on another bus, which has no modules."""
+    if not isinstance(station.device, ProfinetDevice):
+        raise RequestError(f"{station.configured_name} has no modules: its bus is {station.model.bus}")
+    return station.device
+
+
+def _view(station: Station) -> dict[str, object]:
+    return {"drive": station.configured_name, "modules": modules_view(_device(station))}

@@ -6,7 +6,6 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.bus import PROFINET
-from pnfarm.buses.profinet.device.view import CONNECTION_STATES, USUAL_LOSSES
 from pnfarm.errors import ConfigError
 from pnfarm.faults.catalogue import Catalogue, neutral
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import Bus
 
-__all__ = ["BUSES", "CONNECTION_STATES", "USUAL_LOSSES", "bus", "fault_kinds"]
+__all__ = ["BUSES", "bus", "fault_kinds"]
 
 #: By name.
 BUSES: Mapping[str, Bus] = {PROFINET.name: PROFINET}

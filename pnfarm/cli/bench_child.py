@@ -90,7 +90,7 @@ async def _farm(settings: dict[str, Any]) -> None:
         async def connected(seconds: float) -> bool:
             with anyio.move_on_after(seconds):
                 # the stations are machines that know no tasks
-                while not all(s.ars and all(a.established for a in s.ars.values()) for s in farm.core.stations):  # noqa: ASYNC110
+                while not all(station.device.connected for station in farm.core.stations):  # noqa: ASYNC110
                     await anyio.sleep(0.005)
                 return True
             return False

@@ -143,7 +143,7 @@ class Demo:
     async def _break(self, kind: str, name: str) -> bool:
         """Inject one fault, see it work, see the controller bring the drive back."""
         station = self._farm.station(name)
-        before = station.connects
+        before = station.device.connects
         faults_before = dict(station.fault_counts)
         self._injected.setdefault(name, []).append(kind)
         self._recovered[name] = False
@@ -154,7 +154,7 @@ class Demo:
 
         def struck() -> bool:
             if kind == "timeout":
-                return bool(self._faulted(name, faults_before)) and not station.ars
+                return bool(self._faulted(name, faults_before)) and not station.device.connected
             return bool(self._faulted(name, faults_before))
 
         if not await self._until(struck):
@@ -165,7 +165,7 @@ class Demo:
 
         def back() -> bool:
             session = self._plc.session(name)
-            reconnected = kind != "timeout" or station.connects > before
+            reconnected = kind != "timeout" or station.device.connects > before
             return (
                 reconnected
                 and session is not None

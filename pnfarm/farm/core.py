@@ -6,12 +6,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from pnfarm.buses.profinet.device.channels import channel_rows
-from pnfarm.buses.profinet.device.segment import ProfinetSegment
-from pnfarm.buses.profinet.device.station import DriveStation, StationServices
-from pnfarm.buses.profinet.uuids import uuid_source
+from pnfarm.buses.bus import DeviceServices
+from pnfarm.buses.registry import bus
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.columns import Columns, allocate
 from pnfarm.engine.impairments import ImpairmentTable
@@ -33,6 +32,7 @@ from pnfarm.station.events import (
     StateChanged,
     WarningChanged,
 )
+from pnfarm.station.station import Station
 from pnfarm.table import engine_row
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import LOST_NEVER
@@ -40,7 +40,6 @@ from pnfarm.table.image import LOST_NEVER
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pnfarm.buses.bus import Segment
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.farm.config_expand import DriveConfig
@@ -107,16 +106,16 @@ class FarmCore:
         self.columns = allocate(
             stations=count,
             axes=count,
-            channels=sum(channel_rows(model.limits.io_controllers) for model in known),
+            channels=sum(bus(model.bus).channel_rows(model) for model in known),
             impairments=count * IMPAIRMENTS_PER_DRIVE + 8,
         )
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
         self.impairments = ImpairmentTable(self.columns)
         self.channels = ChannelTable(self.columns)
-        self.stations: list[DriveStation] = []
-        self._by_port: dict[int, DriveStation] = {}
-        self._by_name: dict[str, DriveStation] = {}
+        self.stations: list[Station] = []
+        self._by_port: dict[int, Station] = {}
+        self._by_name: dict[str, Station] = {}
         self._deadlines = Deadlines()
         self._tail = 0
         self.events_lost = 0
@@ -130,20 +129,25 @@ class FarmCore:
             axis.step_ns = 4_000_000
             image.port = port.index
             image.mac = int.from_bytes(port.mac, "big")
-            uuids = uuid_source(seed + port.mac)
-            services = StationServices(self.channels, self.impairments, memory, log, uuids, lldp)
-            station = DriveStation(config, model, index, port, AxisHandle(axis, image), services, flaws)
+            make = partial(bus(model.bus).device, services=DeviceServices(self.channels, self.impairments, seed, lldp))
+            handle = AxisHandle(axis, image)
+            station = Station(config, model, index, port, handle, make, memory=memory, log=log, flaws=flaws)
             axis.powered = 1
             axis.front = FIRMWARE_PROFIDRIVE
             self.stations.append(station)
             self._by_port[port.index] = station
             self._by_name[config.name] = station
-        self.segment: Segment = ProfinetSegment(self.stations)
+        #: What the drives on each bus have in common, and each port's part of it.
+        self._segments = {
+            name: bus(name).segment([s.device for s in self.stations if s.model.bus == name])
+            for name in {station.model.bus for station in self.stations}
+        }
+        self._segment_of = {s.port.index: self._segments[s.model.bus] for s in self.stations}
         #: What is injected into the drives.
         self.injections = make_manager(self, gate, clock)
         gate.set_receiver(self.receive)
         if isinstance(innermost := unwrap(link), MemoryLink):
-            innermost.set_audience(self.segment.audience)
+            innermost.set_audience(self._audience)
 
     def start(self, now: int) -> None:
         """Power on at ``now``: announce addresses."""
@@ -158,12 +162,12 @@ class FarmCore:
     def stop(self, now: int) -> None:
         """Tell every controller that its drive goes: an ERR-RTA for each connection."""
         for station in self.stations:
-            station.leave(now)
+            station.device.leave(now)
             self.settle(station, now)
 
-    def station(self, name: str) -> DriveStation:
+    def station(self, name: str) -> Station:
         """By the name in the farm file, or the one that DCP gave; raises :class:`ConfigError`."""
-        found = self._by_name.get(name) or next((s for s in self.stations if s.name == name), None)
+        found = self._by_name.get(name) or next((s for s in self.stations if s.device.name == name), None)
         if found is None:
             raise ConfigError(f"there is no drive {name!r} in farm {self.name}; `pnfarm inspect` lists them")
         return found
@@ -174,17 +178,27 @@ class FarmCore:
         station = self._by_port.get(port)
         if station is None:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
-        if not self.segment.admits(port, frame, now):
+        if not self._segment_of[port].admits(port, frame, now):
             return
         self.injections.refresh(station.configured_name, now)
         station.receive(frame, now)
         self.settle(station, now)
         self.injections.poke(station.configured_name, now)
 
-    def settle(self, station: DriveStation, now: int) -> None:
+    def _audience(self, frame: bytes) -> list[int] | None:
+        """Ports that a group-addressed frame can concern, None for any."""
+        found: list[int] = []
+        for segment in self._segments.values():
+            ports = segment.audience(frame)
+            if ports is None:
+                return None
+            found += ports
+        return found
+
+    def settle(self, station: Station, now: int) -> None:
         """Let a station finish what an input began, send its frames, note when it wants to be called."""
         frames = station.pump(now)
-        self.segment.settled(station.port.index)
+        self._segment_of[station.port.index].settled(station.port.index)
         for frame in frames:
             self.link.send(station.port.index, frame)
         self._deadlines.set(station.index, station.next_deadline())
@@ -214,7 +228,7 @@ class FarmCore:
             self.log.record(now, "", EngineEventsLost(head - self._tail - size))
             self._tail = head - size
             self._catch_up(now)
-        touched: dict[int, DriveStation] = {}
+        touched: dict[int, Station] = {}
         while self._tail < head:
             event = self.columns.events[self._tail % size]
             kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
@@ -229,33 +243,30 @@ class FarmCore:
     def _catch_up(self, now: int) -> None:
         """The ring of events ran over: what the rows themselves tell of connections is not lost."""
         for station in self.stations:
-            station.catch_up(now)
+            station.device.catch_up(now)
             self.settle(station, now)
 
-    def _take(self, kind: int, row: int, when: int, value: int, now: int) -> DriveStation | None:
+    def _take(self, kind: int, row: int, when: int, value: int, now: int) -> Station | None:
         if kind in _OF_CONSUMERS:
             station = self.stations[int(self.columns.cpm[row].image)]
-            return station if station.channel_event(kind, row, when, value, now) else None
+            return station if station.device.channel_event(kind, row, when, value, now) else None
         station = self.stations[row]
         name = station.configured_name
         match kind:
             case engine_row.STATE_CHANGED:
                 self.log.record(when, name, StateChanged(value >> 8, value & 0xFF))
             case engine_row.FAULT_RAISED:
-                station.fault_counts[value] = station.fault_counts.get(value, 0) + 1
-                station.fault_raised(value)
-                station.keep_faults(when)
+                station.fault_raised(value, when)
                 self.log.record(when, name, FaultRaised(value))
             case engine_row.FAULTS_CLEARED:
-                station.faults_cleared()
-                station.keep_faults(when)
+                station.faults_cleared(when)
                 self.log.record(when, name, FaultsCleared(value))
             case engine_row.FAULT_REACTED:
                 self.log.record(when, name, FaultReacted(value))
             case engine_row.WARNING_CHANGED:
                 self.log.record(when, name, WarningChanged(value))
             case engine_row.PARAMETER_TASK:
-                station.parameter_task(value, now)
+                station.device.parameter_task(value, now)
             case _:
                 return None
         return station

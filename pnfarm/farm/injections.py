@@ -37,7 +37,7 @@ def make_manager(core: FarmCore, gate: GatedLink, clock: Clock) -> InjectionMana
     drives: dict[str, InjectedDrive] = {}
     for station in core.stations:
         host = InjectionHost(core.columns, core.impairments, gate, carriers, partial(core.settle, station))
-        drives[station.configured_name] = bus(station.model.bus).injected_drive(station, host)
+        drives[station.configured_name] = bus(station.model.bus).injected_drive(station.device, host)
     return InjectionManager(fault_kinds(), drives, gate)
 
 

@@ -18,10 +18,10 @@ from pnfarm.wire.mac import format_mac
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pnfarm.buses.bus import ConnectionView
-    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import InjectionManager
+    from pnfarm.station.device import ConnectionView
+    from pnfarm.station.station import Station
 
 __all__ = [
     "NO_AR",
@@ -42,12 +42,12 @@ def bits_in_words(word: int, names: Sequence[str]) -> list[str]:
     return [named[bit] or f"bit_{bit}" for bit in range(16) if word >> bit & 1]
 
 
-def discards(core: FarmCore, station: DriveStation) -> dict[str, int]:
+def discards(core: FarmCore, station: Station) -> dict[str, int]:
     """Frames that the drive dropped, by reason: cyclic ones since the start, and those of the protocol machines."""
-    cyclic = station.closed.discarded.copy()
-    for row in station.channel_rows[1]:
+    cyclic = station.device.closed.discarded.copy()
+    for row in station.device.channel_rows[1]:
         cyclic += core.columns.cpm[row].discarded
-    total = dict(station.discards())
+    total = dict(station.device.discards())
     for reason, count in zip(DISCARDS, cyclic.tolist(), strict=True):
         total[reason] = total.get(reason, 0) + count
     return total
@@ -64,7 +64,7 @@ def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
 
 
 def drive_snapshot(
-    core: FarmCore, station: DriveStation, now: int, *, injected: Mapping[str, list[str]] | None = None
+    core: FarmCore, station: Station, now: int, *, injected: Mapping[str, list[str]] | None = None
 ) -> dict[str, Any]:
     """One drive.  ``injected`` saves asking the manager of injections again for each of many drives."""
     axis = station.handle.axis
@@ -73,11 +73,11 @@ def drive_snapshot(
     zsw1, stw1 = int(axis.profidrive.zsw1), int(axis.profidrive.stw1)
     telegram = station.store.telegram_number
     codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code]
-    connection = station.connection()
+    connection = station.device.connection()
     known = connection if connection is not None and connection.ip is not None else None
     exchanging = powered and connection is not None and connection.exchanging
     sent, suppressed, received = _frames(core, station)
-    seen = station.view(now)
+    seen = station.device.view(now)
     if injected is None:
         injected = injected_faults(core.injections)
     return {
@@ -105,9 +105,9 @@ def drive_snapshot(
         "frames_suppressed": suppressed,
         "frames_received": received,
         "frames_discarded": {reason: count for reason, count in discards(core, station).items() if count},
-        "watchdog_expirations": station.watchdog_expirations,
-        "connects": station.connects,
-        "aborts": dict(station.losses_in_words()),
+        "watchdog_expirations": station.device.watchdog_expirations,
+        "connects": station.device.connects,
+        "aborts": dict(station.device.losses_in_words()),
         "fault": _fault(station, codes[0]) if codes else None,
         "faults": [_fault(station, code) for code in codes],
         "last_fault": _last_fault(station),
@@ -135,7 +135,7 @@ def _controller(connection: ConnectionView) -> dict[str, Any]:
     return {"name": connection.controller, "ip": str(connection.ip), "mac": format_mac(connection.mac)}
 
 
-def _lamps(station: DriveStation, *, exchanging: bool, signalling: bool) -> dict[str, str]:
+def _lamps(station: Station, *, exchanging: bool, signalling: bool) -> dict[str, str]:
     lamps = station.model.lamps
     if lamps is None:
         return {}
@@ -180,11 +180,11 @@ def _state_word(powered: bool, state: int) -> str:
     return f"S{state}" if state else "boot"
 
 
-def _frames(core: FarmCore, station: DriveStation) -> tuple[int, int, int]:
+def _frames(core: FarmCore, station: Station) -> tuple[int, int, int]:
     """Cyclic frames sent, kept back by a fault, received, over all connections since the start."""
-    closed = station.closed
+    closed = station.device.closed
     sent, suppressed, received = closed.sent, closed.suppressed, closed.received
-    providers, consumers = station.channel_rows
+    providers, consumers = station.device.channel_rows
     for row in providers:
         sent += int(core.columns.ppm[row].sent)
         suppressed += int(core.columns.ppm[row].suppressed)
@@ -193,12 +193,12 @@ def _frames(core: FarmCore, station: DriveStation) -> tuple[int, int, int]:
     return sent, suppressed, received
 
 
-def _fault(station: DriveStation, number: int) -> dict[str, Any]:
+def _fault(station: Station, number: int) -> dict[str, Any]:
     known = station.model.faults.get(number)
     return {"number": number, "name": known.name if known is not None else ""}
 
 
-def _last_fault(station: DriveStation) -> dict[str, Any] | None:
+def _last_fault(station: Station) -> dict[str, Any] | None:
     """First fault of the newest situation: the active one, or the one acknowledged last."""
     axis = station.handle.axis
     buffer = axis.faults.buffer

@@ -14,7 +14,7 @@ from prometheus_client import CollectorRegistry, ProcessCollector, generate_late
 from prometheus_client.registry import Collector
 
 from pnfarm import __version__
-from pnfarm.buses.registry import CONNECTION_STATES, USUAL_LOSSES
+from pnfarm.buses.registry import bus
 from pnfarm.drives.model_parts import fault_label
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -28,16 +28,18 @@ if TYPE_CHECKING:
 
     from prometheus_client.metrics_core import Metric
 
-    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
+    from pnfarm.station.station import Station
 
 #: Counts by the values of a family's labels.
 Counts: TypeAlias = "dict[tuple[str, ...], int]"
 
-__all__ = ["AR_STATES", "FarmCollector", "Scrape"]
+__all__ = ["FarmCollector", "Scrape", "connection_numbers"]
 
-#: ``pnfarm_ar_state`` by number; 0 is "no connection".
-AR_STATES: dict[str, int] = {state: number for number, state in enumerate(CONNECTION_STATES, start=1)}
+
+def connection_numbers(bus_name: str) -> dict[str, int]:
+    """``pnfarm_ar_state`` by the bus's word for a connection's state; 0 is "no connection"."""
+    return {word: number for number, word in enumerate(bus(bus_name).connection_states, start=1)}
 
 
 class Scrape:
@@ -122,7 +124,9 @@ class FarmCollector(Collector):
         self._fault_total = Family(
             "pnfarm_axis_faults_total", "counter", "Faults of the drive by number (702 = F702).", ("drive", "code")
         )
-        states = ", ".join(f"{number} {state}" for state, number in AR_STATES.items())
+        buses = dict.fromkeys(station.model.bus for station in self._core.stations)
+        self._states = {name: connection_numbers(name) for name in buses}
+        states = "; ".join(", ".join(f"{n} {word}" for word, n in words.items()) for words in self._states.values())
         self._ar_state = drive("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
         self._ar_cycle = drive("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
         self._connects = drive("ar_connects_total", "counter", "Connections that reached DATA.")
@@ -139,7 +143,7 @@ class FarmCollector(Collector):
             for fault in station.model.faults.values():
                 if not fault.warning:
                     self._fault_total.add(name, str(fault.number))
-            for reason in USUAL_LOSSES:
+            for reason in bus(station.model.bus).usual_losses:
                 self._aborts.add(name, reason)
             for slug in DISCARDS:
                 self._discarded.add(name, slug)
@@ -233,26 +237,27 @@ class FarmCollector(Collector):
             for number, count in station.fault_counts.items()
         }
 
-    def _connections(self, stations: Sequence[DriveStation]) -> list[tuple[Family, Values]]:
+    def _connections(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:
         states: list[float] = []
         cycles: list[float] = []
         aborts: Counts = {}
         for station in stations:
-            connection = station.connection()
+            connection = station.device.connection()
             known = connection is not None and station.powered
-            states.append(AR_STATES.get(connection.state, 0) if connection is not None and known else 0)
+            numbers = self._states[station.model.bus]
+            states.append(numbers.get(connection.state, 0) if connection is not None and known else 0)
             cycles.append(connection.cycle_ns / 1e9 if connection is not None and connection.cyclic else 0)
-            for reason, count in station.losses().items():
+            for reason, count in station.device.losses().items():
                 aborts[station.configured_name, reason] = count
         return [
             (self._ar_state, states),
             (self._ar_cycle, cycles),
-            (self._connects, [station.connects for station in stations]),
+            (self._connects, [station.device.connects for station in stations]),
             (self._aborts, self._labelled(self._aborts, aborts)),
-            (self._watchdog, [station.watchdog_expirations for station in stations]),
+            (self._watchdog, [station.device.watchdog_expirations for station in stations]),
         ]
 
-    def _channels(self, stations: Sequence[DriveStation]) -> list[tuple[Family, Values]]:
+    def _channels(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:
         """Open channels by column, closed ones from their stations."""
         count = len(stations)
         columns = self._core.columns
@@ -263,7 +268,7 @@ class FarmCollector(Collector):
         sent: Any = np.zeros(count, np.int64)
         received: Any = np.zeros(count, np.int64)
         for station in stations:
-            closed, index = station.closed, station.index
+            closed, index = station.device.closed, station.index
             sent[index] = closed.sent
             received[index] = closed.received
             intervals[index] = closed.intervals
@@ -282,7 +287,7 @@ class FarmCollector(Collector):
         by_reason: Counts = {}
         for station, cyclic in zip(stations, discarded.tolist(), strict=True):
             name = station.configured_name
-            for reason, dropped in station.discards().items():
+            for reason, dropped in station.device.discards().items():
                 by_reason[name, reason] = dropped
             for reason, dropped in zip(DISCARDS, cyclic, strict=True):
                 by_reason[name, reason] = by_reason.get((name, reason), 0) + dropped

@@ -28,9 +28,9 @@ from pnfarm.station.events import (
 from pnfarm.table.axis_codes import FAULT_SLOTS
 
 if TYPE_CHECKING:
-    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.core import FarmCore
     from pnfarm.station.event_log import LogEntry
+    from pnfarm.station.station import Station
 
 __all__ = ["REACTION_EDGES_NS", "Recovery"]
 
@@ -75,10 +75,10 @@ class Recovery:
         self._unsubscribe()
 
     @staticmethod
-    def _is_connected(station: DriveStation) -> bool:
-        return station.connected
+    def _is_connected(station: Station) -> bool:
+        return station.device.connected
 
-    def _look(self, station: DriveStation) -> _Drive:
+    def _look(self, station: Station) -> _Drive:
         axis = station.handle.axis
         faulted = bool(axis.faults.code[:FAULT_SLOTS].any())
         return _Drive(connected=self._is_connected(station), faulted=faulted, state=int(axis.drive.state))
@@ -122,7 +122,7 @@ class Recovery:
             case _:
                 pass
 
-    def _ended(self, drive: _Drive, station: DriveStation) -> bool:
+    def _ended(self, drive: _Drive, station: Station) -> bool:
         """Whether the drive had a connection, and this was its last one."""
         if not drive.connected or self._is_connected(station):
             return False

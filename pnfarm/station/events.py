@@ -30,6 +30,7 @@ __all__ = [
     "PowerLost",
     "PowerReturned",
     "StateChanged",
+    "TelegramChanged",
     "WarningChanged",
     "WatchdogExpired",
     "seconds",
@@ -245,3 +246,11 @@ class MemoryNotTaken(Event):
     LEVEL = "warning"
     count: int
     first: str
+
+
+@dataclass(frozen=True, slots=True)
+class TelegramChanged(Event):
+    """Another telegram is in force."""
+
+    TEXT = "telegram changed"
+    telegram: int

@@ -199,7 +199,7 @@ def test_power_cycle_boots_the_drive_and_ends_its_connection():
     assert (drive["state"], drive["ar_state"]) == ("boot", "NO_AR")
     assert world.get("/api/v1/drives/axis-02").json()["ar_state"] == "DATA"
     assert "power off" in world.line.events("axis-01")
-    assert world.line.world.run(5.0, until=lambda: world.line.farm.station("axis-01").connects == 2)
+    assert world.line.world.run(5.0, until=lambda: world.line.farm.station("axis-01").device.connects == 2)
 
 
 def test_switched_off_drive_has_no_parameters_to_give():
@@ -211,7 +211,7 @@ def test_switched_off_drive_has_no_parameters_to_give():
 
 def test_drive_is_found_by_the_name_that_dcp_gave_it():
     world = ApiWorld(1, controller=False)
-    world.line.farm.station("axis-01").dcp.name = "press-left"
+    world.line.farm.station("axis-01").device.dcp.name = "press-left"
     drive = world.get("/api/v1/drives/press-left").json()
     assert (drive["name"], drive["station_name"]) == ("axis-01", "press-left")
 

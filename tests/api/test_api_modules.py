@@ -28,7 +28,7 @@ def frame_status(world):
     """IOPS of the drive's telegram as its next frame carries it, and whether set points are valid."""
     world.line.run(0.1)
     farm = world.line.farm
-    (ar,) = farm.station("axis-01").ars.values()
+    (ar,) = farm.station("axis-01").device.ars.values()
     ((row, cr),) = ar.providers
     place = cr.data_of(1, 2)
     return farm.channels.provided(row)[place.iops_offset], bool(farm.columns.image[0].valid)
@@ -81,7 +81,7 @@ def test_plugging_what_is_there_already_changes_nothing_and_says_so(world):
 
 def test_what_follows_the_controller_is_not_replaced_by_plugging_what_was_never_pulled(world):
     station = world.line.farm.station("axis-01")
-    station.cm.plugged.follow(1, station.model.telegrams[9].module.ident)
+    station.device.cm.plugged.follow(1, station.model.telegrams[9].module.ident)
     answer = world.put(f"{PATH}/1", {})
     assert (answer.json()["changed"], modules(answer)[1].telegram) == (False, 9)
 

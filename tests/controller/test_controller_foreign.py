@@ -97,13 +97,13 @@ def test_a_device_whose_file_requires_no_status_octets_is_connected_without_them
     (row,) = line.plc.snapshot()
     assert (row["state"], row["losses"]) == ("DATA", 0)
     # the telegram's data alone have statuses, in both frames
-    (ar,) = line.station.ars.values()
+    (ar,) = line.station.device.ars.values()
     inputs, outputs = ar.providers[0][1], ar.consumers[0][1]
     assert [(d.data_offset, d.iops_offset) for d in inputs.data if d.iops_offset is not None] == [(0, 4)]
     assert [(d.data_offset, d.iops_offset) for d in outputs.data if d.iops_offset is not None] == [(0, 4)]
     assert [c.iocs_offset for c in outputs.iocs if c.iocs_offset is not None] == [5]
     (provider, _), (consumer, _) = ar.providers[0], ar.consumers[0]
-    columns = line.station.channels._channels.columns
+    columns = line.station.device.channels._channels.columns
     assert [int(o) for o in columns.ppm[provider].iops_offset[: columns.ppm[provider].iops_count]] == [20 + 4]
     assert int(columns.cpm[consumer].iops_count) == 1
     assert int(columns.cpm[consumer].iops) == 0x80

@@ -38,10 +38,10 @@ def test_a_drive_that_is_not_there_is_sought_again_until_it_comes():
 def test_a_drive_without_its_address_gets_it_from_the_controller_for_this_power_cycle_only():
     line = VirtualLine()
     station = line.farm.stations[0]
-    station.dcp.address = None
-    station.addressing.set_address(None, None, line.world.now)
+    station.device.dcp.address = None
+    station.device.addressing.set_address(None, None, line.world.now)
     line.connect()
-    assert str(station.ip.address) == "10.77.0.11/23"
+    assert str(station.device.ip.address) == "10.77.0.11/23"
     assert line.memory.load("axis-01")["ip"] == ""
 
 
@@ -49,14 +49,14 @@ def test_twenty_drives_are_found_by_one_roll_call():
     line = VirtualLine(drives=20)
     line.connect()
     for station in line.farm.stations:
-        assert station.dropped.get("identify-for-another", 0) == 0
+        assert station.device.dropped.get("identify-for-another", 0) == 0
 
 
 def test_a_few_drives_are_asked_for_by_their_names():
     line = VirtualLine(drives=3)
     line.connect()
     for station in line.farm.stations:
-        assert station.dropped["identify-for-another"] == 2
+        assert station.device.dropped["identify-for-another"] == 2
 
 
 @pytest.mark.parametrize("drives", [2, 20])
@@ -131,9 +131,11 @@ def test_another_module_than_expected_is_told_and_its_axis_stays_offline():
     line = VirtualLine(telegram=350)
     station = line.farm.stations[0]
     other = next(
-        m for m in station.description.modules if m.module_ident != station.description.modules[0].module_ident
+        m
+        for m in station.device.description.modules
+        if m.module_ident != station.device.description.modules[0].module_ident
     )
-    station.cm.plugged.plug(1, other)
+    station.device.cm.plugged.plug(1, other)
     line.run(2.0)
     assert any(entry.event == "module differs" for entry in line.plc_log.entries("axis-01"))
     assert line.farm.columns.axis[0].drive.state == 1
@@ -145,7 +147,7 @@ def test_after_a_release_nothing_connects_again():
     line.plc.release(line.world.now)
     line.run(3.0)
     assert line.plc.sessions[0].state is SessionState.STOPPED
-    assert not line.farm.stations[0].ars
+    assert not line.farm.stations[0].device.ars
 
 
 def test_frames_are_counted_over_a_reconnection():
@@ -179,7 +181,7 @@ def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
     second.addressing.own_ip = wanted.ip.packed
     for station in (first, second):
         # neither asks whether another has it
-        station.ip.set_address(wanted)
+        station.device.ip.set_address(wanted)
     plc = line.plc
     learn = plc.ip.learn
     plc.ip.learn = lambda ip, mac, now: learn(ip, second.port.mac if ip == wanted.ip else mac, now)
@@ -201,7 +203,7 @@ def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_anew():
     line = VirtualLine()
     (station,) = line.farm.stations
     (session,) = line.plc.sessions
-    opened = station.channels.open
+    opened = station.device.channels.open
 
     def mute(*arguments):
         ar = opened(*arguments)
@@ -209,14 +211,14 @@ def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_anew():
             line.farm.columns.ppm[row].active = 0
         return ar
 
-    station.channels.open = mute
+    station.device.channels.open = mute
     assert line.world.run(5, until=lambda: session.state is SessionState.DATA)
     began = line.world.now
     assert line.world.run(5, until=lambda: session.state is not SessionState.DATA)
     assert line.world.now - began == pytest.approx(2e9, rel=0.1)
     assert session.measures.last_reason == "no input data within the data hold time"
     assert session.measures.losses == 1
-    station.channels.open = opened
+    station.device.channels.open = opened
     line.connect()
     line.run(5)
     assert session.measures.losses == 1
@@ -232,7 +234,7 @@ def test_a_drive_runs_with_data_that_have_no_status_octets_at_all():
     line.enable()
     line.run(3.0)
     assert line.farm.columns.axis[0].motor.velocity == pytest.approx(60.0, abs=0.3)
-    (ar,) = line.farm.stations[0].ars.values()
+    (ar,) = line.farm.stations[0].device.ars.values()
     for row, layout in (*ar.providers, *ar.consumers):
         assert {d.iops_offset for d in layout.data} == {c.iocs_offset for c in layout.iocs} == {None}
         assert [d.data_offset for d in layout.data if d.data_length] == [0]

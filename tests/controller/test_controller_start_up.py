@@ -56,7 +56,7 @@ def test_nothing_is_sent_to_a_drive_that_gave_its_start_up_up() -> None:
     line = waiting_for_ready()
     # the drive ends the connection, and nobody hears of it
     line.add("loss", direction="out")
-    line.farm.stations[0].cm.abort_all(0x0D, line.world.now)
+    line.farm.stations[0].device.cm.abort_all(0x0D, line.world.now)
     line.farm.settle(line.farm.stations[0], line.world.now)
     line.run(4.0)
     before = line.frames_sent()
@@ -81,7 +81,7 @@ def test_a_drive_with_much_time_is_told_so_and_is_waited_for() -> None:
     line = StartUpLine(startup="legacy\n  application_ready: 60s")
     line.add("late-application-ready", params={"delay": "50s"})
     line.until_state(CmctlState.W_ARDY)
-    (ar,) = line.farm.stations[0].cm.ars
+    (ar,) = line.farm.stations[0].device.cm.ars
     assert ar.activity_timeout_ns == 60 * SECOND
     line.connect(within=55.0)
     assert line.session.measures.refusals == 0
@@ -116,7 +116,7 @@ def test_a_module_whose_readiness_comes_late_after_a_plug_is_used_all_the_same()
     pull_module(station, 1, None, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)
-    station.connections.ready_delay_ns = 30 * SECOND
+    station.device.connections.ready_delay_ns = 30 * SECOND
     plug_module(station, 1, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(25.0)

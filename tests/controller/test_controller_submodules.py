@@ -106,7 +106,7 @@ def test_a_supervisor_takes_the_axis_over_and_gives_it_back() -> None:
     shown = row(line)
     assert (shown["state"], shown["phase"]) == ("DATA", "offline")
     assert {why.partition(": ")[2] for why in shown["unusable"]} == {"controlled by a supervisor"}
-    assert [ar.established for ar in line.farm.stations[0].ars.values()] == [True, True]
+    assert [ar.established for ar in line.farm.stations[0].device.ars.values()] == [True, True]
     supervisor.release(line.world.now)
     line.enable()
     line.run(0.5)
@@ -188,7 +188,7 @@ def test_a_drive_is_identified_once_it_is_connected() -> None:
     line.connect()
     line.run(0.5)
     shown = row(line)["identification"]
-    im0 = line.farm.stations[0].description.im0
+    im0 = line.farm.stations[0].device.description.im0
     assert shown["order_id"] == im0.order_id
     assert shown["serial_number"] == im0.serial_number
     assert shown["software_revision"].startswith(im0.software_revision[0])
@@ -205,7 +205,7 @@ def test_what_was_written_into_im1_and_im4_shows_after_the_next_connection() -> 
         text = bytes.fromhex(f"002{number} 0038 0100") + octets
         line.plc.write_record("axis-01", (0, 0, 1, 0xAFF0 + number), text, line.world.now)
         line.run(0.1)
-    line.farm.stations[0].cm.abort_all(1, line.world.now)
+    line.farm.stations[0].device.cm.abort_all(1, line.world.now)
     line.farm.settle(line.farm.stations[0], line.world.now)
     line.run(0.2)
     line.connect()

@@ -38,7 +38,7 @@ def test_a_module_that_differs_is_told_by_its_sentence(line: VirtualLine) -> Non
 
 def test_an_answer_without_any_octet_fails_the_record_in_words(line: VirtualLine) -> None:
     """An RPC response of fragment length 0: what a device sent for an API that it does not have."""
-    server = line.farm.stations[0].rpc
+    server = line.farm.stations[0].device.rpc
     to_send = server.to_send
 
     def emptied(now: int):

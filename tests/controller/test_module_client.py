@@ -70,7 +70,7 @@ def real(station):
                 key=lambda s: (s.subslot, s.api),
             ),
         )
-        for module in station.cm.plugged.modules()
+        for module in station.device.cm.plugged.modules()
     )
 
 
@@ -96,7 +96,7 @@ def test_a_connected_device_is_asked_beside_its_controller():
 def test_a_pulled_module_is_not_there_any_more():
     line = VirtualLine(controller=False)
     station = line.farm.stations[0]
-    station.cm.pull(1, None, line.world.now)
+    station.device.cm.pull(1, None, line.world.now)
     modules, _ = listed(line, "axis-01")
     assert [module.slot for module in modules] == [0]
 

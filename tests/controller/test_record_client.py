@@ -59,10 +59,10 @@ def test_a_record_is_read_by_name_or_address_with_or_without_a_connection(
     client = run(line, RecordTask(target, IM0, implicit=implicit))
     client.check()
     assert client.data is not None
-    assert client.data[8:28].decode().strip() == line.farm.stations[1].description.im0.order_id
+    assert client.data[8:28].decode().strip() == line.farm.stations[1].device.description.im0.order_id
     assert client.station is not None
     assert client.station.info.name == "axis-02"
-    assert [len(station.cm.ars) for station in line.farm.stations] == [1, 1, 1]
+    assert [len(station.device.cm.ars) for station in line.farm.stations] == [1, 1, 1]
     assert line.plc.all_connected
 
 
@@ -72,7 +72,7 @@ def test_a_record_is_written_beside_the_controllers_connection() -> None:
     write.check()
     assert write.data is None
     assert run(line, RecordTask("axis-01", IM1)).data == TEXT
-    assert line.farm.stations[0].cm.ars == ()
+    assert line.farm.stations[0].device.cm.ars == ()
 
 
 def test_a_submodule_that_a_controller_owns_is_not_written_by_hand() -> None:
@@ -81,7 +81,7 @@ def test_a_submodule_that_a_controller_owns_is_not_written_by_hand() -> None:
     client = run(line, RecordTask("axis-01", IM1, TEXT))
     with pytest.raises(RemoteError, match="access denied"):
         client.check()
-    assert len(line.farm.stations[0].cm.ars) == 1
+    assert len(line.farm.stations[0].device.cm.ars) == 1
 
 
 @pytest.mark.parametrize("implicit", [True, False])
@@ -91,7 +91,7 @@ def test_a_record_that_is_none_is_refused_in_words(implicit: bool) -> None:
     assert client.data is None
     with pytest.raises(RemoteError, match="invalid index"):
         client.check()
-    assert line.farm.stations[0].cm.ars == ()
+    assert line.farm.stations[0].device.cm.ars == ()
 
 
 @pytest.mark.parametrize("target", ["nobody", IPv4Address("10.77.0.99")])
@@ -104,7 +104,7 @@ def test_a_device_that_is_not_there_is_told(target: str | IPv4Address) -> None:
 def test_a_device_without_an_address_is_told() -> None:
     line = VirtualLine(controller=False)
     station = line.farm.stations[0]
-    station.dcp.address = None
+    station.device.dcp.address = None
     with pytest.raises(RemoteError, match="axis-01 has no IP address"):
         run(line, RecordTask("axis-01", IM0)).check()
 
@@ -112,16 +112,16 @@ def test_a_device_without_an_address_is_told() -> None:
 def test_a_device_that_falls_silent_is_given_up() -> None:
     line = VirtualLine(controller=False)
     station = line.farm.stations[0]
-    original = station.rpc.receive
-    station.rpc.receive = lambda *_args: None
+    original = station.device.rpc.receive
+    station.device.rpc.receive = lambda *_args: None
     with pytest.raises(RemoteError):
         run(line, RecordTask("axis-01", IM0), 60.0).check()
-    station.rpc.receive = original
+    station.device.rpc.receive = original
 
 
 def test_one_read_after_the_other_finds_room_for_its_connection() -> None:
     line = VirtualLine(controller=False)
-    assert line.farm.stations[0].cm.description.limits.max_device_access_ars == 1
+    assert line.farm.stations[0].device.cm.description.limits.max_device_access_ars == 1
     first = run(line, RecordTask("axis-01", IM0))
     assert first.data
     assert run(line, RecordTask("axis-01", IM0)).data == first.data

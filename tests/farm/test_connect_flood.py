@@ -51,7 +51,7 @@ def test_a_station_that_asks_too_often_is_not_heard_for_a_while_and_the_controll
     impostor = Impostor(line, MAC, IP)
     impostor.flood(400, 0.5)
     (station,) = line.farm.stations
-    assert station.discards()["connect-flood"] == pytest.approx(200 - CONNECTS, abs=2)
+    assert station.device.discards()["connect-flood"] == pytest.approx(200 - CONNECTS, abs=2)
     # the controller has just restarted
     line.plc.sessions[0].machine.abort(line.world.now)
     line.plc.touch(line.plc.sessions[0], line.world.now)
@@ -71,7 +71,7 @@ def test_ars_that_replace_each_other_within_a_tick_do_not_end_the_farm() -> None
     for _ in range(50):
         # a burst that the loop takes before the engine's next tick
         line.farm.receive(station.port.index, impostor.connect_frame(0), line.world.now)
-    assert len(station.ars) <= 1
+    assert len(station.device.ars) <= 1
     assert int(line.farm.columns.engine[0].ppm_rows) <= line.farm.columns.ppm.shape[0]
     line.run(0.1)
     line.connect(within=5.0)

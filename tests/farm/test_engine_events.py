@@ -25,13 +25,13 @@ def overrun(columns) -> None:
 def test_a_connection_whose_end_the_ring_lost_ends_all_the_same() -> None:
     line = connected()
     (station,) = line.farm.stations
-    ((row, _),) = next(iter(station.ars.values())).consumers
+    ((row, _),) = next(iter(station.device.ars.values())).consumers
     line.farm.columns.cpm[row].state = W_START
     line.farm.columns.cpm[row].expirations = 1
     overrun(line.farm.columns)
     line.farm.service(line.world.now)
-    assert station.ars == {}
-    assert station.watchdog_expirations == 1
+    assert station.device.ars == {}
+    assert station.device.watchdog_expirations == 1
     assert line.farm.events_lost >= 5
 
 
@@ -40,17 +40,17 @@ def test_a_connection_that_stands_survives_what_the_ring_lost() -> None:
     (station,) = line.farm.stations
     overrun(line.farm.columns)
     line.farm.service(line.world.now)
-    assert len(station.ars) == 1
-    assert station.connects == 1
+    assert len(station.device.ars) == 1
+    assert station.device.connects == 1
 
 
 def test_the_end_of_an_earlier_connection_in_the_same_row_is_not_that_of_the_present_one() -> None:
     line = connected()
     (station,) = line.farm.stations
-    ((row, _),) = next(iter(station.ars.values())).consumers
+    ((row, _),) = next(iter(station.device.ars.values())).consumers
     emit(line.farm.columns.engine[0], line.farm.columns.events, EXPIRED, row, line.world.now, 48_000_000)
     line.farm.service(line.world.now)
-    assert len(station.ars) == 1
+    assert len(station.device.ars) == 1
 
 
 def test_the_controller_ends_a_connection_whose_end_its_ring_lost_and_no_other() -> None:

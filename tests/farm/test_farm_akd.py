@@ -320,7 +320,7 @@ def test_5_8_a_set_point_by_its_pnu_outlasts_the_connection_and_not_the_supply()
     faults = line.farm.injections
     faults.inject({"kind": "ar-abort", "on": "all"}, line.world.now)
     line.run(0.1)
-    assert not line.farm.stations[0].ars
+    assert not line.farm.stations[0].device.ars
     assert (store.read(35), store.read(36)) == ([0], [39]), "MDI_VELOCITY came by frames and went with them"
     line.connect()
     line.send(READY | 0x80, **words)

@@ -101,7 +101,7 @@ def test_a_silent_controller_gives_fault_702_and_after_its_return_recovery():
     line.plc.columns.ppm[0].active = 0
     line.run(0.2)
     station = line.farm.stations[0]
-    assert station.watchdog_expirations == 1
+    assert station.device.watchdog_expirations == 1
     assert station.fault_counts == {702: 1}
     line.enable()
     assert line.farm.columns.axis[0].faults.code[0] == 0
@@ -116,7 +116,7 @@ def test_a_controller_in_stop_gives_fault_702_too():
     line.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
     line.run(0.1)
     station = line.farm.stations[0]
-    assert station.watchdog_expirations == 0
+    assert station.device.watchdog_expirations == 0
     assert station.fault_counts == {702: 1}
     assert line.farm.columns.axis[0].motor.velocity == pytest.approx(0, abs=0.5)
 

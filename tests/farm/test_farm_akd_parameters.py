@@ -111,7 +111,7 @@ def test_3_4_1_an_address_by_dcp_sets_ip_mode_to_1_for_good():
     write(line, IP_MODE, WORD, 0)
     line.plc.release(line.world.now)
     line.run(0.5)
-    assert not station.ars
+    assert not station.device.ars
     assert Tool(line).set(address("10.77.0.99", permanent=False)) == [0]
     assert station.store.read(IP_MODE) == [1]
     station.store.set("IP.MODE", 0)
@@ -140,11 +140,11 @@ def test_5_8_home_mode_and_home_dist_stay_as_telegram_353_brought_them(how):
     elif how == "lost":
         faults.inject({"kind": "ar-abort", "on": "all"}, line.world.now)
         line.run(0.1)
-        assert not line.farm.stations[0].ars
+        assert not line.farm.stations[0].device.ars
     else:
         line.plc.release(line.world.now)
         line.run(0.5)
-        assert not line.farm.stations[0].ars
+        assert not line.farm.stations[0].device.ars
     store = line.farm.stations[0].store
     assert (store.get("HOME.MODE"), store.get("HOME.DIST")) == (7, -COUNTS // 2)
     if how != "stop":

@@ -126,9 +126,9 @@ def test_another_name_ends_the_connection_with_its_own_error():
     tool = Tool(line)
     assert tool.set(NameBlock("press-7", 1)) == [0]
     station = line.farm.stations[0]
-    assert not station.ars
-    assert (station.name, station.cm.station_name) == ("press-7", "press-7")
-    (reason,) = station.losses_in_words()
+    assert not station.device.ars
+    assert (station.device.name, station.device.cm.station_name) == ("press-7", "press-7")
+    (reason,) = station.device.losses_in_words()
     assert "DCP changed the station name" in reason
     assert line.plc.sessions[0].measures.losses == 1
     assert "DCP changed the station name" in line.plc.sessions[0].measures.last_reason
@@ -139,11 +139,11 @@ def test_another_address_is_refused_until_the_connection_is_over():
     line.connect()
     tool = Tool(line)
     assert tool.set(address("10.77.0.99"), NameBlock("axis-01", 1), SignalBlock()) == [6, 0, 0]
-    assert line.farm.stations[0].ars
+    assert line.farm.stations[0].device.ars
     line.plc.release(line.world.now)
     line.run(0.1)
     assert tool.set(address("10.77.0.99")) == [0]
-    assert str(line.farm.stations[0].ip.address) == "10.77.0.99/23"
+    assert str(line.farm.stations[0].device.ip.address) == "10.77.0.99/23"
 
 
 def test_taking_the_address_away_ends_the_connection():
@@ -151,8 +151,8 @@ def test_taking_the_address_away_ends_the_connection():
     line.connect()
     assert Tool(line).set(IpParameterBlock(NOBODY, NOBODY, NOBODY, 1)) == [0]
     station = line.farm.stations[0]
-    assert not station.ars
-    (reason,) = station.losses_in_words()
+    assert not station.device.ars
+    (reason,) = station.device.losses_in_words()
     assert "IP suite changed" in reason
 
 
@@ -178,7 +178,7 @@ def test_the_lamp_goes_out_in_time_also_when_a_frame_comes_at_that_very_moment()
     tool = Tool(line)
     tool.set(SignalBlock())
     station = line.farm.stations[0]
-    due = station.dcp.next_deadline()
+    due = station.device.dcp.next_deadline()
     tool.dcp.identify(now=due)
     (question,) = tool.dcp.to_send(due)
     line.farm.receive(station.port.index, question, due)
@@ -242,13 +242,13 @@ def test_a_reset_reaches_the_drive_and_its_memory_at_once(mode, name, value):
     memory.save("axis-01", {**kept, **more})
     line = Farm(memory=memory)
     tool, station = Tool(line), line.farm.stations[0]
-    assert (bool(station.records.im.texts), bool(station.neighbours.pdev.written)) == (True, True)
+    assert (bool(station.device.records.im.texts), bool(station.device.neighbours.pdev.written)) == (True, True)
     assert station.store.get(2497) == 4711
     assert tool.set(ResetToFactoryBlock(mode << 1)) == [0]
     for _ in range(2):
-        assert station.name == name
+        assert station.device.name == name
         assert station.store.get(2497) == (value or default)
-        assert (str(station.ip.address) == "10.77.0.99/23") == bool(name)
+        assert (str(station.device.ip.address) == "10.77.0.99/23") == bool(name)
         station.power_cycle(line.world.now)
     clears = RESET_CLEARS[mode]
     after = memory.load("axis-01")
@@ -263,20 +263,20 @@ def test_a_reset_reaches_the_drive_and_its_memory_at_once(mode, name, value):
 def test_a_reset_clears_the_records_that_the_drive_has_in_hand(mode, im, pdev):
     line = Farm()
     station = line.farm.stations[0]
-    station.records.im.texts[0, 1, 0xAFF1] = b"tag"
-    assert station.neighbours.pdev.write(None, 0, 0, 0x8000, 0x8071, ADJUST, line.world.now) is None
+    station.device.records.im.texts[0, 1, 0xAFF1] = b"tag"
+    assert station.device.neighbours.pdev.write(None, 0, 0, 0x8000, 0x8071, ADJUST, line.world.now) is None
     assert Tool(line).set(ResetToFactoryBlock(mode << 1)) == [0]
-    assert (bool(station.records.im.texts), bool(station.neighbours.pdev.written)) == (im, pdev)
+    assert (bool(station.device.records.im.texts), bool(station.device.neighbours.pdev.written)) == (im, pdev)
 
 
 def test_what_a_controller_wrote_for_interface_and_ports_survives_a_power_cycle():
     memory = VolatileMemory()
     line = Farm(memory=memory)
     station = line.farm.stations[0]
-    assert station.neighbours.pdev.write(None, 0, 0, 0x8000, 0x8071, ADJUST, line.world.now) is None
-    station.connections.take(RecordWritten(1, 0, 0, 0x8000, 0x8071, ADJUST), line.world.now)
+    assert station.device.neighbours.pdev.write(None, 0, 0, 0x8000, 0x8071, ADJUST, line.world.now) is None
+    station.device.connections.take(RecordWritten(1, 0, 0, 0x8000, 0x8071, ADJUST), line.world.now)
     station.power_cycle(line.world.now)
-    assert station.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, line.world.now) == ADJUST
+    assert station.device.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, line.world.now) == ADJUST
     again = Farm(memory=memory).farm.stations[0]
     assert again.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, 0) == ADJUST
 
@@ -285,10 +285,10 @@ def test_a_reset_of_the_device_answers_first_and_restarts_then():
     line = VirtualLine()
     line.connect()
     station = line.farm.stations[0]
-    before = station.dcp
+    before = station.device.dcp
     assert Tool(line).set(ResetToFactoryBlock(ResetMode.DEVICE << 1)) == [0]
-    assert station.dcp is not before
-    assert (station.name, station.ip.address, station.powered) == ("", None, True)
+    assert station.device.dcp is not before
+    assert (station.device.name, station.device.ip.address, station.powered) == ("", None, True)
     events = line.events("axis-01")
     assert events[events.index("factory reset") :].index("power off") < events[events.index("factory reset") :].index(
         "power on"
@@ -301,7 +301,7 @@ def test_a_reset_that_a_drive_has_not_changes_nothing(mode, error):
     line = VirtualLine()
     line.connect()
     assert Tool(line).set(ResetToFactoryBlock(mode << 1)) == [error]
-    assert line.farm.stations[0].ars
+    assert line.farm.stations[0].device.ars
     assert "factory reset" not in line.events("axis-01")
 
 
@@ -359,7 +359,7 @@ def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
     line = Farm(memory=memory)
     station = line.farm.stations[0]
     record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(2, 100, 2, 500),)))
-    station.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
+    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
     assert "hello set" in line.events()
     tool = Tool(line)
     station.power_cycle(line.world.now)
@@ -369,7 +369,7 @@ def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
     line.run(0.6)
     assert greetings(tool) == ["axis-01"] * 2
     tool.set(ResetToFactoryBlock(ResetMode.COMMUNICATION << 1))
-    assert station.dcp.hello_settings.mode is HelloMode.OFF
+    assert station.device.dcp.hello_settings.mode is HelloMode.OFF
     assert "hello" not in memory.load("axis-01")
 
 
@@ -378,7 +378,7 @@ def test_a_fast_start_up_record_can_switch_hello_off(mode):
     line = Farm(hello=True)
     station = line.farm.stations[0]
     record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(mode, 0xFFFF_FFFF, 0xFFFF_FFFF, 0xFFFF_FFFF),)))
-    station.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
+    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
     line.run(1.0)
     tool = Tool(line)
     station.power_cycle(line.world.now)
@@ -398,12 +398,14 @@ def test_greetings_of_a_whole_farm_do_not_go_round_in_it():
 def test_other_records_and_broken_ones_change_nothing():
     line = Farm(hello=True)
     station = line.farm.stations[0]
-    before = station.dcp.hello_settings
+    before = station.device.dcp.hello_settings
     record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(0, 100, 2, 500),)))
-    station.addressing.record_written(0x802F, record, line.world.now)
-    station.addressing.record_written(FSU_DATA_ADJUST_INDEX, record[:-1], line.world.now)
-    station.addressing.record_written(FSU_DATA_ADJUST_INDEX, emit_fsu_data_adjust(FsuDataAdjust(())), line.world.now)
-    assert station.dcp.hello_settings == before
+    station.device.addressing.record_written(0x802F, record, line.world.now)
+    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record[:-1], line.world.now)
+    station.device.addressing.record_written(
+        FSU_DATA_ADJUST_INDEX, emit_fsu_data_adjust(FsuDataAdjust(())), line.world.now
+    )
+    assert station.device.dcp.hello_settings == before
     assert line.events().count("fast start-up record not understood") == 1
 
 
@@ -440,7 +442,7 @@ def test_an_address_in_use_is_kept_and_the_conflict_shown_until_it_is_over():
     station = line.farm.stations[0]
     tool.use("10.77.0.11/23")
     assert tool.identify()[station.port.mac].ip_info == 0x81
-    assert station.ars  # a running axis does not stop for it
+    assert station.device.ars  # a running axis does not stop for it
     assert shown(line)["ip_conflict"] == tool.mac.hex(":")
     tool.use(None)
     line.run(RECHECK_SECONDS)

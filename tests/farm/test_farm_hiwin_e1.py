@@ -89,7 +89,7 @@ def test_2_7_a_controller_starts_up_assigns_the_address_and_exchanges(startup):
     line = line_of(startup=startup, drives=2)
     line.connect()
     for station in line.farm.stations:
-        assert str(station.ip.address).startswith("10.77.0.")
+        assert str(station.device.ip.address).startswith("10.77.0.")
     line.run(0.1)
     assert all(int(axis.profidrive.image_valid) for axis in line.farm.columns.axis[:2])
 
@@ -112,7 +112,7 @@ def test_2_5_3_iops_and_iocs_are_good_while_data_are_valid():
     line.run(0.1)
     session = line.plc.sessions[0]
     assert int(line.plc.columns.cpm[session.consumer].iops) == 0x80
-    (ar,) = line.farm.stations[0].ars.values()
+    (ar,) = line.farm.stations[0].device.ars.values()
     assert int(line.farm.columns.cpm[ar.consumers[0][0]].iops) == 0x80
 
 

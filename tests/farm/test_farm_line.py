@@ -129,7 +129,7 @@ def test_release_closes_the_channels_and_leaves_no_fault():
     assert line.world.run(1.0, until=lambda: line.plc.all_stopped)
     line.run(0.2)
     station = line.farm.stations[0]
-    assert not station.ars
+    assert not station.device.ars
     assert line.farm.columns.axis[0].faults.code[0] == 0
     assert not line.farm.columns.ppm.active.any()
 
@@ -160,7 +160,7 @@ def test_silent_controller_gives_f702_an_err_rta_and_after_its_return_recovery()
     line.plc.columns.ppm[0].active = 0
     line.run(0.2)
     station = line.farm.stations[0]
-    assert station.watchdog_expirations == 1
+    assert station.device.watchdog_expirations == 1
     assert station.fault_counts == {702: 1}
     aborted = next(e for e in line.log.entries("axis-01") if e.event == "ar aborted")
     assert aborted.data["code2"] == RtaError.CONSUMER_DHT_EXPIRED
@@ -168,7 +168,7 @@ def test_silent_controller_gives_f702_an_err_rta_and_after_its_return_recovery()
     assert "aborts" in line.plc.sessions[0].measures.last_reason
     line.enable()
     assert line.farm.columns.axis[0].faults.code[0] == 0
-    assert station.connects == 2
+    assert station.device.connects == 2
 
 
 def test_a_farm_that_stops_tells_its_controllers_at_once():
@@ -189,8 +189,8 @@ def test_factory_reset_ends_the_connection_and_clears_name_and_address():
     client.client.reset_to_factory(client.target, now=line.world.now)
     client._finish()
     station = line.farm.stations[0]
-    assert not station.ars
-    assert (station.name, station.ip.address) == ("", None)
+    assert not station.device.ars
+    assert (station.device.name, station.device.ip.address) == ("", None)
     assert line.plc.sessions[0].measures.losses == 1
 
 
@@ -231,12 +231,12 @@ def test_permanent_name_and_address_survive_a_restart_and_temporary_ones_do_not(
     client = _client(line)
     client.set_name("press-7", permanent=True)
     client.set_ip(IPv4Interface("10.77.0.99/23"), permanent=True)
-    assert station.name == "press-7"
+    assert station.device.name == "press-7"
     again = VirtualLine(controller=False, memory=memory).farm.stations[0]
     assert again.name == "press-7"
     assert str(again.ip.address) == "10.77.0.99/23"
     client.set_ip(IPv4Interface("10.77.0.100/23"), permanent=False)
-    assert str(station.ip.address) == "10.77.0.100/23"
+    assert str(station.device.ip.address) == "10.77.0.100/23"
     third = VirtualLine(controller=False, memory=memory).farm.stations[0]
     assert third.ip.address is None
 
@@ -383,7 +383,7 @@ def test_a_makers_own_diagnosis_is_logged_with_its_structure_and_octets():
     line.connect()
     (station,) = line.farm.stations
     for entry in (DiagnosisEntry(0x3A00, 1, 2, 0x1234, data=b"maker"), DiagnosisEntry(0x3A00, 1, 2, error_type=0x10)):
-        station.cm.diagnosis.add(entry)
+        station.device.cm.diagnosis.add(entry)
         line.farm.settle(station, line.world.now)
     told = [entry.data["diagnosis"] for entry in line.log.entries("axis-01") if entry.event == "diagnosis appears"]
     assert told == ["USI 0x1234 6D 616B 6572", "parametrisation fault"]

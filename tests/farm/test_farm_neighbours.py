@@ -30,7 +30,7 @@ def test_every_drive_knows_the_controller_and_the_controller_every_drive():
     line.run(6)
     assert stations_known(line) == [f"axis-{n:02}" for n in range(1, 21)]
     for station in line.farm.stations:
-        (neighbour,) = station.neighbours.lldp.neighbours
+        (neighbour,) = station.device.neighbours.lldp.neighbours
         assert (neighbour.station_name, neighbour.port_name) == ("plc", "port-001")
         assert neighbour.ip == IPv4Address("10.77.1.250")
 
@@ -38,8 +38,8 @@ def test_every_drive_knows_the_controller_and_the_controller_every_drive():
 def test_drives_of_one_farm_do_not_hear_each_other():
     line = VirtualLine(3, controller=False)
     line.run(20)
-    assert all(station.neighbours.lldp.sent >= 4 for station in line.farm.stations)
-    assert not any(station.neighbours.lldp.neighbours for station in line.farm.stations)
+    assert all(station.device.neighbours.lldp.sent >= 4 for station in line.farm.stations)
+    assert not any(station.device.neighbours.lldp.neighbours for station in line.farm.stations)
 
 
 def test_a_frame_that_all_drives_hear_is_parsed_once(monkeypatch):
@@ -48,7 +48,7 @@ def test_a_frame_that_all_drives_hear_is_parsed_once(monkeypatch):
     monkeypatch.setattr(segment, "parse_lldp", lambda data: parsed.append(1) or original(data))
     line = VirtualLine(16)
     line.run(60)
-    assert all(station.neighbours.lldp.received >= 12 for station in line.farm.stations)
+    assert all(station.device.neighbours.lldp.received >= 12 for station in line.farm.stations)
     assert len(parsed) == 1
 
 
@@ -81,16 +81,16 @@ def test_without_lldp_nobody_speaks_and_nobody_is_known():
     line = VirtualLine(top="lldp: false")
     line.world.run(30)
     assert line.plc.lldp is None
-    assert line.farm.stations[0].neighbours.lldp.sent == 0
-    assert line.farm.stations[0].neighbours.lldp.neighbours == ()
+    assert line.farm.stations[0].device.neighbours.lldp.sent == 0
+    assert line.farm.stations[0].device.neighbours.lldp.neighbours == ()
 
 
 def test_a_renamed_drive_is_another_neighbour_at_once():
     line = VirtualLine(1)
     line.run(6)
     station = line.farm.stations[0]
-    station.dcp.name = "press-7"
-    station.neighbours.update("press-7", station.dcp.address, None, line.world.now)
+    station.device.dcp.name = "press-7"
+    station.device.neighbours.update("press-7", station.device.dcp.address, None, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.01)
     assert stations_known(line) == ["axis-01", "press-7"]
@@ -107,11 +107,11 @@ def test_a_drive_that_is_switched_off_ages_out_and_knows_nobody_when_it_is_back(
     line.run(21)
     assert stations_known(line) == []
     station.power_on(line.world.now)
-    assert station.neighbours.lldp.neighbours == ()
+    assert station.device.neighbours.lldp.neighbours == ()
     line.farm.settle(station, line.world.now)
     line.run(6)
     assert stations_known(line) == ["axis-01"]
-    assert len(station.neighbours.lldp.neighbours) == 1
+    assert len(station.device.neighbours.lldp.neighbours) == 1
 
 
 def test_a_farm_that_stops_says_good_bye():
@@ -138,16 +138,16 @@ def test_a_pulled_cable_leaves_a_drive_alone_until_it_is_plugged():
 def test_a_drive_is_found_by_the_port_that_it_hangs_on():
     line = VirtualLine(1)
     ask = DcpPdu(0xFEFE, 5, 0, 1, (AliasBlock("port-001.plc"),))
-    assert not identify_matches(ask, line.farm.stations[0].dcp)
+    assert not identify_matches(ask, line.farm.stations[0].device.dcp)
     line.run(6)
-    assert identify_matches(ask, line.farm.stations[0].dcp)
+    assert identify_matches(ask, line.farm.stations[0].device.dcp)
 
 
 # -- the physical device's records
 
 
 def write(station, index, data, now, subslot=0x8001):
-    assert station.neighbours.pdev.write(None, 0, 0, subslot, index, data, now) is None
+    assert station.device.neighbours.pdev.write(None, 0, 0, subslot, index, data, now) is None
 
 
 def test_a_wrong_neighbour_fails_the_check_and_is_noted():
@@ -158,7 +158,7 @@ def test_a_wrong_neighbour_fails_the_check_and_is_noted():
         check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", name),)),))
         write(station, 0x802B, emit_port_data(check), line.world.now)
         line.farm.settle(station, line.world.now)
-        standing = [(d.slot, d.subslot, d.error_type, d.ext_error_type) for d in station.cm.diagnosis]
+        standing = [(d.slot, d.subslot, d.error_type, d.ext_error_type) for d in station.device.cm.diagnosis]
         assert standing == ([(0, 0x8001, 0x8001, 0x8000)] if expected is CheckFailed else [])
     noted = [entry.event for entry in line.log.entries("axis-01") if entry.event.startswith("port check")]
     assert noted == ["port check failed", "port check passed"]
@@ -171,10 +171,10 @@ def test_a_neighbour_that_goes_fails_the_check_when_it_ages_out():
     check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", b"plc"),)),))
     write(station, 0x802B, emit_port_data(check), line.world.now)
     line.run(10)
-    assert list(station.cm.diagnosis) == []
+    assert list(station.device.cm.diagnosis) == []
     line.plc.lldp.send_frames(False, line.world.now)
     line.run(21)
-    (found,) = station.cm.diagnosis
+    (found,) = station.device.cm.diagnosis
     assert (found.error_type, found.ext_error_type) == (0x8001, 0x8005)
 
 
@@ -189,10 +189,10 @@ def test_the_controller_chooses_the_names_and_mutes_a_port():
     assert newer.port_id.text == "port-001.axis-01"
     assert newer.chassis.text.split()[0] == "AKD"
     assert newer.station_name == "axis-01"
-    sent = station.neighbours.lldp.sent
+    sent = station.device.neighbours.lldp.sent
     adjust = PortDataAdjust(0, 0x8001, (AdjustPeerToPeerBoundary(1),))
     write(station, 0x802F, emit_port_data(adjust), line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(30)
-    assert station.neighbours.lldp.sent == sent
+    assert station.device.neighbours.lldp.sent == sent
     assert stations_known(line) == []

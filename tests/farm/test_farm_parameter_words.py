@@ -54,7 +54,7 @@ def test_the_channel_maps_the_words_behind_it_while_they_are_exchanged():
     assert ask(line, Pkw(7, 916, 3, value=1276)) == Pkw(4, 916, 3, value=1276)
     assert station.store.read(916, 0, 4) == [968, 967, 1276, 0]
     line.run(0.01)
-    data = station.channels.io_data(1, 2, False).data
+    data = station.device.channels.io_data(1, 2, False).data
     image = station.handle.image
     assert [int.from_bytes(data[n : n + 2], "big") for n in (8, 10, 12)] == [
         int(image.sent[ZSW1]) & 0xFFFF,
@@ -65,7 +65,7 @@ def test_the_channel_maps_the_words_behind_it_while_they_are_exchanged():
     station.handle.axis.homing.origin = -5.0
     assert ask(line, Pkw(7, 916, 4, value=1276)) == Pkw(4, 916, 4, value=1276)
     line.run(0.01)
-    data = station.channels.io_data(1, 2, False).data
+    data = station.device.channels.io_data(1, 2, False).data
     assert int.from_bytes(data[12:16], "big") == int(image.sent[XIST_A]) == 5 * 65536
 
 
@@ -136,7 +136,7 @@ def test_the_channel_is_dead_without_a_connection_and_forgets_its_cache():
     ask(line, Pkw(11, 1293, 1, 255))
     assert ask(line, Pkw(12, 1293, 1, 255)).length == 5
     (station,) = line.farm.stations
-    station.cm.abort_all(RtaError.DEVICE_DEACTIVATED, line.world.now)
+    station.device.cm.abort_all(RtaError.DEVICE_DEACTIVATED, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.01)
     sent = station.handle.image.sent

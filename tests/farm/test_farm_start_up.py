@@ -15,7 +15,7 @@ EVERY = [("akd-profinet", 1, "16ms"), ("akd-profinet-2012", 1, "8ms"), ("hiwin-e
 def test_nothing_is_good_and_no_set_point_counts_before_the_application_is_ready(name, telegram, cycle):
     line = VirtualLine(model=name, telegram=telegram, cycle=cycle)
     station = line.farm.stations[0]
-    station.connections.ready_delay_ns = None
+    station.device.connections.ready_delay_ns = None
     session = line.plc.sessions[0]
     assert line.world.run(5.0, until=lambda: session.consumer is not None)
     # a controller that calls its outputs good as soon as it may: STW1 0x0476 leads to S2
@@ -23,11 +23,11 @@ def test_nothing_is_good_and_no_set_point_counts_before_the_application_is_ready
     line.run(0.2)
     assert int(line.plc.columns.cpm[session.consumer].received) > 5, "frames come from Connect on"
     assert not line.plc.columns.image[0].valid
-    data = [station.channels.io_data(d.slot, d.subslot, output=False) for d in station_data(station)]
+    data = [station.device.channels.io_data(d.slot, d.subslot, output=False) for d in station_data(station)]
     assert {entry.iops for entry in data} == {0x40}
     assert int(line.farm.columns.axis[0].drive.state) == 1, "its set points are not taken"
-    (ar,) = station.cm.ars
-    station.cm.application_ready(ar.key, line.world.now)
+    (ar,) = station.device.cm.ars
+    station.device.cm.application_ready(ar.key, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.5)
     assert line.plc.columns.image[0].valid
@@ -36,7 +36,7 @@ def test_nothing_is_good_and_no_set_point_counts_before_the_application_is_ready
 
 
 def station_data(station):
-    (ar,) = station.channels.ars.values()
+    (ar,) = station.device.channels.ars.values()
     return [d for _, cr in ar.providers for d in cr.data]
 
 
@@ -59,13 +59,13 @@ def test_every_telegram_of_a_model_connects_and_exchanges_data(name, telegram):
 def test_application_ready_of_a_connection_that_ended_is_not_repeated():
     line = VirtualLine()
     station = line.farm.stations[0]
-    station.connections.ready_delay_ns = None
-    assert line.world.run(5.0, until=lambda: bool(station.channels.ars))
+    station.device.connections.ready_delay_ns = None
+    assert line.world.run(5.0, until=lambda: bool(station.device.channels.ars))
     line.run(0.1)
-    (ar,) = station.cm.ars
-    station.cm.application_ready(ar.key, line.world.now)
+    (ar,) = station.device.cm.ars
+    station.device.cm.application_ready(ar.key, line.world.now)
     station.pump(line.world.now)
-    assert station.client.open_calls == 1
-    station.cm.abort(ar.key, 31, line.world.now)
+    assert station.device.client.open_calls == 1
+    station.device.cm.abort(ar.key, 31, line.world.now)
     station.pump(line.world.now)
-    assert station.client.open_calls == 0
+    assert station.device.client.open_calls == 0

@@ -67,15 +67,15 @@ def plc(request, line):
     station = line.farm.stations[0]
     controller = ForeignController(line, IPv4Interface("10.77.1.7/23"), request.param, station)
     yield controller
-    for ar in station.cm.ars:
-        station.cm.abort(ar.key, RtaError.ABORT_REQUEST, controller.now)
+    for ar in station.device.cm.ars:
+        station.device.cm.abort(ar.key, RtaError.ABORT_REQUEST, controller.now)
     line.farm.settle(station, controller.now)
     line.world.switch.detach(controller.port.index)
 
 
 def sent(line):
     """The drive's frame as it stands ready, and the step of its cycle counter."""
-    (ar,) = line.farm.stations[0].ars.values()
+    (ar,) = line.farm.stations[0].device.ars.values()
     row, _ = ar.providers[0]
     ppm, frame = line.farm.columns.ppm[row], line.farm.columns.frames[row]
     octets = bytes(frame[: int(ppm.length)])
@@ -84,7 +84,7 @@ def sent(line):
 
 def test_the_start_up_ends_in_data(line, plc):
     habit, station = plc.habit, plc.station
-    aborts = dict(station.connections.aborts)
+    aborts = dict(station.device.connections.aborts)
     if habit.ping:
         assert plc.ping() == NO_CALL
     blocks = plc.connect()
@@ -111,11 +111,11 @@ def test_the_start_up_ends_in_data(line, plc):
     assert source != 34964, "a device calls from a port of its own"
     assert (rest == b"") == (not habit.missing)
     plc.feed()
-    (ar,) = station.ars.values()
+    (ar,) = station.device.ars.values()
     assert ar.established
-    assert station.connections.aborts == aborts
+    assert station.device.connections.aborts == aborts
     plc.release()
-    assert not station.ars
+    assert not station.device.ars
 
 
 def test_the_drives_frames_are_laid_out_and_tagged_as_was_asked(line, plc):

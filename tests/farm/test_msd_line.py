@@ -236,12 +236,12 @@ def test_a_fault_is_told_in_the_layout_of_p_1256_and_gone_when_it_is_acknowledge
     (station,) = line.farm.stations
     line.add("drive-fault", params={"fault": "11-1"})
     line.run(0.05)
-    (block,) = diagnosis_blocks(station.records.diagnosis, version=0x0001)
+    (block,) = diagnosis_blocks(station.device.records.diagnosis, version=0x0001)
     assert emit_block(block).hex(" ", 2) == LAYOUTS[mode]
-    (ar,) = station.ars.values()
+    (ar,) = station.device.ars.values()
     assert line.farm.columns.ppm[ar.providers[0][0]].data_status == STATUS_GOOD & ~STATUS_NO_PROBLEM
     line.run(1.0)
-    assert len(station.records.diagnosis) == 0
+    assert len(station.device.records.diagnosis) == 0
     alarms = [entry.data["detail"] for entry in line.plc_log.entries("axis-01") if entry.event == "alarm"]
     subslot = 2 if mode == 3 else 1
     assert [text.split(":")[0] for text in alarms] == [
@@ -268,17 +268,17 @@ def test_an_error_in_the_moment_of_the_acknowledgement_takes_the_place_of_the_on
     line.plc.columns.program[0].active = 0
     station.raise_fault("11-1", hold=False)
     line.run(0.05)
-    assert [entry.error_type for entry in station.records.diagnosis] == [0x900F]
+    assert [entry.error_type for entry in station.device.records.diagnosis] == [0x900F]
     station.handle.push_command(CMD_ACKNOWLEDGE)
     station.raise_fault("21-1", hold=False)
     line.run(0.05)
     assert faults(line) == ["21-1"]
-    assert [entry.error_type for entry in station.records.diagnosis] == [0x900A]
+    assert [entry.error_type for entry in station.device.records.diagnosis] == [0x900A]
     told = [entry.event for entry in line.log.entries("axis-01") if entry.event.startswith("fault")]
     assert told == ["fault", "fault acknowledged", "fault"]
     station.handle.push_command(CMD_ACKNOWLEDGE)
     line.run(0.05)
-    assert len(station.records.diagnosis) == 0
+    assert len(station.device.records.diagnosis) == 0
 
 
 def test_10_9_only_the_first_error_of_a_situation_is_told_as_diagnosis() -> None:
@@ -287,7 +287,7 @@ def test_10_9_only_the_first_error_of_a_situation_is_told_as_diagnosis() -> None
     for fault in ("11-1", "21-1"):
         station.raise_fault(fault, hold=False)
         line.run(0.01)
-    assert [entry.ext_add_value for entry in station.records.diagnosis] == [11 | 1 << 16]
+    assert [entry.ext_add_value for entry in station.device.records.diagnosis] == [11 | 1 << 16]
     assert station.fault_counts == {11 | 1 << 16: 1, 21 | 1 << 16: 1}
 
 
@@ -297,7 +297,7 @@ def test_other_modes_tell_nothing(mode: int) -> None:
     line.add("drive-fault", params={"fault": "11-1"})
     line.run(0.5)
     assert line.measures.alarms_received == 0
-    assert len(line.farm.stations[0].records.diagnosis) == 0
+    assert len(line.farm.stations[0].device.records.diagnosis) == 0
 
 
 def test_a_controller_that_comes_back_finds_the_diagnosis_of_the_loss() -> None:
@@ -306,10 +306,10 @@ def test_a_controller_that_comes_back_finds_the_diagnosis_of_the_loss() -> None:
     line.add("silence", **{"for": "500ms"})
     line.run(0.45)
     assert faults(line) == ["32-1"]
-    assert [entry.error_type for entry in station.records.diagnosis] == [0x9008]
+    assert [entry.error_type for entry in station.device.records.diagnosis] == [0x9008]
     line.connect()
     line.enable()
-    assert len(station.records.diagnosis) == 0
+    assert len(station.device.records.diagnosis) == 0
 
 
 def test_a_cause_that_stays_over_a_power_cycle_is_told_again_and_goes_with_the_fault() -> None:
@@ -321,10 +321,10 @@ def test_a_cause_that_stays_over_a_power_cycle_is_told_again_and_goes_with_the_f
     line.run(0.5)
     line.connect()
     assert faults(line) == ["11-1"]
-    assert [entry.ext_add_value for entry in station.records.diagnosis] == [0x0001000B]
+    assert [entry.ext_add_value for entry in station.device.records.diagnosis] == [0x0001000B]
     line.faults.clear(fault.id, line.world.now)
     line.enable()
-    assert len(station.records.diagnosis) == 0
+    assert len(station.device.records.diagnosis) == 0
 
 
 def test_people_read_the_manuals_way_to_write_a_fault() -> None:
@@ -436,7 +436,7 @@ def test_p_0953_tells_that_the_watchdog_ran_out_before_the_connection_did() -> N
     line.run(0.1)
     store = line.farm.stations[0].store
     assert (faults(line), store.get("P-0953")) == (["32-1"], 0x0001)
-    assert line.farm.stations[0].watchdog_expirations == 0
+    assert line.farm.stations[0].device.watchdog_expirations == 0
     line.plc.columns.ppm["active"] = 1
     line.run(0.01)
     assert store.get("P-0953") == 0

@@ -26,7 +26,7 @@ def write_name(line: VirtualLine, name: str) -> None:
 def set_by_dcp(line: VirtualLine, name: str) -> None:
     line.plc.dcp.set_name(line.farm.stations[0].port.mac, name, now=line.world.now)
     line.run(0.1)
-    assert line.farm.stations[0].name == name
+    assert line.farm.stations[0].device.name == name
 
 
 def test_name_and_addresses_are_those_in_force(line):
@@ -71,33 +71,33 @@ def test_the_factorys_name_can_be_written_back_and_is_none(line):
     """15, table 15.1: P-1289 takes what it has by default; no station has capitals in its name."""
     (station,) = line.farm.stations
     write_name(line, "DRIVE")
-    assert (name_of(line), station.name, changed(line)) == ("DRIVE", "axis-01", (False, False))
+    assert (name_of(line), station.device.name, changed(line)) == ("DRIVE", "axis-01", (False, False))
     station.store.set("P-0971", 1)
     line.run(0.01)
     station.power_cycle(line.world.now)
-    assert (name_of(line), station.name) == ("DRIVE", "")
+    assert (name_of(line), station.device.name) == ("DRIVE", "")
 
 
 def test_a_name_that_is_written_and_saved_counts_from_the_next_power_on(line):
     """15: P-1289 can be changed."""
     (station,) = line.farm.stations
     write_name(line, "press-7")
-    assert (name_of(line), station.name) == ("press-7", "axis-01")
+    assert (name_of(line), station.device.name) == ("press-7", "axis-01")
     station.store.set("P-0971", 1)
     line.run(0.01)
     station.power_cycle(line.world.now)
-    assert (name_of(line), station.name) == ("press-7", "press-7")
+    assert (name_of(line), station.device.name) == ("press-7", "press-7")
     # it is the station's now: what DCP sets later is not undone by the next power-on
     set_by_dcp(line, "press-8")
     station.power_cycle(line.world.now)
-    assert (name_of(line), station.name) == ("press-8", "press-8")
+    assert (name_of(line), station.device.name) == ("press-8", "press-8")
 
 
 def test_a_name_that_is_not_saved_is_lost_at_power_on(line):
     (station,) = line.farm.stations
     write_name(line, "press-7")
     station.power_cycle(line.world.now)
-    assert (name_of(line), station.name) == ("axis-01", "axis-01")
+    assert (name_of(line), station.device.name) == ("axis-01", "axis-01")
 
 
 @pytest.mark.parametrize("name", ["Press", "press_7", "-press", "10.0.0.1", "a" * 64, "ä"])

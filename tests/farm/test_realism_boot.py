@@ -133,4 +133,4 @@ def test_a_drive_that_boots_answers_nobody():
     station = line.farm.stations[0]
     line.run(1.0)
     assert station.next_deadline() == 1_000_000_000_000 + 3_000_000_000
-    assert all(count == 0 for count in station.discards().values())
+    assert all(count == 0 for count in station.device.discards().values())

@@ -31,7 +31,7 @@ def line() -> SharedLine:
 def test_two_controllers_are_in_data_and_the_owner_of_the_telegram_moves_the_drive(line: SharedLine) -> None:
     (station,) = line.farm.stations
     line.run(1.0)
-    assert [(ar.initiator_name, {key[1] for key in ar.owned}) for ar in station.cm.ars] == [
+    assert [(ar.initiator_name, {key[1] for key in ar.owned}) for ar in station.device.cm.ars] == [
         ("plc-0", {0}),
         ("plc-1", {1}),
     ]
@@ -45,8 +45,8 @@ def test_who_does_not_own_the_telegram_cannot_feed_the_drive_nor_fault_it_by_goi
     line.run(1.0)
     line.controllers[HEAD].columns.ppm["active"] = 0
     line.run(2.0)
-    assert [ar.initiator_name for ar in station.cm.ars] == ["plc-1"]
-    assert station.watchdog_expirations == 1
+    assert [ar.initiator_name for ar in station.device.cm.ars] == ["plc-1"]
+    assert station.device.watchdog_expirations == 1
     assert station.handle.axis.drive.state == 4
     assert station.handle.axis.faults.code[0] == 0
     assert station.handle.axis.motor.velocity == pytest.approx(60.0, abs=0.1)
@@ -58,4 +58,4 @@ def test_the_loss_of_the_owner_of_the_telegram_faults_the_drive_and_the_other_st
     line.controllers[DRIVE].columns.ppm["active"] = 0
     assert line.until(lambda: station.handle.axis.faults.code[0] != 0, 1.0)
     assert station.model.faults[int(station.handle.axis.faults.code[0]) & 0xFFFFFF].label == "32-1"
-    assert [ar.initiator_name for ar in station.cm.ars] == ["plc-0"]
+    assert [ar.initiator_name for ar in station.device.cm.ars] == ["plc-0"]

@@ -110,7 +110,7 @@ def test_a_text_outlasts_the_power_and_the_farm_and_changes_no_name_of_a_station
     assert tool.get(CONTACT, NAME, LOCATION) == [b"hall 5", b"press", b"left"]
     tool.station.power_cycle(line.world.now)
     assert tool.get(CONTACT, NAME, LOCATION) == [b"hall 5", b"press", b"left"]
-    assert tool.station.name == "axis-01"
+    assert tool.station.device.name == "axis-01"
     assert line.events("axis-01").count("system text set") == 3
     again = Tool(VirtualLine(1, controller=False, memory=memory))
     assert again.get(CONTACT, NAME, LOCATION) == [b"hall 5", b"press", b"left"]
@@ -126,7 +126,7 @@ def test_a_reset_to_factory_forgets_the_texts(line):
     pdu = DcpPdu(frame_id_of(SERVICE_SET, TYPE_REQUEST), SERVICE_SET, TYPE_REQUEST, 1, (block,))
     tool.frame(emit_ethernet(EthernetFrame(mac, TOOL_MAC, ETHERTYPE_PROFINET, emit_dcp(pdu))))
     assert "factory reset" in line.events("axis-01")
-    assert tool.station.snmp_texts == {}
+    assert tool.station.device.snmp_texts == {}
     assert "snmp" not in line.memory.load("axis-01")
 
 
@@ -216,7 +216,7 @@ def test_what_lldp_mib_tells_of_the_drive_is_what_its_frames_say(name):
 
 @pytest.mark.parametrize(("enabled", "status"), [(True, 3), (False, 4)])
 def test_a_station_says_whether_its_port_speaks_lldp(line, enabled, status):
-    line.farm.stations[0].neighbours.enabled = enabled
+    line.farm.stations[0].device.neighbours.enabled = enabled
     assert Tool(line).get((1, 0, 8802, 1, 1, 2, 1, 1, 6, 1, 2, 1)) == [status]
 
 
@@ -236,4 +236,4 @@ def test_a_manager_reads_who_hangs_on_the_drives_port():
 def test_dropped_messages_are_among_the_stations_discards(line):
     tool = Tool(line)
     assert tool.ask(GET, VarBind(UPTIME), community=b"guess") is None
-    assert tool.station.discards()["bad-community"] == 1
+    assert tool.station.device.discards()["bad-community"] == 1

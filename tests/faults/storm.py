@@ -146,12 +146,12 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
         look(f"{name} runs", manager.of_drive(name))
         look(f"{name} axis", {key: float(AXIS.read(axis, key)) for key in _OF_FAULTS if AXIS.read(axis, key)})
         look(f"{name} without power", not station.powered)
-        look(f"{name} refuses", station.cm.refuse_connect is not None)
-        look(f"{name} delays ready", station.connections.ready_delay_ns != 0)
-        look(f"{name} answers late", station.rpc.late is not None)
-        look(f"{name} diagnosis", list(station.cm.diagnosis))
-        look(f"{name} refuses records", station.parameter_records.error is not None)
-        look(f"{name} withholds responses", station.parameter_records.withhold is not None)
+        look(f"{name} refuses", station.device.cm.refuse_connect is not None)
+        look(f"{name} delays ready", station.device.connections.ready_delay_ns != 0)
+        look(f"{name} answers late", station.device.rpc.late is not None)
+        look(f"{name} diagnosis", list(station.device.cm.diagnosis))
+        look(f"{name} refuses records", station.device.parameter_records.error is not None)
+        look(f"{name} withholds responses", station.device.parameter_records.withhold is not None)
         look(f"{name} modules", [m for m in modules_view(station) if m["held"] or m["substitute"]])
         awaiting = [s for m in modules_view(station) for s in m["submodules"] if s["awaits_parameters"]]
         look(f"{name} awaits parameters", awaiting)
@@ -164,8 +164,8 @@ def kept(line: FaultLine) -> dict[str, int]:
     return {
         "runs due": manager.scheduled[0],
         "entries kept for them": manager.scheduled[1],
-        "replies kept by drives": sum(len(station.rpc._kept) for station in line.farm.stations),
-        "calls of drives": sum(len(station.client._calls) for station in line.farm.stations),
+        "replies kept by drives": sum(len(station.device.rpc._kept) for station in line.farm.stations),
+        "calls of drives": sum(len(station.device.client._calls) for station in line.farm.stations),
         "the controller's connections": len(line.plc.life.by_ar),
         "the controller's calls": len(line.plc.life.by_call),
         "drives asked for": len(line.plc._search._asked) + len(line.plc._search._addressed),

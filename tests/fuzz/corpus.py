@@ -132,7 +132,7 @@ class Conversation:
         """The drive aborts, the controller connects again and releases."""
         line = self.line
         station, now = line.farm.stations[0], line.world.now
-        station.cm.abort_all(5, now)
+        station.device.cm.abort_all(5, now)
         line.farm.settle(station, now)
         line.run(2.0)
         line.plc.release(line.world.now)
@@ -151,11 +151,13 @@ class Conversation:
             ),
             DiagnosisEntry(*place, 0x1234, data=b"maker"),
         )  # fmt: skip
-        for change in (station.cm.diagnosis.add, station.cm.diagnosis.remove):
+        for change in (station.device.cm.diagnosis.add, station.device.cm.diagnosis.remove):
             for entry in entries:
                 change(entry)
                 self._settled(station)
-        station.cm.alarm(AlarmType.PROCESS, place, self.line.world.now, items=(AlarmItem(0x4321, b"12"),), high=True)
+        station.device.cm.alarm(
+            AlarmType.PROCESS, place, self.line.world.now, items=(AlarmItem(0x4321, b"12"),), high=True
+        )
         self._settled(station)
 
     def _move_modules(self):

@@ -331,7 +331,7 @@ class DcpDeviceMachine(Machine):
         """First the drive gets back the name and the address that the inputs took from it."""
         for octets in self.layers["dcp-repair"]:
             self.line.run(0.001)
-            self.station.dcp.receive(self.frame_to(self.station.port.mac, octets), self.now)
+            self.station.device.dcp.receive(self.frame_to(self.station.port.mac, octets), self.now)
             self.settle()
         super().revive(rng)
 
@@ -340,7 +340,7 @@ class DcpDeviceMachine(Machine):
 
     def take(self, rng, data):
         destination = rng.choice((self.station.port.mac, self.station.port.mac, IDENTIFY_MULTICAST))
-        self.station.dcp.receive(self.frame_to(destination, data), self.now)
+        self.station.device.dcp.receive(self.frame_to(destination, data), self.now)
         self.settle()
 
 
@@ -376,7 +376,7 @@ class IpHostMachine(Machine):
         if kind == "arp" or rng.random() < 0.5:
             return (b"\x08\x06" if kind == "arp" else b"\x08\x00") + variation(rng, self.layers[kind])
         packet = parse_ipv4(rng.choice(self.layers["ipv4"]))
-        own = self.station.ip.address.ip if self.station.ip.address else IPv4Address("10.77.0.11")
+        own = self.station.device.ip.address.ip if self.station.device.ip.address else IPv4Address("10.77.0.11")
         payload = mutated(rng, packet.payload, self.layers["udp"])[:1480]
         if packet.protocol == UDP and rng.random() < 0.5:
             datagram = parse_udp(packet.payload)
@@ -394,7 +394,7 @@ class IpHostMachine(Machine):
 
     def take(self, rng, data):
         mac, peer = self.station.port.mac, self.line.plc.port.mac
-        self.station.ip.receive(parse_ethernet(mac + peer + data), self.now)
+        self.station.device.ip.receive(parse_ethernet(mac + peer + data), self.now)
         self.settle()
 
 
@@ -409,11 +409,11 @@ class RpcServerMachine(Machine):
             return variation(rng, self.layers["rpc"])
 
     def about_a_call(self, rng, data):
-        endpoint = self.station.rpc.config.endpoints[0]
+        endpoint = self.station.device.rpc.config.endpoints[0]
         return about_a_call(rng, data, (endpoint.interface, endpoint.object_uuid))
 
     def take(self, rng, data):
-        self.station.rpc.receive(Peer(PEER, rng.choice((RPC_PORT, 49153))), RPC_PORT, data, self.now)
+        self.station.device.rpc.receive(Peer(PEER, rng.choice((RPC_PORT, 49153))), RPC_PORT, data, self.now)
         self.settle()
 
 
@@ -435,7 +435,7 @@ class RpcClientMachine(RpcServerMachine):
         return emit_rpc(pdu)
 
     def take(self, rng, data):
-        client = self.station.client
+        client = self.station.device.client
         peer = Peer(PEER, RPC_PORT)
         if client.open_calls == 0:
             interface = parse_rpc(self.layers["rpc"][0]).interface
@@ -465,8 +465,8 @@ class SnmpAgentMachine(Machine):
         return varied_snmp(rng, self.layers["snmp"])
 
     def take(self, rng, data):
-        self.station.snmp.receive(Peer(PEER, 40_000), data, self.now)
-        answers = self.station.snmp.to_send(self.now)
+        self.station.device.snmp.receive(Peer(PEER, 40_000), data, self.now)
+        answers = self.station.device.snmp.to_send(self.now)
         assert len(answers) <= 1
         for answer in answers:
             assert len(answer.data) <= MAXIMUM_MESSAGE
@@ -491,7 +491,7 @@ class CmDeviceMachine(Machine):
 
     def take(self, rng, data):
         self.calls += 1
-        cm, opnum, payload = self.station.cm, data[0], data[1:]
+        cm, opnum, payload = self.station.device.cm, data[0], data[1:]
         if opnum == 0xFF:
             cm.receive_rta(payload, self.line.plc.port.mac, self.now)
         else:
@@ -600,9 +600,9 @@ class LldpMachine(Machine):
     def take(self, rng, data):
         source = rng.choice((self.line.plc.port.mac, self.station.port.mac, rng.randbytes(6)))
         frame = EthernetFrame(LLDP_MULTICAST, source, ETHERTYPE_LLDP, data)
-        before = self.station.neighbours.lldp.received
+        before = self.station.device.neighbours.lldp.received
         self.line.farm.receive(self.station.port.index, emit_ethernet(frame), self.now)
-        lldp = self.station.neighbours.lldp
+        lldp = self.station.device.neighbours.lldp
         assert len(lldp.neighbours) <= MAXIMUM_NEIGHBOURS
         for neighbour in lldp.neighbours:  # whatever was heard can be shown
             assert isinstance(f"{neighbour.alias} {neighbour.ip} {neighbour.system_name} {neighbour}", str)
@@ -619,7 +619,7 @@ class PdevMachine(Machine):
         return deep_blocks(rng, chosen, self.layers["pdev"], rng.choice((5, 6)))
 
     def take(self, rng, data):
-        pdev = self.station.neighbours.pdev
+        pdev = self.station.device.neighbours.pdev
         fitting = {b"\x02\x00": (0x802B, 0x8001), b"\x02\x02": (0x802F, 0x8001), b"\x02\x50": (0x8071, 0x8000)}
         index, subslot = fitting.get(data[:2], (0x802B, 0x8001))
         slot = 0

@@ -136,7 +136,7 @@ class SubmodulesMachine(Machine):
     )
 
     def next_input(self, rng):
-        ar = next((ar for ar in self.station.cm.ars if ar.alarm_cr is not None), None)
+        ar = next((ar for ar in self.station.device.cm.ars if ar.alarm_cr is not None), None)
         if ar is None:
             return b"\x04"
         kind = rng.choice((0, 0, 1))
@@ -165,7 +165,7 @@ class SubmodulesMachine(Machine):
         return octets if rng.random() < 0.7 else mutated(rng, octets, self.layers["rta"])
 
     def take(self, rng, data):
-        station, cm = self.station, self.station.cm
+        station, cm = self.station, self.station.device.cm
         for _ in range(rng.randrange(3)):
             self._move(rng, station)
         self.calls += 1
@@ -190,9 +190,9 @@ class SubmodulesMachine(Machine):
                     plug_module(station, 1, self.now, ident=rng.choice((1, 0x7777)), substitute=rng.random() < 0.5)
                 case 3:
                     entry = DiagnosisEntry(*rng.choice(KEYS), error_type=rng.randrange(1, 0x100))
-                    rng.choice((station.cm.diagnosis.add, station.cm.diagnosis.remove))(entry)
+                    rng.choice((station.device.cm.diagnosis.add, station.device.cm.diagnosis.remove))(entry)
                 case 4:
-                    station.cm.alarm(rng.randrange(1, 32), rng.choice(KEYS), self.now, high=rng.random() < 0.5)
+                    station.device.cm.alarm(rng.randrange(1, 32), rng.choice(KEYS), self.now, high=rng.random() < 0.5)
                 case _:
                     self.line.run(rng.choice((0.001, 0.1)))
         except ConfigError:
@@ -200,7 +200,7 @@ class SubmodulesMachine(Machine):
 
     def revive(self, rng):
         """With its module in place again, a connection must come up."""
-        self.station.cm.plugged.plug(1, self.station.description.default_module(1))
+        self.station.device.cm.plugged.plug(1, self.station.device.description.default_module(1))
         super().revive(rng)
 
 

@@ -72,7 +72,7 @@ class Honest(Bystander):
         self.rng = rng
         self.done: Counter[str] = Counter()
         self._open: tuple[int, int] | None = None
-        self.names = {station.port.mac: station.name for station in line.farm.stations}
+        self.names = {station.port.mac: station.device.name for station in line.farm.stations}
         self.im0 = {station.index: self.read_without(station, 0xAFF0) for station in line.farm.stations}
 
     def work(self) -> None:
@@ -100,7 +100,7 @@ class Honest(Bystander):
                 self.ask_snmp(station, _get_next((*SYSTEM, self.rng.randrange(8))))
                 self.done["snmp asked"] += 1
             case _:
-                if station.ip.address is not None:
+                if station.device.ip.address is not None:
                     self._open = self.call(station, Opnum.READ_IMPLICIT, self.implicit_read(0xAFF0)), station.index
 
     def _compare(self, index: int, data: bytes) -> None:
@@ -197,12 +197,12 @@ class Episode:
         station = self.line.farm.stations[index]
 
         def references():
-            ar = next((ar for ar in station.cm.ars if ar.alarm_cr is not None), None)
+            ar = next((ar for ar in station.device.cm.ars if ar.alarm_cr is not None), None)
             return (1, 1) if ar is None else (ar.local_alarm_reference, ar.alarm_cr.local_alarm_reference)
 
         return Prey(
-            station.name, station.port.mac, station.config.ip.ip, station.rpc.config.endpoints[0].object_uuid, True,
-            lambda: [ar.uuid for ar in self.line.farm.stations[index].cm.ars], references,
+            station.device.name, station.port.mac, station.config.ip.ip, station.device.rpc.config.endpoints[0].object_uuid, True,
+            lambda: [ar.uuid for ar in self.line.farm.stations[index].device.cm.ars], references,
             lambda: self._sent_by(self.line.plc, self.line.plc.sessions[index]),
         )  # fmt: skip
 
@@ -228,7 +228,7 @@ class Episode:
         self._answers.clear()
         prey = shot.prey
         station = self.line.farm.stations[self.preys.index(prey)] if prey.is_drive else None
-        dropped = station.discards() if station is not None else dict(self.line.plc.dropped)
+        dropped = station.device.discards() if station is not None else dict(self.line.plc.dropped)
         start = time.thread_time_ns()
         self._fire(shot)
         self.line.run(self.rng.choice((0, 0, 0, 0, 1e-6, 1e-4, 1e-3, 1e-2)))
@@ -236,7 +236,7 @@ class Episode:
         self.longest_ns, self.total_ns = max(self.longest_ns, took), self.total_ns + took
         if took > SHOT_SECONDS * 1e9:
             raise FailureFoundError(f"took {took / 1e9:.3f} s of processor time")
-        now = station.discards() if station is not None else self.line.plc.dropped
+        now = station.device.discards() if station is not None else self.line.plc.dropped
         met = {("drop", prey.is_drive, reason) for reason, count in now.items() if dropped.get(reason, 0) != count}
         met |= {(prey.is_drive, answer) for answer in self._answers}
         if not met <= self.novel:
@@ -292,18 +292,18 @@ class Episode:
             raise FailureFoundError("a stranger stopped an axis")
         for session, station in zip(plc.sessions, farm.stations, strict=True):
             uuid = session.ar_uuid
-            ar = next((ar for ar in station.cm.ars if ar.uuid == uuid), None)
+            ar = next((ar for ar in station.device.cm.ars if ar.uuid == uuid), None)
             if ar is None or session.state is not SessionState.DATA:
                 raise FailureFoundError(f"{station.configured_name} has lost its controller's AR")
             if ar.locked or ar.pending:
                 raise FailureFoundError(
                     f"{station.configured_name}: the controller lost submodules {ar.locked} {ar.pending}"
                 )
-            consumer = farm.columns.cpm[station.ars[ar.key].consumers[0][0]]
+            consumer = farm.columns.cpm[station.device.ars[ar.key].consumers[0][0]]
             sent = int(plc.columns.ppm[session.provider].sent)
             if not 0 <= sent - int(consumer.received) <= 2:
                 raise FailureFoundError(f"{station.configured_name} took {int(consumer.received)} of {sent} frames")
-            provider = farm.columns.ppm[station.ars[ar.key].providers[0][0]]
+            provider = farm.columns.ppm[station.device.ars[ar.key].providers[0][0]]
             taken = int(plc.columns.cpm[session.consumer].received)
             if not 0 <= int(provider.sent) - taken <= 2:
                 raise FailureFoundError(f"the controller took {taken} of {int(provider.sent)} frames")
@@ -328,11 +328,11 @@ class Episode:
         world, line = self.line.world, self.line
         self.honest.run(4)
         for station in line.farm.stations:
-            if station.name != station.configured_name:
+            if station.device.name != station.configured_name:
                 self.honest.dcp.set_name(station.port.mac, station.configured_name, now=world.now)
                 self.honest.run(5)
         if not self.honest.run(RETURN_SECONDS, until=self._back):
-            addresses = {station.configured_name: str(station.ip.address) for station in line.farm.stations}
+            addresses = {station.configured_name: str(station.device.ip.address) for station in line.farm.stations}
             raise FailureFoundError(f"a connection did not come back: {line.reasons()}; {addresses}")
 
     def _back(self) -> bool:

@@ -18,7 +18,7 @@ from pnfarm.farm.snapshot import drive_snapshot, farm_snapshot
 if TYPE_CHECKING:
     from virtual_line import VirtualLine
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.station.station import Station
 
 __all__ = ["FailureFoundError", "Memory", "Monotonic", "holdings", "resident"]
 
@@ -65,12 +65,12 @@ def holdings(roots: object) -> tuple[int, int]:
     return entries, octets
 
 
-def machines_of(station: DriveStation) -> list[object]:
+def machines_of(station: Station) -> list[object]:
     return [
-        station.dcp, station.ip, station.rpc, station.client, station.neighbours.lldp, station.snmp, station.cm.alarms,
-        station.cm.diagnosis, station.cm.ars, station.dropped, station._outbox, station._calls,
-        station.records.log_book, station.records.im.texts, station.neighbours.pdev.written, station.fault_counts,
-        station.aborts,
+        station.device.dcp, station.device.ip, station.device.rpc, station.device.client, station.device.neighbours.lldp, station.device.snmp, station.device.cm.alarms,
+        station.device.cm.diagnosis, station.device.cm.ars, station.device.dropped, station.device._outbox, station.device._calls,
+        station.device.records.log_book, station.device.records.im.texts, station.device.neighbours.pdev.written, station.fault_counts,
+        station.device.aborts,
     ]  # fmt: skip
 
 
@@ -89,12 +89,12 @@ class Monotonic:
             name = station.configured_name
             for reason, count in all_discards(line.farm, station).items():
                 found[f"{name} dropped {reason}"] = count
-            found[f"{name} connects"] = station.connects
-            found[f"{name} watchdog"] = station.watchdog_expirations
-            for reason, count in (*station.losses().items(), *station.fault_counts.items()):
+            found[f"{name} connects"] = station.device.connects
+            found[f"{name} watchdog"] = station.device.watchdog_expirations
+            for reason, count in (*station.device.losses().items(), *station.fault_counts.items()):
                 found[f"{name} aborts or faults {reason}"] = count
             if station.powered:
-                counters = station.traffic.counters(station.discards())
+                counters = station.device.traffic.counters(station.device.discards())
                 for field in type(counters).__dataclass_fields__:
                     # those of SNMP begin anew at power-on
                     found[f"{name} boot {station.booted_ns} {field}"] = getattr(counters, field)

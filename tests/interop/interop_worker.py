@@ -95,14 +95,14 @@ class FarmWorker:
         station = self.station(name)
         axis = station.handle.axis
         return {
-            "name": station.name,
+            "name": station.device.name,
             "mac": station.port.mac.hex(":"),
-            "ip": str(station.ip.address or ""),
-            "ars": len(station.ars),
-            "established": any(ar.established for ar in station.ars.values()),
-            "connects": station.connects,
-            "aborts": dict(station.losses()),
-            "watchdog_expirations": station.watchdog_expirations,
+            "ip": str(station.device.ip.address or ""),
+            "ars": len(station.device.ars),
+            "established": any(ar.established for ar in station.device.ars.values()),
+            "connects": station.device.connects,
+            "aborts": dict(station.device.losses()),
+            "watchdog_expirations": station.device.watchdog_expirations,
             "state": int(axis.drive.state),
             "zsw1": int(axis.profidrive.zsw1),
             "stw1": int(axis.profidrive.stw1),
@@ -110,8 +110,8 @@ class FarmWorker:
             "velocity_step": float(axis.profidrive.settings.velocity_step),
             "fault": int(axis.faults.code[0]) & 0xFFFFFF,
             "signalled": station.signalled_ns is not None,
-            "signalling": station.dcp.signalling,
-            "discards": station.discards(),
+            "signalling": station.device.dcp.signalling,
+            "discards": station.device.discards(),
             "neighbours": drive_snapshot(self.farm.core, station, time.monotonic_ns())["neighbours"],
         }
 
@@ -126,7 +126,7 @@ class FarmWorker:
 
     def do_abort(self, name, reason):
         station, now = self.station(name), time.monotonic_ns()
-        station.cm.abort_all(reason, now)
+        station.device.cm.abort_all(reason, now)
         self.farm.core.settle(station, now)
 
     def do_power(self, name, on):
@@ -146,13 +146,13 @@ class FarmWorker:
         if "maintenance" in fields:
             fields["maintenance"] = Maintenance(fields["maintenance"])
         entry = DiagnosisEntry(*place, **fields)
-        done = (station.cm.diagnosis.add if appears else station.cm.diagnosis.remove)(entry)
+        done = (station.device.cm.diagnosis.add if appears else station.device.cm.diagnosis.remove)(entry)
         self._settled(station, now)
         return done
 
     def do_alarm(self, name, kind, place, high=False):
         station, now = self.station(name), time.monotonic_ns()
-        told = station.cm.alarm(kind, tuple(place), now, high=high)
+        told = station.device.cm.alarm(kind, tuple(place), now, high=high)
         self._settled(station, now)
         return len(told)
 

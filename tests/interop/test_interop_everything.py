@@ -100,14 +100,14 @@ class Scene:
         self.world.run(0.1)
         session.due_ns = None
         self.plc._deadlines.set(index, None)
-        assert not self.farm.stations[index].cm.ars
+        assert not self.farm.stations[index].device.cm.ars
         return self.farm.stations[index]
 
     # -- alarms --------------------------------------------------------------------------------------------------------
 
     def diagnosis(self):
         station = self.farm.stations[0]
-        for change in (station.cm.diagnosis.add, station.cm.diagnosis.remove):
+        for change in (station.device.cm.diagnosis.add, station.device.cm.diagnosis.remove):
             for entry in ENTRIES:
                 change(entry)
                 self.settled(station)
@@ -120,7 +120,7 @@ class Scene:
                 (AlarmType.PROCESS, item), (AlarmType.STATUS, item), (AlarmType.UPDATE, item),
                 (AlarmType.RETURN_OF_SUBMODULE, ()), (AlarmType.PROCESS, ()),
             ):  # fmt: skip
-                assert station.cm.alarm(kind, AXIS, self.world.now, items=items, high=high)
+                assert station.device.cm.alarm(kind, AXIS, self.world.now, items=items, high=high)
                 self.settled(station)
 
     def modules(self):
@@ -136,7 +136,7 @@ class Scene:
     @staticmethod
     def strange(station):
         """Another module with submodules of other idents, and of the same shape."""
-        module = station.description.modules[0]
+        module = station.device.description.modules[0]
         subs = (replace(s, module_ident=0x7779, submodule_ident=s.submodule_ident + 1) for s in module.submodules)
         return replace(module, module_ident=0x7779, submodules=tuple(subs))
 
@@ -147,7 +147,7 @@ class Scene:
         for prepare in (
             lambda: plug_module(station, 1, self.world.now, ident=0x7777),
             lambda: plug_module(station, 1, self.world.now, ident=0x7778, substitute=True),
-            lambda: station.cm.plug(1, self.strange(station), self.world.now, substitute=True),
+            lambda: station.device.cm.plug(1, self.strange(station), self.world.now, substitute=True),
             lambda: pull_module(station, 1, 2, self.world.now),
             lambda: pull_module(station, 1, None, self.world.now),
             lambda: plug_module(station, 1, self.world.now),
@@ -212,7 +212,7 @@ class Scene:
         assert peer.write(0x1234, bytes(4096), *POINT, room=4096).status
         station = peer.station
         for usi in range(0x100, 0x130):
-            assert station.cm.diagnosis.add(DiagnosisEntry(*POINT, usi, data=bytes(range(100))))
+            assert station.device.cm.diagnosis.add(DiagnosisEntry(*POINT, usi, data=bytes(range(100))))
         self.settled(station)
         peer.feed(1.0)
         for index in (0xF80C, 0xF00C, 0xE00C):
@@ -254,7 +254,7 @@ class Scene:
     def ends(self):
         """Each end breaks off, each falls silent; an alarm that nobody acknowledges."""
         station, session = self.farm.stations[2], self.plc.sessions[2]
-        station.cm.abort_all(5, self.world.now)
+        station.device.cm.abort_all(5, self.world.now)
         self.settled(station, 2)
         session.machine.abort(self.world.now)
         self.plc.touch(session, self.world.now)
@@ -312,7 +312,7 @@ class Scene:
             for index in READS:
                 tool.read_without(station, index, api, slot, subslot)
         tool.rpc.call(
-            Peer(station.ip.address.ip, RPC_PORT), CALL_PORT, UUID_EPM, NIL_UUID, 2, 0,
+            Peer(station.device.ip.address.ip, RPC_PORT), CALL_PORT, UUID_EPM, NIL_UUID, 2, 0,
             emit_lookup_request(LookupRequest(), little_endian=True), self.world.now,
         )  # fmt: skip
         tool.settle()
@@ -323,7 +323,7 @@ class Scene:
         tool, station = self.peer(10), self.freed(5)
         mac = station.port.mac
         tool.run(4)
-        tool.ip.probe(station.ip.address.ip, self.world.now)
+        tool.ip.probe(station.device.ip.address.ip, self.world.now)
         tool.dcp.identify(now=self.world.now)
         tool.dcp.identify([NameBlock("axis-06", None)], now=self.world.now)
         tool.dcp.identify([AliasBlock("port-001.plc", None)], now=self.world.now)

@@ -25,8 +25,8 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
-    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.farm.virtual import VirtualWorld
+    from pnfarm.station.station import Station
 
 CALL_PORT, SNMP_CLIENT_PORT, SNMP_PORT = 49_160, 49_161, 161
 NIL = UUID(int=0)
@@ -127,20 +127,20 @@ class Bystander:
 
     # -- what it asks ------------------------------------------------------------------------------------------------
 
-    def call(self, station: DriveStation, opnum: int, payload: bytes, room: int = 4096) -> int:
+    def call(self, station: Station, opnum: int, payload: bytes, room: int = 4096) -> int:
         """Start a call to a drive's object; its number, under which ``answers`` will have the end."""
-        address = station.ip.address
+        address = station.device.ip.address
         if address is None:
             raise ValueError(f"{station.configured_name} has no address to call")
         # somebody may claim the drive's address; this station's own cache is not what is looked at
         self.ip.learn(address.ip, station.port.mac, self.now)
-        endpoint = station.rpc.config.endpoints[0]
+        endpoint = station.device.rpc.config.endpoints[0]
         peer = Peer(address.ip, RPC_PORT)
         call = self.rpc.call(peer, CALL_PORT, UUID_PNIO_DEVICE, endpoint.object_uuid, opnum, room, payload, self.now)
         self.settle()
         return call
 
-    def called(self, station: DriveStation, opnum: int, payload: bytes, room: int = 4096) -> Answer:
+    def called(self, station: Station, opnum: int, payload: bytes, room: int = 4096) -> Answer:
         """The whole call."""
         number = self.call(station, opnum, payload, room)
         self.run(20, until=lambda: number in self.answers)
@@ -150,16 +150,14 @@ class Bystander:
         """The request's blocks."""
         return emit_read_request(IodReadReqHeader(1, NIL, api, slot, subslot, index, length))
 
-    def read_without(
-        self, station: DriveStation, index: int, api: int = 0, slot: int = 0, subslot: int = 1
-    ) -> bytes | None:
+    def read_without(self, station: Station, index: int, api: int = 0, slot: int = 0, subslot: int = 1) -> bytes | None:
         """A record, without a connection; None when it was refused or not answered."""
         answer = self.called(station, Opnum.READ_IMPLICIT, self.implicit_read(index, api, slot, subslot))
         return parse_read_response(answer.payload).data if answer.status == 0 else None
 
-    def ask_snmp(self, station: DriveStation, message: bytes) -> None:
+    def ask_snmp(self, station: Station, message: bytes) -> None:
         """One datagram to a drive's agent; ``datagrams`` will have the answer."""
-        address = station.ip.address
+        address = station.device.ip.address
         if address is not None:
             self.ip.learn(address.ip, station.port.mac, self.now)
             self.ip.send(SNMP_CLIENT_PORT, address.ip, SNMP_PORT, message, self.now)

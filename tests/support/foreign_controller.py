@@ -18,8 +18,8 @@ from pnfarm.engine.tick import receive
 if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
-    from pnfarm.buses.profinet.device.station import DriveStation
     from pnfarm.protocols.ip.host import DatagramReceived
+    from pnfarm.station.station import Station
 
 RPC_PORT = 34964
 DEVICE = UUID("dea00001-6c97-11d1-8271-00a02442df7d")
@@ -110,7 +110,7 @@ class Frame:
 class ForeignController(Bystander):
     """One AR to one drive: ``connect``, ``write_records``, ``end_parameters``, ``answer_ready``, ``feed``."""
 
-    def __init__(self, line, ip: IPv4Interface, habit: Habit, station: DriveStation) -> None:
+    def __init__(self, line, ip: IPv4Interface, habit: Habit, station: Station) -> None:
         self.line, self.habit, self.station = line, habit, station
         number = next(_numbers)
         self.uuid = UUID(int=0xF0E1D2C3 << 96 | number)
@@ -151,7 +151,7 @@ class ForeignController(Bystander):
         return head + b"\0\0"
 
     def _send(self, data: bytes, port: int = CALL_PORT, to: int = RPC_PORT) -> None:
-        address = self.station.ip.address
+        address = self.station.device.ip.address
         self.ip.learn(address.ip, self.station.port.mac, self.now)
         self.ip.send(port, address.ip, to, data, self.now)
         self.settle()
@@ -165,7 +165,7 @@ class ForeignController(Bystander):
 
     @property
     def target(self) -> UUID:
-        return self.station.rpc.config.endpoints[0].object_uuid
+        return self.station.device.rpc.config.endpoints[0].object_uuid
 
     def ping(self) -> int:
         """The kind of PDU that answers a Ping for a call that never was."""
@@ -202,7 +202,7 @@ class ForeignController(Bystander):
         """(api, slot, module ident, subslot, submodule ident, input octets, output octets) of the drive."""
         found = [
             (s.api, s.slot, s.module_ident, s.subslot, s.submodule_ident, s.input_bytes, s.output_bytes)
-            for module in self.station.cm.plugged.modules()
+            for module in self.station.device.cm.plugged.modules()
             for s in module.submodules
             if s.slot or not self.habit.only_telegram
         ]

@@ -53,12 +53,12 @@ class Impostor:
         number = UUID(int=(0xBAD << 96) + self.sent)
         payload = self._payload(index, number)
         body = emit_request_args(RequestArgs(4096, payload), little_endian=True)
-        target = station.rpc.config.endpoints[0].object_uuid
+        target = station.device.rpc.config.endpoints[0].object_uuid
         head = RpcPdu(
             PacketType.REQUEST, UUID_PNIO_DEVICE, number, target, opnum=Opnum.CONNECT,
             drep=bytes((0x10, 0, 0)), flags1=IDEMPOTENT, body=body,
         )  # fmt: skip
-        address = station.ip.address.ip
+        address = station.device.ip.address.ip
         octets = emit_udp(UdpDatagram(50_000, RPC_PORT, emit_rpc(head)), self.ip, address)
         packet = emit_ipv4(Ipv4Packet(self.ip, address, UDP, octets, identification=self.sent & 0xFFFF))
         return emit_ethernet(EthernetFrame(station.port.mac, self.mac, ETHERTYPE_IPV4, packet))

@@ -42,7 +42,7 @@ from pnfarm.protocols.profinet.wire.rta import parse_rta
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.station.station import Station
 
 PREFIX = "dea00000-6c97-11d1-8271-"
 #: 64 ms, and 1.92 s of silence allowed.
@@ -108,10 +108,10 @@ class Initiator(Bystander):
 
     # -- the AR ------------------------------------------------------------------------------------------------------
 
-    def plan(self, station: DriveStation) -> ArPlan:
+    def plan(self, station: Station) -> ArPlan:
         """What the built-in controller would want of this drive, slowly and as another."""
         wanted = self.line.plc.sessions[station.index].plan
-        tail = station.rpc.config.endpoints[0].object_uuid
+        tail = station.device.rpc.config.endpoints[0].object_uuid
         self.station = station
         self.uuid = UUID(int=0xA0000 + self.number)
         return ArPlan(
@@ -122,9 +122,7 @@ class Initiator(Bystander):
             input_frame_id=0x9000 + self.number, local_alarm_reference=0x100 + self.number,
         )  # fmt: skip
 
-    def connect(
-        self, station: DriveStation, *, ar_type: int = 1, properties: int = 0, plan=None, change=None
-    ) -> Answer:
+    def connect(self, station: Station, *, ar_type: int = 1, properties: int = 0, plan=None, change=None) -> Answer:
         """``properties`` are added to the plan's; ``change`` makes other blocks of those that would be sent."""
         plan = plan or self.plan(station)
         inputs, outputs = plan_frames(plan)
@@ -142,7 +140,7 @@ class Initiator(Bystander):
                 self._output = block.frame_id, outputs.data_length
         return answer
 
-    def establish(self, station: DriveStation, **how) -> Answer:
+    def establish(self, station: Station, **how) -> Answer:
         answer = self.connect(station, **how)
         assert answer.status == 0, answer
         assert self.control(BlockType.PRM_END_REQ, ControlCommand.PRM_END).status == 0

@@ -22,7 +22,7 @@ def alarms(line) -> list[str]:
 def iops(line) -> int:
     """Of the telegram, in the drive's next frame."""
     line.run(3 * CYCLE)
-    (ar,) = station(line).ars.values()
+    (ar,) = station(line).device.ars.values()
     ((row, cr),) = ar.providers
     return line.farm.channels.provided(row)[cr.data_of(1, 2).iops_offset]
 
@@ -46,8 +46,11 @@ def at_rest(line) -> bool:
 def read(line) -> str:
     """Ask the drive for a parameter; how its record access ended."""
     station = line.farm.stations[0]
-    (index, *_) = station.parameter_records.channels
-    slot, subslot = station.description.modules[0].slot, station.description.modules[0].submodules[0].subslot
+    (index, *_) = station.device.parameter_records.channels
+    slot, subslot = (
+        station.device.description.modules[0].slot,
+        station.device.description.modules[0].submodules[0].subslot,
+    )
     request = emit_request(ParameterRequest(1, 1, 1, (ParameterAddress(922),)))
     session = line.session()
     line.plc.records.clear()

@@ -492,8 +492,8 @@ def heard():
     station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(60.0)
-    own = station.ip.address.ip
-    station.ip.learn(IPv4Address("10.77.0.200"), mac, line.world.now)
+    own = station.device.ip.address.ip
+    station.device.ip.learn(IPv4Address("10.77.0.200"), mac, line.world.now)
     # GetRequest of sysDescr.0, SNMPv1, community public
     get = bytes.fromhex("302902010004067075626c6963a01c020400000001020100020100300e300c06082b060102010101000500")
     asking = IPv4Address("10.77.0.200")

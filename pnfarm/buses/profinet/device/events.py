@@ -58,7 +58,6 @@ __all__ = [
     "SignalEnded",
     "SubmodulesChanged",
     "SystemTextSet",
-    "TelegramChanged",
 ]
 
 
@@ -206,14 +205,6 @@ class ModulePlugged(Event):
 
     def details(self) -> dict[str, Any]:
         return {"slot": self.slot, "module_ident": f"0x{self.module_ident:08X}", "substitute": self.substitute}
-
-
-@dataclass(frozen=True, slots=True)
-class TelegramChanged(Event):
-    """Another telegram is in force."""
-
-    TEXT = "telegram changed"
-    telegram: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,17 +11,17 @@ from collections.abc import Callable
 from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import EnvironmentError_
 from pnfarm.protocols.profinet.dcp_rules import check_ip_suite
 from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.wire.names import check_station_name
+from pnfarm.station.device import KeptValueError
 from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["KeptValueError", "check_kept"]
+__all__ = ["check_kept"]
 
 _U16, _U32 = 0xFFFF, 0xFFFF_FFFF
 #: Octets of a record, and characters of a text that a manager writes.
@@ -33,10 +33,6 @@ _DNS_SERVERS, _HELLO_PARTS = 4, 4
 
 #: Whether a value has its shape.
 _Check = Callable[[Any], bool]
-
-
-class KeptValueError(EnvironmentError_):
-    """A drive's memory holds what no drive wrote."""
 
 
 def _is_number(value: Any, high: int, low: int = 0) -> bool:

@@ -10,13 +10,13 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.description import ModuleDescription
 
 if TYPE_CHECKING:
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.description import SubmoduleDescription
 
 __all__ = ["module_of_ident", "module_of_telegram", "modules_view", "plug_module", "pull_module"]
 
 
-def modules_view(station: DriveStation) -> list[dict[str, Any]]:
+def modules_view(station: ProfinetDevice) -> list[dict[str, Any]]:
     """Every slot with its module, its submodules, and who owns them; plain JSON values."""
     plugged = station.cm.plugged
     return [
@@ -33,12 +33,12 @@ def modules_view(station: DriveStation) -> list[dict[str, Any]]:
     ]
 
 
-def _telegram(station: DriveStation, module: ModuleDescription | None) -> int | None:
+def _telegram(station: ProfinetDevice, module: ModuleDescription | None) -> int | None:
     found = None if module is None else station.model.telegram_by_module(module.module_ident)
     return None if found is None else found.number
 
 
-def _submodule(station: DriveStation, sub: SubmoduleDescription) -> dict[str, Any]:
+def _submodule(station: ProfinetDevice, sub: SubmoduleDescription) -> dict[str, Any]:
     key = (sub.api, sub.slot, sub.subslot)
     owner = next((ar for ar in station.cm.ars if key in ar.owned), None)
     return {
@@ -52,7 +52,7 @@ def _submodule(station: DriveStation, sub: SubmoduleDescription) -> dict[str, An
     }
 
 
-def _slot(station: DriveStation, slot: int) -> None:
+def _slot(station: ProfinetDevice, slot: int) -> None:
     slots = [s for s in station.description.slots if s != station.description.dap.slot]
     if slot not in slots:
         allowed = ", ".join(map(str, slots))
@@ -62,7 +62,7 @@ def _slot(station: DriveStation, slot: int) -> None:
         raise ConfigError(f"{station.configured_name} is switched off")
 
 
-def pull_module(station: DriveStation, slot: int, subslot: int | None, now: int) -> None:
+def pull_module(station: ProfinetDevice, slot: int, subslot: int | None, now: int) -> None:
     """Take a module, or one submodule of it, out.  Raises :class:`ConfigError`."""
     _slot(station, slot)
     module = station.cm.plugged.module(slot)
@@ -78,7 +78,7 @@ def pull_module(station: DriveStation, slot: int, subslot: int | None, now: int)
 
 
 def plug_module(
-    station: DriveStation,
+    station: ProfinetDevice,
     slot: int,
     now: int,
     *,
@@ -116,7 +116,7 @@ def plug_module(
     return True
 
 
-def module_of_telegram(station: DriveStation, slot: int, number: int) -> ModuleDescription:
+def module_of_telegram(station: ProfinetDevice, slot: int, number: int) -> ModuleDescription:
     """Raises :class:`ConfigError` for a telegram that the slot cannot have."""
     found = station.model.telegrams.get(number)
     module = None if found is None else station.description.module(slot, found.module.ident)
@@ -126,7 +126,9 @@ def module_of_telegram(station: DriveStation, slot: int, number: int) -> ModuleD
     return module
 
 
-def module_of_ident(station: DriveStation, slot: int, ident: int, shape: ModuleDescription | None) -> ModuleDescription:
+def module_of_ident(
+    station: ProfinetDevice, slot: int, ident: int, shape: ModuleDescription | None
+) -> ModuleDescription:
     """A module of the model's, or a made-up one in the shape of another; raises :class:`ConfigError`."""
     if not 1 <= ident <= 0xFFFFFFFF:
         raise ConfigError(f"{ident} is no module ident; allowed: 1 to 0xFFFFFFFF")

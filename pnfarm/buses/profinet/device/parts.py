@@ -34,7 +34,6 @@ class DeviceParts(Protocol):
     model: Model
     port: Port
     handle: AxisHandle
-    store: ParameterStore
     description: DeviceDescription
     dcp: DcpDevice
     cm: CmDevice
@@ -46,6 +45,11 @@ class DeviceParts(Protocol):
     traffic: PortTraffic
     snmp_texts: dict[SystemText, str]
     neighbour_rows: NeighbourRows
+
+    @property
+    def store(self) -> ParameterStore:
+        """The drive's parameters."""
+        ...
 
     @property
     def name(self) -> str:

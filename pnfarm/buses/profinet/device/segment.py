@@ -19,7 +19,7 @@ from pnfarm.wire.ethernet import ETHERTYPE_LLDP
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
 
 __all__ = ["ProfinetSegment"]
@@ -34,7 +34,7 @@ DCP_HELLO = bytes.fromhex("8892fefc")
 class ProfinetSegment:
     """See the module's head; :class:`pnfarm.buses.bus.Segment` says what is asked of it."""
 
-    def __init__(self, stations: Sequence[DriveStation]) -> None:
+    def __init__(self, stations: Sequence[ProfinetDevice]) -> None:
         self._by_port = {station.port.index: station for station in stations}
         #: The last Identify, what it says, and the name if it asks for one only.
         self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
@@ -57,7 +57,7 @@ class ProfinetSegment:
             return False
         return station.budget.passes(frame, now) or station.passed_over("connect-flood")
 
-    def _concerns(self, station: DriveStation, frame: bytes) -> bool:
+    def _concerns(self, station: ProfinetDevice, frame: bytes) -> bool:
         """Whether a group-addressed frame can mean anything to this station."""
         if frame[12:14] == ARP:
             own = station.own_ip

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.bus import ConnectionView
 from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.protocols.profinet.errors import abort_label, abort_status, describe_status
+from pnfarm.station.device import ConnectionView
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from pnfarm.table.impairment import IOPS_BAD
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.faults.connection import ArKeys
     from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.protocols.profinet.ar import ExpectedKey
@@ -43,7 +43,7 @@ class Alarms(DrivePart):
     """What the alarm channel is made to say, and what the controllers acknowledge."""
 
     def __init__(
-        self, station: DriveStation, impairments: ImpairmentTable, keys: ArKeys, settle: Callable[[int], None]
+        self, station: ProfinetDevice, impairments: ImpairmentTable, keys: ArKeys, settle: Callable[[int], None]
     ) -> None:
         self._station = station
         self._impairments = impairments

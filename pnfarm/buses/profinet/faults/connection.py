@@ -11,7 +11,7 @@ from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.engine.columns import Columns
 
 __all__ = ["ArKeys", "ProfinetConnection"]
@@ -23,7 +23,7 @@ _ZSW1_BITS = {Status.FAULT: 3, Status.INHIBITED: 6, Status.WARNING: 7}
 class ArKeys:
     """Keys of a drive's ARs, other than that of any AR before: a drive that boots begins its keys anew."""
 
-    def __init__(self, station: DriveStation) -> None:
+    def __init__(self, station: ProfinetDevice) -> None:
         self._station = station
         self._cm = station.cm
         self._boots = 0
@@ -38,7 +38,7 @@ class ArKeys:
 class ProfinetConnection(ConnectionPart):
     """See :class:`~pnfarm.faults.connection.ConnectionPart`; error codes are those of an ERR-RTA-PDU."""
 
-    def __init__(self, station: DriveStation, columns: Columns, keys: ArKeys, settle: Callable[[int], None]) -> None:
+    def __init__(self, station: ProfinetDevice, columns: Columns, keys: ArKeys, settle: Callable[[int], None]) -> None:
         self._station = station
         self._columns = columns
         self._keys = keys

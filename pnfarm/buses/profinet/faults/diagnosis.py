@@ -10,7 +10,7 @@ from pnfarm.faults.parts import DrivePart, Part
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 
 __all__ = ["DIAGNOSES", "Diagnoses"]
@@ -19,7 +19,7 @@ __all__ = ["DIAGNOSES", "Diagnoses"]
 class Diagnoses(DrivePart):
     """Of entries with one key the latest holds; one whose submodule is not there waits for it."""
 
-    def __init__(self, station: DriveStation, settle: Callable[[int], None]) -> None:
+    def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
         self._station = station
         self._settle = settle
         self._entries: list[DiagnosisEntry] = []

@@ -19,12 +19,12 @@ from pnfarm.faults.wire import WIRE, Wire
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
 
 __all__ = ["injected_drive"]
 
 
-def injected_drive(station: DriveStation, host: InjectionHost) -> InjectedDrive:
+def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDrive:
     """Everything here lies around a station, not in it: rows of the engine's table, the gate, hooks of its machines."""
     name, port = station.configured_name, station.port.index
     host.gate.know(port, frame_class)
@@ -37,7 +37,7 @@ def injected_drive(station: DriveStation, host: InjectionHost) -> InjectedDrive:
         drive.refresh(now)
 
     wire = Wire(name, station.index, port, host.impairments, host.gate, host.carriers, carrier_changed)
-    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    servo = Servo(station.station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
     diagnoses = Diagnoses(station, host.settle)
     parts: dict[Part[Any], DrivePart] = {
         SERVO: servo,

@@ -18,7 +18,7 @@ from pnfarm.protocols.profinet.wire.blocks_expected import ModuleState
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.faults.connection import ArKeys
     from pnfarm.protocols.profinet.ar import Ar, ExpectedKey
     from pnfarm.protocols.profinet.description import ModuleDescription
@@ -48,7 +48,7 @@ class Modules(DrivePart):
     """Changes of slots in force.  ``changed()`` hears of each, before the station settles."""
 
     def __init__(
-        self, station: DriveStation, keys: ArKeys, settle: Callable[[int], None], changed: Callable[[], None]
+        self, station: ProfinetDevice, keys: ArKeys, settle: Callable[[int], None], changed: Callable[[], None]
     ) -> None:
         self._station = station
         self._keys = keys
@@ -104,7 +104,7 @@ def _names(ar: Ar, slot: int, subslot: int | None, *, diagnosis: bool) -> bool:
     return any(state & _DIAGNOSIS_BITS for state in states) if diagnosis else bool(states)
 
 
-def _place_of(station: DriveStation, slot: int | None, subslot: int | None) -> ExpectedKey:
+def _place_of(station: ProfinetDevice, slot: int | None, subslot: int | None) -> ExpectedKey:
     """A submodule that the drive can have; None: the telegram's slot, its submodule with set points."""
     description = station.description
     chosen = description.modules[0].slot if slot is None else slot
@@ -129,7 +129,7 @@ class _SlotChanges:
     Hands that pull or plug meanwhile have the last word until the next change comes or goes, and are the new base.
     """
 
-    def __init__(self, station: DriveStation) -> None:
+    def __init__(self, station: ProfinetDevice) -> None:
         self._station = station
         self.changes: list[ModuleChange] = []
         self._bases: dict[int, SlotState] = {}

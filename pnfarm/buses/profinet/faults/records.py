@@ -10,7 +10,7 @@ from pnfarm.protocols.profinet.wire.rpc import Opnum
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.faults.gate import LateRule
     from pnfarm.protocols.profinet.errors import RecordError
     from pnfarm.protocols.profinet.rpc_events import CallKey
@@ -26,7 +26,7 @@ class Records(DrivePart):
     It is the :class:`~.rpc_events.LateAnswers` of that server.
     """
 
-    def __init__(self, station: DriveStation, settle: Callable[[int], None]) -> None:
+    def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
         self._station = station
         self._settle = settle
         self._errors: list[RecordError] = []

@@ -11,7 +11,7 @@ from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperti
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.station import DriveStation
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.errors import PnioStatus
 
 __all__ = ["SET_UP", "ReadyRule", "SetUp"]
@@ -28,7 +28,7 @@ class ReadyRule(Protocol):
 class SetUp(DrivePart):
     """Rules on each AR with cyclic data, from the moment when a controller asks for it."""
 
-    def __init__(self, station: DriveStation, settle: Callable[[int], None]) -> None:
+    def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
         self._station = station
         self._settle = settle
         self._now = 0

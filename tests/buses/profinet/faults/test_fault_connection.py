@@ -140,10 +140,10 @@ def test_the_latest_of_two_record_errors_holds(line):
 
 def test_a_response_that_is_withheld_is_a_state_conflict_and_is_there_afterwards(line):
     """The hook is asked for responses that wait, and for no others."""
-    records = line.farm.stations[0].parameter_records
+    records = line.farm.stations[0].device.parameter_records
     (index, *_) = records.channels
-    slot, asked = line.farm.stations[0].description.modules[0].slot, []
-    (ar,) = line.farm.stations[0].cm.ars
+    slot, asked = line.farm.stations[0].device.description.modules[0].slot, []
+    (ar,) = line.farm.stations[0].device.cm.ars
 
     def withhold(now: int) -> bool:
         asked.append(now)

@@ -29,7 +29,7 @@ def test_watchdog_expire_ends_the_connection_as_the_drives_own_timer_would(line)
     assert line.losses() == 1
     assert "DHT/WDT expired" in line.session().measures.last_reason
     assert "watchdog expired" in line.events("axis-01")
-    assert station(line).watchdog_expirations == 1
+    assert station(line).device.watchdog_expirations == 1
     assert station(line).fault_counts, "the drive takes its fault for a lost fieldbus"
     assert fault.state == "ended"
     assert fault.evidence().confirmed

@@ -30,7 +30,7 @@ def data_status(line) -> int:
 
 def diff(line):
     """The ModuleDiffBlock of the connection: (slot, module ident, {subslot: state})."""
-    (ar,) = station(line).cm.ars
+    (ar,) = station(line).device.cm.ars
     blocks = ar.module_diff.apis if ar.module_diff else ()
     return [(m.slot, m.module_ident, {s.subslot: s.state for s in m.submodules}) for a in blocks for m in a.modules]
 
@@ -166,7 +166,7 @@ def test_what_hands_plugged_meanwhile_stays_when_the_fault_ends(line):
     plug_module(station(line), 1, line.world.now, ident=0x99)
     line.clear(fault.id)
     line.run(0.1)
-    assert station(line).cm.plugged.module(1).module_ident == 0x99
+    assert station(line).device.cm.plugged.module(1).module_ident == 0x99
     plug_module(station(line), 1, line.world.now)
     assert at_rest(line)
 
@@ -177,7 +177,7 @@ def test_what_hands_pulled_before_is_still_out_when_the_fault_ends(line):
     line.run(0.1)
     line.clear(fault.id)
     line.run(0.1)
-    assert station(line).cm.plugged.module(1) is None
+    assert station(line).device.cm.plugged.module(1) is None
     plug_module(station(line), 1, line.world.now)
     assert at_rest(line)
 
@@ -293,7 +293,7 @@ def test_two_diagnoses_are_confirmed_each_by_its_own_alarm(line):
     line.clear(second.id)
     line.run(0.1)
     assert third.evidence().confirmed
-    assert [entry.error_type for entry in station(line).cm.diagnosis] == [3]
+    assert [entry.error_type for entry in station(line).device.cm.diagnosis] == [3]
 
 
 def test_of_two_diagnoses_with_one_key_the_latest_holds_and_the_earlier_comes_back(line):
@@ -302,7 +302,7 @@ def test_of_two_diagnoses_with_one_key_the_latest_holds_and_the_earlier_comes_ba
     line.add("diagnosis", params={"severity": "maintenance-required"}, as_="three")
 
     def severities():
-        return [entry.maintenance.name for entry in station(line).cm.diagnosis]
+        return [entry.maintenance.name for entry in station(line).device.cm.diagnosis]
 
     assert severities() == ["REQUIRED"]
     line.clear("two")
@@ -318,9 +318,9 @@ def test_of_two_diagnoses_with_one_key_the_latest_holds_and_the_earlier_comes_ba
 def test_a_diagnosis_goes_with_its_submodule_and_comes_back_with_it(line):
     line.add("diagnosis", as_="ill")
     line.add("module-missing", as_="out")
-    assert len(station(line).cm.diagnosis) == 0
+    assert len(station(line).device.cm.diagnosis) == 0
     line.clear("out")
-    assert len(station(line).cm.diagnosis) == 1
+    assert len(station(line).device.cm.diagnosis) == 1
     line.run(0.1)
     assert alarms(line)[-1].startswith("diagnosis appears")
     line.add("module-missing", as_="out")
@@ -351,7 +351,7 @@ def test_a_diagnosis_outlives_a_reboot_as_long_as_its_fault_is_in_force(line):
 
 
 def test_a_drive_with_as_many_diagnoses_as_it_holds_takes_no_more(line):
-    for error in range(1, station(line).cm.diagnosis.maximum + 1):
+    for error in range(1, station(line).device.cm.diagnosis.maximum + 1):
         line.add("diagnosis", params={"error": error})
     with pytest.raises(ConfigError, match="axis-01 holds 64 diagnoses, and no more"):
         line.add("diagnosis", params={"error": 100})

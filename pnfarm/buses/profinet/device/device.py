@@ -11,8 +11,7 @@ the frames.  What it decides itself is what lies between the machines:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.profinet.device import events as happened
 from pnfarm.buses.profinet.device.address import StationAddress
@@ -21,7 +20,7 @@ from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
 from pnfarm.buses.profinet.device.connections import StationConnections
 from pnfarm.buses.profinet.device.factory_reset import clear_memory
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
-from pnfarm.buses.profinet.device.kept_values import KeptValueError, check_kept
+from pnfarm.buses.profinet.device.kept_values import check_kept
 from pnfarm.buses.profinet.device.neighbours import StationNeighbours, port_diagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
@@ -30,16 +29,11 @@ from pnfarm.buses.profinet.device.snmp import snmp_view
 from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
 from pnfarm.buses.profinet.device.traffic import PortTraffic
 from pnfarm.buses.profinet.device.view import connection_of, losses_in_words, losses_of, view_of
-from pnfarm.drives.given_values import raw_number
+from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.drives.store import (
-    DisplayBlinkRequested,
-    FaultHistoryCleared,
-    NonVolatileSaved,
     ParameterStore,
-    RebootRequested,
-    TelegramChanged,
 )
-from pnfarm.errors import ConfigError, DecodeError, InternalError
+from pnfarm.errors import DecodeError, InternalError
 from pnfarm.protocols.ip.host import DatagramReceived
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
@@ -70,43 +64,29 @@ from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.station.events import (
-    Booted,
     ControllerModeChanged,
-    MemoryNotTaken,
     OutputsChanged,
-    ParametersSaved,
-    PowerLost,
-    PowerReturned,
 )
-from pnfarm.station.fault_memory import active_of, history_of, restore_history
 from pnfarm.table import engine_row
-from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.channel import W_START
-from pnfarm.table.image import LOST_NEVER
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
     from collections import Counter
-    from collections.abc import Callable, Mapping
-    from uuid import UUID
+    from collections.abc import Mapping
 
-    from pnfarm.buses.bus import ConnectionView
+    from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profinet.device.closed_channels import ClosedChannels
     from pnfarm.buses.profinet.device.config import DeviceConfig
-    from pnfarm.drives.axis_handle import AxisHandle
-    from pnfarm.drives.memory import NonVolatile
-    from pnfarm.drives.model import Model
-    from pnfarm.engine.impairments import ImpairmentTable
-    from pnfarm.engine.schedule import ChannelTable
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
-    from pnfarm.station.event_log import EventLog
+    from pnfarm.station.device import ConnectionView
     from pnfarm.station.events import Event
-    from pnfarm.station.imperfections import Imperfections
+    from pnfarm.station.station import Station
 
-__all__ = ["DriveStation", "StationServices"]
+__all__ = ["ProfinetDevice"]
 
 #: The ethertype as in a frame.
 LLDP = ETHERTYPE_LLDP.to_bytes(2, "big")
@@ -118,87 +98,60 @@ STRAY = "unknown-frame-id"
 ARGS_MAXIMUM = 16_384
 
 
-@dataclass(frozen=True, slots=True)
-class StationServices:
-    """What a station uses and does not own."""
+class ProfinetDevice:
+    """See the module's head; :class:`pnfarm.station.device.Device` says what is asked of it."""
 
-    channels: ChannelTable
-    impairments: ImpairmentTable
-    memory: NonVolatile
-    log: EventLog
-    uuids: Callable[[], UUID]
-    #: Whether the drives speak LLDP.
-    lldp: bool = True
-
-
-class DriveStation:
-    """See the module's head.  ``index`` is the row of axis and image."""
-
-    def __init__(
-        self,
-        config: DeviceConfig,
-        model: Model,
-        index: int,
-        port: Port,
-        handle: AxisHandle,
-        services: StationServices,
-        flaws: Imperfections,
-    ) -> None:
-        self.config = config
-        #: What makes it less than ideal.
-        self.flaws = flaws
-        self._latency = flaws.latency()
-        self.model = model
-        self.index = index
-        self.port = port
-        self.handle = handle
-        self.configured_name = config.name
+    def __init__(self, station: Station, services: DeviceServices) -> None:
+        self.station = station
+        self.model, self.index, self.handle = station.model, station.index, station.handle
+        self.port = cast("Port", station.port)
+        # what the bus's section of the farm file says of this drive
+        self.config = cast("DeviceConfig", station.config)
         self._services = services
+        self._uuids = uuid_source(services.seed + station.port.mac)
         #: Frames dropped by reason, before any machine saw them.
         self.dropped: dict[str, int] = {}
-        self.fault_counts: dict[int, int] = {}
-        rows = channel_rows(model.limits.io_controllers)
-        self.channels = StationChannels(index, port, services.channels, services.impairments, rows, flaws.drift)
-        self.signalled_ns: int | None = None
+        rows = channel_rows(self.model.limits.io_controllers)
+        drift = station.flaws.drift
+        self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
         #: A reset that restarts the drive was ordered, and its answer is still to go out.
         self._reboot_due = False
         self.connections = StationConnections(self)
         self.budget = ConnectBudget()
         self._outbox: list[bytes] = []
         self._calls: dict[int, int] = {}
-        self._kept: dict[str, Any] = {}
-        self._booted_ns: int | None = None
-        #: When a drive that boots comes on the wire.
-        self._answers_ns: int | None = None
-        self._build()
-        restore_history(handle.axis, self._kept.get("faults", ()))
+        self._built = False
+        self.cm: CmDevice
 
     # -- life --------------------------------------------------------------------------------------------------------
 
-    def _build(self) -> None:
-        """The machines as they are after power-on, with what non-volatile memory holds."""
-        mac = self.port.mac
-        kept = self._services.memory.load(self.configured_name) or {}
-        try:
-            check_kept(kept)
-        except KeptValueError as exc:
-            raise self._services.memory.damaged(f"of drive {self.configured_name}, {exc}") from exc
-        self._kept = dict(kept)
-        identity = self.model.identity
-        self.store = ParameterStore(self.model, self.handle)
-        self._left_out = self.store.restore(kept.get("drive"))
+    def check(self, kept: Mapping[str, Any]) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        check_kept(kept)
+
+    def commission(self, kept: Mapping[str, Any]) -> None:
+        """See :class:`pnfarm.station.device.Device`: an address of the farm file is as if a tool had set it."""
         if self.config.ip is not None and "ip" not in kept:
             self.store.commission_address()
-        self.store.commission({key: self._raw(key, value) for key, value in self.config.params.items()})
-        self.store.commission_tasks(self.config.motion_tasks)
-        self.store.power_on()
+
+    def build(self, kept: dict[str, Any]) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        if self._built:
+            # the machines are made anew; what they dropped stays counted
+            self.dropped = self.discards()
+            self.connections.forget()
+            self._calls.clear()
+        self._built = True
         self._take_written_name(kept)
+        kept = dict(kept)
+        mac = self.port.mac
+        identity = self.model.identity
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
         self.parameter_records = ParameterRecords(
-            self.store, slot, api, strict=self.config.strict, latency=self._latency
+            self.store, slot, api, strict=self.config.strict, latency=self.station.latency
         )
-        self.parameter_words = StationParameterWords(self.store, self._latency)
+        self.parameter_words = StationParameterWords(self.store, self.station.latency)
         self.addressing = StationAddress(
             mac,
             DcpIdentity(
@@ -234,7 +187,7 @@ class DriveStation:
         )
         if self.dcp.address is not None:
             self.rpc.set_address(self.dcp.address.ip)
-        self.client = RpcClient(self._services.uuids)
+        self.client = RpcClient(self._uuids)
         plugged = Plugged(self.description)
         self.records = DeviceRecords(
             self.description,
@@ -269,10 +222,15 @@ class DriveStation:
         if "drive" in kept:
             number = str(self.model.access.station_name)
             parameters = {pnu: value for pnu, value in kept["drive"]["parameters"].items() if pnu != number}
-            self._kept["drive"] = {**kept["drive"], "parameters": parameters}
+            kept["drive"] = {**kept["drive"], "parameters": parameters}
         if not name or check_station_name(name) is None:
-            kept["name"] = self._kept["name"] = name
-        self._services.memory.save(self.configured_name, self._kept)
+            kept["name"] = name
+        self.station.save()
+
+    @property
+    def store(self) -> ParameterStore:
+        """The drive's parameters; made anew at each power-on."""
+        return self.station.store
 
     @property
     def ars(self) -> dict[int, ArChannels]:
@@ -305,79 +263,47 @@ class DriveStation:
 
     @property
     def powered(self) -> bool:
-        return bool(self.handle.axis.powered)
-
-    @property
-    def on_the_wire(self) -> bool:
-        """Whether it hears and speaks: powered, and done with booting."""
-        return self.powered and self._answers_ns is None
+        """Whether the control supply is on."""
+        return self.station.powered
 
     @property
     def booted_ns(self) -> int:
         """When it was powered on last."""
-        return int(self.handle.axis.boot_ns) if self._booted_ns is None else self._booted_ns
+        return self.station.booted_ns
+
+    @property
+    def configured_name(self) -> str:
+        """As the farm file has it."""
+        return self.station.configured_name
 
     @property
     def own_ip(self) -> bytes:
         """The address as in an ARP packet, empty for none."""
         return self.addressing.own_ip
 
-    def boot(self, now: int) -> None:
-        """The drive was powered on: it comes on the wire at once, or when it is done with booting."""
-        if self.flaws.answer_ns:
-            self._answers_ns = now + self.flaws.answer_ns
-        else:
-            self._start(now)
-
-    def _start(self, now: int) -> None:
-        """The drive came on the wire."""
-        self._answers_ns = None
+    def start(self, now: int) -> list[str]:
+        """See :class:`pnfarm.station.device.Device`."""
         self.addressing.link_up(now)
-        left_out = [*self._left_out, *self.neighbours.pdev.restore(records_of(self._kept.get("pdev")), now)]
-        if left_out:
-            self.note(now, MemoryNotTaken(len(left_out), left_out[0]))
+        return self.neighbours.pdev.restore(records_of(self.station.kept.get("pdev")), now)
 
     def leave(self, now: int) -> None:
-        """See :class:`pnfarm.buses.bus.Device`: an ERR-RTA for each connection, and LLDP's farewell."""
+        """See :class:`pnfarm.station.device.Device`: an ERR-RTA for each connection, and LLDP's farewell."""
         self.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
         self.neighbours.lldp.shut_down(now)
 
-    def power_off(self, now: int) -> None:
-        """Cut the supply: channels close, nothing is answered any more."""
+    def stop(self, now: int) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
         for key in list(self.ars):
             self.connections.close(key)
         if self.dcp.signalling:
             self.note(now, happened.SignalEnded())
-        self.handle.axis.powered = 0
-        self._answers_ns = None
-        self.note(now, PowerLost())
-
-    def power_on(self, now: int) -> None:
-        """Boot with what non-volatile memory holds."""
-        # the machines are made anew; what they dropped stays counted
-        self.dropped = self.discards()
-        self._booted_ns = now
-        self._build()
-        self.connections.forget()
-        self._calls.clear()
-        # what parameters wrote of set points is gone, too, and why those of a controller ended
-        self.handle.image.received[:] = 0
-        self.handle.image.lost = LOST_NEVER
-        self.handle.axis.powered = 1
-        self.handle.push_command(CMD_POWER_ON)
-        self.note(now, PowerReturned())
-        self.boot(now)
-
-    def power_cycle(self, now: int) -> None:
-        self.power_off(now)
-        self.power_on(now)
 
     # -- frames ------------------------------------------------------------------------------------------------------
 
     def receive(self, data: bytes, now: int) -> None:
-        """One acyclic frame of this port."""
-        if not self.on_the_wire or data[12:14] == LLDP:
-            # the segment took an LLDP frame already
+        """See :class:`pnfarm.station.device.Device`."""
+        if data[12:14] == LLDP:
+            # the segment took it already
             return
         self.traffic.frame_received(data)
         try:
@@ -403,7 +329,7 @@ class DriveStation:
 
     def hear_neighbour(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
         """An LLDP frame that was parsed once for all drives, or why it is none; whether anything is to be done now."""
-        return self.on_the_wire and self.neighbours.hear(frame, parsed, now)
+        return self.station.on_the_wire and self.neighbours.hear(frame, parsed, now)
 
     def passed_over(self, reason: str) -> bool:
         """Count a frame that was for others; always False."""
@@ -423,10 +349,7 @@ class DriveStation:
         return total
 
     def next_deadline(self) -> int | None:
-        if not self.powered:
-            return None
-        if self._answers_ns is not None:
-            return self._answers_ns
+        """See :class:`pnfarm.station.device.Device`."""
         deadlines = [machine.next_deadline() for machine in self._machines]
         deadlines.append(self.connections.next_deadline())
         deadlines.append(self.parameter_records.next_deadline())
@@ -434,13 +357,7 @@ class DriveStation:
         return min((d for d in deadlines if d is not None), default=None)
 
     def handle_timeout(self, now: int) -> None:
-        if not self.powered:
-            return
-        if self._answers_ns is not None:
-            if now < self._answers_ns:
-                return
-            self._start(now)
-            self.note(now, Booted(self.flaws.answer_ns))
+        """See :class:`pnfarm.station.device.Device`."""
         for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
@@ -450,9 +367,7 @@ class DriveStation:
         self.parameter_words.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
-        """Carry events between the machines until nothing moves; the frames to send."""
-        if not self.on_the_wire:
-            return []
+        """See :class:`pnfarm.station.device.Device`: carries events between the machines until nothing moves."""
         # what is due becomes events here, and not only when the frames are fetched, behind the loop
         self.dcp.handle_timeout(now)
         self.ip.handle_timeout(now)
@@ -461,7 +376,7 @@ class DriveStation:
             moved = False
             for step in (
                 self._pump_dcp, self._pump_neighbours, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_snmp,
-                self._pump_drive,
+                self.station.pump_drive,
             ):  # fmt: skip
                 moved = step(now) or moved
         for datagram in (*self.rpc.to_send(now), *self.client.to_send(now), *self.snmp.to_send(now)):
@@ -478,8 +393,8 @@ class DriveStation:
         if self._reboot_due:
             # the answer to the reset is among the frames; what the new machines say follows at once
             self._reboot_due = False
-            self.power_cycle(now)
-            frames += self.pump(now)
+            self.station.power_cycle(now)
+            frames += self.station.pump(now)
         for frame in frames:
             self.traffic.frame_sent(frame)
         return frames
@@ -497,7 +412,7 @@ class DriveStation:
                     self.rpc.set_address(interface.ip)
                     self.store.address_set()
                 case SignalBegan():
-                    self.signalled_ns = now
+                    self.station.signalled_ns = now
                 case AbortRequired(reason):
                     self.cm.abort_all(reason, now)
                 case FactoryReset():
@@ -510,8 +425,8 @@ class DriveStation:
 
     def _factory_reset(self, reset: FactoryReset, now: int) -> None:
         """Forget what the reset's mode names, in the memory and in the machines; name and address have events."""
-        clear_memory(self._kept, reset.clears)
-        self._services.memory.save(self.configured_name, self._kept)
+        clear_memory(self.station.kept, reset.clears)
+        self.station.save()
         if Stored.APPLICATION in reset.clears:
             self.store.restore(None)
             self.store.power_on()
@@ -627,30 +542,14 @@ class DriveStation:
                 self.cm.diagnosis.remove(entry)
         return bool(notes)
 
-    def _pump_drive(self, now: int) -> bool:
-        events = self.store.events()
-        for event in events:
-            match event:
-                case NonVolatileSaved():
-                    self.keep(now, "drive", self.store.snapshot())
-                    self.note(now, ParametersSaved())
-                case TelegramChanged(number):
-                    self.channels.rewrite(self.store.input_words(), self.store.output_words())
-                    self.note(now, happened.TelegramChanged(number))
-                case RebootRequested():
-                    self.power_cycle(now)
-                case DisplayBlinkRequested():
-                    self.signalled_ns = now
-                case FaultHistoryCleared():
-                    self.keep(now, "faults", active_of(self.handle.axis) or None)
-                case _:
-                    pass
-        return bool(events)
+    def telegram_changed(self) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        self.channels.rewrite(self.store.input_words(), self.store.output_words())
 
     # -- the engine's word -------------------------------------------------------------------------------------------
 
     def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         consumer = self._services.channels.columns.cpm[row]
         # the connection went while the event waited, and another may have the row by now
         seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
@@ -668,7 +567,7 @@ class DriveStation:
         return True
 
     def catch_up(self, now: int) -> None:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         for row in [row for ar in self.ars.values() for row, _ in ar.consumers]:
             consumer = self._services.channels.columns.cpm[row]
             if consumer.state == W_START:
@@ -677,15 +576,15 @@ class DriveStation:
                 self.connections.first_frame(row, now)
 
     def fault_raised(self, number: int) -> None:
-        """See :class:`pnfarm.buses.bus.Device`: its diagnosis appears."""
+        """See :class:`pnfarm.station.device.Device`: its diagnosis appears."""
         self.fault_diagnosis.raised(number)
 
     def faults_cleared(self) -> None:
-        """See :class:`pnfarm.buses.bus.Device`: their diagnosis disappears."""
+        """See :class:`pnfarm.station.device.Device`: their diagnosis disappears."""
         self.fault_diagnosis.cleared()
 
     def parameter_task(self, value: int, now: int) -> None:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         self.parameter_words.take(value, now)
 
     # -- what there is to see ----------------------------------------------------------------------------------------
@@ -696,66 +595,38 @@ class DriveStation:
         return any(ar.established and ar.providers for ar in self.ars.values())
 
     def connection(self) -> ConnectionView | None:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         return connection_of(self)
 
     def losses(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         return losses_of(self)
 
     def losses_in_words(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         return losses_in_words(self)
 
     @property
     def closed(self) -> ClosedChannels:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         return self.channels.closed
 
     @property
     def channel_rows(self) -> tuple[list[int], list[int]]:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         ars = self.ars.values()
         return [row for ar in ars for row, _ in ar.providers], [row for ar in ars for row, _ in ar.consumers]
 
     def view(self, now: int) -> dict[str, Any]:
-        """See :class:`pnfarm.buses.bus.Device`."""
+        """See :class:`pnfarm.station.device.Device`."""
         return view_of(self, now)
-
-    # -- faults ------------------------------------------------------------------------------------------------------
-
-    def raise_fault(self, wanted: str | int, *, hold: bool) -> int:
-        """Raise a fault of the model by number, name or cause; with ``hold`` its cause stays.  Its number."""
-        fault = self.model.fault(wanted)
-        self.handle.push_command(CMD_HOLD_FAULT if hold else CMD_RAISE_FAULT, fault.code)
-        return fault.number
-
-    def release_fault(self, number: int) -> None:
-        """The cause of a held fault is gone; it can be acknowledged."""
-        self.handle.push_command(CMD_RELEASE_FAULT, number)
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
-    def _raw(self, key: str, value: float | str | bool) -> int:
-        """A parameter of the farm file as the raw number that the drive takes."""
-        raw = raw_number(self.model.resolve(key)[0], value)
-        if raw is None:
-            raise ConfigError(f"{self.configured_name}: {key} cannot be {value!r}")
-        return raw
-
     def note(self, now: int, event: Event) -> None:
         """Something happened to this drive."""
-        self._services.log.record(now, self.configured_name, event)
-
-    def keep_faults(self, now: int) -> None:
-        """The fault history changed: write it through."""
-        self.keep(now, "faults", history_of(self.handle.axis) or None)
+        self.station.note(now, event)
 
     def keep(self, now: int, key: str, value: Any) -> None:
         """Write one value of non-volatile memory through; None forgets it."""
-        del now
-        if value is None:
-            self._kept.pop(key, None)
-        else:
-            self._kept[key] = value
-        self._services.memory.save(self.configured_name, self._kept)
+        self.station.keep(now, key, value)

@@ -1,0 +1,174 @@
+"""What a station asks of its bus's device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pnfarm.errors import EnvironmentError_
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from ipaddress import IPv4Address
+
+__all__ = ["ChannelCounts", "ConnectionView", "Device", "KeptValueError"]
+
+
+class KeptValueError(EnvironmentError_):
+    """A drive's memory holds what no drive wrote."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionView:
+    """The connection that carries a drive's cyclic data, or the one that is nearest to it.
+
+    ``state`` is the bus's own word for how far it is.  A connection without channels has nothing else.
+    ``exchanging``: it is all set up.
+    """
+
+    state: str
+    controller: str = ""
+    ip: IPv4Address | None = None
+    mac: bytes = b""
+    cycle_ns: int = 0
+    watchdog_ns: int = 0
+    connected_ns: int = 0
+    cyclic: bool = False
+    exchanging: bool = False
+
+
+class ChannelCounts(Protocol):
+    """Counters of cyclic frames; arrays as :mod:`pnfarm.table.channel` has them."""
+
+    sent: int
+    suppressed: int
+    received: int
+    interval_sum_ns: int
+    discarded: Any
+    intervals: Any
+
+
+class Device(Protocol):
+    """One drive's end of a bus: bytes and ``now`` in, frames and events out; no clock, no socket, no task."""
+
+    # -- life: the machines are made anew at each power-on
+
+    def check(self, kept: Mapping[str, Any]) -> None:
+        """Whether the device can boot with this memory; raises :class:`KeptValueError` that names the key."""
+        ...
+
+    def commission(self, kept: Mapping[str, Any]) -> None:
+        """The store has its memory and not yet the farm file's parameters: what the bus's settings say of it."""
+        ...
+
+    def build(self, kept: dict[str, Any]) -> None:
+        """Make the machines as they are after power-on, with what memory holds; the store is ready."""
+        ...
+
+    def start(self, now: int) -> list[str]:
+        """The drive comes on the wire; what memory holds and the device cannot take, in words."""
+        ...
+
+    def stop(self, now: int) -> None:
+        """The supply went: connections end without a word."""
+        ...
+
+    def leave(self, now: int) -> None:
+        """The farm stops: tell every controller that the drive goes."""
+        ...
+
+    # -- time and frames, only while the drive is on the wire
+
+    def receive(self, data: bytes, now: int) -> None:
+        """One acyclic frame that the segment let pass."""
+        ...
+
+    def pump(self, now: int) -> list[bytes]:
+        """Finish what inputs began; the frames to send."""
+        ...
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`handle_timeout` is wanted."""
+        ...
+
+    def handle_timeout(self, now: int) -> None:
+        """Whatever is due by now."""
+        ...
+
+    def telegram_changed(self) -> None:
+        """Another telegram is in force: cyclic frames carry other signals."""
+        ...
+
+    # -- the engine's word
+
+    def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
+        """An event of one of the device's consumers; False when the connection went while it waited."""
+        ...
+
+    def catch_up(self, now: int) -> None:
+        """Events of the engine were lost: learn from the rows what became of the connections."""
+        ...
+
+    def fault_raised(self, number: int) -> None:
+        """The drive raised a fault: tell it in the bus's own way (a diagnosis, an attribute)."""
+        ...
+
+    def faults_cleared(self) -> None:
+        """Every fault of the drive was acknowledged."""
+        ...
+
+    def parameter_task(self, value: int, now: int) -> None:
+        """A task came in the cyclic parameter channel."""
+        ...
+
+    # -- what there is to see
+
+    @property
+    def name(self) -> str:
+        """What the drive is called on the bus now; a controller or a tool may have changed it."""
+        ...
+
+    @property
+    def connects(self) -> int:
+        """Connections that came to data exchange since the farm started."""
+        ...
+
+    @property
+    def watchdog_expirations(self) -> int:
+        """Watchdogs on the controller's data that ran out."""
+        ...
+
+    @property
+    def connected(self) -> bool:
+        """Whether some connection exchanges cyclic data."""
+        ...
+
+    def connection(self) -> ConnectionView | None:
+        """The connection that carries cyclic data, or else any other."""
+        ...
+
+    def losses(self) -> Mapping[str, int]:
+        """Connections that ended without a release, by a slug for the reason."""
+        ...
+
+    def losses_in_words(self) -> Mapping[str, int]:
+        """The same, by the reason in words."""
+        ...
+
+    @property
+    def closed(self) -> ChannelCounts:
+        """What was counted on channels that are closed now."""
+        ...
+
+    @property
+    def channel_rows(self) -> tuple[Sequence[int], Sequence[int]]:
+        """Rows of the open channels: provider's, consumer's."""
+        ...
+
+    def discards(self) -> Mapping[str, int]:
+        """Acyclic frames and PDUs that were dropped, by reason."""
+        ...
+
+    def view(self, now: int) -> dict[str, Any]:
+        """What only this bus has to show of a drive, plain JSON values for its snapshot."""
+        ...
