@@ -278,7 +278,7 @@ def test_what_a_controller_wrote_for_interface_and_ports_survives_a_power_cycle(
     station.power_cycle(line.world.now)
     assert station.device.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, line.world.now) == ADJUST
     again = Farm(memory=memory).farm.stations[0]
-    assert again.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, 0) == ADJUST
+    assert again.device.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, 0) == ADJUST
 
 
 def test_a_reset_of_the_device_answers_first_and_restarts_then():
@@ -318,7 +318,7 @@ def test_name_servers_outlive_a_restart_when_they_are_permanent():
         line.run(0.02)
         assert tool.found.pop().error is None
         again = Farm(memory=memory).farm.stations[0]
-        assert tuple(ip for ip in again.dcp.dns if ip != NOBODY) == expected
+        assert tuple(ip for ip in again.device.dcp.dns if ip != NOBODY) == expected
 
 
 def test_a_temporary_nothing_deletes_what_was_stored():
@@ -330,7 +330,7 @@ def test_a_temporary_nothing_deletes_what_was_stored():
     assert tool.set(NameBlock("", 0), IpParameterBlock(NOBODY, NOBODY, NOBODY, 0)) == [0, 0]
     assert (memory.load("axis-01")["name"], memory.load("axis-01")["ip"]) == ("", "")
     again = Farm(memory=memory).farm.stations[0]
-    assert (again.name, again.ip.address) == ("", None)
+    assert (again.device.name, again.device.ip.address) == ("", None)
 
 
 # -- Hello -------------------------------------------------------------------------------------------------------------
@@ -418,17 +418,17 @@ def test_an_address_that_another_drive_has_is_not_used_until_that_drive_is_gone(
     line.run(2.0)
     first, second = line.farm.stations
     assert tool.set(address("10.77.0.11"), drive=1) == [0]
-    assert (str(first.ip.address), second.ip.address) == ("10.77.0.11/23", None)
+    assert (str(first.device.ip.address), second.device.ip.address) == ("10.77.0.11/23", None)
     assert shown(line, 1)["ip_conflict"] == first.port.mac.hex(":")
     said = tool.identify()
     assert (said[first.port.mac].ip_info, said[second.port.mac].ip_info) == (0x01, 0x80)
     assert str(said[second.port.mac].ip) == "10.77.0.11"
     assert "address not used" in line.events("axis-02")
     line.run(RECHECK_SECONDS)
-    assert second.ip.address is None
+    assert second.device.ip.address is None
     first.power_off(line.world.now)
     line.run(RECHECK_SECONDS)
-    assert str(second.ip.address) == "10.77.0.11/23"
+    assert str(second.device.ip.address) == "10.77.0.11/23"
     assert tool.identify()[second.port.mac].ip_info == 0x01
     assert line.events("axis-02")[-1] == "address conflict over"
     assert shown(line, 1)["ip_conflict"] is None

@@ -233,12 +233,12 @@ def test_permanent_name_and_address_survive_a_restart_and_temporary_ones_do_not(
     client.set_ip(IPv4Interface("10.77.0.99/23"), permanent=True)
     assert station.device.name == "press-7"
     again = VirtualLine(controller=False, memory=memory).farm.stations[0]
-    assert again.name == "press-7"
-    assert str(again.ip.address) == "10.77.0.99/23"
+    assert again.device.name == "press-7"
+    assert str(again.device.ip.address) == "10.77.0.99/23"
     client.set_ip(IPv4Interface("10.77.0.100/23"), permanent=False)
     assert str(station.device.ip.address) == "10.77.0.100/23"
     third = VirtualLine(controller=False, memory=memory).farm.stations[0]
-    assert third.ip.address is None
+    assert third.device.ip.address is None
 
 
 class _client:  # noqa: N801 - reads as a verb where it is used

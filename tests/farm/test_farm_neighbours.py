@@ -129,10 +129,10 @@ def test_a_pulled_cable_leaves_a_drive_alone_until_it_is_plugged():
     faults.inject({"kind": "link-down", "on": "axis-01", "for": "10s"}, line.world.now)
     line.run(1)
     pulled, other = line.farm.stations
-    assert pulled.neighbours.lldp.neighbours == ()
-    assert len(other.neighbours.lldp.neighbours) == 1
+    assert pulled.device.neighbours.lldp.neighbours == ()
+    assert len(other.device.neighbours.lldp.neighbours) == 1
     line.run(20)
-    assert len(pulled.neighbours.lldp.neighbours) == 1
+    assert len(pulled.device.neighbours.lldp.neighbours) == 1
 
 
 def test_a_drive_is_found_by_the_port_that_it_hangs_on():

@@ -200,8 +200,9 @@ class Episode:
             ar = next((ar for ar in station.device.cm.ars if ar.alarm_cr is not None), None)
             return (1, 1) if ar is None else (ar.local_alarm_reference, ar.alarm_cr.local_alarm_reference)
 
+        device = station.device
         return Prey(
-            station.device.name, station.port.mac, station.config.ip.ip, station.device.rpc.config.endpoints[0].object_uuid, True,
+            device.name, station.port.mac, station.config.ip.ip, device.rpc.config.endpoints[0].object_uuid, True,
             lambda: [ar.uuid for ar in self.line.farm.stations[index].device.cm.ars], references,
             lambda: self._sent_by(self.line.plc, self.line.plc.sessions[index]),
         )  # fmt: skip

@@ -66,11 +66,11 @@ def holdings(roots: object) -> tuple[int, int]:
 
 
 def machines_of(station: Station) -> list[object]:
+    device = station.device
     return [
-        station.device.dcp, station.device.ip, station.device.rpc, station.device.client, station.device.neighbours.lldp, station.device.snmp, station.device.cm.alarms,
-        station.device.cm.diagnosis, station.device.cm.ars, station.device.dropped, station.device._outbox, station.device._calls,
-        station.device.records.log_book, station.device.records.im.texts, station.device.neighbours.pdev.written, station.fault_counts,
-        station.device.aborts,
+        device.dcp, device.ip, device.rpc, device.client, device.neighbours.lldp, device.snmp, device.cm.alarms,
+        device.cm.diagnosis, device.cm.ars, device.dropped, device._outbox, device._calls, device.records.log_book,
+        device.records.im.texts, device.neighbours.pdev.written, station.fault_counts, device.aborts,
     ]  # fmt: skip
 
 

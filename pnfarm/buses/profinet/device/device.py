@@ -30,9 +30,6 @@ from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
 from pnfarm.buses.profinet.device.traffic import PortTraffic
 from pnfarm.buses.profinet.device.view import connection_of, losses_in_words, losses_of, view_of
 from pnfarm.buses.profinet.uuids import uuid_source
-from pnfarm.drives.store import (
-    ParameterStore,
-)
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.protocols.ip.host import DatagramReceived
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
@@ -78,6 +75,9 @@ if TYPE_CHECKING:
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profinet.device.closed_channels import ClosedChannels
     from pnfarm.buses.profinet.device.config import DeviceConfig
+    from pnfarm.drives.store import (
+        ParameterStore,
+    )
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
@@ -105,8 +105,6 @@ class ProfinetDevice:
         self.station = station
         self.model, self.index, self.handle = station.model, station.index, station.handle
         self.port = cast("Port", station.port)
-        # what the bus's section of the farm file says of this drive
-        self.config = cast("DeviceConfig", station.config)
         self._services = services
         self._uuids = uuid_source(services.seed + station.port.mac)
         #: Frames dropped by reason, before any machine saw them.
@@ -226,6 +224,11 @@ class ProfinetDevice:
         if not name or check_station_name(name) is None:
             kept["name"] = name
         self.station.save()
+
+    @property
+    def config(self) -> DeviceConfig:
+        """What the farm file says of this drive."""
+        return cast("DeviceConfig", self.station.config)
 
     @property
     def store(self) -> ParameterStore:
