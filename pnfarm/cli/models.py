@@ -181,7 +181,7 @@ def _print(found: dict[str, Any]) -> None:
 def _fact_rows(facts: dict[str, Any], prefix: str = "") -> list[tuple[str, str, str, str]]:
     return [
         (
-            prefix + key.replace("_", " "),
+            prefix + key.replace("_", " ").replace(".", " "),
             f"{_value(key, fact['value'])} {fact['unit']}".strip(),
             fact["source"],
             fact["note"],

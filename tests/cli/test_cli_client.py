@@ -446,7 +446,7 @@ def test_every_place_in_the_help_of_module_pull_can_be_pulled():
     text = get_args(Place)[1].help
     for example in text.partition(": ")[2].rstrip(".").split(", "):
         station = VirtualLine(1).farm.station("axis-01")
-        pull_module(station, *_place(example), 0)
+        pull_module(station.device, *_place(example), 0)
 
 
 @pytest.mark.parametrize(

@@ -190,7 +190,7 @@ def test_a_model_is_printed_with_the_source_of_its_values(pnfarm):
     assert "PI manufacturer table" in vendor
     assert any(line.startswith("1 (default)") and "NSOLL_A" in line and "5.11.2" in line for line in lines)
     assert any("parameters" in line and line.strip()[:3].isdigit() for line in lines)
-    (window,) = [line for line in lines if line.startswith("velocity window")]
+    (window,) = [line for line in lines if line.startswith("ramp velocity window")]
     assert "1.0 rpm" in window
     assert "assumed" in window
 

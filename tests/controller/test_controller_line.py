@@ -63,7 +63,7 @@ def test_a_few_drives_are_asked_for_by_their_names():
 def test_a_name_that_two_drives_have_is_told_with_both_and_the_first_is_run(drives):
     line = VirtualLine(drives=drives)
     twins = line.farm.stations[0], line.farm.stations[-1]
-    twins[1].dcp.name = "axis-01"
+    twins[1].device.dcp.name = "axis-01"
     line.run(1.5)
     entries = [entry for entry in line.plc_log.entries("axis-01") if entry.event == "name given twice"]
     macs = [station.port.mac.hex(":") for station in twins]
@@ -177,8 +177,8 @@ def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
     line = VirtualLine(drives=2)
     first, second = line.farm.stations
     wanted = first.config.ip
-    second.dcp.address = wanted
-    second.addressing.own_ip = wanted.ip.packed
+    second.device.dcp.address = wanted
+    second.device.addressing.own_ip = wanted.ip.packed
     for station in (first, second):
         # neither asks whether another has it
         station.device.ip.set_address(wanted)
@@ -195,7 +195,7 @@ def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
     plc.ip.learn = learn
     line.connect()
     assert [s.mac for s in plc.sessions] == [first.port.mac, second.port.mac]
-    assert {ar.initiator_name for ar in first.cm.ars} == {"plc"}
+    assert {ar.initiator_name for ar in first.device.cm.ars} == {"plc"}
 
 
 def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_anew():

@@ -97,11 +97,11 @@ def test_a_plugged_module_whose_parameters_nobody_answers_costs_the_connection_a
     line = StartUpLine()
     line.connect()
     station = line.farm.stations[0]
-    pull_module(station, 1, None, line.world.now)
+    pull_module(station.device, 1, None, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)
     line.add("rpc-silence")
-    plug_module(station, 1, line.world.now)
+    plug_module(station.device, 1, line.world.now)
     line.farm.settle(station, line.world.now)
     assert line.world.run(10.0, until=lambda: line.session.state is not SessionState.DATA)
     line.faults.clear(None, line.world.now)
@@ -113,11 +113,11 @@ def test_a_module_whose_readiness_comes_late_after_a_plug_is_used_all_the_same()
     line = StartUpLine()
     line.connect()
     station = line.farm.stations[0]
-    pull_module(station, 1, None, line.world.now)
+    pull_module(station.device, 1, None, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)
     station.device.connections.ready_delay_ns = 30 * SECOND
-    plug_module(station, 1, line.world.now)
+    plug_module(station.device, 1, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(25.0)
     assert line.session.state is SessionState.DATA

@@ -28,11 +28,12 @@ MM_S = 60.0 / PITCH
 
 def drive_with(kind: str | None, pitch: float | None = None) -> Drive:
     described = with_motor(model("hiwin-e1"), kind, pitch)
-    axis, image = AXIS.allocate(1)[0], IMAGE.allocate(1)[0]
+    rows = AXIS.allocate(1), IMAGE.allocate(1)
+    axis, image = rows[0][0], rows[1][0]
     described.apply_motor(axis)
     store = ParameterStore(described, AxisHandle(axis, image))
     store.power_on()
-    return Drive(described, axis, image, store)
+    return Drive(described, axis, image, store, rows)
 
 
 @pytest.fixture

@@ -99,9 +99,9 @@ def test_an_edition_says_what_it_has_not_and_what_it_says_otherwise() -> None:
     older, newer = model("akd-profinet-2012"), model("akd-profinet")
     assert set(newer.faults) - set(older.faults) == {130, 131, 132, 134, 139, 451, 524, 570}
     assert (older.motion_tasks, older.following_error) == (None, None)
-    assert older.motor.keys() == newer.motor.keys() - {"foldback_delay", "foldback_time"}
-    assert older.facts["motor.inertia"] == newer.facts["motor.inertia"]
-    assert older.facts["motor.thermal_time"] != newer.facts["motor.thermal_time"]
+    assert older.motor.keys() == newer.motor.keys() - {"foldback.delay", "foldback.time"}
+    assert older.facts["motor.load.inertia"] == newer.facts["motor.load.inertia"]
+    assert older.facts["motor.motor.thermal_time"] != newer.facts["motor.motor.thermal_time"]
 
 
 # a mistake in what they share

@@ -187,9 +187,9 @@ async def record_reads_and_pulls(path: Path) -> None:
     line.world.run(0.5)
     station = line.farm.station("axis-01")
     for hand in (
-        lambda: pull_module(station, 1, 2, line.world.now),
-        lambda: pull_module(station, 1, None, line.world.now),
-        lambda: plug_module(station, 1, line.world.now),
+        lambda: pull_module(station.device, 1, 2, line.world.now),
+        lambda: pull_module(station.device, 1, None, line.world.now),
+        lambda: plug_module(station.device, 1, line.world.now),
     ):
         hand()
         line.farm.settle(station, line.world.now)

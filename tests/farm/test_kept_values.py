@@ -110,8 +110,11 @@ def test_what_a_drive_writes_has_the_shape_that_it_boots_with(tmp_path: Path) ->
             line = booted(state, model)
             (station,) = line.farm.stations
             station.keep(line.world.now, "drive", station.store.snapshot())
-            station.keep_faults(line.world.now)
-            check_kept(state.load("axis-01") or {})
+            station.raise_fault("overvoltage", hold=False)
+            line.world.run(0.1)
+            kept = state.load("axis-01") or {}
+            assert kept["faults"]
+            check_kept(kept)
             station.power_cycle(line.world.now)
             line.farm.settle(station, line.world.now)
 

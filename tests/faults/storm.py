@@ -152,8 +152,8 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
         look(f"{name} diagnosis", list(station.device.cm.diagnosis))
         look(f"{name} refuses records", station.device.parameter_records.error is not None)
         look(f"{name} withholds responses", station.device.parameter_records.withhold is not None)
-        look(f"{name} modules", [m for m in modules_view(station) if m["held"] or m["substitute"]])
-        awaiting = [s for m in modules_view(station) for s in m["submodules"] if s["awaits_parameters"]]
+        look(f"{name} modules", [m for m in modules_view(station.device) if m["held"] or m["substitute"]])
+        awaiting = [s for m in modules_view(station.device) for s in m["submodules"] if s["awaits_parameters"]]
         look(f"{name} awaits parameters", awaiting)
     return found
 

@@ -164,9 +164,9 @@ class Conversation:
         """A submodule and a whole module are pulled and plugged again."""
         station = self.line.farm.stations[0]
         for subslot in (2, None):
-            pull_module(station, 1, subslot, self.line.world.now)
+            pull_module(station.device, 1, subslot, self.line.world.now)
             self._settled(station)
-            plug_module(station, 1, self.line.world.now)
+            plug_module(station.device, 1, self.line.world.now)
             self._settled(station)
 
     def _settled(self, station):

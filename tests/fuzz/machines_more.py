@@ -177,17 +177,19 @@ class SubmodulesMachine(Machine):
             )
             self.answers += sum(status.ok for _, status, _ in cm.responses())
         self.settle()
-        json.dumps(modules_view(station))
+        json.dumps(modules_view(station.device))
 
     def _move(self, rng, station):
         try:
             match rng.randrange(6):
                 case 0:
-                    pull_module(station, 1, rng.choice((None, 1, 2)), self.now)
+                    pull_module(station.device, 1, rng.choice((None, 1, 2)), self.now)
                 case 1:
-                    plug_module(station, 1, self.now)
+                    plug_module(station.device, 1, self.now)
                 case 2:
-                    plug_module(station, 1, self.now, ident=rng.choice((1, 0x7777)), substitute=rng.random() < 0.5)
+                    plug_module(
+                        station.device, 1, self.now, ident=rng.choice((1, 0x7777)), substitute=rng.random() < 0.5
+                    )
                 case 3:
                     entry = DiagnosisEntry(*rng.choice(KEYS), error_type=rng.randrange(1, 0x100))
                     rng.choice((station.device.cm.diagnosis.add, station.device.cm.diagnosis.remove))(entry)

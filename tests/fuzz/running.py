@@ -177,7 +177,7 @@ class Episode:
         self.controller = Prey(
             "plc", plc.port.mac, plc.ip.address.ip, UUID_PNIO_CONTROLLER, False,
             lambda: [s.ar_uuid for s in plc.sessions if s.ar_uuid is not None], lambda: (1, 1),
-            lambda: self._sent_by(self.line.farm, self.line.farm.stations[0]),
+            lambda: self._sent_by(self.line.farm, self.line.farm.stations[0].device),
         )  # fmt: skip
         self.attacker = Attacker(self.rng, corpus, self.preys, self.controller, impostor=impostor)
         switch = self.line.world.switch
@@ -339,7 +339,9 @@ class Episode:
     def _back(self) -> bool:
         """Every connection stands; an address that was refused for a conflict's sake is in use again."""
         line = self.line
-        addresses = all(s.ip.address is not None and s.ip.address.ip == s.config.ip.ip for s in line.farm.stations)
+        addresses = all(
+            s.device.ip.address is not None and s.device.ip.address.ip == s.config.ip.ip for s in line.farm.stations
+        )
         return addresses and line.plc.all_connected
 
 

@@ -158,16 +158,16 @@ class FarmWorker:
 
     def do_pull(self, name, slot, subslot=None):
         station, now = self.station(name), time.monotonic_ns()
-        pull_module(station, slot, subslot, now)
+        pull_module(station.device, slot, subslot, now)
         self._settled(station, now)
 
     def do_plug(self, name, slot, ident=None):
         station, now = self.station(name), time.monotonic_ns()
-        plug_module(station, slot, now, ident=ident)
+        plug_module(station.device, slot, now, ident=ident)
         self._settled(station, now)
 
     def do_ready_delay(self, name, nanoseconds):
-        self.station(name).ready_delay_ns = nanoseconds
+        self.station(name).device.connections.ready_delay_ns = nanoseconds
 
 
 class PlcWorker:

@@ -126,11 +126,11 @@ class Scene:
     def modules(self):
         station = self.farm.stations[1]
         for subslot in (2, None):
-            pull_module(station, 1, subslot, self.world.now)
+            pull_module(station.device, 1, subslot, self.world.now)
             self.settled(station)
-            plug_module(station, 1, self.world.now)
+            plug_module(station.device, 1, self.world.now)
             self.settled(station)
-        plug_module(station, 1, self.world.now, ident=0x7777)
+        plug_module(station.device, 1, self.world.now, ident=0x7777)
         self.settled(station, 0.2)
 
     @staticmethod
@@ -145,12 +145,12 @@ class Scene:
         station = self.farm.stations[1]
         peer = self.freed(1) and self.peer(9)
         for prepare in (
-            lambda: plug_module(station, 1, self.world.now, ident=0x7777),
-            lambda: plug_module(station, 1, self.world.now, ident=0x7778, substitute=True),
+            lambda: plug_module(station.device, 1, self.world.now, ident=0x7777),
+            lambda: plug_module(station.device, 1, self.world.now, ident=0x7778, substitute=True),
             lambda: station.device.cm.plug(1, self.strange(station), self.world.now, substitute=True),
-            lambda: pull_module(station, 1, 2, self.world.now),
-            lambda: pull_module(station, 1, None, self.world.now),
-            lambda: plug_module(station, 1, self.world.now),
+            lambda: pull_module(station.device, 1, 2, self.world.now),
+            lambda: pull_module(station.device, 1, None, self.world.now),
+            lambda: plug_module(station.device, 1, self.world.now),
         ):
             prepare()
             self.settled(station)
@@ -180,9 +180,9 @@ class Scene:
         for alarm in released:
             assert first.end_plugged(alarm.specifier & 0x7FF).status == 0
             first.feed(0.1)
-        pull_module(station, 1, None, self.world.now)
+        pull_module(station.device, 1, None, self.world.now)
         self.settled(station)
-        plug_module(station, 1, self.world.now)
+        plug_module(station.device, 1, self.world.now)
         self.settled(station)
         first.feed(0.2)
         for alarm in [alarm for alarm in first.alarms if alarm.alarm_type == AlarmType.PLUG]:
@@ -267,15 +267,15 @@ class Scene:
         self.freed(3)
         peer.establish(other)
         peer.channel.withhold(*range(1, 5))
-        other.cm.alarm(AlarmType.PROCESS, AXIS, self.world.now, high=True)
+        other.device.cm.alarm(AlarmType.PROCESS, AXIS, self.world.now, high=True)
         self.settled(other)
         peer.feed(2)
-        assert not other.cm.ars, "an alarm without acknowledgement ends the AR"
+        assert not other.device.cm.ars, "an alarm without acknowledgement ends the AR"
         peer.establish(other)
         peer.feed(0.1)
         peer._output = None
         peer.feed(3)
-        assert not other.cm.ars, "silence ends the AR"
+        assert not other.device.cm.ars, "silence ends the AR"
 
     # -- without connections -------------------------------------------------------------------------------------------
 

@@ -30,12 +30,13 @@ def iops(line) -> int:
 def at_rest(line) -> bool:
     """Nothing of any fault is left in the drive, in its machines or at its gate."""
     s, gate = station(line), line.farm.link
-    slots = [s.cm.plugged.state(slot) for slot in s.description.slots]
+    device = s.device
+    slots = [device.cm.plugged.state(slot) for slot in device.description.slots]
     return (
-        slots == [SlotState(s.description.default_module(slot)) for slot in s.description.slots]
-        and not len(s.cm.diagnosis)
-        and s.rpc.late is None
-        and not s.connections.listeners
+        slots == [SlotState(device.description.default_module(slot)) for slot in device.description.slots]
+        and not len(device.cm.diagnosis)
+        and device.rpc.late is None
+        and not device.connections.listeners
         and not gate.in_force(s.port.index)
         and gate.next_deadline() is None
         and not line.faults.drive(s.configured_name).in_force()

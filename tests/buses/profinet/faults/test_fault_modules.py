@@ -163,22 +163,22 @@ def test_a_reboot_keeps_a_module_fault_in_force_and_its_end_undoes_it(line):
 
 def test_what_hands_plugged_meanwhile_stays_when_the_fault_ends(line):
     fault = line.add("module-missing")
-    plug_module(station(line), 1, line.world.now, ident=0x99)
+    plug_module(station(line).device, 1, line.world.now, ident=0x99)
     line.clear(fault.id)
     line.run(0.1)
     assert station(line).device.cm.plugged.module(1).module_ident == 0x99
-    plug_module(station(line), 1, line.world.now)
+    plug_module(station(line).device, 1, line.world.now)
     assert at_rest(line)
 
 
 def test_what_hands_pulled_before_is_still_out_when_the_fault_ends(line):
-    pull_module(station(line), 1, None, line.world.now)
+    pull_module(station(line).device, 1, None, line.world.now)
     fault = line.add("module-wrong")
     line.run(0.1)
     line.clear(fault.id)
     line.run(0.1)
     assert station(line).device.cm.plugged.module(1) is None
-    plug_module(station(line), 1, line.world.now)
+    plug_module(station(line).device, 1, line.world.now)
     assert at_rest(line)
 
 
