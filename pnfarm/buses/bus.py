@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.station.device import Device
     from pnfarm.station.station import Station
+    from pnfarm.terminal.command import Command
 
 __all__ = ["Bus", "DeviceServices", "InjectionHost", "Segment"]
 
@@ -67,7 +68,11 @@ class InjectionHost:
 
 
 class Bus(Protocol):
-    """One fieldbus; :mod:`pnfarm.buses.registry` has them all."""
+    """One fieldbus; :mod:`pnfarm.buses.registry` has them all.
+
+    The module of a bus imports at its head next to nothing: ``pnfarm --help`` imports it.  Its methods import what
+    they give.
+    """
 
     @property
     def name(self) -> str:
@@ -98,6 +103,10 @@ class Bus(Protocol):
 
     def fault_kinds(self) -> Iterable[InjectionKind]:
         """The kinds of injections that only drives on this bus can have."""
+        ...
+
+    def commands(self) -> Iterable[Command]:
+        """What only this bus has on the command line.  Quick: each start of the program asks for it."""
         ...
 
     def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:

@@ -1,23 +1,30 @@
-"""The buses that there are: the only list of them; and what they bring together."""
+"""The buses that there are: the only list of them; and what they bring together.
+
+It is light: the command line asks it for the buses' commands before it knows which of them runs.
+"""
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from functools import cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.errors import ConfigError
-from pnfarm.faults.catalogue import Catalogue, neutral
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from pnfarm.buses.bus import Bus
+    from pnfarm.faults.catalogue import Catalogue
+    from pnfarm.terminal.command import Command
 
-__all__ = ["BUSES", "bus", "fault_kinds"]
+__all__ = ["BUSES", "bus", "commands", "fault_kinds", "registered"]
 
+_buses: dict[str, Bus] = {PROFINET.name: PROFINET}
 #: By name.
-BUSES: Mapping[str, Bus] = {PROFINET.name: PROFINET}
+BUSES: Mapping[str, Bus] = MappingProxyType(_buses)
 
 
 def bus(name: str) -> Bus:
@@ -28,7 +35,32 @@ def bus(name: str) -> Bus:
     return found
 
 
+@contextmanager
+def registered(further: Bus) -> Iterator[None]:
+    """One bus more, in this process and while the block runs: for tests of a bus that the package does not have.
+
+    What was made inside (a farm, an application) keeps what it took from the bus.  Raises :class:`ValueError` where
+    the name is taken.
+    """
+    if further.name in _buses:
+        raise ValueError(f"there is a bus {further.name!r} already")
+    _buses[further.name] = further
+    fault_kinds.cache_clear()
+    try:
+        yield
+    finally:
+        del _buses[further.name]
+        fault_kinds.cache_clear()
+
+
 @cache
 def fault_kinds() -> Catalogue:
     """Every kind that can be injected into a drive: those for any drive, and those of each bus."""
+    from pnfarm.faults.catalogue import Catalogue, neutral
+
     return Catalogue([*neutral(), *(kind for one in BUSES.values() for kind in one.fault_kinds())])
+
+
+def commands() -> list[Command]:
+    """The commands that the buses add to the program."""
+    return [command for one in BUSES.values() for command in one.commands()]

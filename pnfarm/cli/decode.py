@@ -209,7 +209,7 @@ def _know(path: Path, shared: Shared) -> None:
 
 
 def _summary(decoder: Decoder, stations: Iterable[str], output: DecodeFormat) -> None:
-    from pnfarm.cli.output import print_json, print_line
+    from pnfarm.terminal.output import print_json, print_line
 
     talks = decoder.conversations.as_list(decoder.shared)
     asked = {mac.hex(":") if (mac := _mac(text)) is not None else text for text in stations}
@@ -233,7 +233,7 @@ _COUNTERS = (
 
 
 def _paragraph(talk: dict[str, Any]) -> Iterable[str]:
-    from pnfarm.cli.output import seconds
+    from pnfarm.terminal.output import seconds
 
     families = ", ".join(f"{count} {kind}" for kind, count in talk["families"].items())
     yield f"{' <-> '.join(talk['between'])}: {talk['frames']} frames in {talk['seconds']:.3f} s ({families})"

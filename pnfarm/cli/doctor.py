@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import typer
 
-from pnfarm.cli.settings import Format, FormatOption
+from pnfarm.terminal.settings import Format, FormatOption
 
 __all__ = ["doctor"]
 
@@ -15,9 +15,9 @@ _WORDS = {True: "ok", None: "note", False: "MISSING"}
 
 def doctor(output: FormatOption = Format.TABLE) -> None:
     """Look whether this machine can run a farm; what is missing comes with what mends it."""
-    from pnfarm.cli.output import print_json, print_line, print_table
     from pnfarm.errors import EnvironmentError_
     from pnfarm.farm.doctor import examine
+    from pnfarm.terminal.output import print_json, print_line, print_table
 
     findings = examine()
     missing = [finding for finding in findings if finding.ok is False]

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from pnfarm.cli.settings import settings
 from pnfarm.errors import EnvironmentError_, InternalError, PnfarmError
 from pnfarm.farm.address_space import is_exhausted
+from pnfarm.terminal.settings import settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ app.callback(invoke_without_command=True)(help_without_command)
 def kinds(output: FormatOption = Format.TABLE) -> None:
     """Print the catalogue: every kind of fault with its parameters."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.terminal.output import print_json, print_table
 
     catalogue = [kind.as_dict() for kind in fault_kinds().values()]
     if output is Format.JSON:
@@ -64,8 +64,8 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Put a fault in force."""
-    from pnfarm.cli.client import FarmClient
-    from pnfarm.cli.output import print_json, print_line
+    from pnfarm.terminal.client import FarmClient
+    from pnfarm.terminal.output import print_json, print_line
 
     body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
     wanted = {
@@ -98,8 +98,8 @@ def show(
     token: TokenOption = None,
 ) -> None:
     """Print the faults that wait or are in force, or the one named, with their evidence."""
-    from pnfarm.cli.client import FarmClient
-    from pnfarm.cli.output import print_json, print_line, print_table
+    from pnfarm.terminal.client import FarmClient
+    from pnfarm.terminal.output import print_json, print_line, print_table
 
     with FarmClient(api, token) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
@@ -135,8 +135,8 @@ def clear(
     token: TokenOption = None,
 ) -> None:
     """End a fault, or all of them; the drives are as they were."""
-    from pnfarm.cli.client import FarmClient
-    from pnfarm.cli.output import print_json, print_line
+    from pnfarm.terminal.client import FarmClient
+    from pnfarm.terminal.output import print_json, print_line
 
     with FarmClient(api, token) as farm:
         found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)

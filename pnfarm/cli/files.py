@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pnfarm.cli.settings import FarmFile  # noqa: TC001 - the command line is made from the annotations
+from pnfarm.terminal.settings import FarmFile  # noqa: TC001 - the command line is made from the annotations
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -75,7 +75,7 @@ def check_impairments(config: FarmConfig) -> None:
 
 def validate(file: FarmFile) -> None:
     """Check a farm file: each error with its line, its key, and what is allowed."""
-    from pnfarm.cli.output import print_line
+    from pnfarm.terminal.output import print_line
 
     config = read(file)
     check_impairments(config)
@@ -122,8 +122,8 @@ def schema(
     of: Annotated[SchemaOf, typer.Argument(metavar="farm", help="Which file.", show_default=False)],
 ) -> None:
     """Print the JSON Schema of a file, for an editor."""
-    from pnfarm.cli.output import print_json
     from pnfarm.farm.schema import farm_schema
+    from pnfarm.terminal.output import print_json
 
     del of
     print_json(farm_schema(known_words()))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -34,8 +34,8 @@ def inspect(
     token: TokenOption = None,
 ) -> None:
     """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
-    from pnfarm.cli.client import FarmClient
     from pnfarm.errors import ConfigError
+    from pnfarm.terminal.client import FarmClient
 
     if not follow and not events:
         raise ConfigError("--no-follow shows the events that are kept: give --events")
@@ -54,7 +54,7 @@ def inspect(
 
 
 def _follow(entries: Iterable[dict[str, Any]], output: Format) -> None:
-    from pnfarm.cli.output import print_line
+    from pnfarm.terminal.output import print_line
 
     try:
         for entry in entries:
@@ -76,7 +76,7 @@ def _event_line(entry: dict[str, Any]) -> str:
 
 
 def _data(key: str, value: Any) -> str:
-    from pnfarm.cli.output import seconds
+    from pnfarm.terminal.output import seconds
 
     if key.endswith("_seconds") and isinstance(value, int | float):
         return seconds(float(value))
@@ -84,7 +84,7 @@ def _data(key: str, value: Any) -> str:
 
 
 def _all(view: dict[str, Any], output: Format) -> None:
-    from pnfarm.cli.output import number, print_json, print_table, seconds
+    from pnfarm.terminal.output import number, print_json, print_table, seconds
 
     drives = view["drives"]
     if output is Format.JSON:
@@ -125,8 +125,8 @@ def _last_fault(drive: dict[str, Any]) -> str:
 
 
 def _one(drive: dict[str, Any], output: Format) -> None:
-    from pnfarm.cli.output import number, print_json, print_line, print_table
     from pnfarm.farm.discard_words import discard_words
+    from pnfarm.terminal.output import number, print_json, print_line, print_table
 
     if output is Format.JSON:
         print_json(drive)
@@ -150,7 +150,7 @@ def _one(drive: dict[str, Any], output: Format) -> None:
 
 
 def _cell(key: str, value: Any) -> str:
-    from pnfarm.cli.output import seconds
+    from pnfarm.terminal.output import seconds
 
     match value:
         case None:

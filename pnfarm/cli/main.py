@@ -12,37 +12,33 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pnfarm import __version__
-from pnfarm.cli import (
-    bench,
-    decode,
-    demo,
-    doctor,
-    fault,
-    files,
-    gsdml,
-    inspect,
-    models,
-    module,
-    param,
-    plc,
-    record,
-    scan,
-    up,
-)
+from pnfarm.buses import registry
+from pnfarm.cli import bench, decode, demo, doctor, fault, files, inspect, models, param, plc, up
 from pnfarm.cli.errors import report, silence_stdout
-from pnfarm.cli.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
+from pnfarm.terminal.command import Command, Panel, arranged
+from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-__all__ = ["app", "main", "run"]
+__all__ = ["main", "make_app", "run"]
 
-app = typer.Typer(
-    name="pnfarm",
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+#: The commands of any farm, in the order of the help; the buses add theirs.
+COMMANDS = (
+    Command("demo", Panel.START, demo.command),
+    Command("up", Panel.FARM, up.up),
+    Command("down", Panel.FARM, up.down),
+    Command("validate", Panel.FARM, files.validate),
+    Command("inspect", Panel.RUNNING, inspect.inspect),
+    Command("fault", Panel.RUNNING, fault.app),
+    Command("param", Panel.RUNNING, param.app),
+    Command("plc", Panel.CONTROLLER, plc.plc),
+    Command("decode", Panel.REFERENCE, decode.decode),
+    Command("models", Panel.REFERENCE, models.models),
+    Command("schema", Panel.REFERENCE, files.schema),
+    Command("doctor", Panel.MACHINE, doctor.doctor),
+    Command("bench", Panel.MACHINE, bench.command),
 )
 
 
@@ -52,7 +48,6 @@ def _version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback(invoke_without_command=True)
 def _options(
     context: typer.Context,
     log_format: Annotated[
@@ -75,23 +70,21 @@ def _options(
     configure(as_json=settings.logs_json, level=log_level.value)
 
 
-app.command("demo", rich_help_panel="Start here")(demo.command)
-app.command("up", rich_help_panel="Farm")(up.up)
-app.command("down", rich_help_panel="Farm")(up.down)
-app.command("validate", rich_help_panel="Farm")(files.validate)
-app.command("inspect", rich_help_panel="Running farm")(inspect.inspect)
-app.add_typer(fault.app, name="fault", rich_help_panel="Running farm")
-app.add_typer(param.app, name="param", rich_help_panel="Running farm")
-app.add_typer(module.app, name="module", rich_help_panel="Running farm")
-app.command("plc", rich_help_panel="Controller")(plc.plc)
-app.add_typer(record.app, name="record", rich_help_panel="Controller")
-app.command("scan", rich_help_panel="Controller")(scan.scan)
-app.command("decode", rich_help_panel="Reference")(decode.decode)
-app.command("models", rich_help_panel="Reference")(models.models)
-app.command("gsdml", rich_help_panel="Reference")(gsdml.gsdml)
-app.command("schema", rich_help_panel="Reference")(files.schema)
-app.command("doctor", rich_help_panel="This machine")(doctor.doctor)
-app.command("bench", rich_help_panel="This machine")(bench.command)
+def make_app() -> typer.Typer:
+    """The program with the commands of all buses."""
+    app = typer.Typer(
+        name="pnfarm",
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback(invoke_without_command=True)(_options)
+    for command in arranged(COMMANDS, registry.commands()):
+        if isinstance(command.run, typer.Typer):
+            app.add_typer(command.run, name=command.name, rich_help_panel=command.panel.value)
+        else:
+            app.command(command.name, rich_help_panel=command.panel.value)(command.run)
+    return app
 
 
 #: Global options that may stand behind the command as well -> whether a value follows.
@@ -125,7 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug
     given = _global_first(sys.argv[1:] if arguments is None else arguments)
     try:
-        code = app(args=given, prog_name="pnfarm", standalone_mode=False)
+        code = make_app()(args=given, prog_name="pnfarm", standalone_mode=False)
         sys.stdout.flush()
     except KeyboardInterrupt:
         return 130

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import Format, FormatOption
+from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -67,7 +67,7 @@ def models(
         if not found["parameters"]:
             raise ConfigError(f"{found['name']} has no parameter {parameters!r}; '*' shows all of them")
     if output is Format.JSON:
-        from pnfarm.cli.output import print_json
+        from pnfarm.terminal.output import print_json
 
         print_json(found if parameters is None else found["parameters"])
     elif parameters is not None:
@@ -94,7 +94,7 @@ def _matches(row: dict[str, Any], glob: str) -> bool:
 
 
 def _print_parameters(rows: list[dict[str, Any]]) -> None:
-    from pnfarm.cli.output import print_table
+    from pnfarm.terminal.output import print_table
 
     columns = (">PNU", "NAME", "TYPE", ">DEFAULT", "UNIT", "SCALE", "ACCESS", "EFFECT", "~SOURCE", "~NOTE")
     keys = ("pnu", "name", "type", "default", "unit", "scale", "access", "effect", "source", "note")
@@ -102,8 +102,8 @@ def _print_parameters(rows: list[dict[str, Any]]) -> None:
 
 
 def _list(output: Format) -> None:
-    from pnfarm.cli.output import print_json, print_table
     from pnfarm.drives import catalogue
+    from pnfarm.terminal.output import print_json, print_table
 
     entries = catalogue.models().values()
     if output is Format.JSON:
@@ -115,8 +115,8 @@ def _list(output: Format) -> None:
 
 
 def _print(found: dict[str, Any]) -> None:
-    from pnfarm.cli.output import print_line, print_table
     from pnfarm.drives.effects import EFFECTS
+    from pnfarm.terminal.output import print_line, print_table
 
     print_line(f"{found['name']}: {found['title']} ({found['maker']}, {found['bus']})")
     print_line(f"manual: {found['manual']}, {found['edition']}")

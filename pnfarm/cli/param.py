@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 __all__ = ["app"]
 
@@ -33,7 +33,7 @@ def get(
     token: TokenOption = None,
 ) -> None:
     """Read a parameter."""
-    from pnfarm.cli.client import FarmClient
+    from pnfarm.terminal.client import FarmClient
 
     with FarmClient(api, token) as farm:
         _show(farm.get("drives", name, "params", pnu), output)
@@ -52,7 +52,7 @@ def put(
     token: TokenOption = None,
 ) -> None:
     """Write a parameter; prints what the drive then holds."""
-    from pnfarm.cli.client import FarmClient
+    from pnfarm.terminal.client import FarmClient
 
     wanted = _number(value)
     with FarmClient(api, token) as farm:
@@ -74,7 +74,7 @@ def _number(text: str) -> int:
 
 
 def _show(found: dict[str, Any], output: Format) -> None:
-    from pnfarm.cli.output import print_json, print_line
+    from pnfarm.terminal.output import print_json, print_line
 
     if output is Format.JSON:
         print_json(found)

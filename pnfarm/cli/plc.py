@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import Format, settings
 from pnfarm.farm.address_space import ENGINE, require_address_space
+from pnfarm.terminal.settings import Format, settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,7 +70,7 @@ def plc(
 
     from pnfarm.cli.files import read
     from pnfarm.cli.one_device import one_device
-    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.terminal.output import print_json, print_table
 
     require_address_space(ENGINE)
     if (file is None) == (gsdml is None):
@@ -148,7 +148,7 @@ async def _run(
 
 def _say_up(controller: Plc) -> None:
     from pnfarm.cli.files import counted
-    from pnfarm.cli.output import print_line
+    from pnfarm.terminal.output import print_line
 
     where = controller.core.port.name
     print_line(f"{controller.section.name}: controller of {counted(len(controller.drives), 'drive')} on {where}")
@@ -163,7 +163,7 @@ async def _watch(controller: Plc, live: bool) -> None:
         return
     from rich.live import Live
 
-    from pnfarm.cli.output import console
+    from pnfarm.terminal.output import console
 
     out = console()
 
@@ -202,7 +202,7 @@ _LIVE_COLUMNS = ("DRIVE", "CONNECTION", "PROGRAM", ">CYCLE", ">LOSSES", ">FAULTS
 
 
 def _cells(row: dict[str, Any]) -> Sequence[object]:
-    from pnfarm.cli.output import number, seconds
+    from pnfarm.terminal.output import number, seconds
 
     return (
         row["name"],
@@ -222,7 +222,7 @@ def _cells(row: dict[str, Any]) -> Sequence[object]:
 
 def _live_table(controller: Plc, room: int) -> Table:
     """As many drives as there is room for, those in trouble first."""
-    from pnfarm.cli.output import make_table, number, seconds
+    from pnfarm.terminal.output import make_table, number, seconds
 
     rows = controller.core.snapshot()
     hidden = len(rows) - room

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import signal
 import sys
@@ -14,17 +13,17 @@ import anyio
 import structlog
 from anyio.streams.text import TextReceiveStream
 
-from pnfarm.cli.settings import settings
+from pnfarm.terminal.settings import settings
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
     from pathlib import Path
-    from typing import Any, Self
+    from typing import Self
 
     from anyio.abc import ByteReceiveStream, TaskStatus
     from rich.progress import Progress, TaskID
 
-__all__ = ["compile_ahead", "raise_of_callbacks", "stop_on_signals"]
+__all__ = ["compile_ahead", "stop_on_signals"]
 
 #: What a first start says.  How long it takes is shown, not promised: it depends on what else the machine does.
 COMPILING = "compiling the engine for this processor; only the first start of a version does"
@@ -60,33 +59,6 @@ async def _watch(scope: anyio.CancelScope, *, task_status: TaskStatus[None]) -> 
         async for number in signals:
             logger.info("stopping", signal=number.name)
             scope.cancel()
-
-
-@asynccontextmanager
-async def raise_of_callbacks() -> AsyncIterator[None]:
-    """End the block with the first exception that a callback of the loop raised; asyncio would only tell of it.
-
-    Whoever waits inside for what the callback was to do would wait for ever.
-    """
-    loop = asyncio.get_running_loop()
-    failed: list[BaseException] = []
-    with anyio.CancelScope() as scope:
-
-        def fail(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-            if (error := context.get("exception")) is None:
-                loop.default_exception_handler(context)
-                return
-            failed.append(error)
-            scope.cancel()
-
-        before = loop.get_exception_handler()
-        loop.set_exception_handler(fail)
-        try:
-            yield
-        finally:
-            loop.set_exception_handler(before)
-    if failed:
-        raise failed[0]
 
 
 async def compile_ahead() -> None:

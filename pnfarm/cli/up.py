@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import FarmFile, settings
 from pnfarm.farm.address_space import ENGINE, require_address_space
+from pnfarm.terminal.settings import FarmFile, settings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -280,7 +280,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
 def _say_up(farm: Farm, url: str | None) -> None:
     """One line for a person or a script; with JSON logs the log's own events say the same."""
     from pnfarm.cli.files import counted, link_words
-    from pnfarm.cli.output import print_line, print_table
+    from pnfarm.terminal.output import print_line, print_table
 
     if settings.logs_json:
         return
@@ -303,8 +303,8 @@ def _say_up(farm: Farm, url: str | None) -> None:
 def down(file: FarmFile) -> None:
     """Remove what a killed run of this farm, or of its controller, left."""
     from pnfarm.cli.files import read
-    from pnfarm.cli.output import print_line
     from pnfarm.farm.farm import remove_farm
+    from pnfarm.terminal.output import print_line
 
     config = read(file)
     removed = [*remove_farm(config), *_remove_controller(config)]

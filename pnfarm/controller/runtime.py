@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import os
-import socket
 import time
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Any, Self
@@ -14,7 +12,7 @@ import anyio
 from pnfarm.buses.profinet.controller.core import CALL_PORT, ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
-from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.errors import ConfigError
 from pnfarm.farm.config import FarmConfig, controller_mac, expand, load_farm
 from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
 from pnfarm.farm.config_model import TapLink as TapSection
@@ -25,6 +23,7 @@ from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interface import InterfaceLink
 from pnfarm.links.interfaces import remove_leftovers
+from pnfarm.links.kernel_addresses import hold_ports
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock, bridge_name
 from pnfarm.links.tap import TapLink
@@ -33,6 +32,7 @@ from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
+    import socket
     from collections.abc import Sequence
     from pathlib import Path
     from types import TracebackType
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.realtime import RealTimeSettings
     from pnfarm.links.base import Link
 
-__all__ = ["Plc", "hold_ports"]
+__all__ = ["Plc"]
 
 #: How long a release may take before the controller goes anyway.
 RELEASE_SECONDS = 2.0
@@ -68,30 +68,6 @@ def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
             raise ConfigError(
                 "the file does not say where the controller stands; give `controller: {interface: ...}` or --interface"
             )
-
-
-def hold_ports(address: IPv4Interface, ports: Sequence[int]) -> list[socket.socket]:
-    """Where the kernel has our address too, take our UDP ports from it; the sockets are to be closed at the end.
-
-    It would answer every datagram of a drive with "port unreachable" otherwise.  Nothing is ever read here.
-    """
-    held: list[socket.socket] = []
-    for port in ports:
-        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
-        try:
-            sock.bind((str(address.ip), port))
-        except OSError as exc:
-            sock.close()
-            if exc.errno == errno.EADDRNOTAVAIL:
-                break  # the kernel does not have the address: it stays silent by itself
-            for other in held:
-                other.close()
-            raise EnvironmentError_(
-                f"UDP port {port} of {address.ip} is another program's: stop it, or take another ip"
-            ) from exc
-        held.append(sock)
-    return held
 
 
 class Plc:

@@ -11,8 +11,8 @@ from typing import get_args
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.commands.module import Place, _place
 from pnfarm.buses.profinet.device.modules import pull_module
-from pnfarm.cli.module import Place, _place
 
 DRIVE = {
     "name": "axis-01",
@@ -333,7 +333,7 @@ def on_the_wire(monkeypatch, refused=""):
     """`module list` at a device that tells of two slots, or refuses; what it was asked for."""
     from types import SimpleNamespace
 
-    from pnfarm.cli import device
+    from pnfarm.buses.profinet.commands import device
     from pnfarm.errors import RemoteError
     from pnfarm.protocols.profinet.wire.blocks_any import emit_block
     from pnfarm.protocols.profinet.wire.records import (

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from pnfarm.cli.models import models as print_models
-from pnfarm.cli.settings import Format
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.effects import effect_of
 from pnfarm.errors import ConfigError
+from pnfarm.terminal.settings import Format
 
 
 @pytest.mark.parametrize("name", sorted(models()))

@@ -7,10 +7,10 @@ import asyncio
 import anyio
 import pytest
 
+from pnfarm.buses.profinet.commands.record import WRITE_OCTETS, _lines
 from pnfarm.cli.main import main
-from pnfarm.cli.record import WRITE_OCTETS, _lines
-from pnfarm.cli.running import raise_of_callbacks
 from pnfarm.links.base import Port
+from pnfarm.links.callbacks import raise_of_callbacks
 from pnfarm.protocols.profinet.wire.block_words import blocks_in_line, blocks_in_words
 from pnfarm.protocols.profinet.wire.blocks import RawBlock
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
@@ -137,7 +137,7 @@ def test_an_error_in_a_callback_ends_the_command_as_an_internal_error(
         raise ValueError("65536 does not fit in 2 octets")
 
     monkeypatch.setattr("pnfarm.links.interface.InterfaceLink", EchoLink)
-    monkeypatch.setattr("pnfarm.controller.runtime.hold_ports", lambda *_: [])
+    monkeypatch.setattr("pnfarm.links.kernel_addresses.hold_ports", lambda *_: [])
     monkeypatch.setattr(machine, fail)
     assert main(arguments) == 5
     (sentence,) = capsys.readouterr().err.splitlines()

@@ -1,14 +1,8 @@
-"""What PROFINET offers to the house (:class:`pnfarm.buses.bus.Bus`).
-
-What needs the compiled engine is imported where it is used: a command that only reads files waits for no compiler.
-"""
+"""What PROFINET offers to the house (:class:`pnfarm.buses.bus.Bus`)."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
-
-from pnfarm.buses.profinet.faults import kinds
-from pnfarm.faults.catalogue import kinds_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -20,6 +14,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.kind import InjectionKind
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.station.station import Station
+    from pnfarm.terminal.command import Command
 
 __all__ = ["PROFINET", "Profinet"]
 
@@ -57,7 +52,21 @@ class Profinet:
         return ProfinetSegment(devices)
 
     def fault_kinds(self) -> Iterable[InjectionKind]:
+        from pnfarm.buses.profinet.faults import kinds
+        from pnfarm.faults.catalogue import kinds_in
+
         return kinds_in(kinds)
+
+    def commands(self) -> Iterable[Command]:
+        from pnfarm.buses.profinet.commands import gsdml, module, record, scan
+        from pnfarm.terminal.command import Command, Panel
+
+        return (
+            Command("module", Panel.RUNNING, module.app, behind="param"),
+            Command("record", Panel.CONTROLLER, record.app, behind="plc"),
+            Command("scan", Panel.CONTROLLER, scan.scan, behind="plc"),
+            Command("gsdml", Panel.REFERENCE, gsdml.gsdml, behind="models"),
+        )
 
     def injected_drive(self, device: ProfinetDevice, host: InjectionHost) -> InjectedDrive:
         from pnfarm.buses.profinet.faults.drive import injected_drive

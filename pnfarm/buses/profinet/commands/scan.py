@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.settings import Format, FormatOption
+from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -40,7 +40,7 @@ def scan(
     import anyio
 
     from pnfarm.buses.profinet.controller.search import duplicate_names
-    from pnfarm.cli.output import print_json
+    from pnfarm.terminal.output import print_json
 
     answers, neighbours = anyio.run(_listen, interface, seconds, 0.0 if no_lldp else lldp_seconds)
     for sentence in duplicate_names(answers):
@@ -53,7 +53,7 @@ def scan(
 
 
 def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> None:
-    from pnfarm.cli.output import print_line, print_table
+    from pnfarm.terminal.output import print_line, print_table
 
     columns = ("NAME", "TYPE", "MAC", "IP", "VENDOR", "DEVICE", "~ROLE")
     rows = [
@@ -93,9 +93,9 @@ async def _listen(
 
     import anyio
 
-    from pnfarm.cli.running import raise_of_callbacks
     from pnfarm.errors import DecodeError
     from pnfarm.links.base import PortSpec
+    from pnfarm.links.callbacks import raise_of_callbacks
     from pnfarm.links.interface import InterfaceLink
     from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, IdentifyFinished
     from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem

@@ -42,29 +42,16 @@ def device_of(name: str | None, ip: str | None, hint: str = "--name, --ip") -> A
 
 def _own_address(interface: str, wanted: str | None) -> IPv4Interface:
     """``--own-ip``, or the first address that the kernel has on the interface."""
-    import errno
-    import fcntl
-    import socket
-    import struct
-    from ipaddress import IPv4Address, IPv4Interface
+    from ipaddress import IPv4Interface
 
-    from pnfarm.errors import ConfigError
+    from pnfarm.links.kernel_addresses import kernel_address
 
-    if wanted is not None:
-        try:
-            return IPv4Interface(wanted)
-        except ValueError:
-            raise typer.BadParameter(f"{wanted!r} is not like 10.0.0.1/24", param_hint="--own-ip") from None
-    asked = struct.pack("256s", interface.encode()[:15])
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        try:
-            # SIOCGIFADDR, SIOCGIFNETMASK: netdevice(7)
-            address, mask = (IPv4Address(fcntl.ioctl(sock, code, asked)[20:24]) for code in (0x8915, 0x891B))
-        except OSError as exc:
-            if exc.errno == errno.ENODEV:
-                raise ConfigError(f"there is no interface {interface}") from exc
-            raise ConfigError(f"interface {interface} has no IPv4 address: give one by --own-ip") from exc
-    return IPv4Interface(f"{address}/{mask}")
+    if wanted is None:
+        return kernel_address(interface)
+    try:
+        return IPv4Interface(wanted)
+    except ValueError:
+        raise typer.BadParameter(f"{wanted!r} is not like 10.0.0.1/24", param_hint="--own-ip") from None
 
 
 def access_device(
@@ -94,10 +81,10 @@ async def _access(
     import anyio
 
     from pnfarm.buses.profinet.controller.record_client import TOOL_PORT, RecordClient
-    from pnfarm.cli.running import raise_of_callbacks
-    from pnfarm.controller.runtime import hold_ports
     from pnfarm.links.base import PortSpec
+    from pnfarm.links.callbacks import raise_of_callbacks
     from pnfarm.links.interface import InterfaceLink
+    from pnfarm.links.kernel_addresses import hold_ports
 
     link = InterfaceLink(interface)
     held = hold_ports(own, (TOOL_PORT,))

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.device import IpOption, OwnOption, device_of
-from pnfarm.cli.numbers import LONG, WORD, number_of
-from pnfarm.cli.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.buses.profinet.commands.device import IpOption, OwnOption, device_of
+from pnfarm.terminal.numbers import LONG, WORD, number_of
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.module_client import DeviceModule
@@ -58,7 +58,7 @@ def show(
     token: TokenOption = None,
 ) -> None:
     """Show what stands in the slots: of a drive of the running farm, or of any device on the wire."""
-    from pnfarm.cli.client import FarmClient
+    from pnfarm.terminal.client import FarmClient
 
     if interface is not None:
         _print_device(interface, own_ip, device_of(name, ip, "NAME, --ip"), output)
@@ -80,7 +80,7 @@ def pull(
     token: TokenOption = None,
 ) -> None:
     """Pull a module or a submodule: its controller gets an alarm, its data are bad."""
-    from pnfarm.cli.client import FarmClient
+    from pnfarm.terminal.client import FarmClient
 
     slot, subslot = _place(place)
     query = {} if subslot is None else {"subslot": subslot}
@@ -107,7 +107,7 @@ def plug(
     token: TokenOption = None,
 ) -> None:
     """Plug a module, the one that was pulled when nothing else is said."""
-    from pnfarm.cli.client import FarmClient
+    from pnfarm.terminal.client import FarmClient
 
     body: dict[str, Any] = {"substitute": substitute}
     if telegram is not None:
@@ -127,7 +127,7 @@ def _place(text: str) -> tuple[int, int | None]:
 
 
 def _print(found: dict[str, Any], output: Format) -> None:
-    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.terminal.output import print_json, print_table
 
     if output is Format.JSON:
         print_json(found)
@@ -149,10 +149,10 @@ def _print(found: dict[str, Any], output: Format) -> None:
 
 def _print_device(interface: str, own_ip: str | None, target: Any, output: Format) -> None:
     """What a device itself tells, without a connection."""
+    from pnfarm.buses.profinet.commands.device import access_device
     from pnfarm.buses.profinet.controller.module_client import read_modules
     from pnfarm.buses.profinet.controller.record_client import RecordTask
-    from pnfarm.cli.device import access_device
-    from pnfarm.cli.output import print_json, print_table
+    from pnfarm.terminal.output import print_json, print_table
 
     asking = read_modules()
     first = next(asking)

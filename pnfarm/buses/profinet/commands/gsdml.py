@@ -20,11 +20,11 @@ def gsdml(
     ] = Path(),
 ) -> None:
     """Write a model's GSDML file, which says what the virtual drive answers, and print its path."""
-    from pnfarm.cli.output import print_line
     from pnfarm.drives import catalogue
     from pnfarm.errors import ConfigError, EnvironmentError_
     from pnfarm.protocols.profinet.gsdml.describe import describe_model, file_name
     from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+    from pnfarm.terminal.output import print_line
 
     described = catalogue.model(model)
     text = emit_gsdml(describe_model(described))

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pnfarm.cli.device import IpOption, OwnOption, access_device, device_of
-from pnfarm.cli.numbers import LONG, WORD, number_of
-from pnfarm.cli.settings import Format, FormatOption, help_without_command
+from pnfarm.buses.profinet.commands.device import IpOption, OwnOption, access_device, device_of
+from pnfarm.terminal.numbers import LONG, WORD, number_of
+from pnfarm.terminal.settings import Format, FormatOption, help_without_command
 
 if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.record_client import RecordClient
@@ -52,8 +52,8 @@ def read(
 ) -> None:
     """Read a record: decoded where its blocks are known, hexadecimal otherwise."""
     from pnfarm.buses.profinet.controller.record_client import RecordTask
-    from pnfarm.cli.output import print_json
     from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
+    from pnfarm.terminal.output import print_json
 
     task = RecordTask(device_of(name, ip), (api, slot, subslot, index), length=length, implicit=implicit)
     client = access_device(interface, own_ip, task)
@@ -79,7 +79,7 @@ def write(
 ) -> None:
     """Write a record through a connection for device access, beside whatever controller there is."""
     from pnfarm.buses.profinet.controller.record_client import RecordTask
-    from pnfarm.cli.output import print_json, print_line
+    from pnfarm.terminal.output import print_json, print_line
 
     try:
         octets = bytes.fromhex(data)
@@ -108,8 +108,8 @@ def _place(client: RecordClient) -> dict[str, Any]:
 
 
 def _print(data: bytes) -> None:
-    from pnfarm.cli.output import print_line
     from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
+    from pnfarm.terminal.output import print_line
 
     blocks = blocks_in_words(data)
     if not blocks:
