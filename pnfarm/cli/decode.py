@@ -183,7 +183,12 @@ def _know(path: Path, shared: Shared) -> None:
         shared.stations.learn(mac, name=section.name, ip=section.ip.ip if section.ip else None)
     for drive, model, plan in zip(drives, models, plan_devices(section, drives, models), strict=True):
         telegram = next(
-            (t for t in model.telegrams.values() if t.module.ident in {s.module_ident for s in plan.submodules}), None
+            (
+                t
+                for t in model.profidrive.telegrams.values()
+                if t.module.ident in {s.module_ident for s in plan.submodules}
+            ),
+            None,
         )
         frames = plan_frames(
             ArPlan(

@@ -123,6 +123,8 @@ def _print(found: dict[str, Any]) -> None:
     if found["aliases"]:
         print_line(f"also: {' '.join(found['aliases'])}")
     for section in ("identity", "limits"):
+        if found[section] is None:
+            continue
         print_line()
         values = dict(found[section])
         sources = values.pop("sources")
@@ -131,10 +133,11 @@ def _print(found: dict[str, Any]) -> None:
             for key, value in values.items()
         ]
         print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
-    for section in _FACTS:
-        if found[section]:
+    for section in (*_FACTS, "bus_facts"):
+        if found.get(section):
+            title = found["bus"] if section == "bus_facts" else section
             print_line()
-            print_table((section.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
+            print_table((title.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
     if found["behaviour"]:
         print_line()
         print_table(("BEHAVIOUR", "READING", "~WHAT THE DRIVE DOES"), list(_reading_rows(found["behaviour"])))
@@ -145,6 +148,27 @@ def _print(found: dict[str, Any]) -> None:
         print_line()
         rows = [row for part, facts in parts.items() for row in _fact_rows(facts, f"{part} ")]
         print_table((f"MOTORS {kind}", "VALUE", "~SOURCE", "~NOTE"), rows)
+    if found["telegrams"]:
+        _print_telegrams(found)
+    print_line()
+    print_table(
+        (">COUNT", "OF", "~SOURCES"),
+        [
+            (len(found[section]), section, "; ".join(_sources(found[section])))
+            for section in ("parameters", "signals", "bits", "faults")
+        ],
+    )
+    print_line()
+    counts = Counter(row["effect"] for row in found["parameters"])
+    effects = [(counts[name], name, words) for name, words in EFFECTS.items()]
+    print_table((">PARAMETERS", "EFFECT", "~MEANING"), effects)
+    print_line()
+    print_line(f"Every parameter: pnfarm models {found['name']} --parameters '*'; every row: --format json")
+
+
+def _print_telegrams(found: dict[str, Any]) -> None:
+    from pnfarm.cli.output import print_line, print_table
+
     print_line()
     columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
     print_table(columns, _module_rows(found))
@@ -162,20 +186,6 @@ def _print(found: dict[str, Any]) -> None:
             for telegram in found["telegrams"]
         ],
     )
-    print_line()
-    print_table(
-        (">COUNT", "OF", "~SOURCES"),
-        [
-            (len(found[section]), section, "; ".join(_sources(found[section])))
-            for section in ("parameters", "signals", "bits", "faults")
-        ],
-    )
-    print_line()
-    counts = Counter(row["effect"] for row in found["parameters"])
-    effects = [(counts[name], name, words) for name, words in EFFECTS.items()]
-    print_table((">PARAMETERS", "EFFECT", "~MEANING"), effects)
-    print_line()
-    print_line(f"Every parameter: pnfarm models {found['name']} --parameters '*'; every row: --format json")
 
 
 def _fact_rows(facts: dict[str, Any], prefix: str = "") -> list[tuple[str, str, str, str]]:
@@ -198,7 +208,7 @@ def _reading_rows(points: list[dict[str, Any]]) -> Iterator[tuple[str, str, str]
 
 
 def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
-    modules = [("head (DAP)", found["dap"])]
+    modules = [("head (DAP)", found["dap"])] if found["dap"] is not None else []
     for telegram in found["telegrams"]:
         modules += [(f"telegram {telegram['number']}", module) for module in (telegram, *telegram["other_modules"])]
     for name, module in modules:

@@ -55,7 +55,7 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
     return SignalSteps(
         velocity_step=float(axis.profidrive.settings.velocity_step),
         velocity_step_b=float(axis.profidrive.settings.velocity_step_b),
-        task_form=model.telegrams[telegram].tasks if telegram in model.telegrams else TASKS_NONE,
+        task_form=model.profidrive.telegrams[telegram].tasks if telegram in model.profidrive.telegrams else TASKS_NONE,
         control_config=int(axis.asked.settings.control_config),
         target_step=float(axis.profidrive.settings.target_step) or float(axis.profidrive.settings.position_step),
         task_velocity_step=float(axis.profidrive.settings.task_velocity_step) or 1.0,
@@ -81,8 +81,10 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
 
 
 def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
-    if telegram not in model.telegrams:
-        raise ConfigError(f"{model.name} has no telegram {telegram}; it has {', '.join(map(str, model.telegrams))}")
+    if telegram not in model.profidrive.telegrams:
+        raise ConfigError(
+            f"{model.name} has no telegram {telegram}; it has {', '.join(map(str, model.profidrive.telegrams))}"
+        )
     return tuple(
         PlannedSubmodule(
             api=s.api,
@@ -93,7 +95,7 @@ def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
             input_bytes=s.input_bytes,
             output_bytes=s.output_bytes,
         )
-        for module in (model.dap, model.telegrams[telegram].module)
+        for module in (model.dap, model.profidrive.telegrams[telegram].module)
         for s in module.submodules
     )
 
@@ -211,7 +213,7 @@ def plan_devices(
     for drive, model in zip(drives, models, strict=True):
         ip = addresses.of(drive.ip, f"drive {drive.name}")
         # a section that is silent leaves the choice to each model
-        usual = section.telegram if "telegram" in section.model_fields_set else model.default_telegram
+        usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
         number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
@@ -225,14 +227,14 @@ def plan_devices(
                 ip=ip,
                 gateway=drive.gateway,
                 assign_ip=section.assign_ip,
-                vendor_id=model.identity.vendor_id,
-                device_id=model.identity.device_id,
+                vendor_id=model.profidrive.identity.vendor_id,
+                device_id=model.profidrive.identity.device_id,
                 submodules=_submodules(model, number),
-                output_words=model.telegrams[number].output_words,
-                input_words=model.telegrams[number].input_words,
+                output_words=model.profidrive.telegrams[number].output_words,
+                input_words=model.profidrive.telegrams[number].input_words,
                 steps=steps,
                 texts=DescribedDiagnosis(*describe_diagnosis(model)),
-                life=model.sign_of_life is not None,
+                life=model.profidrive.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,

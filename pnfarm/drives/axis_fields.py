@@ -125,9 +125,9 @@ class AxisFields:
             self._apply(parameter)
         self._apply_communication_loss()
         self._apply_fault_actions()
-        if model.sign_of_life is not None:
+        if model.profidrive.sign_of_life is not None:
             axis.life.settings.watched = 1
-            axis.life.settings.fault = model.faults[model.sign_of_life.fault].code
+            axis.life.settings.fault = model.faults[model.profidrive.sign_of_life.fault].code
         if model.following_error is not None:
             axis.positioning.settings.following_fault = model.faults[model.following_error.fault].code
         for fault in model.faults.values():

@@ -101,7 +101,8 @@ def _signal_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 923: at a signal's number the PNU that shows it; every signal with a PNU has its own number."""
     parameters = drive.model.parameters
     return [
-        number if number in drive.model.signals and number in parameters else 0 for number in range(parameter.elements)
+        number if number in drive.model.profidrive.signals and number in parameters else 0
+        for number in range(parameter.elements)
     ]
 
 
@@ -163,20 +164,20 @@ def _encoder_format(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 def _firmware(model: Model) -> tuple[int, int, int]:
     """Version as decimal xxyy, year, day and month as decimal ddmm (HIWIN E1 manual, PNU 964)."""
-    major, minor, _ = model.identity.software_version
-    return (major * 100 + minor, *model.identity.firmware_date)
+    major, minor, _ = model.profidrive.identity.software_version
+    return (major * 100 + minor, *model.profidrive.identity.firmware_date)
 
 
 def _unit_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 964: manufacturer, drive unit type, version, year, day and month, drive objects, minor version."""
-    identity = drive.model.identity
+    identity = drive.model.profidrive.identity
     minor = identity.software_version[2]
     return [identity.vendor_id, identity.drive_unit_type, *_firmware(drive.model), 1, minor][: parameter.elements]
 
 
 def _object_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 975: as 964, then class, application classes and number of the drive object."""
-    identity = drive.model.identity
+    identity = drive.model.profidrive.identity
     known = [identity.vendor_id, identity.drive_unit_type, *_firmware(drive.model), *identity.object_class]
     return _fill(known, parameter)
 
@@ -193,16 +194,16 @@ def _parameter_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 def _signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The numbers of all signals that a free mapping may name (Moog MSD manual, table 14.5, P-0923)."""
-    return _fill(sorted(n for n, signal in drive.model.signals.items() if not signal.shown_as), parameter)
+    return _fill(sorted(n for n, signal in drive.model.profidrive.signals.items() if not signal.shown_as), parameter)
 
 
 def _setpoint_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    signals = drive.model.signals.items()
+    signals = drive.model.profidrive.signals.items()
     return _fill(sorted(n for n, signal in signals if signal.setpoint and not signal.shown_as), parameter)
 
 
 def _actual_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    signals = drive.model.signals.items()
+    signals = drive.model.profidrive.signals.items()
     sent = (n for n, signal in signals if (not signal.setpoint or signal.readable) and not signal.shown_as)
     return _fill(sorted(sent), parameter)
 

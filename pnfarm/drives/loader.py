@@ -41,8 +41,10 @@ from pnfarm.drives.model_parts import FollowingError, Identity, SignOfLife
 from pnfarm.drives.motor_kinds import axis_values, read_motor_kinds
 from pnfarm.drives.numbering import read_numbering
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_only_names, read_parameters
+from pnfarm.drives.profiles.profidrive.part import PROFIDRIVE, Profidrive
 from pnfarm.drives.realism import read_realism
 from pnfarm.drives.sections import Sections
+from pnfarm.drives.telegram import NO_MODULE
 from pnfarm.drives.telegram_tables import read_telegrams
 from pnfarm.errors import ConfigError
 
@@ -52,12 +54,13 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model_parts import Fault
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.parameter_numbers import ParameterNumbers
     from pnfarm.drives.sections import Section
 
 __all__ = ["load_model"]
 
 #: What stands alone in ``model.toml`` or ``bus.toml``.
-TEXTS = ("name", "title", "maker", "bus", "profile", "manual", "edition", "firmware_version")
+TEXTS = ("name", "title", "maker", "bus", "manual", "edition", "firmware_version")
 
 
 def load_model(folder: Path) -> Model:
@@ -69,14 +72,11 @@ def load_model(folder: Path) -> Model:
     sections.number(numbers)
     names = sections.data.get("parameter_names", {})
     faults = read_faults(files, sections.without_faults, parameters, numbers)
-    signals, telegrams, bits = read_telegrams(files, sections.wanted("telegram_module"), parameters, numbers)
-    if sections.wanted("default_telegram") not in telegrams:
-        where, number = sections.place("", "default_telegram"), sections.data["default_telegram"]
-        raise ConfigError(f"{where}: there is no telegram {number}")
     limits = read_limits(sections.section("limits"))
     described = Model(
         **{key: sections.wanted(key) for key in TEXTS},
         aliases=tuple(sections.data.get("aliases", ())),
+        profile=sections.data.get("profile", ""),
         # the drive
         parameters=parameters,
         parameter_names=parameter_names(parameters, names, numbering, sections.place),
@@ -99,16 +99,11 @@ def load_model(folder: Path) -> Model:
             sections.data.get("consequence", ()), parameters, numbers, sections.file("consequence")
         ),
         # the drive on its bus
-        identity=sections.section("identity").build(Identity),
-        dap=read_dap(sections.wanted("dap"), sections.place),
-        default_telegram=sections.data["default_telegram"],
-        signals=signals,
-        telegrams=telegrams,
-        word_bits=bits,
+        profidrive=_profidrive(files, sections, parameters, numbers, faults),
+        dap=read_dap(sections.wanted("dap"), sections.place) if sections.data["bus"] == "profinet" else NO_MODULE,
+        bus_facts=sections.section(sections.data["bus"]),
         access=read_access(sections.section("parameter_access"), parameters),
-        parameter_words=read_parameter_words(sections.section("parameter_words"), telegrams.values()),
         communication_loss=read_communication_loss(sections.section("communication_loss"), faults, parameters),
-        sign_of_life=read_watched(SignOfLife, sections.section("sign_of_life"), faults),
         address_mode=read_address_mode(sections.section("address_mode"), parameters),
         lamps=read_lamps(sections.section("lamps")),
         description_file=read_description_file(sections.section("description_file")),
@@ -127,6 +122,31 @@ def load_model(folder: Path) -> Model:
     points = read_behaviour(files, parameters, numbers, fixed, value_of)
     described = replace(described, behaviour=points, effects=read_effects(described, sections.section("effects")))
     return with_behaviour(described, {})
+
+
+def _profidrive(
+    files: ModelFiles,
+    sections: Sections,
+    parameters: Mapping[int, Parameter],
+    numbers: ParameterNumbers,
+    faults: Mapping[int, Fault],
+) -> Profidrive:
+    """What the model has of the profile; nothing where it does not speak it."""
+    if sections.data.get("profile") != PROFIDRIVE:
+        return Profidrive()
+    signals, telegrams, bits = read_telegrams(files, sections.wanted("telegram_module"), parameters, numbers)
+    default = sections.wanted("default_telegram")
+    if default not in telegrams:
+        raise ConfigError(f"{sections.place('', 'default_telegram')}: there is no telegram {default}")
+    return Profidrive(
+        identity=sections.section("identity").build(Identity),
+        default_telegram=default,
+        telegrams=telegrams,
+        signals=signals,
+        word_bits=bits,
+        parameter_words=read_parameter_words(sections.section("parameter_words"), telegrams.values()),
+        sign_of_life=read_watched(SignOfLife, sections.section("sign_of_life"), faults),
+    )
 
 
 def _part(section: Section, faults: Mapping[int, Fault], parameters: Mapping[int, Parameter]) -> Any:

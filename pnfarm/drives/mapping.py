@@ -30,7 +30,7 @@ def mapped_signals(
     found: list[Signal | None] = []
     places: dict[tuple[int, int], Signal] = {}
     for index, number in enumerate(numbers):
-        signal = model.signals.get(number)
+        signal = model.profidrive.signals.get(number)
         if number and (signal is None or signal.shown_as):
             raise _impermissible(index, f"{model.name} has no signal {number}")
         if signal is None:

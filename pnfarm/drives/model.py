@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.model_parts import MESSAGE_CAUSES, SWITCH_CAUSES
 from pnfarm.drives.numbering import Numbering, read_number
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
-from pnfarm.drives.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FAULT_WORDS
@@ -32,18 +31,16 @@ if TYPE_CHECKING:
         FactorGroup,
         Fault,
         FollowingError,
-        Identity,
         Limits,
         MotionTaskParameters,
         MotorKind,
         ParameterAccess,
         Point,
         PositionUnits,
-        SignOfLife,
     )
-    from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
+    from pnfarm.drives.profiles.profidrive.part import Profidrive
     from pnfarm.drives.realism import Realism
-    from pnfarm.drives.telegram import Module, Signal, Telegram
+    from pnfarm.drives.telegram import Module
 
 __all__ = ["Model"]
 
@@ -66,15 +63,11 @@ class Model:
     manual: str
     edition: str
     firmware_version: str
-    default_telegram: int
-    identity: Identity
     limits: Limits
     access: ParameterAccess
     communication_loss: CommunicationLoss
-    parameter_words: ParameterWords | None
     address_mode: AddressMode | None
     lamps: Lamps | None
-    sign_of_life: SignOfLife | None
     following_error: FollowingError | None
     motion_tasks: MotionTaskParameters | None
     position_units: PositionUnits | None
@@ -90,10 +83,11 @@ class Model:
     realism: Realism
     motor: Mapping[str, float]
     firmware: Mapping[str, float]
+    #: What stands in slot 0 of a PROFINET device.
     dap: Module
-    signals: Mapping[int, Signal]
-    word_bits: tuple[WordBits, ...]
-    telegrams: Mapping[int, Telegram]
+    profidrive: Profidrive
+    #: What only the model's bus reads: the section of its files that is called as the bus.
+    bus_facts: Mapping[str, Fact]
     parameters: Mapping[int, Parameter]
     parameter_names: Mapping[str, int]
     #: Names, in capitals, under which a parameter can only be read.
@@ -175,18 +169,6 @@ class Model:
     def fault_actions(self) -> Mapping[int, int]:
         """The parameters that say whether a fault is raised: PNU -> the fault's number."""
         return {fault.action: fault.number for fault in self.faults.values() if fault.action}
-
-    # telegrams
-
-    def telegram_by_module(self, module_ident: int) -> Telegram | None:
-        """The telegram whose module has this ident number, None if none has."""
-        return next(
-            (t for t in self.telegrams.values() if any(module.ident == module_ident for module in t.modules)), None
-        )
-
-    def bit_names(self, word: str, telegram: int) -> tuple[str, ...]:
-        """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any."""
-        return bit_names(self.word_bits, word, telegram)
 
     # set-up
 

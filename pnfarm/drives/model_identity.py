@@ -118,7 +118,7 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
         where = f"dap_submodules.{subslot}"
         dap = _with_ident(dap, _number(subslot, where, 0xFFFF), _number(ident, where, _IDENT), where)
 
-    telegrams = dict(model.telegrams)
+    telegrams = dict(model.profidrive.telegrams)
     if "access_point" in overrides:
         ident = _number(overrides["access_point"], "access_point", _IDENT)
         for number, telegram in telegrams.items():
@@ -149,6 +149,7 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
         raise ConfigError(
             "identity.telegrams: two modules have the same module ident; a controller could not tell them apart"
         )
-    return dataclasses.replace(
-        model, identity=dataclasses.replace(model.identity, **changes), dap=dap, telegrams=telegrams
+    profidrive = dataclasses.replace(
+        model.profidrive, identity=dataclasses.replace(model.profidrive.identity, **changes), telegrams=telegrams
     )
+    return dataclasses.replace(model, dap=dap, profidrive=profidrive)

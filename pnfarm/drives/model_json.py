@@ -126,9 +126,11 @@ def as_json(described: Model) -> dict[str, Any]:
         "manual": described.manual,
         "edition": described.edition,
         "firmware_version": described.firmware_version,
-        "identity": _with_sources(described, "identity", asdict(described.identity)),
-        "dap": _module_json(described.dap),
-        "default_telegram": described.default_telegram,
+        "identity": _with_sources(described, "identity", asdict(described.profidrive.identity))
+        if described.profile
+        else None,
+        "dap": _module_json(described.dap) if described.dap.submodules else None,
+        "default_telegram": described.profidrive.default_telegram,
         "telegrams": [
             {
                 "number": telegram.number,
@@ -146,7 +148,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "source": telegram.source,
                 "note": telegram.note,
             }
-            for telegram in described.telegrams.values()
+            for telegram in described.profidrive.telegrams.values()
         ],
         "signals": [
             {
@@ -161,7 +163,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "source": signal.source,
                 "note": signal.note,
             }
-            for signal in described.signals.values()
+            for signal in described.profidrive.signals.values()
         ],
         "bits": [
             {
@@ -171,7 +173,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "source": bits.source,
                 "note": bits.note,
             }
-            for bits in described.word_bits
+            for bits in described.profidrive.word_bits
         ],
         "parameters": [_parameter_json(described, parameter) for parameter in described.parameters.values()],
         "faults": [
@@ -219,4 +221,5 @@ def as_json(described: Model) -> dict[str, Any]:
         "diagnosis_coding": _fact_json(described, "diagnosis_coding"),
         "behaviour": [_point_json(point) for point in described.behaviour],
         "realism": _fact_json(described, "realism"),
+        **({"bus_facts": _fact_json(described, described.bus)} if described.bus_facts else {}),
     }

@@ -19,6 +19,7 @@ __all__ = [
     "DIAGNOSIS_CODINGS",
     "LOCATION_SHIFT",
     "MESSAGE_CAUSES",
+    "NO_IDENTITY",
     "REACTIONS",
     "SEND_CLOCKS",
     "SWITCH_CAUSES",
@@ -75,7 +76,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a drive says that it is (DCP, I&M0, PNU 964 and 975)."""
+    """What a PROFIdrive drive says that it is (DCP, I&M0, PNU 964 and 975)."""
 
     vendor_id: int
     device_id: int
@@ -91,21 +92,27 @@ class Identity:
     object_class: tuple[int, int, int]
 
 
+#: Of a drive that does not speak PROFIdrive.
+NO_IDENTITY = Identity(0, 0, "", "", 0, "V", (0, 0, 0), 0, 0, 0, (0, 0), (0, 0, 0))
+
+
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What the manual denies: cycle in ns, counts, octets.
 
-    A model may leave out the last ones: ``max_cycle_ns`` 0 is no limit, ``alarms`` False is a drive that sends
-    none, ``send_clocks`` (in 31.25 us) are all that a description file can name for RT, ``motion_tasks`` is how many
-    a drive keeps, numbered from 0.
+    ``max_cycle_ns`` 0 is no limit; ``motion_tasks`` is how many a drive keeps, numbered from 0.
+
+    Of base mode parameter access: ``max_parameters`` and ``max_elements`` of a request, ``max_response`` octets.  Of
+    PROFINET: ``io_controllers``, ``ports``, ``alarms`` (False is a drive that sends none), ``send_clocks`` (in
+    31.25 us; all that a description file can name for RT when left out).  0 where the drive has none of it.
     """
 
     min_cycle_ns: int
-    io_controllers: int
-    ports: int
-    max_parameters: int
-    max_elements: int
-    max_response: int
+    io_controllers: int = 0
+    ports: int = 0
+    max_parameters: int = 0
+    max_elements: int = 0
+    max_response: int = 0
     max_cycle_ns: int = 0
     alarms: bool = False
     send_clocks: tuple[int, ...] = SEND_CLOCKS
@@ -114,7 +121,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class ParameterAccess:
-    """How base mode parameter access differs from drive to drive.
+    """How access to parameters, base mode parameter access above all, differs from drive to drive.
 
     * ``change_response_values``: a positive answer to a change has format 0 and no values behind its header.
     * ``multi_parameter``: a request may hold more than one parameter; else it is refused as a whole (0x23).
@@ -133,9 +140,9 @@ class ParameterAccess:
       a signal may stand there twice: it is sent twice, and of a set point the first counts.
     """
 
-    record_indexes: tuple[int, ...]
-    axis: tuple[int, ...]
-    change_response_values: bool
+    record_indexes: tuple[int, ...] = ()
+    axis: tuple[int, ...] = ()
+    change_response_values: bool = False
     multi_parameter: bool = True
     zero_elements: bool = False
     typed_formats: bool = False

@@ -26,13 +26,20 @@ __all__ = ["NAMING_FILES", "Section", "Sections", "joined_data"]
 FILES = ("axis.toml", "bus.toml", MODEL_FILE)
 #: Those that say what the model is called.
 NAMING_FILES = FILES[1:]
-#: Sections that every model has.
-REQUIRED = ("identity", "limits", "parameter_access", "communication_loss", "motor", "firmware")
+#: Sections that every model has, and those that one with this profile or on this bus has.
+REQUIRED = ("limits", "communication_loss", "motor", "firmware")
+_NEEDED = {"profidrive": ("identity", "parameter_access")}
 OPTIONAL = (
     "address_mode", "control_limits", "description_file", "diagnosis", "diagnosis_coding", "effects", "factor_group",
     "following_error", "lamps", "motion_tasks", "numbering", "parameter_texts", "position_units", "parameter_words",
-    "realism", "sign_of_life",
+    "realism", "sign_of_life", "identity", "parameter_access",
 )  # fmt: skip
+#: Keys of a section that is there.
+_NEEDED_KEYS = {
+    ("limits", "profidrive"): ("max_parameters", "max_elements", "max_response"),
+    ("limits", "profinet"): ("io_controllers", "ports"),
+    ("parameter_access", "profidrive"): ("record_indexes", "axis", "change_response_values"),
+}
 #: Sections whose keys are fields of the axis (:attr:`pnfarm.table.layout.Layout.fields`).
 _OF_THE_AXIS = frozenset({"motor", "firmware"})
 #: Other motors: sections ``motors.<kind>.<part>``.
@@ -127,9 +134,14 @@ class Sections:
         self.data, self._origins = joined_data(files)
         for name in self.data.get(WITHOUT, ()):
             self._leave_out(name)
-        self._sections = {name: self._read(name) for name in (*REQUIRED, *OPTIONAL) if name in self.data}
-        for name in REQUIRED:
+        bus, profile = self.wanted("bus"), self.data.get("profile", "")
+        self._sections = {name: self._read(name) for name in (*REQUIRED, *OPTIONAL, bus) if name in self.data}
+        for name in (*REQUIRED, *_NEEDED.get(profile, ())):
             self.wanted(name)
+        for (name, owner), keys in _NEEDED_KEYS.items():
+            for key in keys if owner in {bus, profile} else ():
+                if key not in self._sections[name]:
+                    raise ConfigError(f"{self.place(name, key)}: missing")
         self.motors = {
             kind: {part: self._read(f"{MOTORS}.{kind}.{part}", facts) for part, facts in table.items()}
             for kind, table in self.data.get(MOTORS, {}).items()

@@ -371,7 +371,7 @@ class ParameterStore:
 
         Moog MSD manual 8.2.3, P-0915: process data are linked to parameters.
         """
-        signal = self.model.signals.get(parameter.pnu)
+        signal = self.model.profidrive.signals.get(parameter.pnu)
         if signal is None or not signal.setpoint or not self.handle.controlled:
             return None
         return signal if signal in self.mapping(setpoint=True) else None

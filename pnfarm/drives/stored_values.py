@@ -25,7 +25,7 @@ Value = int | tuple[int, ...]
 
 def check_telegram(model: Model, parameter: Parameter, number: int) -> None:
     """Raise :class:`ParameterError` for a telegram that the model does not have."""
-    if number not in model.telegrams:
+    if number not in model.profidrive.telegrams:
         raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, 0)
 
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
 __all__ = [
+    "NO_MODULE",
+    "NO_TELEGRAM",
     "PARAMETER_WORDS",
     "TASK_FORMS",
     "MappingError",
@@ -109,6 +111,9 @@ class Module:
         return self.submodules[0].slot
 
 
+#: Of a drive without modules.
+NO_MODULE = Module(0, ())
+
 #: How a telegram brings traversing tasks: names of ``TASKS_*``, by number.
 TASK_FORMS = ("none", "mdi", "pos-stw", "target-position", "driving-set")
 
@@ -151,6 +156,10 @@ class Telegram:
     def modules(self) -> tuple[Module, ...]:
         """Every module that carries it, the one to use first."""
         return self.module, *self.others
+
+
+#: Of a drive whose profile has no telegrams.
+NO_TELEGRAM = Telegram(0, "", False, (), (), (), (), NO_MODULE, "", "")
 
 
 def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool, repeats: bool = False) -> tuple[int, ...]:

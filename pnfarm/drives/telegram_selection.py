@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.mapping import mapped_signals
 from pnfarm.drives.parameter import ParameterErrorNumber, refusal
 from pnfarm.drives.stored_values import check_telegram, mapping_numbers
-from pnfarm.drives.telegram import signal_codes, signal_numbers, whole_signals
+from pnfarm.drives.telegram import NO_TELEGRAM, signal_codes, signal_numbers, whole_signals
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -43,18 +43,22 @@ class TelegramSelection:
 
         PNU 922 = 0 is a free mapping over the frames of whatever module is plugged (AKD PROFINET manual 5.11.1).
         """
-        selected = self._values.raw(TELEGRAM_SELECTION, self._values.model.default_telegram)
+        selected = self._values.raw(TELEGRAM_SELECTION, self._values.model.profidrive.default_telegram)
         return selected if self._plugged is None or selected == FREE_TELEGRAM else self._plugged
 
     @property
     def telegram(self) -> Telegram:
         """The telegram in force."""
-        return self._values.model.telegrams[self.number]
+        return self._telegram(self.number)
 
     @property
     def frame(self) -> Telegram:
         """The telegram whose module fixes the length of the frames."""
-        return self.telegram if self._plugged is None else self._values.model.telegrams[self._plugged]
+        return self.telegram if self._plugged is None else self._telegram(self._plugged)
+
+    def _telegram(self, number: int) -> Telegram:
+        telegrams = self._values.model.profidrive.telegrams
+        return telegrams[number] if telegrams else NO_TELEGRAM
 
     def plug(self, number: int, module_ident: int | None = None) -> dict[int, int]:
         """A module of telegram ``number`` is in slot 1, its first if ``module_ident`` is none of its modules.
@@ -63,9 +67,11 @@ class TelegramSelection:
         Raises :class:`ConfigError` for a number that the model does not know.
         """
         model = self._values.model
-        if number not in model.telegrams:
-            raise ConfigError(f"{model.name} has no telegram {number}; it has {', '.join(map(str, model.telegrams))}")
-        telegram = model.telegrams[number]
+        if number not in model.profidrive.telegrams:
+            raise ConfigError(
+                f"{model.name} has no telegram {number}; it has {', '.join(map(str, model.profidrive.telegrams))}"
+            )
+        telegram = model.profidrive.telegrams[number]
         module = next((m for m in telegram.modules if m.ident == module_ident), telegram.module)
         before = (self._plugged, self._module)
         self._plugged, self._module = number, module.ident

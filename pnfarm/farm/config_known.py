@@ -146,11 +146,11 @@ class InstalledModel:
 
     @property
     def telegrams(self) -> Iterable[int]:
-        return self.model.telegrams
+        return self.model.profidrive.telegrams
 
     @property
     def default_telegram(self) -> int:
-        return self.model.default_telegram
+        return self.model.profidrive.default_telegram
 
     @property
     def motion_tasks(self) -> int:

@@ -81,7 +81,7 @@ def test_plugging_what_is_there_already_changes_nothing_and_says_so(world):
 
 def test_what_follows_the_controller_is_not_replaced_by_plugging_what_was_never_pulled(world):
     station = world.line.farm.station("axis-01")
-    station.device.cm.plugged.follow(1, station.model.telegrams[9].module.ident)
+    station.device.cm.plugged.follow(1, station.model.profidrive.telegrams[9].module.ident)
     answer = world.put(f"{PATH}/1", {})
     assert (answer.json()["changed"], modules(answer)[1].telegram) == (False, 9)
 

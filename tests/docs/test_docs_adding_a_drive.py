@@ -53,7 +53,7 @@ def test_the_drive_is_an_example_that_is_not_shipped():
 def test_the_drive_is_listed_beside_those_that_are_shipped(drive_folder):
     assert models()[NAME].folder == drive_folder
     assert len(models()) > 1
-    assert tuple(model(NAME).telegrams) == (1, 9)
+    assert tuple(model(NAME).profidrive.telegrams) == (1, 9)
 
 
 @pytest.mark.parametrize(("name", "old", "new", "message"), MISTAKES, ids=[new for _, _, new, _ in MISTAKES])

@@ -83,7 +83,7 @@ def test_4_2_restrictions_one_port_16_ms_and_no_clock_synchronism() -> None:
 
 
 def test_5_4_and_5_5_every_bit_of_the_tables_has_its_name_in_velocity_mode() -> None:
-    bits = {word.word: word.names for word in model(NAME).word_bits}
+    bits = {word.word: word.names for word in model(NAME).profidrive.word_bits}
     assert bits["STW1"][10] == "control_by_plc"
     assert len(bits["STW1"]) == 11
     assert len(bits["ZSW1"]) == 11
@@ -133,11 +133,11 @@ def test_5_8_every_signal_of_the_table_has_its_format_and_its_pnu() -> None:
     described = model(NAME)
     assert len(rows) == 21
     for number, form, name, drive_signal in rows:
-        signal = described.signals[int(number)]
+        signal = described.profidrive.signals[int(number)]
         assert (signal.name, signal.bits) == (name, 32 if form == "DWORD" else 16)
         assert signal.drive_signal == drive_signal.rstrip("*") or int(number) == 106
         assert described.parameters[int(number)].octets == signal.bits // 8
-    assert 107 not in described.signals, "reserved"
+    assert 107 not in described.profidrive.signals, "reserved"
 
 
 def test_5_6_commands_that_cannot_act_are_refused_and_say_why(running: Running) -> None:

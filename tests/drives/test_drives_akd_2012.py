@@ -83,8 +83,8 @@ def test_each_source_is_a_section_of_the_manual_or_says_where_else_it_comes_from
         [fact.source for fact in described.facts.values()]
         + [parameter.source for parameter in described.parameters.values()]
         + [parameter.values_source for parameter in described.parameters.values()]
-        + [signal.source for signal in described.signals.values()]
-        + [telegram.source for telegram in described.telegrams.values()]
+        + [signal.source for signal in described.profidrive.signals.values()]
+        + [telegram.source for telegram in described.profidrive.telegrams.values()]
     )
     for source in sources:
         assert SECTIONS.match(source), source
@@ -125,10 +125,10 @@ def test_4_2_2_the_fastest_cycle_is_8_ms() -> None:
 
 
 def test_5_4_and_5_5_say_which_bits_this_edition_does_not_have() -> None:
-    signals = model(NAME).signals
+    signals = model(NAME).profidrive.signals
     assert "bits 12 to 15" in signals[1].note
     assert "bits 14 and 15" in signals[2].note
-    later = model("akd-profinet").signals
+    later = model("akd-profinet").profidrive.signals
     assert "bits 12 and 13 are real time jogging" in later[1].note
     assert "bit 14 by its bit 0" in later[2].note
 
@@ -200,8 +200,8 @@ def test_what_both_editions_have_has_the_same_name_type_and_sign() -> None:
             other.readable,
             other.writable,
         )
-    for number, signal in older.signals.items():
-        other_signal = newer.signals[number]
+    for number, signal in older.profidrive.signals.items():
+        other_signal = newer.profidrive.signals[number]
         assert (signal.name, signal.bits, signal.setpoint) == (
             other_signal.name,
             other_signal.bits,
@@ -212,7 +212,7 @@ def test_what_both_editions_have_has_the_same_name_type_and_sign() -> None:
 def test_5_8_the_signals_are_those_of_the_table_and_the_three_of_telegram_9(manual: str, akd_2012: Drive) -> None:
     text = manual.split("# 5.8 Telegram configuration")[1].split("# 5.9 ", maxsplit=1)[0]
     rows = re.findall(r"^(\d+)\t[^\t]*\t(\w+)\t([^\t\n]+)$", text, re.MULTILINE)
-    signals = akd_2012.model.signals
+    signals = akd_2012.model.profidrive.signals
     assert {int(number): name for number, name, _ in rows} == {
         number: signal.name for number, signal in signals.items() if number not in {3, 4, 28}
     }
@@ -283,9 +283,9 @@ def test_6_1_3_the_drive_starts_in_velocity_mode_and_knows_position_mode_but_no_
 
 def test_5_11_the_telegrams_are_those_of_its_tables(manual: str) -> None:
     described = model(NAME)
-    assert list(described.telegrams) == [0, 1, 7, 9, 350]
+    assert list(described.profidrive.telegrams) == [0, 1, 7, 9, 350]
     for number in (1, 7, 9, 350):
-        telegram = described.telegrams[number]
+        telegram = described.profidrive.telegrams[number]
         text = manual.split(f"## {telegram.source} ")[1].split("\n## ", maxsplit=1)[0]
         rows = re.findall(r"^(\d+)\t(\w*)(?:\t(\w*))?$", text, re.MULTILINE)
         assert [int(row[0]) for row in rows] == list(range(1, max(len(telegram.output), len(telegram.input)) + 1))

@@ -203,9 +203,11 @@ def told(store: ParameterStore, parameter: Parameter) -> int:
 
 def remaps(store: ParameterStore, parameter: Parameter) -> bool:
     """Whether another element changes what the free mapping shows of an array."""
-    free = next(t.number for t in store.model.telegrams.values() if t.free_mapping)
+    free = next(t.number for t in store.model.profidrive.telegrams.values() if t.free_mapping)
     array = next(
-        s.number for s in store.model.signals.values() if s.stored and store.model.parameters[s.number].elements
+        s.number
+        for s in store.model.profidrive.signals.values()
+        if s.stored and store.model.parameters[s.number].elements
     )
     store.plug_telegram(free)
     mapping = next(p.pnu for p in store.model.parameters.values() if p.argument == "actual-mapping")
@@ -228,12 +230,14 @@ def test_every_computed_row_that_acts_changes_telegram_history_or_name(name: str
         elif parameter.only_reset:
             store.write(parameter.pnu, 0, [0])
         elif parameter.elements:
-            free = [t.number for t in store.model.telegrams.values() if t.free_mapping][-1]
+            free = [t.number for t in store.model.profidrive.telegrams.values() if t.free_mapping][-1]
             store.plug_telegram(free)
             before = footprint(store)
             setpoint = parameter.argument == "setpoint-mapping"
             words = [
-                s for s in store.model.signals.values() if s.setpoint == setpoint and s.bits == 16 and not s.shown_as
+                s
+                for s in store.model.profidrive.signals.values()
+                if s.setpoint == setpoint and s.bits == 16 and not s.shown_as
             ]
             store.write(parameter.pnu, 0, [words[0].number, words[-1].number] + [0] * (len(store.output_words()) - 2))
         else:
@@ -358,7 +362,7 @@ def disturb(store: ParameterStore) -> None:
     store.network = _Elsewhere()
     store.watchdog_ns = 48 * MS
     mode = int(axis.drive.settings.opmode)
-    store.plug_telegram([number for number in store.model.telegrams if number != store.telegram_number][-1])
+    store.plug_telegram([number for number in store.model.profidrive.telegrams if number != store.telegram_number][-1])
     axis.drive.settings.opmode = 2 if mode != 2 else 1
     changed = next((p for p in store.model.parameters.values() if p.backing is Backing.STORED and p.writable), None)
     if changed is not None:

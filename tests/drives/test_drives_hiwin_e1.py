@@ -60,14 +60,14 @@ def refused(number: int, drive: Drive, text: str) -> None:
 
 def test_2_2_table_2_2_1_cycles_telegrams_and_modes() -> None:
     assert (E1.limits.min_cycle_ns, E1.limits.max_cycle_ns) == (500_000, 4_000_000)
-    assert tuple(E1.telegrams) == TELEGRAMS
-    assert [telegram.opmode for telegram in E1.telegrams.values()] == [1, 2, 2]
+    assert tuple(E1.profidrive.telegrams) == TELEGRAMS
+    assert [telegram.opmode for telegram in E1.profidrive.telegrams.values()] == [1, 2, 2]
 
 
 def test_2_3_two_connectors_and_2_4_2_the_api() -> None:
     ports = [submodule for submodule in E1.dap.submodules if submodule.subslot > 0x8000]
     assert len(ports) == E1.limits.ports == 2
-    assert {s.api for telegram in E1.telegrams.values() for s in telegram.module.submodules} == {0x3A00}
+    assert {s.api for telegram in E1.profidrive.telegrams.values() for s in telegram.module.submodules} == {0x3A00}
 
 
 def test_aliases_and_assumptions_are_told() -> None:
@@ -75,7 +75,7 @@ def test_aliases_and_assumptions_are_told() -> None:
     for assumed in ("identity.device_id", "communication_loss.fault", "parameter_access.record_indexes"):
         assert E1.facts[assumed].source == "assumed"
     shown = as_json(E1)
-    assert [telegram["note"] for telegram in shown["telegrams"]] == [t.note for t in E1.telegrams.values()]
+    assert [telegram["note"] for telegram in shown["telegrams"]] == [t.note for t in E1.profidrive.telegrams.values()]
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_3_1_every_signal_of_the_table_with_its_data_type(manual: str) -> None:
     table = manual.split("3.1 IO data signals\n\nTable 3.1.1")[1].split("3.2 Supported telegrams", maxsplit=1)[0]
     rows = re.findall(r"^([A-Z0-9_]+)\t[^\t]+\t(Uint|Int)(\d+)$", table, re.MULTILINE)
     assert len(rows) == 26
-    signals = {signal.name: (signal.signed, signal.bits) for signal in E1.signals.values()}
+    signals = {signal.name: (signal.signed, signal.bits) for signal in E1.profidrive.signals.values()}
     assert signals == {
         ("MDI_MOD" if name == "MDI_MODE" else name): (kind == "Int", int(bits)) for name, kind, bits in rows
     }
@@ -119,7 +119,7 @@ def test_3_1_every_signal_of_the_table_with_its_data_type(manual: str) -> None:
 
 @pytest.mark.parametrize(("number", "received", "sent"), [(3, 5, 9), (9, 10, 5), (111, 12, 12)])
 def test_3_2_table_3_2_1_words(number: int, received: int, sent: int) -> None:
-    telegram = E1.telegrams[number]
+    telegram = E1.profidrive.telegrams[number]
     assert (len(telegram.output), len(telegram.input)) == (received, sent)
     data = telegram.module.submodules[1]
     assert (data.output_bytes, data.input_bytes) == (2 * received, 2 * sent)
@@ -137,7 +137,7 @@ def test_3_2_table_3_2_2_places() -> None:
         (111, 8, "MDI_VELOCITY", "NIST_B"), (111, 10, "MDI_ACC", "FAULT_CODE"), (111, 11, "MDI_DEC", "WARN_CODE"),
     ]  # fmt: skip
     for number, place, received, sent in rows:
-        telegram = E1.telegrams[number]
+        telegram = E1.profidrive.telegrams[number]
         for signals, name in ((telegram.output, received), (telegram.input, sent)):
             if name is None:
                 continue
@@ -146,7 +146,7 @@ def test_3_2_table_3_2_2_places() -> None:
             assert signal.name == name
             if signal.bits == 32:
                 assert signals[place] is signal
-    assert E1.telegrams[111].output_words[-1] == E1.telegrams[111].input_words[-1] == WORD_NONE
+    assert E1.profidrive.telegrams[111].output_words[-1] == E1.profidrive.telegrams[111].input_words[-1] == WORD_NONE
 
 
 # bits (3.3 to 3.16)
@@ -177,7 +177,7 @@ def test_3_2_table_3_2_2_places() -> None:
     ],
 )
 def test_3_3_to_3_16_bits_that_are_not_reserved_have_names(word: str, telegram: int, bits: set[int]) -> None:
-    names = E1.bit_names(word, telegram)
+    names = E1.profidrive.bit_names(word, telegram)
     assert {bit for bit, name in enumerate(names) if name} == bits
     assert len({name for name in names if name}) == len(bits)
 
@@ -187,14 +187,14 @@ def test_3_6_the_bit_of_zsw2_that_says_pulses_are_enabled(e1: Drive) -> None:
     for number in TELEGRAMS:
         e1.store.plug_telegram(number)
         found.append(int(e1.axis.profidrive.settings.pulses_enabled))
-        names = E1.bit_names("ZSW2", number)
+        names = E1.profidrive.bit_names("ZSW2", number)
         assert ["pulses_enabled"] * (found[-1] > 0) == [name for name in names[:12] if name]
     assert found == [0, 1 << 11, 1 << 11]
 
 
 def test_words_without_bits_have_no_names() -> None:
-    assert E1.bit_names("NSOLL_B", 3) == ()
-    assert model("akd").bit_names("STW1", 9)[:2] == ("on", "no_coast_stop")
+    assert E1.profidrive.bit_names("NSOLL_B", 3) == ()
+    assert model("akd").profidrive.bit_names("STW1", 9)[:2] == ("on", "no_coast_stop")
 
 
 # parameters (4.1, 4.2, 6)
@@ -529,7 +529,7 @@ def test_5_1_codes_stand_in_the_axis_for_the_signal(e1: Drive) -> None:
 )
 def test_fault_kinds_find_the_drives_own_alarm(cause: str, number: int) -> None:
     assert E1.fault(cause).number == number
-    assert (E1.communication_loss.fault, E1.sign_of_life and E1.sign_of_life.fault) == (73, 73)
+    assert (E1.communication_loss.fault, E1.profidrive.sign_of_life and E1.profidrive.sign_of_life.fault) == (73, 73)
 
 
 @pytest.mark.parametrize("word", ["AL.FB1", "al.fb1", "AL.FB1 Fieldbus communication error", "73", "F73"])

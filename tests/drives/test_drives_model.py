@@ -264,7 +264,7 @@ def test_fault_kinds_find_a_fault_for_their_cause(cause: str, name: str) -> None
 
 @pytest.mark.parametrize("name", sorted(models()))
 def test_every_telegram_packs_and_unpacks_every_signal_once(name: str) -> None:
-    for telegram in model(name).telegrams.values():
+    for telegram in model(name).profidrive.telegrams.values():
         for signals, words, slots in (
             (telegram.output, telegram.output_words, SETPOINT_SLOTS),
             (telegram.input, telegram.input_words, ACTUAL_SLOTS),
@@ -301,16 +301,16 @@ def test_every_telegram_packs_and_unpacks_every_signal_once(name: str) -> None:
     ],
 )
 def test_akd_telegrams_have_the_lengths_of_the_manual(number: int, output_bytes: int, input_bytes: int) -> None:
-    telegram = model("akd-profinet").telegrams[number]
+    telegram = model("akd-profinet").profidrive.telegrams[number]
     point, data = telegram.module.submodules
     assert (data.output_bytes, data.input_bytes) == (output_bytes, input_bytes)
     assert (point.output_bytes, point.input_bytes) == (0, 0)
     assert {point.api, data.api} == {0x3A00}
-    assert model("akd-profinet").telegram_by_module(telegram.module.ident) is telegram
+    assert model("akd-profinet").profidrive.telegram_by_module(telegram.module.ident) is telegram
 
 
 def test_akd_telegram_352_has_mdi_acc_where_telegrams_9_and_353_have_it() -> None:
-    telegrams = model("akd-profinet").telegrams
+    telegrams = model("akd-profinet").profidrive.telegrams
     assert telegrams[352].output_words[7] == telegrams[9].output_words[7] == word_code(SETPOINT_SLOTS["MDI_ACC"])
     assert telegrams[352].output_words == telegrams[353].output_words[:12]
     assert "assumed" in telegrams[352].note
@@ -320,7 +320,7 @@ def test_the_module_in_slot_1_is_shaped_as_a_captured_profidrive_device(shared: 
     path = shared / "captures" / "drive_connect_api3a00.pcap"
     if not path.exists():
         pytest.skip("the capture is not here")
-    point, data = model("akd-profinet").telegrams[1].module.submodules
+    point, data = model("akd-profinet").profidrive.telegrams[1].module.submodules
     # expected submodule block: API, slot, module ident, properties, two submodules; the first with subslot and ident
     expected = bytes.fromhex("00003a00 0001 00000100 0000 0002 0001 0000ffff".replace(" ", ""))
     assert expected in path.read_bytes()
@@ -329,7 +329,7 @@ def test_the_module_in_slot_1_is_shaped_as_a_captured_profidrive_device(shared: 
 
 
 def test_a_mapping_that_cannot_be_is_refused_at_its_word() -> None:
-    signals = model("akd-profinet").signals
+    signals = model("akd-profinet").profidrive.signals
     stw1, zsw1, target = signals[1], signals[2], signals[34]
     assert signal_numbers([stw1, None, target, target]) == (1, 0, 34, 34)
     for wrong, index in (([stw1, zsw1], 1), ([stw1, target, stw1], 1), ([target], 0), ([stw1, None, stw1], 2)):
@@ -365,19 +365,19 @@ def test_a_farm_file_overrides_the_identity() -> None:
             "telegrams": {1: {"module": 0x101, "submodule": 0x55}, "7": 0x107},
         },
     )
-    assert changed.identity.device_id == 0x0203
-    assert changed.identity.software_version == (1, 18, 2)
+    assert changed.profidrive.identity.device_id == 0x0203
+    assert changed.profidrive.identity.software_version == (1, 18, 2)
     assert changed.dap.ident == 0x22
     assert [s.ident for s in changed.dap.submodules] == [1, 2, 0x33]
-    assert changed.telegrams[1].module.ident == 0x101
-    assert [s.ident for s in changed.telegrams[1].module.submodules] == [0xFFFE, 0x55]
-    assert changed.telegrams[7].module.ident == 0x107
-    assert changed.telegrams[7].output_words == plain.telegrams[7].output_words
+    assert changed.profidrive.telegrams[1].module.ident == 0x101
+    assert [s.ident for s in changed.profidrive.telegrams[1].module.submodules] == [0xFFFE, 0x55]
+    assert changed.profidrive.telegrams[7].module.ident == 0x107
+    assert changed.profidrive.telegrams[7].output_words == plain.profidrive.telegrams[7].output_words
     shown = as_json(changed)
     assert shown["identity"]["sources"]["device_id"]["source"] == "farm file"
     assert shown["identity"]["sources"]["vendor_id"]["source"] != "farm file"
     assert shown["dap"]["module_source"] == "farm file"
-    assert plain.identity.device_id != 0x0203
+    assert plain.profidrive.identity.device_id != 0x0203
     assert with_identity(plain, {}) is plain
 
 

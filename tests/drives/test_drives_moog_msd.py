@@ -123,14 +123,14 @@ def test_telegrams_have_the_lengths_and_modules_of_table_8_10() -> None:
     start = text.index("Telegram selection P-0922\tProfibus identifier")
     table = text[start : text.index("8.2.4 Parameter channel PKW", start)]
     rows = re.findall(r"^(\d+)\t[^\t]*\t(-|\w+)\t(-|\w+)\t(-|\w+)\t([^\t]*)\t", table, re.MULTILINE)
-    assert [int(row[0]) for row in rows] == [1, 2, 3, 5, 7, 8, 9, *range(101, 122)] == list(MSD.telegrams)
+    assert [int(row[0]) for row in rows] == [1, 2, 3, 5, 7, 8, 9, *range(101, 122)] == list(MSD.profidrive.telegrams)
     for number, *idents, length in rows:
-        telegram = MSD.telegrams[int(number)]
+        telegram = MSD.profidrive.telegrams[int(number)]
         wanted = {int(ident, 0) for ident in idents if ident != "-"}
         if number == "121":
             wanted = wanted - {0x176} | {0x179}  # 0x176 is that of telegram 118
         assert {module.ident for module in telegram.modules} == wanted
-        assert all(MSD.telegram_by_module(ident) is telegram for ident in wanted)
+        assert all(MSD.profidrive.telegram_by_module(ident) is telegram for ident in wanted)
         both = re.findall(r"(\d+) words input/output", length)
         inputs = sum(map(int, both or re.findall(r"(\d+) words input data", length)))
         outputs = sum(map(int, both or re.findall(r"(\d+) words output data", length)))
@@ -142,7 +142,7 @@ def test_telegrams_have_the_lengths_and_modules_of_table_8_10() -> None:
 
 
 def test_the_profiles_module_is_the_one_to_use_where_there_is_one() -> None:
-    first = {number: telegram.module.ident for number, telegram in MSD.telegrams.items()}
+    first = {number: telegram.module.ident for number, telegram in MSD.profidrive.telegrams.items()}
     assert first[1] == 0x1001
     assert first[104] == 0x1068
     assert first[106] == 0x6A
@@ -195,7 +195,7 @@ def test_the_telegram_in_force_says_which_velocity_set_point_counts(msd: Drive) 
 
 def test_the_profiles_mode_is_set_by_telegrams_2_3_and_5(msd: Drive) -> None:
     """10.1; their status words are those of 10.7."""
-    for number in MSD.telegrams:
+    for number in MSD.profidrive.telegrams:
         msd.store.set("P-1258", 0)
         msd.store.plug_telegram(number)
         assert msd.store.get("P-1258") == msd.axis.profidrive.settings.profile_mode == (number in {2, 3, 5})
@@ -429,7 +429,9 @@ def test_a_mistake_in_the_data_is_named(tmp_path: Path, file: str, old: str, new
 
 def test_a_farm_file_changes_idents_of_the_first_module_and_may_not_give_one_twice() -> None:
     changed = with_identity(MSD, {"telegrams": {104: 0x100}, "access_point": 0xFFFE})
-    assert [module.ident for module in changed.telegrams[104].modules] == [0x100, 0x68, 0x168]
-    assert {module.submodules[0].ident for t in changed.telegrams.values() for module in t.modules} == {0xFFFE}
+    assert [module.ident for module in changed.profidrive.telegrams[104].modules] == [0x100, 0x68, 0x168]
+    assert {module.submodules[0].ident for t in changed.profidrive.telegrams.values() for module in t.modules} == {
+        0xFFFE
+    }
     with pytest.raises(ConfigError, match="two modules have the same module ident"):
         with_identity(MSD, {"telegrams": {104: 0x0065}})

@@ -72,9 +72,9 @@ def test_both_elements_of_an_array_are_mapped_beside_each_other(msd: Drive) -> N
 def test_every_set_point_of_table_14_5_can_be_sent_back(msd: Drive) -> None:
     """14.3: what may be written may be read, too."""
     msd.axis.powered = 1
-    telegram = msd.model.telegrams[121]
+    telegram = msd.model.profidrive.telegrams[121]
     msd.store.plug_telegram(telegram.number)
-    signals = [signal for signal in msd.model.signals.values() if signal.readable]
+    signals = [signal for signal in msd.model.profidrive.signals.values() if signal.readable]
     assert len(signals) == 18, "P-1272 of table 15.1, P-1268 and P-1269 of 10.3.3 beside them"
     for signal in signals:
         msd.store.write(916, 0, [signal.number] * (signal.bits // 16))
@@ -96,8 +96,8 @@ def test_a_mapping_without_set_points_and_arrays_costs_the_step_nothing(msd: Dri
 def test_thirty_two_words_are_mapped_each_way(msd: Drive) -> None:
     """8.2.3: a maximum of 32 items; telegram 121 has as many words (17.2: 64 bytes)."""
     msd.store.plug_telegram(121)
-    mapped = [n for n, signal in msd.model.signals.items() if signal.setpoint and not signal.shown_as]
-    every = [n for n in mapped for _ in range(msd.model.signals[n].bits // 16)][:32]
+    mapped = [n for n, signal in msd.model.profidrive.signals.items() if signal.setpoint and not signal.shown_as]
+    every = [n for n in mapped for _ in range(msd.model.profidrive.signals[n].bits // 16)][:32]
     assert signal_is_whole(msd, every)
     msd.store.write(915, 0, every)
     assert msd.store.read(915, 0, len(every)) == every
@@ -105,7 +105,7 @@ def test_thirty_two_words_are_mapped_each_way(msd: Drive) -> None:
 
 
 def signal_is_whole(drive: Drive, numbers: list[int]) -> bool:
-    return drive.model.signals[numbers[-1]].bits == 16 or numbers[-1] == numbers[-2]
+    return drive.model.profidrive.signals[numbers[-1]].bits == 16 or numbers[-1] == numbers[-2]
 
 
 @pytest.mark.parametrize(
@@ -209,7 +209,7 @@ def test_a_standard_telegram_writes_the_numbers_of_its_parameters_into_the_lists
 @pytest.mark.parametrize("number", [121, 968, 1262, 1265, 1276, 1271, 202, 700])
 def test_what_is_for_reading_only_is_no_set_point_of_a_single_entry_either(msd: Drive, number: int) -> None:
     """8.2.3 and table 14.5: P-0915 takes what P-1284 lists, each entry as the whole list does."""
-    width = msd.model.signals[number].bits // 16
+    width = msd.model.profidrive.signals[number].bits // 16
     whole = refused(msd, 915, 1, [number] * width)
     assert (whole.number, whole.value) == (E.VALUE_IMPERMISSIBLE, 1)
     entry = refused(msd, 915, 1, [number])
@@ -220,7 +220,7 @@ def test_what_is_for_reading_only_is_no_set_point_of_a_single_entry_either(msd: 
 def test_a_signal_that_is_mapped_twice_is_sent_twice(msd: Drive, number: int, name: str) -> None:
     """8.2.3: each entry links its word to the parameter."""
     msd.axis.powered = 1
-    width = msd.model.signals[number].bits // 16
+    width = msd.model.profidrive.signals[number].bits // 16
     msd.store.write(916, 0, [number] * width + [1281] + [number] * width)
     msd.axis.motor.position = 12_345_678.5
     msd.image.received[SETPOINT_SLOTS["TARPOS_A"]] = 0x12345678

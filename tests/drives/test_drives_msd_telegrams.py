@@ -50,7 +50,7 @@ LENGTHS = {
 
 
 def test_the_signals_of_table_8_1_have_its_lengths() -> None:
-    known = {signal.name: signal.bits // 16 for signal in MSD.signals.values()}
+    known = {signal.name: signal.bits // 16 for signal in MSD.profidrive.signals.values()}
     assert {name: known[name] for name in LENGTHS} == LENGTHS
 
 
@@ -91,7 +91,7 @@ SHOWN = {
 
 def test_tables_10_18_and_10_20_name_the_parameter_of_each_word(msd: Drive) -> None:
     for position, (name, pnu) in enumerate(SHOWN.items(), 100):
-        signal = MSD.signals[pnu]
+        signal = MSD.profidrive.signals[pnu]
         assert signal.name == name
         image = msd.image.received if signal.setpoint else msd.image.sent
         image[signal.slot] = position
@@ -127,6 +127,6 @@ def test_10_7_nsoll_b_is_a_share_of_p_0338_from_minus_200_to_200_percent(msd: Dr
 def test_tables_10_4_to_10_17_bits_with_a_meaning_have_names(
     msd: Drive, word: str, telegram: int, bits: set[int]
 ) -> None:
-    names = msd.model.bit_names(word, telegram)
+    names = msd.model.profidrive.bit_names(word, telegram)
     assert {bit for bit, name in enumerate(names) if name} == bits
     assert len({name for name in names if name}) == len(bits)

@@ -25,7 +25,7 @@ class Channel:
 
     def __init__(self) -> None:
         self.drive: Drive = new_drive("moog-msd")
-        words = self.drive.model.parameter_words
+        words = self.drive.model.profidrive.parameter_words
         assert words is not None
         self.store = self.drive.store
         self.machine = PkwChannel(self.store, words)

@@ -52,8 +52,8 @@ def test_a_second_bus_is_a_folder_that_shares_the_drive(tmp_path: Path, monkeypa
     assert set(a.parameters) - set(b.parameters) == {61000, *range(1289, 1298)}
     assert {b.parameters[pnu] == a.parameters[pnu] for pnu in b.parameters} == {True}
     assert (a.faults, a.motor, a.firmware, a.factor_group) == (b.faults, b.motor, b.firmware, b.factor_group)
-    assert a.telegrams[1].output_words == b.telegrams[1].output_words
-    assert (a.telegrams[1].module.ident, b.telegrams[1].module.ident) == (0x1001, 0x2001)
+    assert a.profidrive.telegrams[1].output_words == b.profidrive.telegrams[1].output_words
+    assert (a.profidrive.telegrams[1].module.ident, b.profidrive.telegrams[1].module.ident) == (0x1001, 0x2001)
 
 
 def test_a_bus_gives_the_parameters_its_own_numbers_and_changes_what_differs_there(akd: Path) -> None:

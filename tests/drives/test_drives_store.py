@@ -318,7 +318,7 @@ def test_every_signal_with_a_pnu_shows_its_slot(drive: Drive) -> None:
     for slot in range(48):
         drive.image.received[slot] = slot + 100
         drive.image.sent[slot] = slot + 200
-    for number, signal in drive.model.signals.items():
+    for number, signal in drive.model.profidrive.signals.items():
         parameter = drive.model.parameters.get(number)
         if parameter is None:
             continue

@@ -146,9 +146,9 @@ def test_a_model_is_printed_with_every_row_and_its_source(name: str) -> None:
     """``pnfarm models MODEL --format json``: parameters, signals, faults, telegrams and facts, each with its source."""
     described, found = model(name), as_json(model(name))
     assert [row["pnu"] for row in found["parameters"]] == list(described.parameters)
-    assert [row["number"] for row in found["signals"]] == list(described.signals)
+    assert [row["number"] for row in found["signals"]] == list(described.profidrive.signals)
     assert [row["number"] for row in found["faults"]] == list(described.faults)
-    assert [row["number"] for row in found["telegrams"]] == list(described.telegrams)
+    assert [row["number"] for row in found["telegrams"]] == list(described.profidrive.telegrams)
     for section in ("parameters", "signals", "faults", "telegrams", "bits"):
         assert all(row["source"] for row in found[section]), section
     for key, fact in described.facts.items():

@@ -28,7 +28,7 @@ def test_the_plugged_module_rules_the_telegram(akd: Drive) -> None:
     akd.store.plug_telegram(9)
     assert akd.store.read(922) == [9]
     assert akd.store.get("FBUS.PARAM01") == 9
-    assert akd.store.output_words() == akd.model.telegrams[9].output_words
+    assert akd.store.output_words() == akd.model.profidrive.telegrams[9].output_words
     assert akd.store.read(915, 0, 12) == [1, 32, 3, 34, 34, 35, 35, 36, 37, 38, 0, 0]
     assert akd.store.read(916, 0, 6) == [2, 33, 4, 28, 28, 0]
     refused(E.OPERATING_STATE, lambda: akd.store.write(922, 0, [7]))
@@ -42,7 +42,7 @@ def test_the_plugged_module_rules_the_telegram(akd: Drive) -> None:
 def test_pnu_922_chooses_while_no_module_is_plugged(akd: Drive) -> None:
     akd.store.write(922, 0, [351])
     assert akd.store.events() == [TelegramChanged(351), ParameterWritten(922, 0, (351,))]
-    assert akd.store.input_words() == akd.model.telegrams[351].input_words
+    assert akd.store.input_words() == akd.model.profidrive.telegrams[351].input_words
     refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(922, 0, [2]))
     akd.axis.drive.state = 4
     refused(E.OPERATING_STATE, lambda: akd.store.write(922, 0, [1]))
@@ -50,7 +50,7 @@ def test_pnu_922_chooses_while_no_module_is_plugged(akd: Drive) -> None:
 
 def test_telegram_400_takes_a_free_mapping(akd: Drive) -> None:
     akd.store.plug_telegram(400)
-    assert akd.store.output_words()[:10] == akd.model.telegrams[9].output_words
+    assert akd.store.output_words()[:10] == akd.model.profidrive.telegrams[9].output_words
     akd.store.write(915, 0, [1, 5, 108, 109, 34, 34, 0, 0, 0, 0, 0, 0])
     akd.store.write(916, 0, [2, 6, 52, 28, 28, 104, 104])
     assert TelegramChanged(400) in akd.store.events()
@@ -87,7 +87,7 @@ def test_telegram_0_maps_freely_within_the_frames_of_the_plugged_module(akd: Dri
     akd.store.plug_telegram(1)
     akd.store.write(922, 0, [0])
     assert akd.store.read(922) == [0]
-    assert akd.store.output_words() == akd.model.telegrams[1].output_words
+    assert akd.store.output_words() == akd.model.profidrive.telegrams[1].output_words
     akd.store.write(916, 1, [52])
     assert akd.store.input_words() == (0, 5 * 4)
     refused(E.VALUE_IMPERMISSIBLE, lambda: akd.store.write(916, 2, [6]))

@@ -53,7 +53,7 @@ def test_a_reading_goes_with_the_motor_and_the_identity_of_the_file():
     )
     described = model_of(expand(parse_farm(text))[0])
     assert described.firmware["homing.required"] == 1
-    assert (described.pitch, described.identity.device_id) == (32.0, 7)
+    assert (described.pitch, described.profidrive.identity.device_id) == (32.0, 7)
 
 
 @pytest.mark.parametrize(

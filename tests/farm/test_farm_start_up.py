@@ -41,7 +41,7 @@ def station_data(station):
 
 
 @pytest.mark.parametrize(
-    ("name", "telegram"), [(name, number) for name, _, _ in EVERY for number in model(name).telegrams]
+    ("name", "telegram"), [(name, number) for name, _, _ in EVERY for number in model(name).profidrive.telegrams]
 )
 def test_every_telegram_of_a_model_connects_and_exchanges_data(name, telegram):
     cycle = next(cycle for known, _, cycle in EVERY if known == name)

@@ -55,7 +55,7 @@ def tailored(config):
     if config.name != "captured-drive":
         return model
     port = next(s for s in model.dap.submodules if s.subslot == 0x8001)
-    telegram = model.telegrams[1]
+    telegram = model.profidrive.telegrams[1]
     access_point, data = telegram.module.submodules
     data = replace(data, input_bytes=12, output_bytes=12)
     telegram = replace(
@@ -69,7 +69,7 @@ def tailored(config):
     return replace(
         model,
         dap=replace(model.dap, submodules=(*model.dap.submodules, replace(port, subslot=0x8002))),
-        telegrams={**model.telegrams, 1: telegram},
+        profidrive=replace(model.profidrive, telegrams={**model.profidrive.telegrams, 1: telegram}),
     )
 
 

@@ -190,9 +190,11 @@ def go(case, handler, turns, *, absolute, nonblocking=False):
 
 
 def test_every_telegram_that_edcon_has_is_driven_or_is_another_one():
-    ours = {(name, number) for name in models() for number in model(name).telegrams if number in TELEGRAMS}
+    ours = {(name, number) for name in models() for number in model(name).profidrive.telegrams if number in TELEGRAMS}
     driven = {(case.model, case.telegram) for case in EVERY}
-    assert {place for place in ours if knows(model(place[0]).telegrams[place[1]])} == ours - set(OTHER_TELEGRAMS)
+    assert {place for place in ours if knows(model(place[0]).profidrive.telegrams[place[1]])} == ours - set(
+        OTHER_TELEGRAMS
+    )
     assert ours - set(OTHER_TELEGRAMS) <= driven
 
 
@@ -201,7 +203,7 @@ def test_every_difference_is_of_cases_that_are_run():
 
 
 def test_telegram_111_of_hiwin_has_edcons_words_and_one_reserved_word():
-    telegram = model("hiwin-e1").telegrams[111]
+    telegram = model("hiwin-e1").profidrive.telegrams[111]
     assert names_of(telegram.output) == [*own_words(111, "outputs"), None]
     assert names_of(telegram.input) == [*own_words(111, "inputs"), None]
 

@@ -199,7 +199,7 @@ class EdconLine(VirtualLine):
     def __init__(self, name: str, number: int, cycle_ms: int, params: str = "{}") -> None:
         super().__init__(model=name, telegram=number, cycle=f"{cycle_ms}ms", params=params, program="{kind: idle}")
         session = self.plc.sessions[0]
-        telegram = model(name).telegrams[number]
+        telegram = model(name).profidrive.telegrams[number]
         registers = [tuple(map(word_code, range(len(w)))) for w in (telegram.output_words, telegram.input_words)]
         session.plan = replace(session.plan, output_words=registers[0], input_words=registers[1])
         # nobody but edcon writes set points

@@ -80,9 +80,9 @@ def _timing(model: Model) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | None = None) -> DeviceDescription:
     """What this drive answers to a controller; ``telegram`` is plugged first, the model's default otherwise."""
-    first = model.default_telegram if telegram is None else telegram
-    order = sorted(model.telegrams, key=lambda number: number != first)
-    identity = model.identity
+    first = model.profidrive.default_telegram if telegram is None else telegram
+    order = sorted(model.profidrive.telegrams, key=lambda number: number != first)
+    identity = model.profidrive.identity
     prefix, version = identity.software_prefix, identity.software_version
     clocks, ratios = _timing(model) if strict else (_EVERY_SEND_CLOCK, _EVERY_RATIO)
     return DeviceDescription(
@@ -90,7 +90,7 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
         device_id=identity.device_id,
         station_type=identity.station_type,
         dap=_module(model.dap),
-        modules=tuple(_module(module) for number in order for module in model.telegrams[number].modules),
+        modules=tuple(_module(module) for number in order for module in model.profidrive.telegrams[number].modules),
         min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
         send_clocks=clocks,
         reduction_ratios=ratios,

@@ -197,7 +197,7 @@ def test_lengths_other_than_the_files_are_refused(drive_model):
 
 def test_signals_stand_in_the_file_by_name_and_in_the_order_of_the_telegram(drive_model):
     gsdml, _ = described(drive_model)
-    for number, telegram in drive_model.telegrams.items():
+    for number, telegram in drive_model.profidrive.telegrams.items():
         data = gsdml.module(f"TELEGRAM_{number}").submodules[-1]
         for items, words in ((data.inputs, telegram.input), (data.outputs, telegram.output)):
             if telegram.free_mapping:

@@ -22,7 +22,7 @@ from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi
 
 MSD = model("moog-msd")
 MAC = bytes.fromhex("020000000077")
-MODULES = [module.ident for telegram in MSD.telegrams.values() for module in telegram.modules]
+MODULES = [module.ident for telegram in MSD.profidrive.telegrams.values() for module in telegram.modules]
 
 
 def device(drive=MSD, **options):
@@ -51,7 +51,7 @@ def test_there_are_rt_irt_and_profile_modules() -> None:
 
 @pytest.mark.parametrize("ident", MODULES, ids=hex)
 def test_slot_1_takes_every_module(ident: int) -> None:
-    telegram = MSD.telegram_by_module(ident)
+    telegram = MSD.profidrive.telegram_by_module(ident)
     assert telegram is not None
     data = telegram.module.submodules[1]
     inputs, outputs = data.input_bytes, data.output_bytes

@@ -102,7 +102,7 @@ def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegra
     """The telegram whose module a Connect expects of a drive of this model."""
     if model is None:
         return None
-    found = (model.telegram_by_module(api.module_ident) for api in expected)
+    found = (model.profidrive.telegram_by_module(api.module_ident) for api in expected)
     return next((telegram for telegram in found if telegram is not None), None)
 
 
@@ -129,7 +129,7 @@ def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | 
     number = telegram.number if telegram is not None else None
     bits = {}
     if model is not None and number is not None:
-        bits = {name: found for name, _, _ in words if (found := model.bit_names(name, number))}
+        bits = {name: found for name, _, _ in words if (found := model.profidrive.bit_names(name, number))}
     return Template(layout, number, tuple(words), tuple(statuses), bits)
 
 

@@ -42,7 +42,7 @@ def model_of_ident(vendor_id: int, device_id: int) -> Model | None:
     """The first model of this vendor and device number."""
     for name in models():
         found = model_by_name(name)
-        if (found.identity.vendor_id, found.identity.device_id) == (vendor_id, device_id):
+        if (found.profidrive.identity.vendor_id, found.profidrive.identity.device_id) == (vendor_id, device_id):
             return found
     return None
 

@@ -147,7 +147,7 @@ class StationConnections:
     def _follow_telegram(self) -> None:
         """The module that is plugged says which telegram the frames carry."""
         module = self._station.cm.plugged.module(self._station.description.modules[0].slot)
-        telegram = self._station.model.telegram_by_module(module.module_ident) if module else None
+        telegram = self._station.model.profidrive.telegram_by_module(module.module_ident) if module else None
         if module is not None and telegram is not None:
             self._station.store.plug_telegram(telegram.number, module.module_ident)
 

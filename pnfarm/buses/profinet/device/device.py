@@ -143,7 +143,7 @@ class ProfinetDevice:
         self._take_written_name(kept)
         kept = dict(kept)
         mac = self.port.mac
-        identity = self.model.identity
+        identity = self.model.profidrive.identity
         self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
         slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
         self.parameter_records = ParameterRecords(

@@ -29,7 +29,9 @@ def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
     if not model.limits.alarms or error_type is None:
         return None
     coding = model.diagnosis_coding
-    point = min(model.telegrams[model.default_telegram].module.submodules, key=lambda s: s.subslot)
+    point = min(
+        model.profidrive.telegrams[model.profidrive.default_telegram].module.submodules, key=lambda s: s.subslot
+    )
     form, subslot = "channel", point.subslot
     if coding is not None:
         mode = store.raw(coding.mode_parameter)

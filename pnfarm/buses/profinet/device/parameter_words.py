@@ -26,7 +26,7 @@ class StationParameterWords:
     """
 
     def __init__(self, store: ParameterStore, latency: Callable[[], int] | None = None) -> None:
-        words = store.model.parameter_words
+        words = store.model.profidrive.parameter_words
         self._channel = None if words is None else PkwChannel(store, words)
         self._latency = latency
         self._image = store.handle.image

@@ -280,7 +280,7 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
 def _telegrams(model: Model, description: DeviceDescription) -> list[tuple[Telegram, ModuleDescription]]:
     """Each telegram with the modules that the device has for it, by number."""
     found = []
-    for _, telegram in sorted(model.telegrams.items()):
+    for _, telegram in sorted(model.profidrive.telegrams.items()):
         for known in telegram.modules:
             module = description.module(known.slot, known.ident)
             assert module is not None  # the description is made of these telegrams
@@ -304,7 +304,7 @@ def describe_diagnosis(model: Model) -> tuple[tuple[ChannelDiagnosis, ...], tupl
     for number, error_type in sorted(model.diagnoses.items()):
         faults.setdefault(error_type, []).append(model.faults[number])
     value = ". Value: error location and number" if coding is not None and "extended" in coding.modes else ""
-    api = model.telegrams[model.default_telegram].module.submodules[0].api
+    api = model.profidrive.telegrams[model.profidrive.default_telegram].module.submodules[0].api
     channels = []
     for error_type, told in sorted(faults.items()):
         known = PROFIDRIVE_ERROR_TYPES.get(error_type, "") if api == PROFIDRIVE_API else ""

@@ -1,0 +1,47 @@
+"""What a model has of the PROFIdrive profile, on whatever bus: what it says that it is, its telegrams and signals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.model_parts import NO_IDENTITY, Identity
+from pnfarm.drives.word_bits import bit_names
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.drives.model_parts import SignOfLife
+    from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
+    from pnfarm.drives.telegram import Signal, Telegram
+    from pnfarm.drives.word_bits import WordBits
+
+__all__ = ["PROFIDRIVE", "Profidrive"]
+
+#: As a model names its profile.
+PROFIDRIVE = "profidrive"
+
+
+@dataclass(frozen=True, slots=True)
+class Profidrive:
+    """Empty of a drive that does not speak PROFIdrive: it has no telegram and no signal."""
+
+    identity: Identity = NO_IDENTITY
+    #: Of a drive that nobody told another one.
+    default_telegram: int = 0
+    telegrams: Mapping[int, Telegram] = field(default_factory=dict)
+    signals: Mapping[int, Signal] = field(default_factory=dict)
+    word_bits: tuple[WordBits, ...] = ()
+    #: The parameter channel of telegrams that have one, None of a drive without.
+    parameter_words: ParameterWords | None = None
+    sign_of_life: SignOfLife | None = None
+
+    def telegram_by_module(self, module_ident: int) -> Telegram | None:
+        """The telegram whose module has this ident number, None if none has."""
+        return next(
+            (t for t in self.telegrams.values() if any(module.ident == module_ident for module in t.modules)), None
+        )
+
+    def bit_names(self, word: str, telegram: int) -> tuple[str, ...]:
+        """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any."""
+        return bit_names(self.word_bits, word, telegram)
