@@ -167,7 +167,7 @@ def _print(found: dict[str, Any]) -> None:
 
 
 def _print_telegrams(found: dict[str, Any]) -> None:
-    from pnfarm.cli.output import print_line, print_table
+    from pnfarm.terminal.output import print_line, print_table
 
     print_line()
     columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
