@@ -20,7 +20,7 @@ from starlette.routing import Match
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
-from pnfarm.faults.words import InjectionError
+from pnfarm.faults.errors import InjectionError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -31,7 +31,7 @@ from pnfarm.cli.bench_line import (
 )
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.address_space import ENGINE, require_address_space
-from pnfarm.faults.words import did_you_mean
+from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
     from pnfarm.controller.line import VirtualLine

@@ -55,7 +55,7 @@ def check_impairments(config: FarmConfig) -> None:
     """
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.farm.config import FarmFileError, FileIssue
-    from pnfarm.faults.words import InjectionError
+    from pnfarm.faults.errors import InjectionError
 
     issues: list[FileIssue] = []
     for group, drives in enumerate(config.drives):

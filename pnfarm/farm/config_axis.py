@@ -8,12 +8,12 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from pnfarm.drives.motor_kinds import axis_value
-from pnfarm.farm.config_cycle import format_duration
-from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.farm.config_values import Duration
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FASTEST_RPM
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 __all__ = ["MOST_PLACE", "Load", "Motor", "apply_axis", "axis_complaints"]
@@ -27,7 +27,7 @@ MOST_PLACE = 1e6
 
 def _within_bounds(value: int) -> int:
     if not SHORTEST_STEP_NS <= value <= LONGEST_STEP_NS:
-        raise problem(f"is {format_duration(value)}", "62.5us to 1ms")
+        raise Problem(f"is {format_duration(value)}", "62.5us to 1ms")
     return value
 
 
@@ -39,7 +39,7 @@ def _none_or_from(least: float) -> AfterValidator:
 
     def check(value: float | None) -> float | None:
         if value is not None and 0.0 < value < least:
-            raise problem(f"is {shown(value)}", f"0, or a number from {least:g} on")
+            raise Problem(f"is {shown(value)}", f"0, or a number from {least:g} on")
         return value
 
     return AfterValidator(check)

@@ -9,12 +9,13 @@ from collections.abc import Callable
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.config_cycle import MAX_WATCHDOG_NS, format_duration
+from pnfarm.farm.config_cycle import MAX_WATCHDOG_NS
 from pnfarm.farm.config_expand import Clock, clock_of, controller_mac, expand_sections, own_cycle_ns
-from pnfarm.farm.config_issue import Location
 from pnfarm.farm.config_model import MAX_DRIVES, ControllerSection, DriveGroup, FarmSections, MacvlanLink
 from pnfarm.farm.config_values import expand_name, numbered
 from pnfarm.protocols.profinet.wire.names import check_station_name
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.issues import Location
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.mac import format_mac, is_group, mac_from_int, mac_to_int
 

@@ -1,4 +1,4 @@
-"""Cycle times of PROFINET IO, and durations as people write them.
+"""Cycle times of PROFINET IO.
 
 A cyclic frame leaves every ``send clock factor x reduction ratio x 31.25 us`` (IEC 61158-6-10, IOCRBlockReq).
 For the RT classes 1 to 3:
@@ -14,25 +14,20 @@ So a cycle is 31.25 us times a power of two up to 2^14, and nothing else.
 
 from __future__ import annotations
 
-import re
-from decimal import Decimal
-
+from pnfarm.vocabulary.durations import format_duration
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 __all__ = [
     "CYCLE_UNIT_NS",
     "MAX_CYCLE_UNITS",
     "MAX_DATA_HOLD_FACTOR",
-    "MAX_DURATION_NS",
     "MAX_WATCHDOG_NS",
     "REDUCTION_RATIOS",
     "SEND_CLOCK_FACTORS",
     "USUAL_FACTOR",
     "check_clock",
-    "format_duration",
     "join_cycle",
     "nearest_cycles",
-    "parse_duration",
     "split_cycle",
 ]
 
@@ -46,44 +41,8 @@ REDUCTION_RATIOS = tuple(1 << exponent for exponent in range(10))
 MAX_DATA_HOLD_FACTOR = 0x1E00
 MAX_WATCHDOG_NS = 1_920_000_000
 
-#: The send clock that every device masters, 1 ms.
+#: The send clock that every device supports, 1 ms.
 USUAL_FACTOR = 32
-
-_UNITS_NS = {
-    "ns": 1,
-    "us": 1_000,
-    "µs": 1_000,
-    "μs": 1_000,
-    "ms": 1_000_000,
-    "s": 1_000_000_000,
-    "min": 60_000_000_000,
-    "h": 3_600_000_000_000,
-}
-_DURATION = re.compile(r"([0-9]{1,15}(?:\.[0-9]{1,9})?) ?(ns|us|µs|μs|ms|s|min|h)")
-#: Longest duration of a farm file, a year: integer nanoseconds stay far inside 64 bits.
-MAX_DURATION_NS = 366 * 24 * _UNITS_NS["h"]
-
-
-def parse_duration(text: str) -> int:
-    """``31.25us``, ``2 s``, ``1.5min`` in nanoseconds.  Raises ValueError with what would be right."""
-    match = _DURATION.fullmatch(text)
-    if match is None:
-        raise ValueError("a number with a unit, such as 500ms, 2s or 31.25us")
-    value = Decimal(match[1]) * _UNITS_NS[match[2]]
-    if value != int(value):
-        raise ValueError("whole nanoseconds")
-    if value > MAX_DURATION_NS:
-        raise ValueError("at most a year")
-    return int(value)
-
-
-def format_duration(duration_ns: int) -> str:
-    """Nanoseconds in the largest unit that keeps the number at 1 or more: ``31.25us``, ``16ms``, ``1.5s``."""
-    for unit in ("s", "ms", "us"):
-        if abs(duration_ns) >= _UNITS_NS[unit]:
-            value = Decimal(duration_ns) / _UNITS_NS[unit]
-            return f"{value:f}{unit}"
-    return f"{duration_ns}ns"
 
 
 def nearest_cycles(cycle_ns: int) -> tuple[int, ...]:
@@ -99,7 +58,7 @@ def nearest_cycles(cycle_ns: int) -> tuple[int, ...]:
 def split_cycle(cycle_ns: int) -> tuple[int, int]:
     """Send clock factor and reduction ratio that make ``cycle_ns``.
 
-    From 1 ms on the send clock is 1 ms, which every device masters; below, it is the cycle itself.
+    From 1 ms on the send clock is 1 ms, which every device supports; below, it is the cycle itself.
     Raises ValueError, with the nearest cycles, when nothing makes it.
     """
     nearest = nearest_cycles(cycle_ns)

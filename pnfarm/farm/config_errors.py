@@ -9,13 +9,14 @@ import annotated_types
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if typing.TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 if TYPE_CHECKING:
-    from pnfarm.farm.config_issue import Location
+    from pnfarm.vocabulary.issues import Location
 
 __all__ = ["explain", "strip_tags"]
 
@@ -69,8 +70,8 @@ def explain(root: type[BaseModel], error: Mapping[str, Any]) -> tuple[Location, 
     value = error.get("input")
     context = error.get("ctx", {})
     field = _field_at(root, location)
-    if kind == "pnfarm":
-        return place, context["what"], context["allowed"]
+    if isinstance(found := context.get("error"), Problem):
+        return place, found.what, found.allowed
     if kind == "missing":
         return place, "is missing", _described(field)
     if kind == "extra_forbidden":

@@ -7,13 +7,7 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.config_cycle import (
-    USUAL_FACTOR,
-    check_clock,
-    format_duration,
-    join_cycle,
-    split_cycle,
-)
+from pnfarm.farm.config_cycle import USUAL_FACTOR, check_clock, join_cycle, split_cycle
 from pnfarm.farm.config_model import (
     DEFAULT_CYCLE_NS,
     ControllerSection,
@@ -27,6 +21,7 @@ from pnfarm.farm.config_model import (
 from pnfarm.farm.config_realism import Realism
 from pnfarm.farm.config_tasks import drive_task
 from pnfarm.farm.config_values import expand_name
+from pnfarm.vocabulary.durations import format_duration
 from pnfarm.wire.mac import mac_from_int, mac_to_int
 
 if TYPE_CHECKING:

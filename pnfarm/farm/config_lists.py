@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.config_issue import FileIssue, Location
+from pnfarm.vocabulary.issues import FileIssue, Location
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.vocabulary.regular_file import read_regular
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import AfterValidator, Field
 
 from pnfarm.farm.config_axis import MOST_PLACE
-from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
@@ -18,6 +17,7 @@ from pnfarm.table.axis_codes import (
     MACHINE_SWITCH_HIGH,
     MACHINE_SWITCH_LOW,
 )
+from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from pnfarm.farm.config_axis import Load
@@ -28,13 +28,13 @@ __all__ = ["Machine", "apply_machine"]
 def _around_the_start(ends: list[float | None]) -> list[float | None]:
     low, high = ends
     if (low is not None and low >= 0.0) or (high is not None and high <= 0.0):
-        raise problem("leaves the axis no place to start at, which is 0", "a place below 0 and one above it, or null")
+        raise Problem("leaves the axis no place to start at, which is 0", "a place below 0 and one above it, or null")
     return ends
 
 
 def _forwards(ends: list[float]) -> list[float]:
     if ends[0] >= ends[1]:
-        raise problem("ends before it begins", "the lower place first")
+        raise Problem("ends before it begins", "the lower place first")
     return ends
 
 

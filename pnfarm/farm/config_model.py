@@ -22,8 +22,7 @@ from pydantic import (
 )
 
 from pnfarm.farm.config_axis import Load, Motor
-from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR, format_duration
-from pnfarm.farm.config_issue import problem
+from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR
 from pnfarm.farm.config_machine import Machine
 from pnfarm.farm.config_realism import DriveRealism, Realism
 from pnfarm.farm.config_section import Section
@@ -42,9 +41,12 @@ from pnfarm.farm.config_values import (
     OctetString,
     Scalar,
 )
-from pnfarm.faults.globs import too_much
 from pnfarm.table.program import TARGETS
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.globs import GLOBS_SCHEMA, read_globs
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.wire.direction import Directions
 
 __all__ = [
     "DEFAULT_CYCLE_NS",
@@ -159,7 +161,7 @@ class Api(Section):
     @classmethod
     def _can_be_sent(cls, token: str | None) -> str | None:
         if token is not None and not all("!" <= letter <= "~" for letter in token):
-            raise problem("has characters that no header can carry", "letters, digits and signs of ASCII, no blanks")
+            raise Problem("has characters that no header can carry", "letters, digits and signs of ASCII, no blanks")
         return token
 
     @property
@@ -217,30 +219,16 @@ class Realtime(Section):
 # --- drives -----------------------------------------------------------------------------------------------------
 
 
-def _read_globs(value: Any) -> list[str]:
-    globs = [value] if isinstance(value, str) else value
-    if not isinstance(globs, list) or not globs or not all(isinstance(item, str) and item for item in globs):
-        raise problem(
-            f"is {shown(value)}", "a glob over drive names such as axis-*, model:NAME, all, or a list of them"
-        )
-    if (excess := too_much(globs)) is not None:
-        raise problem(excess.what, excess.allowed)
-    return globs
-
-
-_WORD_OR_LIST = WithJsonSchema(
-    {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}
-)
-Globs = Annotated[list[str], PlainValidator(_read_globs), _WORD_OR_LIST]
+Globs = Annotated[list[str], PlainValidator(read_globs), WithJsonSchema(GLOBS_SCHEMA)]
 
 
 def _read_kind(value: Any, info: ValidationInfo) -> str:
     allowed = "a kind of `pnfarm fault kinds`, such as loss or f702"
     if not isinstance(value, str) or not _KIND.fullmatch(value):
-        raise problem(f"{shown(value)} is no kind of fault", allowed)
+        raise Problem(f"{shown(value)} is no kind of fault", allowed)
     kinds = (info.context or {}).get(FAULT_KINDS)
     if kinds is not None and value not in kinds:
-        raise problem(f"{shown(value)} is no kind of fault{did_you_mean(value, kinds)}", allowed)
+        raise Problem(f"{shown(value)} is no kind of fault{did_you_mean(value, kinds)}", allowed)
     return value
 
 
@@ -258,7 +246,7 @@ class Impairment(Section):
     params: dict[str, Scalar] = Field(default_factory=dict, description="The kind's own parameters.")
     probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence.")
     seed: int | None = Field(default=None, ge=0, le=(1 << 64) - 1, description="Makes the same run twice.")
-    direction: Literal["in", "out", "both"] | None = Field(default=None, description="Seen from the drive.")
+    direction: Directions | None = Field(default=None, description="Seen from the drive.")
     after_cycles: int | None = Field(default=None, ge=0, description="Healthy cycles to let pass first.")
     after_ns: Duration | None = Field(default=None, alias="after", description="Time to let pass first.")
     count: int | None = Field(default=None, ge=1, description="Occurrences, then it ends.")
@@ -372,7 +360,7 @@ def _read_place(value: Any) -> int:
     if re.fullmatch(r"0[xX][0-9a-fA-F]{1,4}", text):
         number = int(text, 16)
     if not 0 <= number <= _U16:
-        raise problem(f"{shown(value)} is no slot or subslot", "a number from 0 to 65535")
+        raise Problem(f"{shown(value)} is no slot or subslot", "a number from 0 to 65535")
     return number
 
 
@@ -413,7 +401,7 @@ def _open_reconnect(value: Any) -> Any:
         return None
     if isinstance(value, (dict, Reconnect)):
         return value
-    raise problem(f"is {shown(value)}", "off, or a mapping such as {after: 1s}")
+    raise Problem(f"is {shown(value)}", "off, or a mapping such as {after: 1s}")
 
 
 #: RemoteApplicationTimeout of a GSDML file counts seconds in 16 bits.
@@ -422,7 +410,7 @@ LEAST_READY_NS, MOST_READY_NS = 1_000_000_000, 65_535_000_000_000
 
 def _within_ready_bounds(value: int) -> int:
     if not LEAST_READY_NS <= value <= MOST_READY_NS:
-        raise problem(f"is {format_duration(value)}", "1s to 65535s")
+        raise Problem(f"is {format_duration(value)}", "1s to 65535s")
     return value
 
 

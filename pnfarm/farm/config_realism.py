@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from pnfarm.drives.realism import BOUNDS
-from pnfarm.farm.config_cycle import format_duration
-from pnfarm.farm.config_issue import problem
 from pnfarm.farm.config_section import Section
-from pnfarm.farm.config_values import read_duration
+from pnfarm.vocabulary.durations import format_duration, read_duration
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
@@ -43,29 +42,29 @@ def _switch(value: Any) -> str | None:
 def _number(value: Any, least: float, most: float, unit: str) -> float:
     allowed = f"a number from {least:g} to {most:g} {unit}, on or off"
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise problem(f"is {shown(value)}", allowed)
+        raise Problem(f"is {shown(value)}", allowed)
     if not isfinite(value) or not least <= value <= most:
-        raise problem(f"is {shown(value)}", allowed)
+        raise Problem(f"is {shown(value)}", allowed)
     return float(value)
 
 
 def _duration(value: Any, most_ns: int, also: str) -> int:
     allowed = f"a duration to {format_duration(most_ns)}, such as 20ms{also}"
     if not isinstance(value, str):
-        raise problem(f"is {shown(value)}", allowed)
+        raise Problem(f"is {shown(value)}", allowed)
     duration = read_duration(value)
     if duration > most_ns:
-        raise problem(f"is {value}", allowed)
+        raise Problem(f"is {value}", allowed)
     return duration
 
 
 def _ends(value: list[Any], read: Callable[[Any], float]) -> tuple[float, float]:
     """Both ends of a range."""
     if len(value) != 2:
-        raise problem(f"has {len(value)} entries", "a list of two, the least and the most")
+        raise Problem(f"has {len(value)} entries", "a list of two, the least and the most")
     low, high = read(value[0]), read(value[1])
     if low > high:
-        raise problem("begins above its end", "the least first")
+        raise Problem("begins above its end", "the least first")
     return low, high
 
 
@@ -147,14 +146,14 @@ def _open_noise(value: Any) -> Any:
         return {"velocity": word, "current": word, "position": word}
     if isinstance(value, (dict, Noise)):
         return value
-    raise problem(f"is {shown(value)}", "on, off, or a mapping such as {velocity: 2.0, current: 0.05}")
+    raise Problem(f"is {shown(value)}", "on, off, or a mapping such as {velocity: 2.0, current: 0.05}")
 
 
 def _open_boot_time(value: Any) -> Any:
     if isinstance(value, (dict, BootTime)):
         return value
     if _switch(value) is None and not isinstance(value, str):
-        raise problem(f"is {shown(value)}", "a duration such as 8s, on, off, or a mapping such as {answers: 8s}")
+        raise Problem(f"is {shown(value)}", "a duration such as 8s, on, off, or a mapping such as {answers: 8s}")
     both = _read_time(value)
     return BootTime.model_construct(answers=both, ready=both)
 
@@ -208,7 +207,7 @@ def _open_realism(value: Any) -> Any:
             return dict.fromkeys(("noise", "parameter_latency", "boot_time", "clock_drift"), OFF)
     if isinstance(value, (dict, Realism)):
         return value
-    raise problem(f"is {shown(value)}", "on, off, or a mapping such as {noise: on, parameter_latency: 20ms}")
+    raise Problem(f"is {shown(value)}", "on, off, or a mapping such as {noise: on, parameter_latency: 20ms}")
 
 
 #: The key of a drive group.

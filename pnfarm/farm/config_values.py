@@ -1,6 +1,6 @@
 """Small words of the farm file: station patterns, addresses, ports, records' octets.
 
-Each ``read_*`` takes what stood in the file and returns the value, or raises the pydantic error that
+Each ``read_*`` takes what stood in the file and returns the value, or raises a :class:`Problem` that
 says what would be right; the ``Annotated`` types beneath carry them into the models and into the JSON Schema.
 """
 
@@ -12,8 +12,9 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from pnfarm.farm.config_cycle import format_duration, nearest_cycles, parse_duration
-from pnfarm.farm.config_issue import problem
+from pnfarm.farm.config_cycle import nearest_cycles
+from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.mac import format_mac, parse_mac
 
@@ -50,7 +51,7 @@ _CIDR = re.compile(r"([0-9.]{7,15})/([0-9]{1,2})")
 
 def _text(value: Any, allowed: str) -> str:
     if not isinstance(value, str):
-        raise problem(f"is {shown(value)}, not a word", allowed)
+        raise Problem(f"is {shown(value)}, not a word", allowed)
     return value
 
 
@@ -58,7 +59,7 @@ def read_farm_name(value: Any) -> str:
     allowed = "a-z, 0-9 and - inside, at most 40 characters"
     text = _text(value, allowed)
     if not _FARM_NAME.fullmatch(text):
-        raise problem(f"{shown(text)} is no farm name", allowed)
+        raise Problem(f"{shown(text)} is no farm name", allowed)
     return text
 
 
@@ -66,10 +67,10 @@ def read_name_pattern(value: Any) -> str:
     allowed = "a station name such as press, axis-{n} or axis-{n:02}"
     text = _text(value, allowed)
     if not text or len(text) > 240:
-        raise problem("a station name has 1 to 240 characters", allowed)
+        raise Problem("a station name has 1 to 240 characters", allowed)
     rest = _COUNTER.sub("0", text)
     if "{" in rest or "}" in rest:
-        raise problem(f"{shown(text)} has braces other than {{n}} and {{n:02}}", allowed)
+        raise Problem(f"{shown(text)} has braces other than {{n}} and {{n:02}}", allowed)
     return text
 
 
@@ -87,15 +88,15 @@ def read_cidr(value: Any) -> IPv4Interface:
     allowed = "an IPv4 address with its prefix length, such as 10.77.0.11/24"
     text = _text(value, allowed)
     if not _CIDR.fullmatch(text):
-        raise problem(f"{shown(text)} is no address with a prefix length", allowed)
+        raise Problem(f"{shown(text)} is no address with a prefix length", allowed)
     try:
         interface = IPv4Interface(text)
     except (AddressValueError, NetmaskValueError) as error:
-        raise problem(f"{shown(text)} is no address with a prefix length", allowed) from error
+        raise Problem(f"{shown(text)} is no address with a prefix length", allowed) from error
     if not 1 <= interface.network.prefixlen <= 30:
-        raise problem(f"/{interface.network.prefixlen} leaves no room for a drive and its controller", "/1 to /30")
+        raise Problem(f"/{interface.network.prefixlen} leaves no room for a drive and its controller", "/1 to /30")
     if (what := _unusable(interface.ip)) is not None:
-        raise problem(f"{interface.ip} is {what}", allowed)
+        raise Problem(f"{interface.ip} is {what}", allowed)
     return interface
 
 
@@ -105,9 +106,9 @@ def read_gateway(value: Any) -> IPv4Address:
     try:
         address = IPv4Address(text)
     except AddressValueError as error:
-        raise problem(f"{shown(text)} is no address", allowed) from error
+        raise Problem(f"{shown(text)} is no address", allowed) from error
     if (what := _unusable(address)) is not None:
-        raise problem(f"{address} is {what}", allowed)
+        raise Problem(f"{address} is {what}", allowed)
     return address
 
 
@@ -129,22 +130,12 @@ def read_mac(value: Any) -> bytes | str:
     try:
         mac = parse_mac(text)
     except ValueError as error:
-        raise problem(f"{shown(text)} is no MAC address", allowed) from error
+        raise Problem(f"{shown(text)} is no MAC address", allowed) from error
     if mac[0] & 1:
-        raise problem(f"{format_mac(mac)} is a multicast address", allowed)
+        raise Problem(f"{format_mac(mac)} is a multicast address", allowed)
     if not any(mac):
-        raise problem("a MAC address of zeros belongs to nobody", allowed)
+        raise Problem("a MAC address of zeros belongs to nobody", allowed)
     return mac
-
-
-def read_duration(value: Any) -> int:
-    allowed = "a number with a unit, such as 500ms, 2s or 31.25us"
-    if not isinstance(value, str):
-        raise problem(f"is {shown(value)}, which has no unit", allowed)
-    try:
-        return parse_duration(value)
-    except ValueError as error:
-        raise problem(f"{shown(value)} is no duration", str(error)) from error
 
 
 def read_cycle(value: Any) -> int:
@@ -152,7 +143,7 @@ def read_cycle(value: Any) -> int:
     nearest = nearest_cycles(cycle_ns)
     if nearest != (cycle_ns,):
         words = " or ".join(map(format_duration, nearest))
-        raise problem(f"{value} is no PROFINET cycle; the nearest is {words}", "31.25us times a power of two, to 512ms")
+        raise Problem(f"{value} is no PROFINET cycle; the nearest is {words}", "31.25us times a power of two, to 512ms")
     return cycle_ns
 
 
@@ -160,9 +151,9 @@ def read_interface(value: Any) -> str:
     allowed = "a network interface such as eth1"
     text = _text(value, allowed)
     if len(text.encode()) > MAX_INTERFACE_NAME:
-        raise problem(f"{shown(text)} is longer than an interface name can be", f"{MAX_INTERFACE_NAME} octets")
+        raise Problem(f"{shown(text)} is longer than an interface name can be", f"{MAX_INTERFACE_NAME} octets")
     if not _INTERFACE.fullmatch(text) or text in {".", ".."}:
-        raise problem(f"{shown(text)} is no interface name", allowed)
+        raise Problem(f"{shown(text)} is no interface name", allowed)
     return text
 
 
@@ -171,12 +162,12 @@ def read_listen(value: Any) -> tuple[str, int]:
     text = _text(value, allowed)
     match = _LISTEN.fullmatch(text)
     if match is None:
-        raise problem(f"{shown(text)} is no HOST:PORT", allowed)
+        raise Problem(f"{shown(text)} is no HOST:PORT", allowed)
     host, port = match[1] or match[2], int(match[3])
     if port > 65535:
-        raise problem(f"{port} is no TCP port", "0 (any free one) to 65535")
+        raise Problem(f"{port} is no TCP port", "0 (any free one) to 65535")
     if match[2] and not _is_host(host):
-        raise problem(f"{shown(host)} is no host", allowed)
+        raise Problem(f"{shown(host)} is no host", allowed)
     return host, port
 
 
@@ -196,14 +187,14 @@ def read_octets(value: Any) -> bytes:
     try:
         return bytes.fromhex(text)
     except ValueError as error:
-        raise problem(f"{shown(text)} is no hexadecimal", allowed) from error
+        raise Problem(f"{shown(text)} is no hexadecimal", allowed) from error
 
 
 def read_scalar(value: Any) -> int | float | str | bool:
     if isinstance(value, float) and not abs(value) < float("inf"):
-        raise problem(f"is {value}", "a finite number")
+        raise Problem(f"is {value}", "a finite number")
     if not isinstance(value, (int, float, str)):
-        raise problem(f"is {shown(value)}", "a number or a word")
+        raise Problem(f"is {shown(value)}", "a number or a word")
     return value
 
 
@@ -211,7 +202,7 @@ def _words(**schema: Any) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", **schema})
 
 
-_DURATION_SCHEMA = _words(pattern=r"^[0-9]+(\.[0-9]+)? ?(ns|us|µs|ms|s|min|h)$", examples=["500ms", "2s", "31.25us"])
+_DURATION_SCHEMA = _words(pattern=DURATION_PATTERN, examples=["500ms", "2s", "31.25us"])
 
 FarmName = Annotated[str, PlainValidator(read_farm_name), _words(pattern=f"^{_FARM_NAME.pattern}$", maxLength=40)]
 NamePattern = Annotated[

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.events import CarrierNotChanged
 from pnfarm.faults.carrier import Carriers
 from pnfarm.faults.manager import InjectionManager
+from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,13 +65,10 @@ def _within(impairment: Impairment, members: Sequence[DriveConfig]) -> list[str]
     if impairment.on is None:
         return [drive.name for drive in members]
 
-    def means(glob: str, drive: DriveConfig) -> bool:
-        if glob.startswith("model:"):
-            model = drive_catalogue.model(drive.model)
-            return any(fnmatch.fnmatchcase(name, glob[6:]) for name in (model.name, *model.aliases))
-        return glob == "all" or fnmatch.fnmatchcase(drive.name, glob)
-
-    return [drive.name for drive in members if any(means(glob, drive) for glob in impairment.on)]
+    # all of a group are of one model
+    model = drive_catalogue.model(members[0].model)
+    models = (model.name, *model.aliases)
+    return [drive.name for drive in members if any(means(glob, (drive.name,), models) for glob in impairment.on)]
 
 
 def _plain(impairment: Impairment, names: list[str]) -> dict[str, Any]:

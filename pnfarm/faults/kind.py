@@ -13,7 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
-from pnfarm.faults.words import Problem, did_you_mean, read_duration, shown
+from pnfarm.vocabulary.durations import read_duration
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping

@@ -24,10 +24,11 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.effect import Window
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.evidence import NOTHING, Evidence
 from pnfarm.faults.plan import matching
-from pnfarm.faults.words import InjectionError, did_you_mean
+from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

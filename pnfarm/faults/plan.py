@@ -6,7 +6,6 @@ in it is told field by field.
 
 from __future__ import annotations
 
-import fnmatch
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import (
@@ -22,16 +21,11 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from pnfarm.faults.globs import is_pattern, too_much
-from pnfarm.faults.words import (
-    DURATION_PATTERN,
-    InjectionError,
-    Problem,
-    did_you_mean,
-    format_duration,
-    read_duration,
-    shown,
-)
+from pnfarm.faults.errors import InjectionError
+from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
+from pnfarm.vocabulary.globs import GLOBS, GLOBS_SCHEMA, is_pattern, means, read_globs
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.direction import Direction, Directions  # noqa: TC001 - pydantic reads the annotations of fields
 
 if TYPE_CHECKING:
@@ -42,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["InjectionSpec", "matching"]
 
 _ALLOWED = {
-    "on": "a glob over drive names such as axis-*, model:NAME, all, or a list of them",
+    "on": GLOBS,
     "params": "a mapping of the kind's parameters",
     "probability": "a number above 0, at most 1",
     "seed": "a whole number from 0 to 2^64 - 1",
@@ -58,35 +52,14 @@ MAX_FIELDS = 64
 _COUNT_END = 1 << 32
 
 
-def _custom(problem: Problem) -> PydanticCustomError:
-    # the text goes in as a value, because pydantic reads braces in a template
-    return PydanticCustomError("pnfarm", "{what}", {"what": problem.what, "allowed": problem.allowed})
-
-
 def _kind(value: Any, info: ValidationInfo) -> InjectionKind:
     kinds: Mapping[str, InjectionKind] = info.context or {}
     found = kinds.get(value) if isinstance(value, str) else None
     if found is None:
         hint = did_you_mean(value, kinds) if isinstance(value, str) else ""
         allowed = "a kind of `pnfarm fault kinds`: " + ", ".join(kinds)
-        raise _custom(Problem(f"{shown(value)} is no kind of fault{hint}", allowed))
+        raise Problem(f"{shown(value)} is no kind of fault{hint}", allowed)
     return found
-
-
-def _globs(value: Any) -> list[str]:
-    globs = [value] if isinstance(value, str) else value
-    if not isinstance(globs, (list, tuple)) or not globs or not all(isinstance(item, str) and item for item in globs):
-        raise _custom(Problem(f"is {shown(value)}", _ALLOWED["on"]))
-    if (problem := too_much(globs)) is not None:
-        raise _custom(problem)
-    return list(globs)
-
-
-def _duration(value: Any) -> int:
-    try:
-        return read_duration(value)
-    except Problem as problem:
-        raise _custom(problem) from problem
 
 
 if TYPE_CHECKING:
@@ -101,12 +74,12 @@ else:
     ]
 Globs = Annotated[
     list[str],
-    PlainValidator(_globs),
-    WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]}),
+    PlainValidator(read_globs),
+    WithJsonSchema(GLOBS_SCHEMA),
 ]
 Duration = Annotated[
     int,
-    PlainValidator(_duration),
+    PlainValidator(read_duration),
     PlainSerializer(format_duration, return_type=str, when_used="unless-none"),
     WithJsonSchema({"type": "string", "pattern": DURATION_PATTERN}),
 ]
@@ -236,8 +209,8 @@ def _issues(error: Mapping[str, Any]) -> list[tuple[str, str, str]]:
 def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
     kind, context = error["type"], error.get("ctx", {})
     field = ".".join(str(step)[:60] for step in error["loc"]) or "fault"
-    if kind == "pnfarm":
-        return field, context["what"], context["allowed"]
+    if isinstance(problem := context.get("error"), Problem):
+        return field, problem.what, problem.allowed
     if kind == "missing":
         return field, "is missing", _ALLOWED.get(field, "a kind of `pnfarm fault kinds`")
     if kind == "extra_forbidden":
@@ -260,20 +233,13 @@ def matching(globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], t
         if glob == "all":
             found = set(drives)
         elif is_pattern(glob):
-            found = {name for name, known in drives.items() if _means(glob, *known)}
+            found = {name for name, known in drives.items() if means(glob, *known)}
         else:
             found = set(answering.get(glob, ()))
         if not found:
             raise InjectionError([("on", _no_drive(glob, drives), _ALLOWED["on"])])
         chosen |= found
     return [name for name in drives if name in chosen]
-
-
-def _means(glob: str, names: tuple[str, ...], models: tuple[str, ...]) -> bool:
-    prefix, _, model = glob.partition(":")
-    if prefix == "model" and model:
-        return any(fnmatch.fnmatchcase(name, model) for name in models)
-    return any(fnmatch.fnmatchcase(name, glob) for name in names)
 
 
 def _no_drive(glob: str, drives: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> str:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
 from pnfarm.errors import ConfigError
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.parts import DrivePart, Part
-from pnfarm.faults.words import InjectionError
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
     CMD_HOLD_FAULT,

@@ -151,7 +151,7 @@ class Never:
 
 @pytest.fixture
 def no_comparison(monkeypatch):
-    for name in ("pnfarm.faults.plan.fnmatch", "pnfarm.faults.words.difflib"):
+    for name in ("pnfarm.vocabulary.globs.fnmatchcase", "pnfarm.vocabulary.quoting.difflib"):
         monkeypatch.setattr(name, Never())
 
 

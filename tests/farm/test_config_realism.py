@@ -15,8 +15,8 @@ from pnfarm.farm.config import FarmFileError, expand, parse_farm
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.realism import imperfections
 from pnfarm.farm.schema import farm_schema
-from pnfarm.farm.yaml_lines import parse_yaml
 from pnfarm.station.imperfections import Imperfections
+from pnfarm.vocabulary.yaml_lines import parse_yaml
 
 REAL = "{kind: macvlan, parent: eth1}"
 MEMORY = "{kind: memory}"

@@ -14,13 +14,12 @@ from pnfarm.farm.config_cycle import (
     REDUCTION_RATIOS,
     SEND_CLOCK_FACTORS,
     check_clock,
-    format_duration,
     join_cycle,
     nearest_cycles,
-    parse_duration,
     split_cycle,
 )
 from pnfarm.farm.config_values import expand_name, numbered
+from pnfarm.vocabulary.durations import format_duration, parse_duration
 
 # --- patterns ---------------------------------------------------------------------------------------------------
 
@@ -60,33 +59,7 @@ def test_automatic_macs_are_unicast_local_and_unique(names):
     assert all(mac[0] & 3 == 2 for mac in macs)
 
 
-# --- durations and cycles ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "duration_ns"),
-    [
-        ("500ms", 500_000_000),
-        ("2 s", 2 * 10**9),
-        ("31.25us", 31_250),
-        ("31.25µs", 31_250),
-        ("1.5min", 90 * 10**9),
-        ("0s", 0),
-    ],
-)
-def test_durations_are_read_exactly(text, duration_ns):
-    assert parse_duration(text) == duration_ns
-
-
-@pytest.mark.parametrize("text", ["5", "ms", "-1s", "1.5ns", "1e3s", "400000h", "1s2", ""])
-def test_other_words_are_no_durations(text):
-    with pytest.raises(ValueError, match=r"number|whole|year"):
-        parse_duration(text)
-
-
-@given(st.integers(0, 10**15))
-def test_durations_survive_writing_and_reading(duration_ns):
-    assert parse_duration(format_duration(duration_ns)) == duration_ns
+# --- cycles -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

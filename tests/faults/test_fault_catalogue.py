@@ -14,12 +14,12 @@ from pnfarm.faults import kinds as neutral_kinds
 from pnfarm.faults.catalogue import Catalogue, kinds_in
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.effect import Effect
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.gate import GatedLink
 from pnfarm.faults.kind import InjectionKind
 from pnfarm.faults.manager import InjectionManager
 from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.servo import SERVO
-from pnfarm.faults.words import InjectionError
 from pnfarm.links.memory import MemoryLink, MemorySwitch
 
 FIELDS = {"drive-fault": {"fault": 702}, "drive-warning": {"warning": 107}, "digital-input": {"input": 0}}

@@ -7,7 +7,7 @@ from fault_line import FaultLine
 from hand_line import HandLine
 
 from pnfarm.errors import ConfigError
-from pnfarm.faults.words import InjectionError
+from pnfarm.faults.errors import InjectionError
 from pnfarm.table.axis_codes import FASTEST_RPM
 
 CYCLE = 0.016

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.faults.effect import Effect
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.plan import matching
-from pnfarm.faults.words import InjectionError, Problem, format_duration, read_duration
 
 KINDS = fault_kinds()
 DRIVES = {
@@ -124,11 +124,6 @@ def test_a_spec_goes_through_json_and_back():
     assert KINDS.schema()["properties"]["kind"]["enum"] == list(KINDS)
 
 
-@given(st.integers(0, 10**16))
-def test_a_duration_is_written_as_it_is_read(duration_ns):
-    assert read_duration(format_duration(duration_ns)) == duration_ns
-
-
 NAMES = ["kind", "on", "params", "probability", "for", "count", "as", "x"]
 PARAMS = st.dictionaries(
     st.sampled_from(["hold", "fault", "code", "period"]),
@@ -154,15 +149,6 @@ def test_any_fields_give_a_spec_or_a_config_error(fields):
     except ConfigError:
         return
     spec.values()
-
-
-@given(st.one_of(st.none(), st.integers(), st.text(max_size=8), st.floats(), st.booleans()))
-def test_any_duration_is_read_or_is_a_problem(value):
-    try:
-        duration_ns = read_duration(value)
-    except Problem:
-        return
-    assert duration_ns >= 0
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.connection import Status
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import InjectionKind, ParamSpec
 from pnfarm.faults.shown import ShownEffect
-from pnfarm.faults.words import InjectionError, Problem
+from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.connection import Status
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 from pnfarm.faults.shown import StandingEffect
-from pnfarm.faults.words import InjectionError
 
 if TYPE_CHECKING:
     from pnfarm.faults.parts import InjectedDrive

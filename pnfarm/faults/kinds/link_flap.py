@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from pnfarm.faults.cable import CableEffect
 from pnfarm.faults.kind import InjectionKind, ParamSpec
-from pnfarm.faults.words import Problem, shown
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

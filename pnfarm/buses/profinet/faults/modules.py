@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.device.modules import module_of_ident, module_of_telegram
 from pnfarm.errors import ConfigError
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.parts import DrivePart, Part
-from pnfarm.faults.words import InjectionError
 from pnfarm.protocols.profinet.description import SlotState
 from pnfarm.protocols.profinet.wire.blocks_expected import ModuleState
 

@@ -9,8 +9,9 @@ from pnfarm.buses.profinet.faults.modules import MODULES
 from pnfarm.buses.profinet.faults.own_alarm import NEVER_BY_ITSELF, OWN_ALARM_PARAMS, own_alarm
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.effect import POLL_NS, Effect, Tally, Window
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import InjectionKind, ParamSpec
-from pnfarm.faults.words import InjectionError, shown
+from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence

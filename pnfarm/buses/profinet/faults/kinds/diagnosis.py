@@ -8,11 +8,12 @@ from pnfarm.buses.profinet.faults.diagnosis import DIAGNOSES
 from pnfarm.buses.profinet.faults.own_alarm import ERROR_TYPES, EXT_TYPES, NEVER_BY_ITSELF
 from pnfarm.buses.profinet.faults.slot_effect import SLOT, SUBSLOT
 from pnfarm.buses.profinet.faults.told import ToldEffect
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, WORD, InjectionKind, ParamSpec
-from pnfarm.faults.words import InjectionError, shown
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.wire.alarms import AlarmType
 from pnfarm.protocols.profinet.wire.diagnosis import WHOLE_SUBMODULE, Maintenance, Qualifier, Usi
+from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Window

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pydantic_core import PydanticCustomError
-
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["FarmFileError", "FileIssue", "Location", "field_path", "problem"]
+__all__ = ["FarmFileError", "FileIssue", "Location", "field_path"]
 
 #: Where a value stands in a file: keys and list indexes from the root.
 Location = tuple[str | int, ...]
@@ -46,12 +44,6 @@ class FarmFileError(ConfigError):
             sorted(found, key=lambda issue: (files[issue.path], issue.line, issue.column))
         )
         super().__init__("\n".join(map(str, self.issues)))
-
-
-def problem(what: str, allowed: str = "") -> PydanticCustomError:
-    """An error that a validator raises: said to the user as it stands here."""
-    # the text goes in as a value, because pydantic reads braces in a template
-    return PydanticCustomError("pnfarm", "{what}", {"what": what, "allowed": allowed})
 
 
 def field_path(location: Location) -> str:

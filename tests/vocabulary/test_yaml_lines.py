@@ -12,9 +12,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.farm import yaml_lines
 from pnfarm.farm.config import FarmFileError, expand, parse_farm
-from pnfarm.farm.yaml_lines import YamlError, parse_yaml
+from pnfarm.vocabulary import yaml_lines
+from pnfarm.vocabulary.yaml_lines import YamlError, parse_yaml
 
 
 @pytest.fixture(params=["fast", "plain"], autouse=True)
