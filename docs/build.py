@@ -18,8 +18,8 @@ import model_pages
 
 from pnfarm.buses.profinet.controller import session
 from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS
-from pnfarm.farm.config_lists import MAX_OCTETS
-from pnfarm.farm.schema import farm_schema
+from pnfarm.farm.file.lists import MAX_OCTETS
+from pnfarm.farm.file.schema import farm_schema
 from pnfarm.firmware import positioning, sensor_interface, state_machine
 from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.ip import claim

@@ -17,7 +17,7 @@ import pytest
 import yaml
 
 from pnfarm.cli.files import read
-from pnfarm.farm.config import expand
+from pnfarm.farm.file.reading import expand
 
 ROOT = Path(__file__).resolve().parents[1]
 COMPOSE = yaml.safe_load((ROOT / "compose.yaml").read_text("utf-8"))

@@ -21,7 +21,7 @@ from pnfarm.vocabulary.regular_file import read_regular
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.farm.config import FarmConfig
+    from pnfarm.farm.file.reading import FarmConfig
 
 __all__ = ["FarmToken", "token_of"]
 

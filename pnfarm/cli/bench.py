@@ -149,7 +149,7 @@ def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
     import anyio
 
     from pnfarm.controller.line import VirtualLine
-    from pnfarm.farm.config import parse_farm
+    from pnfarm.farm.file.reading import parse_farm
 
     text = farm_file(drives, cycle, watchdog, FARM_CPU).replace(f"kind: macvlan, parent: {PARENT}", "kind: memory")
     return anyio.run(VirtualLine.create, parse_farm(text.replace(f"  interface: {PEER}\n", "")))

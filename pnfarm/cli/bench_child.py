@@ -79,8 +79,8 @@ async def _commands(core: Any, connected: Any) -> None:
 
 
 async def _farm(settings: dict[str, Any]) -> None:
-    from pnfarm.farm.config import parse_farm
     from pnfarm.farm.farm import Farm
+    from pnfarm.farm.file.reading import parse_farm
     from pnfarm.station.event_log import EventLog
 
     config = parse_farm(settings["file"])
@@ -101,7 +101,7 @@ async def _farm(settings: dict[str, Any]) -> None:
 async def _plc(settings: dict[str, Any]) -> None:
     """With ``hold`` nothing is opened before the question whether all drives are connected."""
     from pnfarm.controller.runtime import Plc
-    from pnfarm.farm.config import parse_farm
+    from pnfarm.farm.file.reading import parse_farm
     from pnfarm.station.event_log import EventLog
 
     plc = Plc(parse_farm(settings["file"]), log=EventLog(quiet=True))

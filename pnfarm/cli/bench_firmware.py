@@ -63,7 +63,7 @@ def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
     import anyio
 
     from pnfarm.controller.line import VirtualLine
-    from pnfarm.farm.config import parse_farm
+    from pnfarm.farm.file.reading import parse_farm
 
     line = anyio.run(VirtualLine.create, parse_farm(text))
     if not line.world.run(60.0, until=lambda: line.plc.all_connected and _moving(line)):

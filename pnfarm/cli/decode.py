@@ -165,8 +165,8 @@ def _know(path: Path, shared: Shared) -> None:
     from pnfarm.buses.profinet.decode.channels import make_template
     from pnfarm.cli.files import read
     from pnfarm.controller.plan import plan_devices
-    from pnfarm.farm.config import controller_mac, expand
     from pnfarm.farm.farm import model_of
+    from pnfarm.farm.file.reading import controller_mac, expand
     from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
     from pnfarm.protocols.profinet.wire.rpc import NIL_UUID
 

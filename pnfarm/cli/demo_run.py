@@ -19,8 +19,8 @@ from rich.text import Text
 from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.runtime import Plc
 from pnfarm.farm.capture import CaptureSettings, prepare
-from pnfarm.farm.config import parse_farm
 from pnfarm.farm.farm import Farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.station.event_log import EventLog
 from pnfarm.table.engine_row import LATENESS_EDGES_NS

@@ -12,7 +12,7 @@ from pnfarm.terminal.settings import FarmFile  # noqa: TC001 - the command line 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.farm.config import FarmConfig, Known
+    from pnfarm.farm.file.reading import FarmConfig, Known
 
 __all__ = [
     "SchemaOf",
@@ -36,14 +36,14 @@ class SchemaOf(StrEnum):
 def known_words() -> Known:
     """The installed models and the fault catalogue: what a farm file may name."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.farm.config_known import catalogue
+    from pnfarm.config.known import catalogue
 
     return catalogue(frozenset(fault_kinds()))
 
 
 def read(path: Path) -> FarmConfig:
     """A farm file, checked against the models and the fault catalogue.  Raises :class:`FarmFileError`."""
-    from pnfarm.farm.config import load_farm
+    from pnfarm.farm.file.reading import load_farm
 
     return load_farm(path, known_words())
 
@@ -54,7 +54,7 @@ def check_impairments(config: FarmConfig) -> None:
     The farm file's own checks know the kinds, the fault catalogue knows what each kind takes.
     """
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.farm.config import FarmFileError, FileIssue
+    from pnfarm.farm.file.reading import FarmFileError, FileIssue
     from pnfarm.faults.errors import InjectionError
 
     issues: list[FileIssue] = []
@@ -84,7 +84,7 @@ def validate(file: FarmFile) -> None:
 
 def summary(config: FarmConfig) -> str:
     """What a file is about, in one line."""
-    from pnfarm.farm.config import expand
+    from pnfarm.farm.file.reading import expand
 
     drives = expand(config)
     models: dict[str, int] = {}
@@ -122,7 +122,7 @@ def schema(
     of: Annotated[SchemaOf, typer.Argument(metavar="farm", help="Which file.", show_default=False)],
 ) -> None:
     """Print the JSON Schema of a file, for an editor."""
-    from pnfarm.farm.schema import farm_schema
+    from pnfarm.farm.file.schema import farm_schema
     from pnfarm.terminal.output import print_json
 
     del of

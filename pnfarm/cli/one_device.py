@@ -11,7 +11,7 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.farm.config import FarmConfig
+    from pnfarm.farm.file.reading import FarmConfig
 
 __all__ = ["one_device"]
 
@@ -44,7 +44,7 @@ def one_device(
     watchdog_factor: int | None = None,
 ) -> FarmConfig:
     """The file, checked as any other.  Raises the framework's usage error, or :class:`FarmFileError`."""
-    from pnfarm.farm.config import parse_farm
+    from pnfarm.farm.file.reading import parse_farm
 
     for name, value in (("--device", device), ("--ip", ip), ("--interface", interface)):
         if value is None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from pnfarm.controller.runtime import Plc
-    from pnfarm.farm.config import FarmConfig
+    from pnfarm.farm.file.reading import FarmConfig
 
 __all__ = ["plc"]
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.farm.capture import CaptureSettings
-    from pnfarm.farm.config import FarmConfig
     from pnfarm.farm.farm import Farm
+    from pnfarm.farm.file.reading import FarmConfig
 
 __all__ = ["down", "up"]
 

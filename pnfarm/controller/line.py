@@ -8,9 +8,9 @@ from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import controller_mac, expand
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.reading import controller_mac, expand
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec
 from pnfarm.links.pcap import PcapLink
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.drives.memory import NonVolatile
-    from pnfarm.farm.config import FarmConfig
+    from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.links.base import Link
     from pnfarm.links.memory import MemoryLink
 

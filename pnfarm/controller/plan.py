@@ -12,7 +12,7 @@ from pnfarm.buses.profinet.controller.gsdml import load_gsdml
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config_expand import clock_of
+from pnfarm.farm.file.expand import clock_of
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.tasks import ramp_step
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.drives.model import Model
-    from pnfarm.farm.config_expand import DriveConfig
-    from pnfarm.farm.config_model import ControllerSection, ForeignDevice
+    from pnfarm.farm.file.expand import DriveConfig
+    from pnfarm.farm.file.sections import ControllerSection, ForeignDevice
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
 __all__ = ["plan_devices", "signal_steps"]

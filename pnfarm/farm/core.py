@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.buses.bus import DeviceServices
 from pnfarm.buses.registry import bus
+from pnfarm.config.axis import apply_axis
+from pnfarm.config.machine import apply_machine
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.columns import Columns, allocate
 from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, InternalError
-from pnfarm.farm.config_axis import apply_axis
-from pnfarm.farm.config_machine import apply_machine
 from pnfarm.farm.events import EngineEventsLost
 from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
-    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.farm.file.expand import DriveConfig
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.station.event_log import EventLog
 

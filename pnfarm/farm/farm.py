@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.buses.registry import fault_kinds
+from pnfarm.config.known import catalogue
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.model_identity import with_identity
@@ -23,13 +24,12 @@ from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
-from pnfarm.farm.config import FarmConfig, expand, load_farm
-from pnfarm.farm.config_known import catalogue
-from pnfarm.farm.config_model import MacvlanLink as MacvlanSection
-from pnfarm.farm.config_model import TapLink as TapSection
-from pnfarm.farm.config_model import VethLink as VethSection
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTimeOptionRefused
+from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
+from pnfarm.farm.file.sections import MacvlanLink as MacvlanSection
+from pnfarm.farm.file.sections import TapLink as TapSection
+from pnfarm.farm.file.sections import VethLink as VethSection
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.realtime import RealTimeDriver
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from pnfarm.drives.model import Model
-    from pnfarm.farm.config_expand import DriveConfig
+    from pnfarm.farm.file.expand import DriveConfig
     from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.links.base import Link
     from pnfarm.station.events import Event

@@ -17,9 +17,9 @@ from pnfarm.vocabulary.globs import means
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.farm.config_expand import DriveConfig
-    from pnfarm.farm.config_model import Impairment
     from pnfarm.farm.core import FarmCore
+    from pnfarm.farm.file.expand import DriveConfig
+    from pnfarm.farm.file.sections import Impairment
     from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.links.base import Clock

@@ -5,34 +5,17 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.config.realism import ALL, OFF, ON, asked_for
 from pnfarm.drives.motor_kinds import axis_value
 from pnfarm.drives.realism import RANGES
-from pnfarm.farm.config_realism import ALL, OFF, ON, Realism
 from pnfarm.station.imperfections import NOISES, Imperfections
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
+    from pnfarm.config.realism import Realism
     from pnfarm.drives.model import Model
 
-__all__ = ["asked_for", "imperfections", "missing_figures"]
-
-
-def asked_for(section: Realism) -> Iterator[tuple[tuple[str, ...], str, Any]]:
-    """Each figure: its place in the section, its name in the model, what the farm file says of it (None: nothing)."""
-    yield ("noise", "velocity"), "velocity_noise", section.noise.velocity
-    yield ("noise", "current"), "current_noise", section.noise.current
-    yield ("noise", "position"), "position_noise", section.noise.position
-    yield ("parameter_latency",), "parameter_latency_ns", section.parameter_latency
-    yield ("boot_time", "answers"), "answer_time_ns", section.boot_time.answers
-    yield ("boot_time", "ready"), "ready_time_ns", section.boot_time.ready
-    yield ("clock_drift",), "clock_drift", section.clock_drift
-
-
-def missing_figures(section: Realism, model: Model) -> list[tuple[str, ...]]:
-    """Places where the farm file asks for a figure of the model's that it does not have."""
-    return [place for place, name, given in asked_for(section) if given == ON and f"realism.{name}" not in model.facts]
+__all__ = ["imperfections"]
 
 
 def _seed(seed: int, drive: str) -> int:

@@ -20,7 +20,7 @@ from events import Something
 from pnfarm.api import serve, serve_farm
 from pnfarm.api.server import listen
 from pnfarm.errors import EnvironmentError_
-from pnfarm.farm.config_model import Api
+from pnfarm.farm.file.sections import Api
 
 TOKEN = "a-long-secret"  # a test's, nobody's
 

@@ -9,7 +9,7 @@ import pytest
 
 from pnfarm.api.token import token_of
 from pnfarm.errors import EnvironmentError_
-from pnfarm.farm.config import FarmFileError, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
 
 GIVEN = "a-long-secret"  # a test's, nobody's
 FARM = """\

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scapy.utils import RawPcapNgReader
 
 from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.config import parse_farm
+from pnfarm.farm.file.reading import parse_farm
 
 FARM = """\
 farm: pcaptest

@@ -9,8 +9,8 @@ import pytest
 
 from pnfarm.cli import up
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import FarmFileError, parse_farm
 from pnfarm.farm.doctor import Finding
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

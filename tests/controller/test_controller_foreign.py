@@ -15,7 +15,7 @@ from pnfarm.controller.plan import plan_devices
 from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import FarmFileError, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.links.base import PortSpec
 from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.document import ModuleItem

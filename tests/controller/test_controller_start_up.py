@@ -7,7 +7,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
-from pnfarm.farm.config import FarmFileError, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.protocols.profinet.cmctl import CmctlState
 
 SECOND = 1_000_000_000

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.farm.config import FarmFileError, expand, parse_farm
 from pnfarm.farm.farm import model_of
-from pnfarm.farm.schema import farm_schema
+from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
+from pnfarm.farm.file.schema import farm_schema
 from pnfarm.farm.snapshot import drive_snapshot
 
 FILE = """\

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from farm_file import GOOD, parse, the_issue
 
-from pnfarm.farm.config import clock_of, controller_mac, expand
+from pnfarm.farm.file.reading import clock_of, controller_mac, expand
 
 CONTROLLER = GOOD + "controller:\n"
 

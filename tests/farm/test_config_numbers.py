@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
+from pnfarm.config.axis import Load, Motor
+from pnfarm.config.tasks import Task
 from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.config import FarmFileError, parse_farm
-from pnfarm.farm.config_axis import Load, Motor
-from pnfarm.farm.config_model import FarmSections, Program
-from pnfarm.farm.config_tasks import Task
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
+from pnfarm.farm.file.sections import FarmSections, Program
 from pnfarm.firmware.axis import AXIS
 from pnfarm.station.event_log import EventLog
 

@@ -11,10 +11,10 @@ from model_copy import SHIPPED
 
 from pnfarm.drives import catalogue
 from pnfarm.drives.realism import BOUNDS, Realism
-from pnfarm.farm.config import FarmFileError, expand, parse_farm
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
+from pnfarm.farm.file.schema import farm_schema
 from pnfarm.farm.realism import imperfections
-from pnfarm.farm.schema import farm_schema
 from pnfarm.station.imperfections import Imperfections
 from pnfarm.vocabulary.yaml_lines import parse_yaml
 

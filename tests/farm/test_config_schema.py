@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 
-from pnfarm.farm.config_known import catalogue
-from pnfarm.farm.config_model import FarmSections
-from pnfarm.farm.schema import farm_schema
+from pnfarm.config.known import catalogue
+from pnfarm.farm.file.schema import farm_schema
+from pnfarm.farm.file.sections import FarmSections
 
 
 def references(value):

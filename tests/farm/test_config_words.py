@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.farm.config import expand, parse_farm
-from pnfarm.farm.config_cycle import (
+from pnfarm.buses.profinet.config.clock import (
     CYCLE_UNIT_NS,
     REDUCTION_RATIOS,
     SEND_CLOCK_FACTORS,
@@ -18,7 +17,8 @@ from pnfarm.farm.config_cycle import (
     nearest_cycles,
     split_cycle,
 )
-from pnfarm.farm.config_values import expand_name, numbered
+from pnfarm.config.values import expand_name, numbered
+from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.vocabulary.durations import format_duration, parse_duration
 
 # --- patterns ---------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from pnfarm.controller import line as controller_line
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import parse_farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.protocols.profinet.wire.rtc import DataStatus
 from pnfarm.station.event_log import EventLog
 from pnfarm.table.signals import NIST_A

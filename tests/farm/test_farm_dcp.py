@@ -9,7 +9,7 @@ from virtual_line import VirtualLine
 from pnfarm.buses.profinet.device.factory_reset import MEMORY_AFTER_RESET, clear_memory
 from pnfarm.controller import line as controller_line
 from pnfarm.drives.memory import VolatileMemory
-from pnfarm.farm.config import parse_farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.ip.claim import RECHECK_NS, SPREAD_NS, WAIT_NS
 from pnfarm.protocols.ip.host import IpHost

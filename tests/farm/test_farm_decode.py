@@ -20,7 +20,7 @@ from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import parse_farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.links.bpf_capture import ATOMS
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"

@@ -14,8 +14,8 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
 )
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.cmctl_events import RecordRead
 from pnfarm.table.program import RUNNING

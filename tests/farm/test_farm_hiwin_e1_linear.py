@@ -8,8 +8,8 @@ from hand_plc import HandPlc
 
 from pnfarm.controller.plan import plan_devices
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
 
 PITCH = 32.0

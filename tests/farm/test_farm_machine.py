@@ -6,7 +6,7 @@ import pytest
 from farm_file import CONFIGS, GOOD, parse, the_issue
 from hand_line import HandLine
 
-from pnfarm.farm.config import expand, load_farm
+from pnfarm.farm.file.reading import expand, load_farm
 
 MACHINE = "{limit_switches: [-100, 200], end_stops: [-110, 210], cams: [{input: 0, between: [40, 50]}]}"
 MOVES = "{lead: 10, gear: 2}"

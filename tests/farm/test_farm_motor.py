@@ -8,8 +8,8 @@ import pytest
 from farm_file import GOOD, parse
 from virtual_line import VirtualLine
 
-from pnfarm.farm.config import FarmFileError, expand, parse_farm
-from pnfarm.farm.config_axis import Load
+from pnfarm.config.axis import Load
+from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
 from pnfarm.firmware.axis import AXIS
 
 FILE = """

@@ -8,7 +8,7 @@ from virtual_line import VirtualLine
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import expand, parse_farm
+from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.table.signals import AKTSATZ, POS_ZSW1, POS_ZSW2, SATZANW, ZSW1
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import expand, parse_farm
+from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.injections import add_impairments
 from pnfarm.faults.gate import (
     EVERY_FRAME,

@@ -9,8 +9,8 @@ import subprocess
 
 import pytest
 
-from pnfarm.farm.config import parse_farm
 from pnfarm.farm.farm import Farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.station.event_log import EventLog
 
 CLONE_NEWNET = 0x40000000

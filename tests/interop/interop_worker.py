@@ -22,8 +22,8 @@ from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.model_identity import with_identity
 from pnfarm.errors import PnfarmError
 from pnfarm.farm import farm as farm_module
-from pnfarm.farm.config import load_farm
 from pnfarm.farm.farm import Farm
+from pnfarm.farm.file.reading import load_farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.wire.diagnosis import Maintenance

@@ -17,7 +17,7 @@ from interop_rig import needed, tshark_fields, tshark_tree, tshark_words
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.config import parse_farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.rpc_fragments import Peer
 from pnfarm.protocols.profinet.wire import pdev, snmp

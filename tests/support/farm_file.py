@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pnfarm.farm.config import FarmFileError, Known, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, Known, parse_farm
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

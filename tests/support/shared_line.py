@@ -9,9 +9,9 @@ from ipaddress import IPv4Interface
 from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.memory import VolatileMemory
-from pnfarm.farm.config import expand, parse_farm
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec
 from pnfarm.station.event_log import EventLog

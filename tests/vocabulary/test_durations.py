@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.cli.one_device import one_device
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config import parse_farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.vocabulary.durations import format_duration, parse_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
 

@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.farm.config import FarmFileError, expand, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
 from pnfarm.vocabulary import yaml_lines
 from pnfarm.vocabulary.yaml_lines import YamlError, parse_yaml
 

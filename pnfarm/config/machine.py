@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from pnfarm.farm.config_axis import MOST_PLACE
-from pnfarm.farm.config_section import Section
+from pnfarm.config.axis import MOST_PLACE
+from pnfarm.config.section import Section
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
     CAMS,
@@ -20,7 +20,7 @@ from pnfarm.table.axis_codes import (
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
-    from pnfarm.farm.config_axis import Load
+    from pnfarm.config.axis import Load
 
 __all__ = ["Machine", "apply_machine"]
 

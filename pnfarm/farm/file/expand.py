@@ -7,8 +7,11 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.config_cycle import USUAL_FACTOR, check_clock, join_cycle, split_cycle
-from pnfarm.farm.config_model import (
+from pnfarm.buses.profinet.config.clock import USUAL_FACTOR, check_clock, join_cycle, split_cycle
+from pnfarm.config.realism import Realism
+from pnfarm.config.tasks import drive_task
+from pnfarm.config.values import expand_name
+from pnfarm.farm.file.sections import (
     DEFAULT_CYCLE_NS,
     ControllerSection,
     DriveGroup,
@@ -18,19 +21,16 @@ from pnfarm.farm.config_model import (
     MemoryLink,
     Motor,
 )
-from pnfarm.farm.config_realism import Realism
-from pnfarm.farm.config_tasks import drive_task
-from pnfarm.farm.config_values import expand_name
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.wire.mac import mac_from_int, mac_to_int
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from pnfarm.config.known import Known, ModelFacts
+    from pnfarm.config.machine import Machine
     from pnfarm.drives.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
-    from pnfarm.farm.config_known import Known, ModelFacts
-    from pnfarm.farm.config_machine import Machine
 
 __all__ = ["Clock", "DriveConfig", "auto_mac", "clock_of", "controller_mac", "expand_sections", "own_cycle_ns"]
 

@@ -14,7 +14,7 @@ from pnfarm.vocabulary.regular_file import read_regular
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.farm.config_known import Known, ModelFacts
+    from pnfarm.config.known import Known, ModelFacts
 
 __all__ = ["MAX_OCTETS", "with_lists"]
 

@@ -4,10 +4,10 @@ A file is read in one go and **all** that is wrong with it is said at once (:cla
 its line, its key, and what would be right.  Four stages lead there:
 
 1. text to values with places (:mod:`pnfarm.vocabulary.yaml_lines`);
-2. values to typed sections (:mod:`pnfarm.farm.config_model`), errors to sentences (:mod:`pnfarm.farm.config_errors`);
+2. values to typed sections (:mod:`pnfarm.farm.file.sections`), errors to sentences (:mod:`pnfarm.farm.file.errors`);
 3. where a section is wrong, its wrong keys are set aside, so that the rest can still be looked at;
-4. what sections must hold between them (:mod:`pnfarm.farm.config_expand`), with what the drive models know
-   (:mod:`pnfarm.farm.config_known`).
+4. what sections must hold between them (:mod:`pnfarm.farm.file.expand`), with what the drive models know
+   (:mod:`pnfarm.config.known`).
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, PrivateAttr, ValidationError
 
-from pnfarm.farm.config_checks import check
-from pnfarm.farm.config_errors import explain
-from pnfarm.farm.config_expand import Clock, DriveConfig, clock_of, controller_mac, expand_sections
-from pnfarm.farm.config_known import Known, catalogue
-from pnfarm.farm.config_lists import with_lists
-from pnfarm.farm.config_model import FAULT_KINDS, DriveGroup, FarmSections
+from pnfarm.config.known import Known, catalogue
+from pnfarm.farm.file.checks import check
+from pnfarm.farm.file.errors import explain
+from pnfarm.farm.file.expand import Clock, DriveConfig, clock_of, controller_mac, expand_sections
+from pnfarm.farm.file.lists import with_lists
+from pnfarm.farm.file.sections import FAULT_KINDS, DriveGroup, FarmSections
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
 from pnfarm.vocabulary.quoting import few_hints, shown
 from pnfarm.vocabulary.regular_file import read_regular

@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
+from pnfarm.config.section import Section
 from pnfarm.drives.realism import BOUNDS
-from pnfarm.farm.config_section import Section
 from pnfarm.vocabulary.durations import format_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
-__all__ = ["ALL", "OFF", "ON", "SWITCH", "BootTime", "DriveRealism", "Noise", "Realism"]
+    from pnfarm.drives.model import Model
+
+__all__ = ["ALL", "OFF", "ON", "SWITCH", "BootTime", "DriveRealism", "Noise", "Realism", "asked_for", "missing_figures"]
 
 ON: Literal["on"] = "on"
 OFF: Literal["off"] = "off"
@@ -212,3 +214,19 @@ def _open_realism(value: Any) -> Any:
 
 #: The key of a drive group.
 DriveRealism = Annotated[Realism, BeforeValidator(_open_realism)]
+
+
+def asked_for(section: Realism) -> Iterator[tuple[tuple[str, ...], str, Any]]:
+    """Each figure: its place in the section, its name in the model, what the farm file says of it (None: nothing)."""
+    yield ("noise", "velocity"), "velocity_noise", section.noise.velocity
+    yield ("noise", "current"), "current_noise", section.noise.current
+    yield ("noise", "position"), "position_noise", section.noise.position
+    yield ("parameter_latency",), "parameter_latency_ns", section.parameter_latency
+    yield ("boot_time", "answers"), "answer_time_ns", section.boot_time.answers
+    yield ("boot_time", "ready"), "ready_time_ns", section.boot_time.ready
+    yield ("clock_drift",), "clock_drift", section.clock_drift
+
+
+def missing_figures(section: Realism, model: Model) -> list[tuple[str, ...]]:
+    """Places where the farm file asks for a figure of the model's that it does not have."""
+    return [place for place, name, given in asked_for(section) if given == ON and f"realism.{name}" not in model.facts]

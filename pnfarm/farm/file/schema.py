@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.config_known import Known, catalogue
-from pnfarm.farm.config_model import DEFAULT_LISTEN, OFF, FarmSections
-from pnfarm.farm.config_realism import SWITCH
+from pnfarm.config.known import Known, catalogue
+from pnfarm.config.realism import SWITCH
+from pnfarm.farm.file.sections import DEFAULT_LISTEN, OFF, FarmSections
 
 if TYPE_CHECKING:
-    from pnfarm.farm.config_known import ModelFacts
+    from pnfarm.config.known import ModelFacts
 
 __all__ = ["farm_schema"]
 

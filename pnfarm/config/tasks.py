@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from pnfarm.config.section import Section
+from pnfarm.config.values import Duration
 from pnfarm.drives.motion_tasks import MotionTask
-from pnfarm.farm.config_section import Section
-from pnfarm.farm.config_values import Duration
 from pnfarm.table.axis_codes import MOTION_TASKS
 
 __all__ = ["Task", "drive_task"]

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol
 
+from pnfarm.config.axis import axis_complaints
+from pnfarm.config.realism import missing_figures
 from pnfarm.drives import catalogue as drives
 from pnfarm.drives.given_values import raw_number
 from pnfarm.drives.model_identity import with_identity
@@ -17,18 +19,16 @@ from pnfarm.drives.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameter import Form, ParameterError
 from pnfarm.drives.parameter_list import read_parameter_list
 from pnfarm.errors import ConfigError
-from pnfarm.farm.config_axis import axis_complaints
-from pnfarm.farm.realism import missing_figures
 from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from pnfarm.config.axis import Load, Motor
+    from pnfarm.config.realism import Realism
     from pnfarm.drives.model import Model
     from pnfarm.drives.parameter_list import ListProblem
-    from pnfarm.farm.config_axis import Load, Motor
-    from pnfarm.farm.config_realism import Realism
 
 __all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue"]
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
+from pnfarm.config.section import Section
+from pnfarm.config.values import Duration
 from pnfarm.drives.motor_kinds import axis_value
-from pnfarm.farm.config_section import Section
-from pnfarm.farm.config_values import Duration
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FASTEST_RPM
 from pnfarm.vocabulary.durations import format_duration

@@ -12,16 +12,15 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, WithJsonSchema
 
-from pnfarm.farm.config_cycle import nearest_cycles
-from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
+from pnfarm.vocabulary.durations import DURATION_PATTERN, read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.mac import format_mac, parse_mac
 
 __all__ = [
     "AUTO",
+    "DURATION_SCHEMA",
     "Cidr",
-    "Cycle",
     "Duration",
     "FarmName",
     "Gateway",
@@ -138,15 +137,6 @@ def read_mac(value: Any) -> bytes | str:
     return mac
 
 
-def read_cycle(value: Any) -> int:
-    cycle_ns = read_duration(value)
-    nearest = nearest_cycles(cycle_ns)
-    if nearest != (cycle_ns,):
-        words = " or ".join(map(format_duration, nearest))
-        raise Problem(f"{value} is no PROFINET cycle; the nearest is {words}", "31.25us times a power of two, to 512ms")
-    return cycle_ns
-
-
 def read_interface(value: Any) -> str:
     allowed = "a network interface such as eth1"
     text = _text(value, allowed)
@@ -202,7 +192,7 @@ def _words(**schema: Any) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", **schema})
 
 
-_DURATION_SCHEMA = _words(pattern=DURATION_PATTERN, examples=["500ms", "2s", "31.25us"])
+DURATION_SCHEMA = _words(pattern=DURATION_PATTERN, examples=["500ms", "2s", "31.25us"])
 
 FarmName = Annotated[str, PlainValidator(read_farm_name), _words(pattern=f"^{_FARM_NAME.pattern}$", maxLength=40)]
 NamePattern = Annotated[
@@ -221,8 +211,7 @@ MacSetting = Annotated[
     PlainValidator(read_mac),
     _words(pattern=r"^(auto|[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5})$", examples=["auto", "02:00:00:00:00:01"]),
 ]
-Duration = Annotated[int, PlainValidator(read_duration), _DURATION_SCHEMA]
-Cycle = Annotated[int, PlainValidator(read_cycle), _DURATION_SCHEMA]
+Duration = Annotated[int, PlainValidator(read_duration), DURATION_SCHEMA]
 Interface = Annotated[str, PlainValidator(read_interface), _words(minLength=1, maxLength=15, examples=["eth1"])]
 Listen = Annotated[tuple[str, int], PlainValidator(read_listen), _words(examples=["127.0.0.1:8702"])]
 OctetString = Annotated[bytes, PlainValidator(read_octets), _words(pattern="^([0-9a-fA-F]{2} *)*$")]

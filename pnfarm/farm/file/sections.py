@@ -1,6 +1,6 @@
 """The farm file as types: every key with its unit, its default and its bounds.
 
-What one value says stands here; what several say together is checked in :mod:`pnfarm.farm.config_expand`.
+What one value says stands here; what several say together is checked in :mod:`pnfarm.farm.file.expand`.
 Keys are the file's; where a number leaves its unit behind, the attribute carries the unit (``cycle`` -> ``cycle_ns``).
 """
 
@@ -21,16 +21,16 @@ from pydantic import (
     field_validator,
 )
 
-from pnfarm.farm.config_axis import Load, Motor
-from pnfarm.farm.config_cycle import MAX_DATA_HOLD_FACTOR
-from pnfarm.farm.config_machine import Machine
-from pnfarm.farm.config_realism import DriveRealism, Realism
-from pnfarm.farm.config_section import Section
-from pnfarm.farm.config_tasks import Task
-from pnfarm.farm.config_values import (
+from pnfarm.buses.profinet.config.clock import MAX_DATA_HOLD_FACTOR
+from pnfarm.buses.profinet.config.values import Cycle
+from pnfarm.config.axis import Load, Motor
+from pnfarm.config.machine import Machine
+from pnfarm.config.realism import DriveRealism, Realism
+from pnfarm.config.section import Section
+from pnfarm.config.tasks import Task
+from pnfarm.config.values import (
     AUTO,
     Cidr,
-    Cycle,
     Duration,
     FarmName,
     Gateway,

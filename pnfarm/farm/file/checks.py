@@ -9,10 +9,10 @@ from collections.abc import Callable
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from pnfarm.farm.config_cycle import MAX_WATCHDOG_NS
-from pnfarm.farm.config_expand import Clock, clock_of, controller_mac, expand_sections, own_cycle_ns
-from pnfarm.farm.config_model import MAX_DRIVES, ControllerSection, DriveGroup, FarmSections, MacvlanLink
-from pnfarm.farm.config_values import expand_name, numbered
+from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS
+from pnfarm.config.values import expand_name, numbered
+from pnfarm.farm.file.expand import Clock, clock_of, controller_mac, expand_sections, own_cycle_ns
+from pnfarm.farm.file.sections import MAX_DRIVES, ControllerSection, DriveGroup, FarmSections, MacvlanLink
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.issues import Location
@@ -22,7 +22,7 @@ from pnfarm.wire.mac import format_mac, is_group, mac_from_int, mac_to_int
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.farm.config_known import Known, ModelFacts
+    from pnfarm.config.known import Known, ModelFacts
 
 __all__ = ["Report", "check"]
 

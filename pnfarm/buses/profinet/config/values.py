@@ -1,0 +1,26 @@
+"""Words that only PROFINET's sections have."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import PlainValidator
+
+from pnfarm.buses.profinet.config.clock import nearest_cycles
+from pnfarm.config.values import DURATION_SCHEMA
+from pnfarm.vocabulary.durations import format_duration, read_duration
+from pnfarm.vocabulary.problem import Problem
+
+__all__ = ["Cycle"]
+
+
+def read_cycle(value: Any) -> int:
+    cycle_ns = read_duration(value)
+    nearest = nearest_cycles(cycle_ns)
+    if nearest != (cycle_ns,):
+        words = " or ".join(map(format_duration, nearest))
+        raise Problem(f"{value} is no PROFINET cycle; the nearest is {words}", "31.25us times a power of two, to 512ms")
+    return cycle_ns
+
+
+Cycle = Annotated[int, PlainValidator(read_cycle), DURATION_SCHEMA]

@@ -1,0 +1,1 @@
+"""The farm file: read, checked as a whole, expanded to drives; its JSON Schema."""
