@@ -201,7 +201,7 @@ WRONG = [
     ("impair: []", "impair: {kind: loss}", 15, "drives[0].impair", "is a mapping", "a list"),
     ("impair: []", "impair: [{kind: loss, after: 3}]", 15, "drives[0].impair[0].after", "has no unit", "500ms"),
     ("impair: []", "impair: [{kind: loss, for: 3 days}]", 15, "drives[0].impair[0].for", "is no duration", "500ms"),
-    ("impair: []", "impair: [{kind: loss, on: []}]", 15, "drives[0].impair[0].on", "is a list", "glob"),
+    ("impair: []", "impair: [{kind: loss, on: []}]", 15, "drives[0].impair[0].on", "is []", "glob"),
     ("impair: []", "impair: [{kind: loss, probability: 2}]", 15, "drives[0].impair[0].probability", "is 2", "to 1"),
     ("impair: []", "telegram: 9", 15, "drives[0].telegram", "akd-profinet has no telegram 9", "1, 7"),
     ("impair: []", "cycle: 15ms", 15, "drives[0].cycle", "the nearest is 8ms or 16ms", "power of two"),
