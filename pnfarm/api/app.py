@@ -16,17 +16,18 @@ from fastapi import FastAPI, Header, Query
 from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
 
 from pnfarm import __version__
-from pnfarm.api.context import PREFIX, ApiContext
+from pnfarm.api.context import ApiContext
 from pnfarm.api.drives import add_drives
 from pnfarm.api.events import event_stream, start_of
 from pnfarm.api.faults import add_faults
 from pnfarm.api.guard import Guard
-from pnfarm.api.modules import add_modules
-from pnfarm.api.problems import Json, install_handlers
+from pnfarm.api.problems import install_handlers
 from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
 from pnfarm.api.throttle import Throttle
+from pnfarm.buses.registry import BUSES
 from pnfarm.errors import EnvironmentError_
 from pnfarm.metrics import CONTENT_TYPE, FarmCollector
+from pnfarm.web.bodies import PREFIX, Json
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -76,7 +77,8 @@ def make_app(
     app.state.context = context
     install_handlers(app)
     add_drives(app, context)
-    add_modules(app, context)
+    for one in BUSES.values():
+        one.add_routes(app, context)
     add_faults(app, context)
     _add_farm(app, context)
     _add_outside(app, context)

@@ -6,32 +6,24 @@ from typing import TYPE_CHECKING, Any
 
 import anyio.lowlevel
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
-from pydantic import ValidationError
 
-from pnfarm.api.context import PREFIX, ApiContext, read_object
-from pnfarm.api.problems import Json, RequestError
 from pnfarm.api.schemas import Drive, FarmView, ParameterValue, ParameterWrite
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults
+from pnfarm.web.bodies import PREFIX, Json, body_of, checked, read_object
 
 if TYPE_CHECKING:
     from enum import Enum
 
     from fastapi import FastAPI
 
+    from pnfarm.api.context import ApiContext
     from pnfarm.station.station import Station
 
 __all__ = ["add_drives"]
 
 #: Drives described between two looks at the event loop: some milliseconds.
 DRIVES_AT_ONCE = 64
-
-_WRITE_BODY = {
-    "requestBody": {
-        "required": True,
-        "content": {"application/json": {"schema": ParameterWrite.model_json_schema()}},
-    }
-}
 
 
 def add_drives(app: FastAPI, context: ApiContext) -> None:
@@ -87,27 +79,15 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         tags=tags,
         summary="Write a parameter",
         responses={200: {"model": ParameterValue}},
-        openapi_extra=_WRITE_BODY,
+        openapi_extra=body_of(ParameterWrite),
     )
     async def put_parameter(name: str, pnu: str, request: Request) -> Json:
         body = await read_object(request)
         station = _powered(context.station(name))
-        station.store.set(pnu, _value(body))
+        wanted = checked(body, ParameterWrite, allowed="value: a whole number", hint='send {"value": a whole number}')
+        station.store.set(pnu, wanted.value)
         context.changed(station)
         return Json(_parameter(station, pnu))
-
-
-def _value(body: dict[str, Any]) -> int:
-    """The number of a :class:`ParameterWrite`; raises :class:`RequestError`."""
-    try:
-        return ParameterWrite.model_validate(body).value
-    except ValidationError as exc:
-        errors = [
-            {"field": ".".join(map(str, error["loc"])), "what": error["msg"], "allowed": "value: a whole number"}
-            for error in exc.errors(include_url=False)
-        ]
-        sentence = "; ".join(f"{error['field']}: {error['what']}" for error in errors)
-        raise RequestError(f'{sentence}; send {{"value": a whole number}}', errors) from exc
 
 
 def _powered(station: Station) -> Station:

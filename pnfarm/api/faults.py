@@ -8,17 +8,18 @@ from urllib.parse import quote
 
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
-from pnfarm.api.context import PREFIX, ApiContext, read_object
-from pnfarm.api.problems import Json, NotFoundError
 from pnfarm.api.schemas import Reset
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
+from pnfarm.web.bodies import PREFIX, Json, read_object
+from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
     from enum import Enum
 
     from fastapi import FastAPI
 
+    from pnfarm.api.context import ApiContext
     from pnfarm.faults.manager import InjectionManager
 
 __all__ = ["add_faults"]

@@ -6,13 +6,11 @@ stands in members of its own: ``error_number`` (PROFIdrive) and ``errors`` (fiel
 
 from __future__ import annotations
 
-import json
 import traceback
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 import structlog
-from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.routing import Match
@@ -21,6 +19,8 @@ from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.faults.errors import InjectionError
+from pnfarm.web.bodies import Json
+from pnfarm.web.errors import ClientGoneError, NotFoundError, RequestError, TooLargeError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.responses import Response
 
-__all__ = ["ClientGoneError", "Json", "NotFoundError", "RequestError", "TooLargeError", "install_handlers", "problem"]
+__all__ = ["install_handlers", "problem"]
 
 logger = structlog.get_logger("pnfarm.api")
 
@@ -38,39 +38,6 @@ logger = structlog.get_logger("pnfarm.api")
 TOLD = "pnfarm.told"
 #: Of a path and of a traceback (its end says what went wrong), so many characters are logged.
 MAX_LOGGED, MAX_TRACE = 200, 8000
-
-
-class RequestError(ConfigError):
-    """A request that cannot be understood; ``errors`` says field by field what is wrong and what is allowed."""
-
-    status = HTTPStatus.UNPROCESSABLE_ENTITY
-
-    def __init__(
-        self, sentence: str, errors: list[dict[str, str]] | None = None, *, status: HTTPStatus | None = None
-    ) -> None:
-        super().__init__(sentence)
-        self.errors = errors or []
-        if status is not None:
-            self.status = status
-
-
-class NotFoundError(ConfigError):
-    """What the path names is not there."""
-
-
-class TooLargeError(ConfigError):
-    """A body beyond what any request needs."""
-
-
-class ClientGoneError(ConfigError):
-    """A client that does not wait for the answer, nor ends its question."""
-
-
-class Json(JSONResponse):
-    """JSON in ASCII, so that whatever a request brought can be quoted back."""
-
-    def render(self, content: Any) -> bytes:
-        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
 
 
 class ProblemResponse(Json):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
+
+from pnfarm.web.bodies import Schema
 
 __all__ = [
     "Controller",
@@ -13,24 +15,16 @@ __all__ = [
     "Engine",
     "FarmView",
     "FieldError",
-    "Module",
-    "ModulePlug",
-    "ModulesView",
     "ParameterValue",
     "ParameterWrite",
     "Problem",
     "Ready",
     "Reset",
-    "Submodule",
     "Version",
 ]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class FieldError(_Model):
+class FieldError(Schema):
     """One field of a body."""
 
     field: str
@@ -50,18 +44,18 @@ class Problem(BaseModel):
     errors: list[FieldError] | None = Field(default=None, description="Field by field.")
 
 
-class DriveFault(_Model):
+class DriveFault(Schema):
     number: int = Field(description="The manual's number: 702 is F702.")
     name: str
 
 
-class Controller(_Model):
+class Controller(Schema):
     name: str
     ip: str
     mac: str
 
 
-class Neighbour(_Model):
+class Neighbour(Schema):
     port: str = Field(description="The drive's own port.")
     station: str = Field(description="Name of station, or MAC address, of the neighbour.")
     chassis: str = Field(description="Chassis id.")
@@ -72,7 +66,7 @@ class Neighbour(_Model):
     seen_seconds_ago: float
 
 
-class Drive(_Model):
+class Drive(Schema):
     """One drive as it is now."""
 
     name: str = Field(description="Name in the farm file.")
@@ -136,7 +130,7 @@ class Drive(_Model):
     )
 
 
-class Engine(_Model):
+class Engine(Schema):
     cycles: int
     overruns: int
     lateness_max_seconds: float
@@ -148,20 +142,20 @@ class Engine(_Model):
     events_lost: int
 
 
-class FarmView(_Model):
+class FarmView(Schema):
     farm: str
     link: str
     engine: Engine
     drives: list[Drive]
 
 
-class ParameterWrite(_Model):
+class ParameterWrite(Schema):
     """A parameter's new value."""
 
     value: int = Field(description="Raw number as on the wire.")
 
 
-class ParameterValue(_Model):
+class ParameterValue(Schema):
     """A parameter of one drive; numbers are raw, as on the wire."""
 
     drive: str
@@ -178,57 +172,17 @@ class ParameterValue(_Model):
     changed: bool = Field(description="Whether the value is another than the model's default.")
 
 
-class Submodule(_Model):
-    """One submodule as it is plugged."""
-
-    subslot: str = Field(description="Hexadecimal.")
-    submodule_ident: str = Field(description="Hexadecimal.")
-    api: str = Field(description="Hexadecimal.")
-    input_bytes: int
-    output_bytes: int
-    owner: str | None = Field(description="The controller or supervisor that has it.")
-    awaits_parameters: bool = Field(description="Plugged or released; its owner has not parametrised it yet.")
-
-
-class Module(_Model):
-    """One slot."""
-
-    slot: int
-    module_ident: str | None = Field(description="Hexadecimal; null: the slot is empty.")
-    telegram: int | None = Field(description="The telegram whose module it is.")
-    held: bool = Field(description="Pulled or plugged on purpose: the slot does not follow the controller.")
-    substitute: bool = Field(description="It works in the place of another module.")
-    submodules: list[Submodule]
-
-
-class ModulesView(_Model):
-    drive: str
-    modules: list[Module]
-
-
-class PluggedView(ModulesView):
-    changed: bool = Field(description="False when the module stood there already.")
-
-
-class ModulePlug(_Model):
-    """What to plug: a telegram's module, one of any ident, or (neither) the one that was pulled."""
-
-    telegram: int | None = None
-    module_ident: int | None = Field(default=None, ge=1, le=0xFFFFFFFF)
-    substitute: bool = Field(default=False, description="It works in the place of what the controller expects.")
-
-
-class Reset(_Model):
+class Reset(Schema):
     cleared: list[str] = Field(description="Ids of the faults that were cleared.")
 
 
-class Version(_Model):
+class Version(Schema):
     pnfarm: str
     python: str
     api: str
 
 
-class Ready(_Model):
+class Ready(Schema):
     ready: bool
     cycles: int
     last_tick_seconds_ago: float

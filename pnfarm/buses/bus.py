@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
+    from fastapi import FastAPI
+
     from pnfarm.drives.model import Model
     from pnfarm.engine.columns import Columns
     from pnfarm.engine.impairments import ImpairmentTable
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
-__all__ = ["Bus", "DeviceServices", "InjectionHost", "Segment"]
+__all__ = ["Bus", "DeviceServices", "InjectionHost", "RouteHost", "Segment"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,25 @@ class InjectionHost:
     settle: Callable[[int], None]
 
 
+class RouteHost(Protocol):
+    """What the API has for the routes of a bus."""
+
+    def station(self, name: str) -> Station:
+        """A drive by its name.
+
+        Raises :class:`~pnfarm.web.errors.NotFoundError`, as a bus's routes do for a drive on another bus.
+        """
+        ...
+
+    def now(self) -> int:
+        """The farm's clock."""
+        ...
+
+    def changed(self, station: Station) -> None:
+        """A handler changed this drive: let it finish what follows, and send it."""
+        ...
+
+
 class Bus(Protocol):
     """One fieldbus; :mod:`pnfarm.buses.registry` has them all.
 
@@ -107,6 +128,10 @@ class Bus(Protocol):
 
     def commands(self) -> Iterable[Command]:
         """What only this bus has on the command line.  Quick: each start of the program asks for it."""
+        ...
+
+    def add_routes(self, app: FastAPI, host: RouteHost) -> None:
+        """Add to the API what only drives on this bus have, with its types."""
         ...
 
     def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from api_world import ApiWorld, assert_problem
 
-from pnfarm.api.schemas import ModulesView, PluggedView
+from pnfarm.buses.profinet.api.schemas import ModulesView, PluggedView
 
 PATH = "/api/v1/drives/axis-01/modules"
 
@@ -109,3 +111,16 @@ def test_an_empty_slot_cannot_be_pulled_and_a_drive_without_supply_has_no_hands(
     assert_problem(world.delete(f"{PATH}/1"), 422, "empty already")
     world.line.farm.station("axis-01").power_off(world.line.world.now)
     assert_problem(world.put(f"{PATH}/1", {}), 422, "switched off")
+
+
+class Stranger:
+    """A device on a bus without modules."""
+
+
+@pytest.mark.parametrize(("method", "path"), [("GET", ""), ("PUT", "/1"), ("DELETE", "/1")])
+def test_a_drive_on_another_bus_has_no_modules(world, monkeypatch, method, path):
+    station = world.line.farm.station("axis-01")
+    monkeypatch.setattr(station, "model", replace(station.model, bus="other"))
+    monkeypatch.setattr(station, "device", Stranger())
+    response = world.request(method, PATH + path, **({"json": {}} if method == "PUT" else {}))
+    assert_problem(response, 404, "axis-01 has no modules: it is a drive on other")

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pnfarm.buses.bus import DeviceServices, InjectionHost
+    from fastapi import FastAPI
+
+    from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.segment import ProfinetSegment
     from pnfarm.drives.model import Model
@@ -67,6 +69,11 @@ class Profinet:
             Command("scan", Panel.CONTROLLER, scan.scan, behind="plc"),
             Command("gsdml", Panel.REFERENCE, gsdml.gsdml, behind="models"),
         )
+
+    def add_routes(self, app: FastAPI, host: RouteHost) -> None:
+        from pnfarm.buses.profinet.api.modules import add_modules
+
+        add_modules(app, host)
 
     def injected_drive(self, device: ProfinetDevice, host: InjectionHost) -> InjectedDrive:
         from pnfarm.buses.profinet.faults.drive import injected_drive

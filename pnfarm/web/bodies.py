@@ -1,0 +1,93 @@
+"""Bodies of requests and answers: JSON."""
+
+from __future__ import annotations
+
+import json
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, ValidationError
+from starlette.requests import ClientDisconnect
+
+from pnfarm.web.errors import ClientGoneError, RequestError, TooLargeError
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+
+__all__ = ["PREFIX", "Json", "Schema", "body_of", "checked", "read_object"]
+
+#: Of every path of this version.
+PREFIX = "/api/v1"
+#: Octets of the largest body; a fault is some hundred.
+MAX_BODY = 65_536
+
+
+class Schema(BaseModel):
+    """What a body holds, strictly: no other members, no conversions."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+_S = TypeVar("_S", bound=Schema)
+
+
+class Json(JSONResponse):
+    """JSON in ASCII, so that whatever a request brought can be quoted back."""
+
+    def render(self, content: Any) -> bytes:
+        return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+def body_of(schema: type[Schema]) -> dict[str, Any]:
+    """How OpenAPI describes a body that a handler takes by :func:`checked`."""
+    return {
+        "requestBody": {
+            "required": True,
+            "content": {"application/json": {"schema": schema.model_json_schema()}},
+        }
+    }
+
+
+def checked(body: dict[str, Any], schema: type[_S], *, allowed: str = "", hint: str) -> _S:
+    """A body as its type; raises :class:`RequestError`, field by field.
+
+    ``allowed`` stands beside each wrong field, ``hint`` behind the sentence that names them all.
+    """
+    try:
+        return schema.model_validate(body)
+    except ValidationError as exc:
+        errors = [
+            {"field": ".".join(map(str, error["loc"])), "what": error["msg"], "allowed": allowed}
+            for error in exc.errors(include_url=False)
+        ]
+        sentence = "; ".join(f"{error['field']}: {error['what']}" for error in errors)
+        raise RequestError(f"{sentence}; {hint}", errors) from exc
+
+
+async def read_object(request: Request) -> dict[str, Any]:
+    """The request's body, a JSON object; raises :class:`RequestError` or :class:`TooLargeError`."""
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != "application/json" and not kind.endswith("+json"):
+        raise RequestError(
+            f"the body is {kind or 'of no stated type'}; send Content-Type: application/json",
+            status=HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
+        )
+    body = bytearray()
+    try:
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > MAX_BODY:
+                raise TooLargeError(f"the body has more than {MAX_BODY} octets; no request needs as many")
+    except ClientDisconnect as exc:
+        raise ClientGoneError("the client hung up before its request was whole") from exc
+    try:
+        value = json.loads(body)
+    except RecursionError as exc:
+        raise RequestError("the body is nested too deeply", status=HTTPStatus.BAD_REQUEST) from exc
+    except ValueError as exc:
+        # also a number with more digits than Python reads, and octets that are no UTF-8
+        raise RequestError(f"the body is not JSON: {exc}", status=HTTPStatus.BAD_REQUEST) from exc
+    if not isinstance(value, dict):
+        raise RequestError('the body is not a JSON object such as {"value": 1}')
+    return value

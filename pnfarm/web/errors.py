@@ -1,0 +1,35 @@
+"""Requests that cannot be served, by who is to blame; the API makes a problem document (RFC 9457) of each."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+
+from pnfarm.errors import ConfigError
+
+__all__ = ["ClientGoneError", "NotFoundError", "RequestError", "TooLargeError"]
+
+
+class RequestError(ConfigError):
+    """A request that cannot be understood; ``errors`` says field by field what is wrong and what is allowed."""
+
+    status = HTTPStatus.UNPROCESSABLE_ENTITY
+
+    def __init__(
+        self, sentence: str, errors: list[dict[str, str]] | None = None, *, status: HTTPStatus | None = None
+    ) -> None:
+        super().__init__(sentence)
+        self.errors = errors or []
+        if status is not None:
+            self.status = status
+
+
+class NotFoundError(ConfigError):
+    """What the path names is not there."""
+
+
+class TooLargeError(ConfigError):
+    """A body beyond what any request needs."""
+
+
+class ClientGoneError(ConfigError):
+    """A client that does not wait for the answer, nor ends its question."""
