@@ -7,6 +7,7 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.profinet.controller.device_plan import AxisProgram, DevicePlan, SignalSteps
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
 from pnfarm.drives.axis_handle import AxisHandle
@@ -203,7 +204,7 @@ def _ready_ns(section: ControllerSection, named_seconds: int) -> int:
 def plan_devices(
     section: ControllerSection, drives: Sequence[DriveConfig], models: Sequence[Model], folder: Path | None = None
 ) -> list[DevicePlan]:
-    """What the controller expects, drive by drive and then device by device.
+    """What the controller expects, drive by drive and then device by device; drives on another bus are not its own.
 
     ``folder`` is what the GSDML files of the devices are relative to.  Who has no address gets the next free one of the
     controller's subnet.  Raises :class:`ConfigError`.
@@ -211,6 +212,8 @@ def plan_devices(
     addresses = _Addresses(section, drives)
     plans = []
     for drive, model in zip(drives, models, strict=True):
+        if model.bus != PROFINET.name:
+            continue
         ip = addresses.of(drive.ip, f"drive {drive.name}")
         # a section that is silent leaves the choice to each model
         usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram

@@ -32,6 +32,15 @@ __all__ = [
     "injected_faults",
 ]
 
+#: What a bus shows of a drive (:meth:`pnfarm.station.device.Device.view`) and another may not have.
+_NOT_SHOWN: Mapping[str, Any] = {
+    "station_name": None,
+    "ip": None,
+    "gateway": None,
+    "ip_conflict": None,
+    "neighbours": [],
+    "signalling": False,
+}
 #: State of a connection that is not there; the others are the bus's words.
 NO_AR = "NO_AR"
 
@@ -77,7 +86,7 @@ def drive_snapshot(
     known = connection if connection is not None and connection.ip is not None else None
     exchanging = powered and connection is not None and connection.exchanging
     sent, suppressed, received = _frames(core, station)
-    seen = station.device.view(now)
+    seen = {**_NOT_SHOWN, "station_name": station.device.name, **station.device.view(now)}
     if injected is None:
         injected = injected_faults(core.injections)
     return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.device.closed_channels import ClosedChannels
+from pnfarm.engine.closed_channels import ClosedChannels
 from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.protocols.profinet.binding import channel_layout
 from pnfarm.protocols.profinet.description import MAX_SUPERVISOR_ARS

@@ -73,11 +73,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.buses.bus import DeviceServices
-    from pnfarm.buses.profinet.device.closed_channels import ClosedChannels
     from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.drives.store import (
         ParameterStore,
     )
+    from pnfarm.engine.closed_channels import ClosedChannels
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp_device import DcpDevice

@@ -1,0 +1,54 @@
+"""What the toy bus offers to the house (:class:`pnfarm.buses.bus.Bus`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.terminal.command import Command, Panel
+from toybus.command import toy_order
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from pnfarm.buses.bus import DeviceServices, InjectionHost
+    from pnfarm.drives.model import Model
+    from pnfarm.faults.kind import InjectionKind
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.station.station import Station
+    from toybus.device import ToyDevice, ToySegment
+
+
+class ToyBus:
+    name = "toybus"
+    connection_states = ("TALKING",)
+    usual_losses = ("silence",)
+
+    def channel_rows(self, model: Model) -> int:
+        return 0
+
+    def device(self, station: Station, services: DeviceServices) -> ToyDevice:
+        from toybus.device import ToyDevice
+
+        return ToyDevice(station)
+
+    def segment(self, devices: Sequence[ToyDevice]) -> ToySegment:
+        from toybus.device import ToySegment
+
+        return ToySegment()
+
+    def fault_kinds(self) -> Iterable[InjectionKind]:
+        from pnfarm.faults.catalogue import kinds_in
+        from toybus import kinds
+
+        return kinds_in(kinds)
+
+    def injected_drive(self, device: ToyDevice, host: InjectionHost) -> InjectedDrive:
+        from toybus.faults import injected_drive
+
+        return injected_drive(device, host)
+
+    def commands(self) -> Iterable[Command]:
+        return [Command("toy-order", Panel.CONTROLLER, toy_order, behind="plc")]
+
+
+TOYBUS = ToyBus()

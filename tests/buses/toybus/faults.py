@@ -1,0 +1,76 @@
+"""A drive on the toy bus as injections see it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.connection import CONNECTION, Connection, ConnectionPart
+from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.servo import SERVO, Servo
+from pnfarm.faults.wire import WIRE, Wire
+
+if TYPE_CHECKING:
+    from pnfarm.buses.bus import InjectionHost
+    from pnfarm.faults.connection import Status
+    from toybus.device import ToyDevice
+
+
+class Mouth(DrivePart):
+    """Whether the drive answers."""
+
+    def __init__(self, device: ToyDevice) -> None:
+        self._device = device
+
+    def shut(self) -> None:
+        self._device.muted += 1
+
+    def open(self) -> None:
+        self._device.muted -= 1
+
+    def in_force(self) -> list[Any]:
+        return ["muted"] * self._device.muted
+
+
+MOUTH: Part[Mouth] = Part("reports")
+
+
+class ToyConnection(ConnectionPart):
+    def __init__(self, device: ToyDevice) -> None:
+        self._device = device
+
+    def now(self) -> Connection | None:
+        if not self._device.connected:
+            return None
+        return Connection(frozenset({self._device.connects}), True, 10_000_000, 100_000_000, 0)
+
+    def cycles(self) -> int:
+        return self._device.closed.sent
+
+    def abort(self, code: int, now: int) -> int:
+        return self._device.lose(now)
+
+    def expire(self, now: int) -> int:
+        return self._device.lose(now)
+
+    def sent_data(self, since: int) -> bool:
+        return not self._device.muted
+
+    def sent_status(self, status: Status, since: int) -> bool:
+        return False
+
+
+def injected_drive(device: ToyDevice, host: InjectionHost) -> InjectedDrive:
+    station = device.station
+    name, port, model = station.configured_name, station.port.index, station.model
+    host.gate.know(port, lambda _: "toy")
+    wire = Wire(name, station.index, port, host.impairments, host.gate, host.carriers, lambda _: None)
+
+    def came_on(now: int) -> None:
+        drive.refresh(now)
+
+    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    parts: dict[Part[Any], DrivePart] = {
+        SERVO: servo, WIRE: wire, CONNECTION: ToyConnection(device), MOUTH: Mouth(device),
+    }  # fmt: skip
+    drive = InjectedDrive(name, lambda: (name,), (model.name, *model.aliases), parts, lambda: device)
+    return drive
