@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import gc
 import os
 from collections import Counter
 from pathlib import Path
@@ -41,15 +43,27 @@ def _within(path, names):
     return any(path.is_relative_to(TESTS / name) for name in names)
 
 
+@functools.cache
+def _place(path):
+    """Whether the tests of a file are exclusive, and whether they call nothing that is compiled."""
+    return _within(path, EXCLUSIVE) and not _within(path, SHARED), _within(path, UNCOMPILED)
+
+
 def pytest_collection_modifyitems(items):
     for item in items:
-        alone = _within(item.path, EXCLUSIVE) and not _within(item.path, SHARED)
+        alone, uncompiled = _place(item.path)
         if alone or not EXCLUSIVE_FIXTURES.isdisjoint(item.fixturenames):
             item.add_marker(pytest.mark.exclusive)
-        if _within(item.path, UNCOMPILED):
+        if uncompiled:
             item.add_marker(pytest.mark.uncompiled)
     # the longest ones first: the others are spread over the cores that are free
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+def pytest_collection_finish():
+    # eight thousand tests and the modules stay until the end: no collection of garbage needs to look at them
+    gc.collect()
+    gc.freeze()
 
 
 def _note(report):

@@ -21,6 +21,7 @@ from pnfarm.wire.mac import mac_to_int
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pnfarm.engine.columns import Columns
     from pnfarm.farm.core import Node
     from pnfarm.links.base import Port
 
@@ -53,6 +54,9 @@ class VirtualWorld:
         self.clock = VirtualClock()
         self.switch = MemorySwitch()
         self._nodes: list[Node] = []
+        #: Of each node: its table, and the field that counts the events in it.
+        self._tables: list[Columns] = []
+        self._heads: list[np.ndarray] = []
         self._addresses: list[tuple[np.ndarray, np.ndarray]] = []
         self._ports: dict[bytes, int] = {}
         self._seen: Seen | None = None
@@ -79,6 +83,8 @@ class VirtualWorld:
         if not self._nodes:
             self._ports = {port.mac: port.index for port in ports}
         self._nodes.append(node)
+        self._tables.append(node.columns)
+        self._heads.append(node.columns.engine["event_head"])
         self._addresses.append((addresses, indexes))
 
     def watch(self, seen: Seen) -> None:
@@ -87,9 +93,14 @@ class VirtualWorld:
             raise InternalError("the frames of a virtual world with several controllers cannot be watched")
         self._seen = seen
 
-    def run(self, seconds: float, *, until: Callable[[], bool] | None = None) -> bool:
-        """Let time pass; stops early, and says True, once ``until`` holds (looked at whenever something happened)."""
+    def run(self, seconds: float, *, until: Callable[[], bool] | None = None, look_ns: int | None = None) -> bool:
+        """Let time pass; stops early, and says True, once ``until`` holds.
+
+        It is looked at whenever something happened and, with ``look_ns``, that often between, where it may change
+        set points, too.
+        """
         end = self.now + round(seconds * 1e9)
+        look = None if look_ns is None else self.now + look_ns
         self._settle()
         while True:
             if until is not None and until():
@@ -101,31 +112,49 @@ class VirtualWorld:
             if flying is not None:
                 deadlines.append(flying)
             target = max(self.now, min([end, *deadlines]))
-            self.clock.now = self._cyclic(target)
+            if until is None or look_ns is None or look is None:
+                self.clock.now = self._cyclic(target)
+            else:
+                while look <= self.now:
+                    look += look_ns
+                if self._looking(target, until, look, look_ns):
+                    return True
             self._settle()
+
+    def _looking(self, target: int, until: Callable[[], bool], look: int, look_ns: int) -> bool:
+        """Ticks up to ``target``, or to the first event; ends early, with True, once ``until`` holds."""
+        heads = [int(head[0]) for head in self._heads]
+        while look < target:
+            self.clock.now = self._cyclic(look)
+            if [int(head[0]) for head in self._heads] != heads:
+                return False
+            look += look_ns
+            if until():
+                return True
+        self.clock.now = self._cyclic(target)
+        return False
 
     def _cyclic(self, target: int) -> int:
         """Ticks up to ``target``, or to the first event."""
         if target <= self.now:
             return self.now
         if len(self._nodes) == 1:
-            return run_alone(self._nodes[0].columns, self.now, target)
+            return run_alone(self._tables[0], self.now, target)
         if len(self._nodes) > 2:
             return self._cyclic_many(target)
-        (farm, controller), (here, there) = self._nodes, self._addresses
+        (farm, controller), (here, there) = self._tables, self._addresses
         if self._seen is not None:
             return self._cyclic_seen(target, self._seen)
-        return run_virtual(farm.columns, controller.columns, *here, *there, self.now, target)
+        return run_virtual(farm, controller, *here, *there, self.now, target)
 
     def _cyclic_many(self, target: int) -> int:
         """:func:`run_virtual` with several controllers, each in turn."""
-        farm, *controllers = (node.columns for node in self._nodes)
+        farm, *controllers = self._tables
         here, *there = self._addresses
-        tables = (farm, *controllers)
-        heads = [int(columns.engine[0].event_head) for columns in tables]
+        heads = [int(head[0]) for head in self._heads]
         now = self.now
-        while now < target and [int(columns.engine[0].event_head) for columns in tables] == heads:
-            now = min(target, *(int(next_due(columns, now)) for columns in tables))
+        while now < target and [int(head[0]) for head in self._heads] == heads:
+            now = min(target, *(int(next_due(columns, now)) for columns in self._tables))
             for controller in controllers:
                 receive(farm, deliver(controller, tick(controller, 0, now), farm, *here, now))
             sent = tick(farm, 0, now)
@@ -135,10 +164,10 @@ class VirtualWorld:
 
     def _cyclic_seen(self, target: int, seen: Seen) -> int:
         """:func:`run_virtual`, step by step, with each frame shown on its way."""
-        (farm, controller), (here, there) = (node.columns for node in self._nodes), self._addresses
-        heads = int(farm.engine[0].event_head), int(controller.engine[0].event_head)
+        (farm, controller), (here, there) = self._tables, self._addresses
+        heads = [int(head[0]) for head in self._heads]
         now, waiting = self.now, 0
-        while now < target and (int(farm.engine[0].event_head), int(controller.engine[0].event_head)) == heads:
+        while now < target and [int(head[0]) for head in self._heads] == heads:
             now = min(int(next_due(farm, now)), int(next_due(controller, now)), target)
             sent = tick(controller, waiting, now)
             for row in controller.tx_row[:sent]:

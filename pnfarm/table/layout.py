@@ -87,6 +87,8 @@ class Layout:
             ],
             align=True,
         )
+        # one object for all tables: Numba, which looks at the type of each argument of each call, compares no fields
+        self._record = np.dtype((np.record, self.dtype))
 
     def path(self, key: str) -> tuple[str, ...]:
         """The names that lead from a row to the field ``key``."""
@@ -107,7 +109,7 @@ class Layout:
 
     def allocate(self, rows: int) -> Any:
         """``rows`` fresh rows as a record array: ``row.field`` works compiled and interpreted alike."""
-        table: Any = np.zeros(rows, self.dtype).view(np.recarray)
+        table: Any = np.zeros(rows, self._record).view(np.recarray)
         for key, field in self.fields.items():
             if field.default:
                 self.write(table, key, field.default)

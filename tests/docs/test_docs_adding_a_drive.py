@@ -135,10 +135,7 @@ def test_it_goes_to_positions_by_telegram_9(drive_folder):
 
     def reaches(target):
         moves = int(line.plc.columns.program[0].moves)
-        begun = line.world.now
-        while int(line.plc.columns.program[0].moves) == moves:
-            line.run(0.001)
-            assert line.world.now - begun < 10e9
+        assert line.world.run(10.0, until=lambda: line.plc.columns.program[0].moves > moves, look_ns=1_000_000)
         line.run(0.04)
         assert float(axis_of(line).motor.position - axis_of(line).homing.origin) == pytest.approx(target, abs=0.01)
 

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from virtual_pair import Pair
+from virtual_pair import ROWS, Pair
 
 from pnfarm.engine.columns import RX_BATCH
 from pnfarm.engine.tick import receive
 from pnfarm.table.channel import FRAME_SLOT
+from pnfarm.table.compiled import IS_COMPILED
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What an inner run takes: all but the tests that start one.
@@ -23,7 +24,7 @@ def test_random_and_mutated_frames_never_disturb_anything_but_counters():
     pair.run(0.05)
     random = np.random.default_rng(8892)
     good = pair.controller.frames[0].copy()
-    rounds = 4 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 100
+    rounds = 100 if IS_COMPILED else 4
     for _ in range(rounds):
         frames = random.integers(0, 256, (RX_BATCH, FRAME_SLOT), dtype=np.uint8)
         frames[::2] = good
@@ -41,6 +42,24 @@ def test_random_and_mutated_frames_never_disturb_anything_but_counters():
     assert engine.unknown > 0
     pair.run(0.3)
     assert (pair.farm.axis.drive.state[:4] == 4).all()
+
+
+if not IS_COMPILED:
+
+    def test_interpreted_on_records_and_on_objects_in_their_place_a_run_comes_to_the_same_octets():
+        pairs = [Pair(drives=2, hold=3, records=records) for records in (True, False)]
+        for pair in pairs:
+            pair.run(0.13)
+            pair.controller.ppm[0].active = 0
+            pair.run(0.02)
+        on_records, on_objects = pairs
+        assert on_objects.events == on_records.events
+        assert on_records.seen("expired")
+        for side in ("farm", "controller"):
+            one, other = getattr(on_records, side), getattr(on_objects, side)
+            for name in ROWS:
+                assert getattr(other, name).tobytes() == getattr(one, name).tobytes(), f"{side} {name}"
+            assert (other.frames == one.frames).all()
 
 
 def inner(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:

@@ -37,9 +37,7 @@ def moves(line, drive=0):
 def run_until(line, condition, seconds=20.0):
     """Virtual seconds until it holds, to a cycle or so."""
     begun = line.world.now
-    while not condition():
-        line.run(0.001)
-        assert line.world.now - begun < seconds * 1e9, line.reasons()
+    assert line.world.run(seconds, until=condition, look_ns=1_000_000), line.reasons()
     return (line.world.now - begun) / 1e9
 
 

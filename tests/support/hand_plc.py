@@ -38,10 +38,27 @@ class HandPlc(VirtualLine):
         self.wait(30)
 
     def wait(self, milliseconds: int = 1) -> None:
-        for _ in range(milliseconds):
-            self.life = 1 + self.life % 15
-            self.image.sent[SETPOINT_SLOTS["STW2"]] = self.life << 12 | self.stw2
-            self.run(self.FRAME)
+        self._frames(milliseconds, lambda: False)
+
+    def _frames(self, most: int, condition: Callable[[], bool]) -> bool:
+        """Let frames pass, and count the sign of life before each, until the condition holds between two of them."""
+        frame = round(self.FRAME * 1e9)
+        due = self.world.now
+        end = due + most * frame
+
+        def between() -> bool:
+            nonlocal due
+            if self.world.now < due:
+                return False
+            if condition():
+                return True
+            if due < end:
+                self.life = 1 + self.life % 15
+                self.image.sent[SETPOINT_SLOTS["STW2"]] = self.life << 12 | self.stw2
+            due += frame
+            return False
+
+        return self.world.run(most * self.FRAME, until=between, look_ns=frame)
 
     def put(self, *, wait: int = 4, **signals: int) -> int:
         """Set points by name; ZSW1 some milliseconds later, when the drive's answer is there."""
@@ -65,10 +82,9 @@ class HandPlc(VirtualLine):
 
     def wait_for(self, condition: Callable[[], bool], most: int = 5000) -> int:
         """Milliseconds until it holds."""
-        for milliseconds in range(most):
-            if condition():
-                return milliseconds
-            self.wait()
+        begun = self.world.now
+        if self._frames(most, condition):
+            return round((self.world.now - begun) / self.FRAME / 1e9)
         raise AssertionError(f"ZSW1 0x{self['ZSW1']:04X}, S{int(self.axis.drive.state)}")
 
     def switch_on(self, *, operation: int) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["PlainRecord", "octets", "plain"]
+__all__ = ["PlainRecord", "keep_rows", "octets", "plain", "plain_rows"]
 
 _CODES = {"u1": "B", "u2": "H", "u4": "I", "u8": "Q", "i1": "b", "i2": "h", "i4": "i", "i8": "q", "f8": "d"}
 
@@ -87,6 +87,23 @@ def octets(stand_in: PlainRecord, kind: np.dtype[Any]) -> bytes:
     flat: list[Any] = []
     _flatten(kind, stand_in, flat)
     return _codec(kind).pack(*flat)
+
+
+def plain_rows(rows: Any) -> np.ndarray:
+    """The rows of a record array: objects in an array, so that ``rows[i].field`` and ``rows.shape`` work as ever."""
+    held = np.empty(len(rows), object)
+    held[:] = [plain(row) for row in rows]
+    return held
+
+
+def keep_rows(stand_ins: np.ndarray, rows: Any) -> None:
+    """Put what became of :func:`plain_rows` into the record array that they were read from.
+
+    Raises:
+        AttributeError, struct.error: see :func:`octets`.
+    """
+    held = b"".join(octets(stand_in, rows.dtype) for stand_in in stand_ins)
+    rows[:] = np.frombuffer(held, rows.dtype)
 
 
 def _flatten(kind: np.dtype[Any], stand_in: PlainRecord, flat: list[Any]) -> None:

@@ -91,7 +91,7 @@ def test_a_storm_that_does_not_wait_fills_the_queue_and_counts_what_it_could_not
 )
 def test_a_storm_that_says_a_submodule_went_or_came_ends_with_how_it_is(line, said, wait):
     fault = line.add("alarm-storm", params={"type": said, "wait": wait, "interval": "200us"})
-    line.run(0.2)
+    line.run(0.02)
     assert fault.evidence().activations > 1
     line.clear(fault.id)
     line.run(1.0)
