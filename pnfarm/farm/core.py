@@ -144,7 +144,9 @@ class FarmCore:
         }
         self._segment_of = {s.port.index: self._segments[s.model.bus] for s in self.stations}
         #: What is injected into the drives.
-        self.injections = make_manager(self, gate, clock)
+        self.injections = make_manager(
+            self.stations, self.columns, self.impairments, gate, settle=self.settle, log=log, clock=clock
+        )
         gate.set_receiver(self.receive)
         if isinstance(innermost := unwrap(link), MemoryLink):
             innermost.set_audience(self._audience)

@@ -15,28 +15,43 @@ from pnfarm.faults.manager import InjectionManager
 from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    from pnfarm.farm.core import FarmCore
+    from pnfarm.engine.columns import Columns
+    from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.farm.file.expand import DriveConfig
     from pnfarm.farm.file.sections import Impairment
     from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.links.base import Clock
+    from pnfarm.station.event_log import EventLog
+    from pnfarm.station.station import Station
 
 __all__ = ["add_impairments", "make_manager"]
 
 
-def make_manager(core: FarmCore, gate: GatedLink, clock: Clock) -> InjectionManager:
-    """The manager of a farm whose stations stand behind ``gate``."""
+def make_manager(
+    stations: Sequence[Station],
+    columns: Columns,
+    impairments: ImpairmentTable,
+    gate: GatedLink,
+    *,
+    settle: Callable[[Station, int], None],
+    log: EventLog,
+    clock: Clock,
+) -> InjectionManager:
+    """The manager of a farm whose ``stations`` are behind ``gate``.
+
+    ``settle(station, now)`` lets a station finish what an injection began.
+    """
 
     def not_changed(drive: str, reason: str) -> None:
-        core.log.record(clock(), drive, CarrierNotChanged(reason))
+        log.record(clock(), drive, CarrierNotChanged(reason))
 
     carriers = Carriers(gate.inner, not_changed)
     drives: dict[str, InjectedDrive] = {}
-    for station in core.stations:
-        host = InjectionHost(core.columns, core.impairments, gate, carriers, partial(core.settle, station))
+    for station in stations:
+        host = InjectionHost(columns, impairments, gate, carriers, partial(settle, station))
         drives[station.configured_name] = bus(station.model.bus).injected_drive(station.device, host)
     return InjectionManager(fault_kinds(), drives, gate)
 

@@ -11,8 +11,8 @@ from pnfarm.faults.effect import Chance, Effect, Window
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Needs
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["BreakingEffect"]
 
@@ -22,7 +22,7 @@ class BreakingEffect(Effect):
 
     needs: ClassVar[Needs] = (CONNECTION,)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._connection = drive.part(CONNECTION)
         self._chance = Chance(spec, drive, spec.count if spec.count or spec.for_ns else 1)

@@ -11,8 +11,8 @@ from pnfarm.faults.wire import WIRE
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Needs
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["CableEffect"]
 
@@ -22,7 +22,7 @@ class CableEffect(Effect):
 
     needs: ClassVar[Needs] = (WIRE,)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._wire = drive.part(WIRE)
         self._tally = Tally()
@@ -38,7 +38,7 @@ class CableEffect(Effect):
         return self._frames is not None
 
     def _pull(self, now: int) -> None:
-        spec = self.spec.model_copy(update={"count": None})
+        spec = self.spec.without("count")
         frames = Frames(spec, self.drive.name, self._wire, ("out", "in"))
         frames.begin(Window())
         self._frames = frames

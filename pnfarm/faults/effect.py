@@ -16,8 +16,8 @@ from pnfarm.faults.evidence import NOTHING, Evidence
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive, Part
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["POLL_NS", "Chance", "Effect", "Needs", "Tally", "Window", "seed_of"]
 
@@ -27,7 +27,7 @@ Needs: TypeAlias = "tuple[Part[Any], ...]"
 POLL_NS = 50_000_000
 
 
-def seed_of(spec: InjectionSpec, drive: str) -> int:
+def seed_of(spec: GivenInjection, drive: str) -> int:
     """A drive's own seed: other for each drive, the same whenever the injection's seed is."""
     digest = hashlib.sha256(f"{spec.seed or 0}\0{drive}".encode()).digest()
     return int.from_bytes(digest[:8], "big")
@@ -51,7 +51,7 @@ class Tally:
 class Chance:
     """``probability`` of each occurrence, up to ``count``."""
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive, count: int | None) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive, count: int | None) -> None:
         self._probability = 1.0 if spec.probability is None else spec.probability
         self._random = SplitMix64(seed_of(spec, drive.name))
         self._count = count
@@ -84,7 +84,7 @@ class Effect(ABC):
     #: Whether the effect itself lets ``after_cycles`` healthy frames pass, exact to the frame.
     counts_frames = False
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         self.spec = spec
         self.drive = drive
         self.values = spec.values()

@@ -14,8 +14,8 @@ from pnfarm.table.impairment import LOSS
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Needs
     from pnfarm.faults.gate import FrameClasses
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
     from pnfarm.faults.wire import Wire
     from pnfarm.wire.direction import Direction
 
@@ -31,7 +31,7 @@ class Frames:
 
     def __init__(
         self,
-        spec: InjectionSpec,
+        spec: GivenInjection,
         drive: str,
         wire: Wire,
         directions: tuple[Direction, ...],
@@ -131,7 +131,7 @@ class FramesEffect(Effect):
     cyclic: ClassVar[int | None] = LOSS
     acyclic: ClassVar[FrameClasses | None] = EVERY_FRAME
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._cyclic, acyclic = self.acts_on()
         self._frames = Frames(spec, drive.name, drive.part(WIRE), spec.directions, cyclic=self._cyclic, acyclic=acyclic)

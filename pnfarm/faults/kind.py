@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.faults.effect import Effect
-    from pnfarm.faults.plan import InjectionSpec
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.wire.direction import Directions
 
 __all__ = ["EACH", "EVERY_DIRECTION", "FRAMES", "HELD", "OCTET", "WORD", "InjectionKind", "ParamSpec", "words_of"]
@@ -147,7 +147,7 @@ class ParamSpec:
         }
 
 
-def _no_misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
+def _no_misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
     del spec
     return ()
 
@@ -171,7 +171,7 @@ class InjectionKind:
     directions: tuple[Directions, ...] = ()
     takes: frozenset[str] = frozenset()
     preset: Mapping[str, Any] = field(default_factory=dict)
-    misfits: Callable[[InjectionSpec], Iterable[tuple[str, Problem]]] = _no_misfits
+    misfits: Callable[[GivenInjection], Iterable[tuple[str, Problem]]] = _no_misfits
     place: int = 1000
 
     def as_dict(self) -> dict[str, Any]:

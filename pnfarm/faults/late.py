@@ -10,8 +10,8 @@ from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["LATE_PARAMS", "LateEffect"]
 
@@ -24,7 +24,7 @@ LATE_PARAMS = {
 class LateEffect(Effect):
     """A :class:`~pnfarm.faults.gate.LateRule`: late by a fixed time, and up to ``jitter`` more."""
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._chance = Chance(spec, drive, spec.count)
         self._delay: int = self.values["delay"]

@@ -137,6 +137,10 @@ class InjectionSpec(BaseModel):
             raise PydanticCustomError("pnfarm-kind", "{what}", {"what": misfits[0][1], "misfits": misfits})
         return self
 
+    def without(self, *fields: str) -> Self:
+        """The same, as if these fields had been left out; of those that are None then."""
+        return self.model_copy(update=dict.fromkeys(fields))
+
     def values(self) -> dict[str, Any]:
         """Every parameter of the kind as its effect uses it: given, preset or default."""
         kind = self.kind

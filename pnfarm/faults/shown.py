@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from pnfarm.faults.connection import Status
     from pnfarm.faults.effect import Needs
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["ShownEffect", "StandingEffect"]
 
@@ -25,7 +25,7 @@ class ShownEffect(Effect):
     needs: ClassVar[Needs] = (SERVO, CONNECTION)
     status: Status | None = None
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._servo = drive.part(SERVO)
         self._connection = drive.part(CONNECTION)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from pnfarm.faults.effect import Window
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["HOLD", "KINDS", "DriveFault", "stays_or_comes_again"]
 
@@ -30,7 +30,7 @@ class DriveFault(ShownEffect):
 
     status = Status.FAULT
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._hold = bool(self.values["hold"]) or spec.for_ns is not None or spec.cycles is not None
         self._fault = self._servo.find_fault(self.values["fault"])
@@ -94,7 +94,7 @@ class DriveFault(ShownEffect):
             self._servo.release_fault(self._fault)
 
 
-def stays_or_comes_again(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
+def stays_or_comes_again(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
     """A cause that stays gives the fault no chance to come again."""
     stays = spec.params.get("hold") is True or spec.for_ns is not None or spec.cycles is not None
     if spec.count is not None and stays:

@@ -10,8 +10,8 @@ from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS"]
 
@@ -21,7 +21,7 @@ class DriveWarning(StandingEffect):
 
     status = Status.WARNING
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._warning = self._servo.find_fault(self.values["warning"])
         if not self._warning.warning:

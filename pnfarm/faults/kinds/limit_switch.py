@@ -9,8 +9,8 @@ from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS"]
 
@@ -18,7 +18,7 @@ __all__ = ["KINDS"]
 class LimitSwitch(StandingEffect):
     """Confirmed by the drive's warning, if its manual names one."""
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._side = str(self.values["side"])
         self.status = Status.WARNING if self._servo.warns_of_limit(self._side) else None

@@ -8,8 +8,8 @@ from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS", "AddedLoad"]
 
@@ -19,7 +19,7 @@ _ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
 class AddedLoad(StandingEffect):
     """Torque, inertia and friction beside those that are there."""
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._torque, self._inertia, self._friction = (
             float(self.values[name]) for name in ("torque", "inertia", "friction")

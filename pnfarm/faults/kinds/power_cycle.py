@@ -11,8 +11,8 @@ from pnfarm.faults.servo import SERVO
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS"]
 
@@ -22,7 +22,7 @@ class PowerCycle(Effect):
 
     needs = (SERVO, CONNECTION)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._servo = drive.part(SERVO)
         self._connection = drive.part(CONNECTION)

@@ -12,8 +12,8 @@ from pnfarm.faults.wire import WIRE
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS"]
 
@@ -26,7 +26,7 @@ class Timeout(Effect):
 
     needs = (WIRE, CONNECTION)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._wire = drive.part(WIRE)
         self._connection = drive.part(CONNECTION)
@@ -56,7 +56,7 @@ class Timeout(Effect):
             happens = self._chance.falls()
             self._chance.tally.note(now, happened=happens)
             if happens:
-                spec = self.spec.model_copy(update={"probability": None, "count": None})
+                spec = self.spec.without("probability", "count")
                 frames = Frames(spec, self.drive.name, self._wire, ("out",))
                 frames.begin(Window())
                 self._frames, self._keys = frames, standing

@@ -10,8 +10,8 @@ from pnfarm.faults.servo import SERVO
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 
 class Hiccup(Effect):
@@ -19,7 +19,7 @@ class Hiccup(Effect):
 
     needs = (SERVO,)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._servo = drive.part(SERVO)
         self._tally = Tally()

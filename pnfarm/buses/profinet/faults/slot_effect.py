@@ -11,8 +11,8 @@ from pnfarm.protocols.profinet.wire.alarms import AlarmType
 
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Window
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
     from pnfarm.protocols.profinet.events import AlarmConfirmed
 
 __all__ = ["ONE_SUBSLOT", "SLOT", "SUBSLOT", "SlotEffect"]
@@ -27,7 +27,7 @@ _GONE = frozenset({AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG_WRONG_S
 class SlotEffect(ToldEffect):
     """Confirmed by the alarms that say that a submodule is gone or wrong."""
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         _, slot, _ = self._modules.place(self.values["slot"], None)
         given = {name: self.values[name] for name in ("telegram", "ident", "substitute") if name in self.values}

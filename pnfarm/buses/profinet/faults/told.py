@@ -13,8 +13,8 @@ from pnfarm.faults.effect import POLL_NS, Effect, Tally
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Needs
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
     from pnfarm.protocols.profinet.events import AlarmConfirmed
 
 __all__ = ["ToldEffect"]
@@ -25,7 +25,7 @@ class ToldEffect(Effect):
 
     needs: ClassVar[Needs] = (CONNECTION, ALARMS, MODULES)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._connection = drive.part(CONNECTION)
         self._alarms = drive.part(ALARMS)

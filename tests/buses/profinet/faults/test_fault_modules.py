@@ -97,7 +97,7 @@ def test_a_wrong_module_has_an_ident_that_the_drive_does_not_know(line):
     line.run(0.1)
     ((slot, ident, subs),) = diff(line)
     assert (slot, sorted(subs)) == (1, [1, 2])
-    assert station(line).model.telegram_by_module(ident) is None
+    assert station(line).model.profidrive.telegram_by_module(ident) is None
     assert alarms(line) == [f"wrong submodule plugged on slot 1 subslot 0x000{n}" for n in (1, 2)]
     assert fault.evidence().confirmed
     line.clear(fault.id)
@@ -109,7 +109,7 @@ def test_a_wrong_module_has_an_ident_that_the_drive_does_not_know(line):
 def test_the_wrong_module_may_be_another_telegrams_or_of_any_ident(line, params, ident):
     line.add("module-wrong", params=params)
     line.run(0.1)
-    wanted = ident or station(line).model.telegrams[9].module.ident
+    wanted = ident or station(line).model.profidrive.telegrams[9].module.ident
     assert [(slot, found) for slot, found, _ in diff(line)] == [(1, wanted)]
 
 

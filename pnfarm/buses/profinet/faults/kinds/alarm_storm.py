@@ -15,8 +15,8 @@ from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
     from pnfarm.protocols.profinet.events import AlarmConfirmed
 
 __all__ = ["KINDS"]
@@ -30,7 +30,7 @@ class AlarmStorm(Effect):
 
     needs = (CONNECTION, ALARMS, MODULES)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._connection = drive.part(CONNECTION)
         self._alarms = drive.part(ALARMS)

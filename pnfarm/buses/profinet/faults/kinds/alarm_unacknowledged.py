@@ -16,8 +16,8 @@ from pnfarm.faults.kind import EACH, InjectionKind, ParamSpec
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS"]
 
@@ -27,7 +27,7 @@ class AlarmUnacknowledged(Effect):
 
     needs = (CONNECTION, PROFINET_FRAMES, ALARMS, MODULES)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._connection = drive.part(CONNECTION)
         self._wire = drive.part(PROFINET_FRAMES)

@@ -11,8 +11,8 @@ from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
     from pnfarm.protocols.profinet.errors import PnioStatus
 
 __all__ = ["KINDS"]
@@ -23,7 +23,7 @@ class ConnectRefuse(Effect):
 
     needs = (SET_UP,)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._set_up = drive.part(SET_UP)
         self._chance = Chance(spec, drive, spec.count)

@@ -17,8 +17,8 @@ from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Window
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
     from pnfarm.protocols.profinet.ar import ExpectedKey
     from pnfarm.protocols.profinet.events import AlarmConfirmed
 
@@ -45,7 +45,7 @@ class Diagnosis(ToldEffect):
 
     needs = (*ToldEffect.needs, DIAGNOSES)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._diagnoses = drive.part(DIAGNOSES)
         self._entry = _entry(self.values, self._modules.place(self.values["slot"], self.values["subslot"]))

@@ -10,8 +10,8 @@ from pnfarm.faults.kind import EACH, InjectionKind, ParamSpec
 
 if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS", "LateReady"]
 
@@ -21,7 +21,7 @@ class LateReady(Effect):
 
     needs = (SET_UP,)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._set_up = drive.part(SET_UP)
         self._chance = Chance(spec, drive, spec.count)

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS"]
 
@@ -37,7 +37,7 @@ class Refusal(Effect):
 
     needs = (RECORDS,)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._records = drive.part(RECORDS)
         self._tally = Tally()

@@ -12,8 +12,8 @@ from pnfarm.faults.late import LATE_PARAMS, LateEffect
 
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Window
+    from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["KINDS"]
 
@@ -23,7 +23,7 @@ class RpcDelay(LateEffect):
 
     needs = (PROFINET_FRAMES,)
 
-    def __init__(self, spec: InjectionSpec, drive: InjectedDrive) -> None:
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._wire = drive.part(PROFINET_FRAMES)
         self._rule = DelayRule(frozenset({RPC}), self)

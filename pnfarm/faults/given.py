@@ -1,0 +1,49 @@
+"""What an effect reads of the injection that it carries out: the fields of :class:`pnfarm.faults.plan.InjectionSpec`.
+
+Why a type of its own: a kind names its effect, and an injection its kind; so an effect must not need the injection's
+class.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.wire.direction import Direction
+
+__all__ = ["GivenInjection"]
+
+
+class GivenInjection(Protocol):
+    """Times are nanoseconds; None is a field that was left out."""
+
+    @property
+    def params(self) -> Mapping[str, Any]:
+        """The kind's parameters as they were given."""
+        ...
+
+    @property
+    def probability(self) -> float | None: ...
+    @property
+    def seed(self) -> int | None: ...
+    @property
+    def count(self) -> int | None: ...
+    @property
+    def for_ns(self) -> int | None: ...
+    @property
+    def cycles(self) -> int | None: ...
+
+    @property
+    def directions(self) -> tuple[Direction, ...]:
+        """Those in force; empty for a kind that has none."""
+        ...
+
+    def without(self, *fields: str) -> Self:
+        """The same, as if these fields had been left out."""
+        ...
+
+    def values(self) -> dict[str, Any]:
+        """Every parameter of the kind as its effect uses it: given, preset or default."""
+        ...
