@@ -51,7 +51,7 @@ def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
     # most of the machine code is there, as after a change in one file
     python("-m", "pnfarm.engine.warm", NUMBA_DISABLE_JIT="0")
     shutil.copytree(cache_directory(), tmp_path, dirs_exist_ok=True)
-    for place in tmp_path.glob("table.columns-*"):
+    for place in tmp_path.glob("engine.columns-*"):
         shutil.rmtree(place)
     settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
     warming = python("-m", "pnfarm.engine.warm", "--progress", **settings)
@@ -61,7 +61,7 @@ def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
     assert told
     assert [int(done) for done, _ in told] == list(range(1, len(told) + 1))
     made = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nb*")}
-    assert list(tmp_path.glob("table.columns-*/*.nbi"))
+    assert list(tmp_path.glob("engine.columns-*/*.nbi"))
     run = python("-c", FARM, **settings)
     assert run.returncode == 0, run.stderr
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.nb*")} == made

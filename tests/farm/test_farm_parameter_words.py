@@ -12,7 +12,7 @@ from virtual_line import VirtualLine
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.table.signals import PKW_HEAD, STW1, XIST_A, ZSW1
+from pnfarm.table.signals import PKW_HEAD, PKW_VALUE, STW1, XIST_A, ZSW1
 
 CYCLE = 0.002
 
@@ -67,6 +67,18 @@ def test_the_channel_maps_the_words_behind_it_while_they_are_exchanged():
     line.run(0.01)
     data = station.device.channels.io_data(1, 2, False).data
     assert int.from_bytes(data[12:16], "big") == int(image.sent[XIST_A]) == 5 * 65536
+
+
+def test_task_0_takes_the_identifier_away_and_leaves_the_value_of_a_write_until_it_is_answered():
+    """A telegram that is filled while task 0 is put never writes its value 0."""
+    line = line_of()
+    assert ask(line, Pkw(2, 918, value=9)) == Pkw(1, 918, value=9)
+    image = line.plc.columns.image[0]
+    line.plc.put_parameter_task("axis-01", NO_TASK)
+    assert int(image.sent[PKW_HEAD]) >> 16 == 0
+    assert int(image.sent[PKW_VALUE]) == 9
+    assert ask(line, NO_TASK) == NO_TASK
+    assert line.farm.stations[0].store.get("P-0918") == 9
 
 
 def test_a_telegram_without_the_channel_takes_no_task():

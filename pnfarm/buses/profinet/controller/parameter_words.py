@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.drives.profiles.profidrive.pkw import Pkw, emit_pkw, parse_pkw
+from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw, emit_pkw, parse_pkw
 from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 
 __all__ = ["parameter_answer", "put_parameter_task"]
 
+#: What stands beside parameter identifier and number (PKE) in its double word: the index (IND).
+_BELOW_IDENTIFIER = 0xFFFF
+
 
 def put_parameter_task(image: Any, task: Pkw) -> None:
-    """Let ``task`` stand in the telegrams of one drive, whose process image this is.
+    """Send ``task`` in the telegrams of one drive, whose process image this is.
 
-    The value goes before the identifier.  A master that puts task 0 between two others, and waits for its answer, can
-    be sure that no telegram brings the identifier of the one with the value of the other.
+    The engine may fill a telegram between any two of these writes.  So the value goes before the identifier, and task 0
+    clears the identifier alone.  A master that puts task 0 between two others, and waits for its answer, can be sure
+    that no telegram brings the identifier of the one with the value of the other.
     """
+    if task.identifier == NO_TASK.identifier:
+        image.sent[PKW_HEAD] = int(image.sent[PKW_HEAD]) & _BELOW_IDENTIFIER
+        return
     octets = emit_pkw(task)
     image.sent[PKW_VALUE] = int.from_bytes(octets[4:], "big", signed=True)
     image.sent[PKW_HEAD] = int.from_bytes(octets[:4], "big", signed=True)
