@@ -254,7 +254,7 @@ class ChannelTable:
             data[int(row.iops_offset[i])] = int(row.iops)
         return bytes(data)
 
-    def relay_provider(
+    def relayout_provider(
         self,
         number: int,
         words: Sequence[tuple[int, int]],
@@ -285,7 +285,7 @@ class ChannelTable:
         row.words = len(words)
         row.iops_count = len(iops)
 
-    def relay_consumer(
+    def relayout_consumer(
         self, number: int, words: Sequence[tuple[int, int]], iops: Sequence[int], *, feeds: bool
     ) -> None:
         """Take other words out of an open consumer's frames; what it no longer brings is invalid at once."""

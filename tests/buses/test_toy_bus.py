@@ -6,12 +6,14 @@ import asyncio
 import re
 from pathlib import Path
 
+import httpx
 import pytest
 import toybus
 from toybus.bus import TOYBUS
 from toybus.device import ToyConnected, ToyLost
 from toybus.frames import ETHERTYPE, Order, emit_order, frame, parse_report
 
+from pnfarm.api import make_app
 from pnfarm.api.schemas import Drive
 from pnfarm.buses import registry
 from pnfarm.cli.main import main
@@ -159,6 +161,26 @@ def test_what_only_the_other_bus_can_have_is_refused_with_the_reason(mixed):
         mixed.inject("alarm-storm", "toy-01")
     with pytest.raises(ConfigError, match="axis-01 has no reports"):
         mixed.inject("toy-mute", "axis-01")
+
+
+def test_its_routes_stand_in_the_api_beside_those_of_others(mixed):
+    mixed.run_it(0.5)
+    app = make_app(mixed.farm, now=lambda: mixed.world.now, poke=lambda: None)
+
+    def get(path: str) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            async with httpx.AsyncClient(
+                transport=httpx.ASGITransport(app), base_url="http://127.0.0.1:8702"
+            ) as client:
+                return await client.get(f"/api/v1/{path}")
+
+        return asyncio.run(ask())
+
+    assert [drive["name"] for drive in get("drives").json()["drives"]] == ["axis-01", "toy-01"]
+    assert get("drives/toy-01/orders").json() == {"orders": 70}
+    refused = get("drives/toy-01/modules")
+    assert (refused.status_code, refused.json()["detail"]) == (404, "toy-01 has no modules: it is a drive on toybus")
+    assert get("drives/axis-01/modules").status_code == 200
 
 
 def test_a_power_cycle_and_a_frame_of_the_other_bus_leave_it_well(mixed):

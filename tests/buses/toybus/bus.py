@@ -10,7 +10,9 @@ from toybus.command import toy_order
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pnfarm.buses.bus import DeviceServices, InjectionHost
+    from fastapi import FastAPI
+
+    from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
     from pnfarm.drives.model import Model
     from pnfarm.faults.kind import InjectionKind
     from pnfarm.faults.parts import InjectedDrive
@@ -49,6 +51,11 @@ class ToyBus:
 
     def commands(self) -> Iterable[Command]:
         return [Command("toy-order", Panel.CONTROLLER, toy_order, behind="plc")]
+
+    def add_routes(self, app: FastAPI, host: RouteHost) -> None:
+        @app.get("/api/v1/drives/{name}/orders")
+        def orders(name: str) -> dict[str, int]:
+            return {"orders": int(host.station(name).device.closed.received)}
 
 
 TOYBUS = ToyBus()

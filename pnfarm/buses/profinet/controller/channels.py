@@ -75,11 +75,11 @@ class SessionChannels:
             return
         output, inputs = session.layouts
         sent = channel_layout(output, session.plan.output_words, unusable)
-        self._table.relay_provider(session.provider, sent.words, sent.iops, sent.constants)
+        self._table.relayout_provider(session.provider, sent.words, sent.iops, sent.constants)
         taken = channel_layout(inputs, session.plan.input_words, unusable)
         carries = any(d.data_length for d in inputs.data)
         feeds = not carries or any(d.data_length and (d.api, d.slot, d.subslot) not in unusable for d in inputs.data)
-        self._table.relay_consumer(session.consumer, taken.words, taken.iops, feeds=feeds)
+        self._table.relayout_consumer(session.consumer, taken.words, taken.iops, feeds=feeds)
 
     def close(self, session: DeviceSession) -> None:
         """A row starts at zero for its next connection; what is counted of a drive does not."""

@@ -209,10 +209,10 @@ class StationChannels:
         ar.feeds = _feeds(ar, set_points)
         for row, cr in ar.providers:
             layout = channel_layout(cr, input_words, ar.bad)
-            self._channels.relay_provider(row, layout.words, layout.iops, layout.constants)
+            self._channels.relayout_provider(row, layout.words, layout.iops, layout.constants)
         for row, cr in ar.consumers:
             layout = channel_layout(cr, output_words, ar.bad)
-            self._channels.relay_consumer(row, layout.words, layout.iops, feeds=ar.feeds)
+            self._channels.relayout_consumer(row, layout.words, layout.iops, feeds=ar.feeds)
 
     def problem(self, key: int, *, there: bool) -> None:
         """Say in the DataStatus of an AR's frames whether the station has a problem."""
