@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
+    from pnfarm.captures.decoder import FrameDecoder
+    from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
     from pnfarm.engine.columns import Columns
     from pnfarm.engine.impairments import ImpairmentTable
@@ -132,6 +134,15 @@ class Bus(Protocol):
 
     def add_routes(self, app: FastAPI, host: RouteHost) -> None:
         """Add to the API what only drives on this bus have, with its types."""
+        ...
+
+    @property
+    def frame_families(self) -> Sequence[str]:
+        """Words for the families of this bus's frames in a capture; ``cyclic`` is every bus's word for cyclic data."""
+        ...
+
+    def decoder(self, capture: Capture) -> FrameDecoder:
+        """What says in words what the bus's frames of one capture are."""
         ...
 
     def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:

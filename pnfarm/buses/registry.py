@@ -11,16 +11,18 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.bus import PROFINET
+from pnfarm.captures.families import filter_words
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pnfarm.buses.bus import Bus
+    from pnfarm.captures.decoder import Decoder
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.terminal.command import Command
 
-__all__ = ["BUSES", "bus", "commands", "fault_kinds", "registered"]
+__all__ = ["BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_words", "registered"]
 
 _buses: dict[str, Bus] = {PROFINET.name: PROFINET}
 #: By name.
@@ -64,3 +66,17 @@ def fault_kinds() -> Catalogue:
 def commands() -> list[Command]:
     """The commands that the buses add to the program."""
     return [command for one in BUSES.values() for command in one.commands()]
+
+
+def frame_words() -> dict[str, frozenset[str]]:
+    """The words by which a capture's frames are chosen, and the families of frames that each stands for."""
+    return filter_words(family for one in BUSES.values() for family in one.frame_families)
+
+
+def decoder(*, gap_cycles: float = 3.0, every_frame: bool = False) -> Decoder:
+    """The decoder of one capture; the options are those of :class:`~pnfarm.captures.packet.Capture`."""
+    from pnfarm.captures.decoder import Decoder
+    from pnfarm.captures.packet import Capture
+
+    capture = Capture(gap_cycles=gap_cycles, every_frame=every_frame)
+    return Decoder(capture, {name: one.decoder(capture) for name, one in BUSES.items()})

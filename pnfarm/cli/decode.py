@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from pnfarm.buses import registry
+from pnfarm.errors import ConfigError
 
-    from pnfarm.buses.profinet.decode.decoder import Decoder, Line
-    from pnfarm.buses.profinet.decode.packet import Shared
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from pnfarm.captures.decoder import Decoder, Line
 
 __all__ = ["DecodeFormat", "decode"]
 
@@ -42,7 +44,7 @@ def decode(
         typer.Option(
             "--only",
             metavar="KIND",
-            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, ptcp, snmp, arp, icmp, other.",
+            help=f"Only frames of this kind: {', '.join(registry.frame_words())}.",
             show_default=False,
         ),
     ] = None,
@@ -61,18 +63,12 @@ def decode(
     output: Annotated[DecodeFormat, typer.Option("--format", help="How to print it.")] = DecodeFormat.TEXT,
 ) -> None:
     """Tell what is in a capture: connections, records, DCP, alarms, and what changed in the cyclic data."""
-    from pnfarm.buses.profinet.decode.decoder import Decoder
-    from pnfarm.buses.profinet.decode.reading import FrameReader
-    from pnfarm.errors import ConfigError
-    from pnfarm.links.bpf_capture import KINDS, atoms_of
+    from pnfarm.captures.reading import FrameReader
 
-    for word in only or ():
-        if word not in KINDS:
-            raise ConfigError(f"there is no kind of frame {word!r}; there are {', '.join(KINDS)}")
-    kinds = atoms_of(only or ()) - (frozenset() if only else {"other"})
-    decoder = Decoder(gap_cycles=gap, every_frame=every_frame)
+    families = _families(only or ())
+    decoder = registry.decoder(gap_cycles=gap, every_frame=every_frame)
     if farm is not None:
-        _know(farm, decoder.shared)
+        _know(farm, decoder)
     chosen = _Chosen(drive or (), decoder)
     reader = FrameReader(file)
     # a line is written when it is known; whoever reads along from a pipe gets it in time enough
@@ -81,7 +77,7 @@ def decode(
         lines = decoder.feed(frame)
         chosen.see(frame.data)
         for line in lines:
-            if not summary and line.family in kinds and chosen.wants(line):
+            if not summary and line.family in families and chosen.wants(line):
                 write(_text(line, decoder) if output is DecodeFormat.TEXT else f"{json.dumps(decoder.as_dict(line))}\n")
     if summary:
         _summary(decoder, drive or (), output)
@@ -92,6 +88,17 @@ def decode(
     if missing := chosen.missing():
         sys.stdout.flush()
         raise ConfigError(f"no station {missing[0]!r} speaks in {file}; {chosen.speakers()}")
+
+
+def _families(words: Sequence[str]) -> frozenset[str]:
+    """What these words let through; without any, all but what nobody knows."""
+    from pnfarm.captures.families import OTHER
+
+    known = registry.frame_words()
+    for word in words:
+        if word not in known:
+            raise ConfigError(f"there is no kind of frame {word!r}; there are {', '.join(known)}")
+    return frozenset[str]().union(*(known[word] for word in words or known)) - (frozenset() if words else {OTHER})
 
 
 def _mac(text: str) -> bytes | None:
@@ -152,62 +159,40 @@ class _Chosen:
 def _text(line: Line, decoder: Decoder) -> str:
     seconds, rest = divmod(line.time_ns, 1_000_000_000)
     moment = dt.datetime.fromtimestamp(seconds, dt.UTC).astimezone()
-    said = line.said
+    described = line.description
     return (
         f"{moment:%H:%M:%S}.{rest // 1000:06} {decoder.name(line.source)} -> {decoder.name(line.destination)} "
-        f"{said.what} {said.text}".rstrip()
+        f"{described.what} {described.text}".rstrip()
         + "\n"
     )
 
 
-def _know(path: Path, shared: Shared) -> None:
-    """Names, models and planned layouts of a farm file."""
-    from pnfarm.buses.profinet.decode.channels import make_template
+def _know(path: Path, decoder: Decoder) -> None:
+    """Names, models and planned connections of a farm file."""
+    from pnfarm.captures.decoder import PlannedDrive
     from pnfarm.cli.files import read
     from pnfarm.controller.plan import plan_devices
     from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import controller_mac, expand
-    from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
-    from pnfarm.protocols.profinet.wire.rpc import NIL_UUID
 
     config = read(path)
     drives = expand(config)
     models = [model_of(drive) for drive in drives]
+    stations = decoder.capture.stations
     for drive, model in zip(drives, models, strict=True):
-        shared.stations.learn(drive.mac, name=drive.name, ip=drive.ip.ip if drive.ip else None, model=model)
+        stations.learn(drive.mac, name=drive.name, ip=drive.ip.ip if drive.ip else None, model=model)
     section = config.controller
     if section is None:
         return
     mac = controller_mac(config)
     if mac is not None:
-        shared.stations.learn(mac, name=section.name, ip=section.ip.ip if section.ip else None)
-    for drive, model, plan in zip(drives, models, plan_devices(section, drives, models), strict=True):
-        telegram = next(
-            (
-                t
-                for t in model.profidrive.telegrams.values()
-                if t.module.ident in {s.module_ident for s in plan.submodules}
-            ),
-            None,
-        )
-        frames = plan_frames(
-            ArPlan(
-                vendor_id=plan.vendor_id,
-                device_id=plan.device_id,
-                instance=1,
-                controller_name=section.name,
-                controller_mac=mac or bytes(6),
-                controller_object_uuid=NIL_UUID,
-                ar_uuid=NIL_UUID,
-                session_key=0,
-                submodules=plan.submodules,
-                send_clock_factor=plan.send_clock_factor,
-                reduction_ratio=plan.reduction_ratio,
-                watchdog_factor=plan.watchdog_factor,
-            )
-        )
-        for layout in frames:
-            shared.templates[drive.mac, layout.is_input] = make_template(layout, telegram, model)
+        stations.learn(mac, name=section.name, ip=section.ip.ip if section.ip else None)
+    planned = [
+        PlannedDrive(drive.mac, model, plan)
+        for drive, model, plan in zip(drives, models, plan_devices(section, drives, models), strict=True)
+    ]
+    for bus, frames in decoder.buses.items():
+        frames.expect(section.name, mac or bytes(6), [one for one in planned if one.model.bus == bus])
 
 
 # -- the summary
@@ -216,7 +201,7 @@ def _know(path: Path, shared: Shared) -> None:
 def _summary(decoder: Decoder, stations: Iterable[str], output: DecodeFormat) -> None:
     from pnfarm.terminal.output import print_json, print_line
 
-    talks = decoder.conversations.as_list(decoder.shared)
+    talks = decoder.summary()
     asked = {mac.hex(":") if (mac := _mac(text)) is not None else text for text in stations}
     names = {decoder.name(mac) if (mac := _mac(text)) is not None else text for text in stations}
     if asked:

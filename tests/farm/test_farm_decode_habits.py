@@ -8,10 +8,10 @@ from dataclasses import replace
 from uuid import UUID
 
 import pytest
-from test_farm_decode import record, said
+from test_farm_decode import described, record
 
-from pnfarm.buses.profinet.decode.decoder import Decoder
-from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
+from pnfarm.buses.registry import decoder as make_decoder
+from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.protocols.profinet.wire.ptcp import PtcpPdu, PtcpTlv, TlvType, emit_ptcp
 
 
@@ -20,10 +20,10 @@ def start_up(tmp_path_factory):
     """The frames between axis-01 and its controller up to some cyclic ones, by what they are."""
     path = tmp_path_factory.mktemp("capture") / "line-1.pcapng"
     asyncio.run(record(path))
-    decoder = Decoder()
+    decoder = make_decoder()
     found = []
     for frame in FrameReader(path):
-        kinds = [line.said.what for line in decoder.feed(frame)]
+        kinds = [line.description.what for line in decoder.feed(frame)]
         ends = {decoder.name(frame.data[:6]), decoder.name(frame.data[6:12])}
         if "axis-02" not in ends and not frame.data[0] & 1:
             found.append((kinds[0] if kinds else "", frame))
@@ -37,7 +37,7 @@ def is_cyclic(frame: CapturedFrame) -> bool:
 
 
 def in_words(frames) -> list[str]:
-    return said([replace(frame, number=n) for n, frame in enumerate(frames)])
+    return described([replace(frame, number=n) for n, frame in enumerate(frames)])
 
 
 def test_cyclic_data_that_precede_the_answer_to_connect_are_read_by_what_was_asked_for(start_up):
@@ -91,14 +91,14 @@ def test_one_malformed_block_does_not_hide_the_others(start_up):
         changed(frame, b"\x00\x07axis-01\x00", b"\x00\xffaxis-01\x00") if kind == "Connect.res" else frame
         for kind, frame in start_up
     ]
-    decoder = Decoder()
+    decoder = make_decoder()
     lines = [line for n, frame in enumerate(frames) for line in decoder.feed(replace(frame, number=n))]
-    (line,) = [line.said for line in lines if line.said.what == "Connect.res"]
+    (line,) = [line.description for line in lines if line.description.what == "Connect.res"]
     assert line.text.startswith("OK, input frame id 0x8000, output frame id 0x8001; malformed block 0x8106: short: ")
-    begun = [line.said.text for line in lines if line.said.what == "cyclic data begin"]
+    begun = [line.description.text for line in lines if line.description.what == "cyclic data begin"]
     assert begun
     assert all("telegram 1" in text for text in begun)
-    talks = decoder.conversations.as_list(decoder.shared)
+    talks = decoder.summary()
     assert any(talk["counts"].get("malformed") == 1 for talk in talks)
 
 
@@ -139,21 +139,24 @@ PROBE = b"\x04\x00 is no call"
     ],
 )
 def test_a_datagram_that_is_no_call_is_other(ports, data, family):
-    (line,) = Decoder().feed(udp(*ports, data))
+    (line,) = make_decoder().feed(udp(*ports, data))
     assert line.family == family
     if family == "other":
-        assert (line.said.what, line.said.text) == ("UDP", f"port {ports[0]} -> {ports[1]}, {len(data)} octets")
+        assert (line.description.what, line.description.text) == (
+            "UDP",
+            f"port {ports[0]} -> {ports[1]}, {len(data)} octets",
+        )
 
 
 def test_what_comes_to_the_port_of_calls_and_is_cut_short_is_a_malformed_call():
-    (line,) = Decoder().feed(udp(5000, 34964, PROBE))
-    assert (line.family, line.said.what) == ("rpc", "malformed")
+    (line,) = make_decoder().feed(udp(5000, 34964, PROBE))
+    assert (line.family, line.description.what) == ("rpc", "malformed")
 
 
 def test_calls_are_calls_at_whatever_port(start_up):
-    decoder = Decoder()
+    decoder = make_decoder()
     lines = [line for n, (_, frame) in enumerate(start_up) for line in decoder.feed(replace(frame, number=n))]
-    ready = [line for line in lines if line.said.what.startswith("ApplicationReady")]
+    ready = [line for line in lines if line.description.what.startswith("ApplicationReady")]
     assert len(ready) == 2
     assert {line.family for line in ready} == {"rpc"}
 
@@ -161,10 +164,10 @@ def test_calls_are_calls_at_whatever_port(start_up):
 def test_a_long_datagram_that_is_no_call_is_other_once_it_is_whole():
     data = bytes(3000)
     datagram = struct.pack(">HHHH", 5000, 5001, 8 + len(data), 0) + data
-    decoder = Decoder()
+    decoder = make_decoder()
     assert decoder.feed(udp(5000, 5001, data, fragment=0x2000, part=datagram[:1480])) == []
     (line,) = decoder.feed(udp(5000, 5001, data, fragment=1480 // 8, part=datagram[1480:]))
-    assert (line.family, line.said.what) == ("other", "UDP")
+    assert (line.family, line.description.what) == ("other", "UDP")
 
 
 # -- PTCP
@@ -189,18 +192,18 @@ def synced(sequence: int, master: str) -> CapturedFrame:
 
 def test_the_measurement_of_a_cable_is_told_once_and_counted():
     frames = [CapturedFrame(n, n * 200_000_000, DELAY_REQUEST.ljust(60, b"\0")) for n in range(10)]
-    decoder = Decoder()
+    decoder = make_decoder()
     lines = [line for frame in frames for line in decoder.feed(frame)]
-    assert [(line.family, line.said.what) for line in lines] == [("ptcp", "PTCP")]
-    assert lines[0].said.text == "DelayReq, sequence 28, port 00:09:91:43:e0:68, further ones are only counted"
-    (talk,) = decoder.conversations.as_list(decoder.shared)
+    assert [(line.family, line.description.what) for line in lines] == [("ptcp", "PTCP")]
+    assert lines[0].description.text == "DelayReq, sequence 28, port 00:09:91:43:e0:68, further ones are only counted"
+    (talk,) = decoder.summary()
     assert talk["families"] == {"ptcp": 10}
     assert talk["cyclic"] == []
 
 
 def test_another_master_of_the_clock_is_told():
     masters = ["020000000001"] * 3 + ["020000000002"] * 3
-    found = said([synced(n, master) for n, master in enumerate(masters, 1)])
+    found = described([synced(n, master) for n, master in enumerate(masters, 1)])
     assert [line.partition(", domain")[0] for line in found] == [
         "PTCP RTSync (clock), sequence 1, master 02:00:00:00:00:01",
         "PTCP RTSync (clock), sequence 4, master 02:00:00:00:00:02",
@@ -208,12 +211,12 @@ def test_another_master_of_the_clock_is_told():
 
 
 def test_every_frame_of_ptcp_is_a_line_when_asked_for():
-    decoder = Decoder(every_frame=True)
+    decoder = make_decoder(every_frame=True)
     lines = [line for n in range(1, 6) for line in decoder.feed(synced(n, "020000000001"))]
     assert len(lines) == 5
-    assert "further ones" not in lines[0].said.text
+    assert "further ones" not in lines[0].description.text
 
 
 def test_a_cut_ptcp_frame_is_malformed():
-    (line,) = Decoder().feed(CapturedFrame(1, 0, DELAY_REQUEST[:30]))
-    assert (line.family, line.said.what) == ("ptcp", "malformed")
+    (line,) = make_decoder().feed(CapturedFrame(1, 0, DELAY_REQUEST[:30]))
+    assert (line.family, line.description.what) == ("ptcp", "malformed")

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from uuid import UUID
 
-from pnfarm.buses.profinet.decode.decoder import Decoder
-from pnfarm.buses.profinet.decode.reading import CapturedFrame, FrameReader
 from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull_module
+from pnfarm.buses.registry import decoder as make_decoder
+from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.rpc_events import CallKey
@@ -41,13 +41,13 @@ class DecoderMachine(Machine):
     name = "decoder"
 
     def start(self, rng):
-        self.decoder = Decoder(every_frame=rng.random() < 0.5)
+        self.decoder = make_decoder(every_frame=rng.random() < 0.5)
         self.number = self.lines = 0
         self.time = 10**18
 
     def revive(self, rng):
         self.time += rng.choice((1, 10**6, 10**9, -(10**9)))
-        entries, _ = holdings([self.decoder.shared, self.decoder.conversations, self.decoder._groups])
+        entries, _ = holdings(self.decoder)
         assert entries < DECODER_ENTRIES, f"the decoder holds {entries} entries"
 
     def next_input(self, rng):
@@ -63,7 +63,7 @@ class DecoderMachine(Machine):
         )
         for line in self.decoder.feed(frame):
             json.dumps(self.decoder.as_dict(line))
-            assert isinstance(f"{self.decoder.name(line.source)} {line.said.what} {line.said.text}", str)
+            assert isinstance(f"{self.decoder.name(line.source)} {line.description.what} {line.description.text}", str)
             self.lines += 1
 
     def said(self):

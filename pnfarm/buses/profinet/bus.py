@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
+    from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.segment import ProfinetSegment
+    from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
     from pnfarm.faults.kind import InjectionKind
     from pnfarm.faults.parts import InjectedDrive
@@ -74,6 +76,15 @@ class Profinet:
         from pnfarm.buses.profinet.api.modules import add_modules
 
         add_modules(app, host)
+
+    @property
+    def frame_families(self) -> Sequence[str]:
+        return ("cyclic", "dcp", "rpc", "alarm", "lldp", "ptcp", "snmp")
+
+    def decoder(self, capture: Capture) -> ProfinetDecoder:
+        from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
+
+        return ProfinetDecoder(capture)
 
     def injected_drive(self, device: ProfinetDevice, host: InjectionHost) -> InjectedDrive:
         from pnfarm.buses.profinet.faults.drive import injected_drive

@@ -10,8 +10,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
-from pnfarm.buses.profinet.decode.packet import Call, Said
 from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
+from pnfarm.buses.profinet.decode.shared import Call
+from pnfarm.captures.neutral import ip_packet, udp_words
+from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
 from pnfarm.protocols.profinet.wire.block_words import blocks_in_line
@@ -43,17 +45,17 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_status,
     status_name,
 )
-from pnfarm.wire.ipv4 import PROTOCOL_UDP, Ipv4Packet, parse_ipv4
+from pnfarm.wire.ipv4 import PROTOCOL_UDP
 from pnfarm.wire.udp import parse_udp
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pnfarm.buses.profinet.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.shared import Shared
+    from pnfarm.captures.packet import Packet
     from pnfarm.protocols.profinet.wire.blocks_any import Block
-    from pnfarm.wire.udp import UdpDatagram
 
-__all__ = ["Call", "ip_packet", "is_call", "rpc", "udp_words"]
+__all__ = ["is_call", "rpc"]
 
 _RPC_VERSION = 4
 _RPC_HEAD = 80
@@ -96,27 +98,13 @@ def is_call(source_port: int, destination_port: int, data: bytes) -> bool:
     return len(data) >= _RPC_HEAD and data[_INTERFACE_TAIL] in _INTERFACE_TAILS
 
 
-def udp_words(datagram: UdpDatagram) -> Said:
-    """Ports and length of whatever else comes by UDP."""
-    return Said("UDP", f"port {datagram.source_port} -> {datagram.destination_port}, {len(datagram.data)} octets")
-
-
-def ip_packet(packet: Packet, shared: Shared) -> Ipv4Packet | None:
-    """The whole IP packet that a frame completes; None while fragments of it are missing."""
-    ip = parse_ipv4(packet.payload)
-    shared.stations.learn(packet.source, ip=ip.source)
-    if not (ip.more_fragments or ip.fragment_offset):
-        return ip
-    return shared.fragments.receive(ip, packet.time_ns)
-
-
-def rpc(packet: Packet, shared: Shared) -> Iterator[Said]:
+def rpc(packet: Packet, shared: Shared) -> Iterator[Description]:
     """One UDP datagram; :class:`DecodeError` where it is no call."""
-    ip = ip_packet(packet, shared)
+    ip = ip_packet(packet, shared.capture)
     if ip is None:
         return
     if ip.protocol != PROTOCOL_UDP:
-        yield Said("IP", f"protocol {ip.protocol}")
+        yield Description("IP", f"protocol {ip.protocol}")
         return
     datagram = parse_udp(ip.payload)
     if not is_call(datagram.source_port, datagram.destination_port, datagram.data):
@@ -126,12 +114,12 @@ def rpc(packet: Packet, shared: Shared) -> Iterator[Said]:
     pdu = parse_rpc(datagram.data)
     if pdu.interface == UUID_EPM:
         direction = _DIRECTIONS.get(pdu.kind, "")
-        yield Said(f"Lookup.{direction}" if direction else "Lookup", "of the endpoint mapper")
+        yield Description(f"Lookup.{direction}" if direction else "Lookup", "of the endpoint mapper")
         return
     yield from _pdu(pdu, packet, shared)
 
 
-def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Said]:
+def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Description]:
     key = (pdu.activity, pdu.sequence)
     call = shared.calls.get(key)
     service = _SERVICES.get(Opnum(pdu.opnum), "") if pdu.opnum <= max(Opnum) else f"operation {pdu.opnum}"
@@ -140,14 +128,14 @@ def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Said]:
             if call is None:
                 call = shared.calls[key] = Call(service, pdu.opnum, packet.source, packet.destination)
             elif call.answered or ((call.blocks or call.write) and not pdu.is_fragment):
-                yield Said(f"{service}.req", "again", {}, {"repeated": ""})
+                yield Description(f"{service}.req", "again", {}, {"repeated": ""})
                 return
             stub = _whole(pdu, call, request=True)
             if stub is not None:
                 yield from _request(stub, pdu, call, packet, shared)
         case PacketType.RESPONSE:
             if call is None:
-                yield Said(f"{service}.res", "its request is not in the capture")
+                yield Description(f"{service}.res", "its request is not in the capture")
                 return
             stub = _whole(pdu, call, request=False)
             if stub is not None:
@@ -156,12 +144,12 @@ def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Said]:
         case PacketType.FAULT | PacketType.REJECT:
             status = status_name(parse_status(pdu.body, little_endian=pdu.little_endian))
             name = PacketType(pdu.kind).name.lower()
-            yield Said(f"RPC {name}", f"of {service}: {status}", {}, {"faults": f"{name} {status}"})
+            yield Description(f"RPC {name}", f"of {service}: {status}", {}, {"faults": f"{name} {status}"})
         case PacketType.FACK | PacketType.ACK:
             return
         case _:
             name = PacketType(pdu.kind).name.lower() if pdu.kind <= max(PacketType) else f"type {pdu.kind}"
-            yield Said(f"RPC {name}", f"of {service}")
+            yield Description(f"RPC {name}", f"of {service}")
 
 
 def _whole(pdu: RpcPdu, call: Call, *, request: bool) -> bytes | None:
@@ -177,30 +165,30 @@ def _whole(pdu: RpcPdu, call: Call, *, request: bool) -> bytes | None:
 # -- requests
 
 
-def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Shared) -> Iterator[Said]:
+def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Shared) -> Iterator[Description]:
     payload = parse_request_args(stub, little_endian=pdu.little_endian).payload
     what = f"{call.service}.req"
     match pdu.opnum:
         case Opnum.WRITE:
             call.write = parse_write_request(payload)
-            yield Said(what, _write(call.write, packet.destination, shared), {}, {"writes": ""})
+            yield Description(what, _write(call.write, packet.destination, shared), {}, {"writes": ""})
         case Opnum.READ | Opnum.READ_IMPLICIT:
             header = parse_read_request(payload)
-            yield Said(what, _place(header), _where(header), {"reads": ""})
+            yield Description(what, _place(header), _where(header), {"reads": ""})
         case Opnum.CONNECT:
             call.blocks, wrong = read_blocks(payload)
             yield _with_wrong(connect_request(call.blocks, pdu, packet, shared), wrong)
         case _:
             call.blocks, wrong = read_blocks(payload)
-            yield _with_wrong(Said(*_control(call.blocks, call.service, "req")), wrong)
+            yield _with_wrong(Description(*_control(call.blocks, call.service, "req")), wrong)
 
 
-def _with_wrong(said: Said, wrong: tuple[str, ...]) -> Said:
+def _with_wrong(description: Description, wrong: tuple[str, ...]) -> Description:
     """What a call says, and which of its blocks cannot be read."""
     if not wrong:
-        return said
-    text = f"{said.text}; malformed {'; malformed '.join(wrong[:MOST_RECORDS])}"
-    return replace(said, text=text.removeprefix("; "), counts={**said.counts, "malformed": wrong[0]})
+        return description
+    text = f"{description.text}; malformed {'; malformed '.join(wrong[:MOST_RECORDS])}"
+    return replace(description, text=text.removeprefix("; "), counts={**description.counts, "malformed": wrong[0]})
 
 
 def _write(write: WriteRequest, device: bytes, shared: Shared) -> str:
@@ -250,7 +238,7 @@ def _control(
 # -- responses
 
 
-def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[Said]:
+def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[Description]:
     args = parse_response_args(stub, little_endian=pdu.little_endian)
     what = f"{call.service}.res"
     if not args.status.ok:
@@ -263,29 +251,29 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
             yield _written(what, parse_write_response(args.payload), call)
         case Opnum.READ | Opnum.READ_IMPLICIT:
             read = parse_read_response(args.payload)
-            yield Said(what, _read(read.header, read.data, call, shared), _where(read.header))
+            yield Description(what, _read(read.header, read.data, call, shared), _where(read.header))
         case Opnum.CONNECT:
             blocks, wrong = read_blocks(args.payload)
             yield _with_wrong(connect_response(call.blocks, blocks, call.client, call.server, shared), wrong)
         case _:
             blocks, wrong = read_blocks(args.payload)
             what, text, details, _ = _control(blocks, call.service, "res")
-            yield _with_wrong(Said(what, f"OK, {text}", details), wrong)
+            yield _with_wrong(Description(what, f"OK, {text}", details), wrong)
 
 
-def _refused(what: str, status: PnioStatus, call: Call) -> Said:
+def _refused(what: str, status: PnioStatus, call: Call) -> Description:
     words = describe_status(status)
     counter = "refused" if call.opnum == Opnum.CONNECT else "record errors"
-    return Said(what, words, {"status": f"0x{int(status):08X}"}, {counter: words})
+    return Description(what, words, {"status": f"0x{int(status):08X}"}, {counter: words})
 
 
-def _written(what: str, headers: tuple[IodWriteResHeader, ...], call: Call) -> Said:
+def _written(what: str, headers: tuple[IodWriteResHeader, ...], call: Call) -> Description:
     records = headers[1:] if call.write is not None and call.write.multiple else headers
     bad = [f"{_place(h)}: {describe_status(h.status)}" for h in records if not h.status.ok]
     if bad:
-        return Said(what, "; ".join(bad[:MOST_RECORDS]), {}, {"record errors": bad[0]})
+        return Description(what, "; ".join(bad[:MOST_RECORDS]), {}, {"record errors": bad[0]})
     count = f"{len(records)} records" if len(records) > 1 else _place(records[0]) if records else ""
-    return Said(what, f"OK, {count}".rstrip(", "))
+    return Description(what, f"OK, {count}".rstrip(", "))
 
 
 def _read(header: IodReadResHeader, data: bytes, call: Call, shared: Shared) -> str:

@@ -6,7 +6,8 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegram_of
-from pnfarm.buses.profinet.decode.packet import Said
+from pnfarm.buses.profinet.decode.identity import learn_identity
+from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
 from pnfarm.protocols.profinet.wire.blocks_connect import (
     ArBlockReq,
@@ -28,7 +29,8 @@ from pnfarm.wire.rtc import SEND_CLOCK_NS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from pnfarm.buses.profinet.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.shared import Shared
+    from pnfarm.captures.packet import Packet
     from pnfarm.protocols.profinet.wire.blocks_any import Block
     from pnfarm.protocols.profinet.wire.rpc import RpcPdu
 
@@ -43,7 +45,7 @@ _AR_TYPES = {
 _DIRECTIONS = {IocrType.INPUT: "input", IocrType.OUTPUT: "output"}
 
 
-def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shared: Shared) -> Said:
+def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shared: Shared) -> Description:
     """What the controller wants.
 
     A device may send cyclic data before its answer: the layouts that were asked for are at hand from here on.
@@ -51,11 +53,12 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
     _ask(blocks, packet, shared)
     ar = next((b for b in blocks if isinstance(b, ArBlockReq)), None)
     if ar is None:
-        return Said("Connect.req", "without an AR block", {}, {"connects": ""})
+        return Description("Connect.req", "without an AR block", {}, {"connects": ""})
     shared.stations.learn(packet.source, name=ar.station_name.decode("latin-1"))
     # the object UUID ends in instance, device and vendor (IEC 61158-6-10, 4.10.3.2)
     node = pdu.object_uuid.bytes[10:]
-    shared.stations.learn_ident(packet.destination, int.from_bytes(node[4:6], "big"), int.from_bytes(node[2:4], "big"))
+    vendor, device = int.from_bytes(node[4:6], "big"), int.from_bytes(node[2:4], "big")
+    learn_identity(shared.stations, packet.destination, vendor, device)
     startup = "advanced" if ar.properties & ArProperties.STARTUP_MODE_ADVANCED else "legacy"
     kind = _AR_TYPES.get(ArType(ar.ar_type), "") if ar.ar_type in list(ArType) else f"type 0x{ar.ar_type:04X} "
     parts = [f"{kind}AR {str(ar.ar_uuid)[:8]}, {startup} start-up"]
@@ -68,7 +71,7 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
         if c.frame_id != FRAME_ID_ASSIGN and c.iocr_type in _DIRECTIONS
     ]
     details = {"ar": str(ar.ar_uuid), "session": ar.session_key, "startup": startup}
-    return Said("Connect.req", ", ".join(part for part in parts if part), details, {"connects": ""})
+    return Description("Connect.req", ", ".join(part for part in parts if part), details, {"connects": ""})
 
 
 def _ask(blocks: tuple[Block, ...], packet: Packet, shared: Shared) -> None:
@@ -111,7 +114,7 @@ def _expected(apis: tuple[ExpectedApi, ...], device: bytes, shared: Shared) -> s
 
 def connect_response(
     request: tuple[Block, ...], answer: tuple[Block, ...], controller: bytes, device: bytes, shared: Shared
-) -> Said:
+) -> Description:
     """What the device grants; from here on the cyclic frames can be read."""
     texts = ["OK"]
     for block in answer:
@@ -134,7 +137,7 @@ def connect_response(
             problems.append(f"layout of CR {iocr.iocr_reference} cannot be: {exc.detail}")
     texts += [f"{_DIRECTIONS[IocrType(c.iocr_type)]} frame id 0x{c.frame_id:04X}" for c in layouts]
     _open(layouts, _apis(request), controller, device, shared)
-    return Said("Connect.res", ", ".join([*texts, *problems]))
+    return Description("Connect.res", ", ".join([*texts, *problems]))
 
 
 def _open(

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.channels import Channel
-from pnfarm.buses.profinet.decode.packet import Said
+from pnfarm.captures.packet import Description
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
 from pnfarm.protocols.profinet.wire.rtc import (
@@ -26,7 +26,8 @@ from pnfarm.wire.rtc import SEND_CLOCK_NS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.buses.profinet.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.shared import Shared
+    from pnfarm.captures.packet import Packet
 
 __all__ = ["cyclic", "drive_state", "status_words"]
 
@@ -90,13 +91,13 @@ def _ioxs(value: int) -> str:
     return "good" if value & 0x80 else _IOXS.get(value & 0x60, f"0x{value:02X}")
 
 
-def cyclic(packet: Packet, shared: Shared) -> Iterator[Said]:
+def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     """One cyclic frame; most say nothing."""
     payload = packet.payload
     frame_id = payload[0] << 8 | payload[1]
     if len(payload) < 2 + STATUS_LENGTH:
         if shared.every_frame:
-            yield Said(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)
+            yield Description(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)
         return
     key = (packet.destination, packet.source, frame_id)
     channel = shared.channels.get(key)
@@ -125,9 +126,11 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Said]:
     first, channel.begun = not channel.begun, True
     channel.last_ns, channel.counter, channel.data, channel.status = packet.time_ns, counter, data, status
     if first:
-        yield Said("cyclic data begin", _first(channel, size), {"frame_id": frame_id, "octets": size})
+        yield Description("cyclic data begin", _first(channel, size), {"frame_id": frame_id, "octets": size})
     elif shared.every_frame:
-        yield Said("cyclic", f"0x{frame_id:04X} counter {counter} {_values(channel)}".rstrip(), {"frame_id": frame_id})
+        yield Description(
+            "cyclic", f"0x{frame_id:04X} counter {counter} {_values(channel)}".rstrip(), {"frame_id": frame_id}
+        )
 
 
 def _foreign(packet: Packet, frame_id: int, shared: Shared) -> Channel:
@@ -175,16 +178,16 @@ def _values(channel: Channel) -> str:
     return " ".join(texts)
 
 
-def _limited(channel: Channel, what: str, text: str, **details: object) -> Iterator[Said]:
+def _limited(channel: Channel, what: str, text: str, **details: object) -> Iterator[Description]:
     told = channel.told.get(what, 0) + 1
     channel.told[what] = told
     if told < MOST_LINES:
-        yield Said(what, text, details)
+        yield Description(what, text, details)
     elif told == MOST_LINES:
-        yield Said(what, f"{text}; further ones on this channel are not shown", details)
+        yield Description(what, f"{text}; further ones on this channel are not shown", details)
 
 
-def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[Said]:
+def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[Description]:
     """Interval and cycle counter."""
     passed = now - channel.last_ns
     ahead = (counter - channel.counter) & 0xFFFF
@@ -239,7 +242,7 @@ def _slack(channel: Channel) -> int:
     return max(20 * channel.cycle_ns, 100_000_000)
 
 
-def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Said]:
+def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Description]:
     template = channel.template
     if template is None:
         return

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.decode.packet import Said
+from pnfarm.buses.profinet.decode.identity import learn_identity
+from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.wire import dcp_blocks as blocks
 from pnfarm.protocols.profinet.wire.dcp import (
     SERVICE_GET,
@@ -20,7 +21,8 @@ from pnfarm.protocols.profinet.wire.dcp import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.buses.profinet.decode.packet import Packet, Shared
+    from pnfarm.buses.profinet.decode.shared import Shared
+    from pnfarm.captures.packet import Packet
 
 __all__ = ["dcp"]
 
@@ -49,7 +51,7 @@ _OPTIONS = {
 _KEPT = (blocks.NameBlock, blocks.IpParameterBlock, blocks.FullIpSuiteBlock)
 
 
-def dcp(packet: Packet, shared: Shared) -> Iterator[Said]:
+def dcp(packet: Packet, shared: Shared) -> Iterator[Description]:
     """One DCP frame; :class:`DecodeError` where it is none."""
     pdu = parse_dcp(packet.payload)
     service = _SERVICES.get(pdu.service_id, f"service {pdu.service_id}")
@@ -62,7 +64,7 @@ def dcp(packet: Packet, shared: Shared) -> Iterator[Said]:
         words = ["service not supported"]
     else:
         words = [_block(block, pdu) for block in pdu.blocks]
-    yield Said(what, ", ".join(words), {"xid": pdu.xid}, {what: ""})
+    yield Description(what, ", ".join(words), {"xid": pdu.xid}, {what: ""})
 
 
 def _learn(packet: Packet, pdu: DcpPdu, shared: Shared) -> None:
@@ -85,7 +87,7 @@ def _learn(packet: Packet, pdu: DcpPdu, shared: Shared) -> None:
             case blocks.IpParameterBlock(address):
                 stations.learn(packet.source, ip=address)
             case blocks.DeviceIdBlock(vendor, device):
-                stations.learn_ident(packet.source, vendor, device)
+                learn_identity(stations, packet.source, vendor, device)
 
 
 def _option(option: blocks.OptionId) -> str:

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from functools import cache
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from pnfarm.drives.catalogue import model as model_by_name
-from pnfarm.drives.catalogue import models
 from pnfarm.wire.mac import BROADCAST, format_mac, is_group
 
 if TYPE_CHECKING:
@@ -15,7 +12,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model import Model
 
-__all__ = ["Bounded", "Stations", "model_of_ident"]
+__all__ = ["Bounded", "Stations"]
 
 _K = TypeVar("_K")
 _V = TypeVar("_V")
@@ -37,16 +34,6 @@ class Bounded(OrderedDict[_K, _V], Generic[_K, _V]):
             self.popitem(last=False)
 
 
-@cache
-def model_of_ident(vendor_id: int, device_id: int) -> Model | None:
-    """The first model of this vendor and device number."""
-    for name in models():
-        found = model_by_name(name)
-        if (found.profidrive.identity.vendor_id, found.profidrive.identity.device_id) == (vendor_id, device_id):
-            return found
-    return None
-
-
 class Stations:
     """What was learned last counts, but a name from an interface of the capture gives way to every other."""
 
@@ -66,9 +53,9 @@ class Stations:
         if model is not None:
             self._models[mac] = model
 
-    def learn_ident(self, mac: bytes, vendor_id: int, device_id: int) -> None:
-        """A farm file's model, which may have another identity, stays."""
-        if mac not in self._models and (model := model_of_ident(vendor_id, device_id)) is not None:
+    def suppose(self, mac: bytes, model: Model) -> None:
+        """A model by its identity; a farm file's model, which may have another identity, stays."""
+        if mac not in self._models:
             self._models[mac] = model
 
     def guess(self, mac: bytes, name: str) -> None:

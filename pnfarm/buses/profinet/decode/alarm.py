@@ -1,0 +1,60 @@
+"""RTA-PDUs in words: the end of an AR, alarms, their acknowledgements, and the transport's own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.captures.packet import Description
+from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
+from pnfarm.protocols.profinet.wire.alarm_words import alarm_in_words
+from pnfarm.protocols.profinet.wire.alarms import AlarmAck, describe_place, parse_alarm
+from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
+from pnfarm.protocols.profinet.wire.rta import RtaType, error_of, parse_rta
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.buses.profinet.decode.shared import Shared
+    from pnfarm.captures.packet import Packet
+
+__all__ = ["alarm"]
+
+#: IEC 61158-6-10, coding of PDUType.Type.
+_RTA_TYPES = {1: "DATA", 2: "NACK", 3: "ACK", 4: "ERR"}
+
+
+def alarm(packet: Packet, shared: Shared) -> Iterator[Description]:
+    """An RTA-PDU: the end of an AR with its reason, an alarm, its acknowledgement, or the transport's."""
+    pdu = parse_rta(packet.payload)
+    priority = "high" if pdu.frame_id == ALARM_HIGH else "low"
+    if pdu.type == RtaType.ERR:
+        status = error_of(pdu).status
+        words = describe_status(status).removeprefix("RTA error: ").removeprefix("RTA_ERR_CLS_PROTOCOL: ")
+        counts = {"aborts": words}
+        if (status.error_code1, status.error_code2) == (
+            ConnectFault.RTA_ERR_CLS_PROTOCOL,
+            RtaError.CONSUMER_DHT_EXPIRED,
+        ):
+            counts["watchdogs"] = ""
+        yield Description("ERR-RTA", words + _silence(packet, shared), {"status": f"0x{int(status):08X}"}, counts)
+        return
+    numbers = f"sequence 0x{pdu.send_sequence:04X}, acknowledges 0x{pdu.ack_sequence:04X}"
+    if pdu.type != RtaType.DATA:
+        name = _RTA_TYPES.get(pdu.type, f"type {pdu.type}")
+        yield Description(f"alarm {name}", f"{priority} priority, {numbers}")
+        return
+    content = parse_alarm(pdu.body)
+    if isinstance(content, AlarmAck):
+        words = "taken" if content.status.ok else describe_status(content.status)
+        yield Description("AlarmAck", f"{describe_place(content)}: {words} ({priority} priority, {numbers})")
+        return
+    yield Description("Alarm", f"{alarm_in_words(content)} ({priority} priority, {numbers})", {}, {"alarms": ""})
+
+
+def _silence(packet: Packet, shared: Shared) -> str:
+    """How long ago the other end was heard last: what ended the connection, where its frames stayed away."""
+    for (to, source, _), channel in shared.channels.items():
+        if (to, source) == (packet.source, packet.destination) and channel.begun:
+            ago = (packet.time_ns - channel.last_ns) / 1e6
+            return f"; last cyclic frame of {shared.stations.name(source)} {ago:.1f} ms ago"
+    return ""

@@ -1,0 +1,27 @@
+"""LLDP in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.captures.packet import Description
+from pnfarm.protocols.profinet.wire.lldp import parse_lldp, peer_names
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.buses.profinet.decode.shared import Shared
+    from pnfarm.captures.packet import Packet
+
+__all__ = ["lldp"]
+
+
+def lldp(packet: Packet, shared: Shared) -> Iterator[Description]:
+    """A neighbour tells itself."""
+    pdu = parse_lldp(packet.payload)
+    port, station = peer_names(pdu.chassis, pdu.port)
+    shared.stations.guess(packet.source, station)
+    if not pdu.time_to_live:
+        yield Description("LLDP", f"{port} of {station} says good-bye")
+        return
+    yield Description("LLDP", f"{port} of {station}, believed for {pdu.time_to_live} s")

@@ -1,0 +1,38 @@
+"""SNMP in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.captures.neutral import ip_packet
+from pnfarm.captures.packet import Description
+from pnfarm.protocols.profinet.wire.snmp import GET, GET_BULK, GET_NEXT, RESPONSE, SET, Pdu, parse_snmp
+from pnfarm.wire.udp import parse_udp
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.buses.profinet.decode.shared import Shared
+    from pnfarm.captures.packet import Packet
+
+__all__ = ["snmp"]
+
+_SNMP_WORDS = {GET: "Get", GET_NEXT: "GetNext", GET_BULK: "GetBulk", SET: "Set", RESPONSE: "Response"}
+
+
+def snmp(packet: Packet, shared: Shared) -> Iterator[Description]:
+    """A question or an answer of network management."""
+    ip = ip_packet(packet, shared.capture)
+    if ip is None:
+        return
+    message = parse_snmp(parse_udp(ip.payload).data)
+    version = "v2c" if message.version else "v1"
+    if not isinstance(message.pdu, Pdu):
+        yield Description(f"SNMP {version}", f"message of type 0x{message.pdu.tag:02X}")
+        return
+    names = [".".join(map(str, varbind.name)) for varbind in message.pdu.varbinds]
+    first = f" {names[0]}" if names else ""
+    more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+    yield Description(
+        f"SNMP {version} {_SNMP_WORDS.get(message.pdu.tag, hex(message.pdu.tag))}", f"{first}{more}".strip()
+    )

@@ -1,0 +1,175 @@
+"""The decoder of a capture: each frame to the bus that knows it, and its descriptions to lines.
+
+What is worth a line of a frame is a generator of descriptions, which may raise :class:`~pnfarm.errors.DecodeError`;
+that becomes a line of its own.  The words for families are those of a capture's filter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pnfarm.captures.conversations import Conversations
+from pnfarm.captures.neutral import arp, icmp, other, unreadable
+from pnfarm.captures.packet import Capture, Description, Packet
+from pnfarm.captures.stations import Bounded
+from pnfarm.errors import DecodeError
+from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_VLAN
+from pnfarm.wire.ipv4 import PROTOCOL_ICMP
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+
+    from pnfarm.captures.conversations import CyclicChannel
+    from pnfarm.captures.reading import CapturedFrame
+    from pnfarm.drives.model import Model
+
+__all__ = ["Decoder", "FrameDecoder", "Line", "PlannedDrive", "family_of"]
+
+#: Families of frames that stand on no bus -> who puts them into words.
+_NEUTRAL: Mapping[str, Callable[[Packet, Capture], Iterator[Description]]] = MappingProxyType(
+    {"arp": arp, "icmp": icmp, "other": other}
+)
+_HEADER, _TAG = 14, 4
+#: Octets of an IPv4 header, and where its protocol stands.
+_IPV4_HEADER, _IPV4_PROTOCOL = 20, 9
+_OUTBOUND = 2
+#: Copies of one frame at several interfaces lie closer together than this.
+_SAME_NS = 20_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedDrive:
+    """A drive of a farm file: its address, and how the bus's controller is to connect it (a plan of the bus's own)."""
+
+    mac: bytes
+    model: Model
+    plan: Any
+
+
+class FrameDecoder(Protocol):
+    """What a bus says of the frames of one capture."""
+
+    def family_of(self, packet: Packet) -> str | None:
+        """The family of a frame, one of the bus's or ``other``; None for a frame that is none of this bus."""
+        ...
+
+    def describe(self, family: str, packet: Packet) -> Iterator[Description]:
+        """What is worth a line; may raise :class:`~pnfarm.errors.DecodeError`."""
+        ...
+
+    def cyclic_channels(self) -> Iterable[CyclicChannel]:
+        """Channels with frames so far, for the summary."""
+        ...
+
+    def expect(self, controller: str, mac: bytes, drives: Sequence[PlannedDrive]) -> None:
+        """Connections that a farm file's controller makes, where the capture does not show how they were made."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a capture's story; ``source`` and ``destination`` are addresses, names are the decoder's."""
+
+    number: int
+    time_ns: int
+    source: bytes
+    destination: bytes
+    family: str
+    description: Description
+
+
+def family_of(packet: Packet) -> str:
+    """The family of a frame that no bus knows."""
+    payload = packet.payload
+    if packet.ethertype == ETHERTYPE_IPV4 and len(payload) >= _IPV4_HEADER:
+        return "icmp" if payload[_IPV4_PROTOCOL] == PROTOCOL_ICMP else "other"
+    return "arp" if packet.ethertype == ETHERTYPE_ARP else "other"
+
+
+class Decoder:
+    """Give it the frames of a capture one after the other; it holds a bounded part of what it saw.
+
+    ``buses`` are asked for each frame in their order; what none of them knows is described as what it is without one.
+    """
+
+    def __init__(self, capture: Capture, buses: Mapping[str, FrameDecoder]) -> None:
+        self.capture = capture
+        self.buses = buses
+        self._conversations = Conversations()
+        self._groups: Bounded[bytes, int] = Bounded(256)
+        #: Frames too short to have an EtherType.
+        self.short = 0
+
+    def feed(self, frame: CapturedFrame) -> list[Line]:
+        """The lines of this frame: often none.  A copy of a broadcast, at another interface, is left out."""
+        data = frame.data
+        if len(data) < _HEADER:
+            self.short += 1
+            return []
+        ethertype = data[12] << 8 | data[13]
+        start = _HEADER
+        while ethertype == ETHERTYPE_VLAN and len(data) >= start + _TAG:
+            ethertype = data[start + 2] << 8 | data[start + 3]
+            start += _TAG
+        if data[0] & 1 and self._again(frame):
+            return []
+        packet = Packet(frame.time_ns, data[:6], data[6:12], ethertype, data[start:])
+        if frame.direction is not None and frame.interface:
+            drive = packet.source if frame.direction == _OUTBOUND else packet.destination
+            self.capture.stations.guess(drive, frame.interface)
+        family, descriptions = self._described(packet)
+        talk = self._conversations.between(packet.source, packet.destination)
+        talk.add(frame.time_ns, family)
+        lines = []
+        try:
+            for description in descriptions:
+                if description.counts:
+                    talk.count(description.counts)
+                named = description.family or family
+                lines.append(Line(frame.number, frame.time_ns, packet.source, packet.destination, named, description))
+        except DecodeError as exc:
+            if frame.cut:
+                description = Description("cut off", f"{frame.cut} octets of the frame are not in the capture")
+            else:
+                description = unreadable(exc)
+                talk.count(description.counts)
+            lines.append(Line(frame.number, frame.time_ns, packet.source, packet.destination, family, description))
+        return lines
+
+    def _described(self, packet: Packet) -> tuple[str, Iterator[Description]]:
+        """The family of a frame, and what is worth a line of it."""
+        for bus in self.buses.values():
+            if (family := bus.family_of(packet)) is not None:
+                return family, bus.describe(family, packet)
+        family = family_of(packet)
+        return family, _NEUTRAL[family](packet, self.capture)
+
+    def summary(self) -> list[dict[str, Any]]:
+        """What each two stations did, plain JSON values, the longest conversation first."""
+        channels = [channel for bus in self.buses.values() for channel in bus.cyclic_channels()]
+        return self._conversations.as_list(self.capture.stations, channels)
+
+    def _again(self, frame: CapturedFrame) -> bool:
+        """Whether a group-addressed frame was seen a moment ago: a capture of many drives has it once for each."""
+        before = self._groups.get(frame.data)
+        self._groups[frame.data] = frame.time_ns
+        return before is not None and abs(frame.time_ns - before) < _SAME_NS
+
+    def name(self, mac: bytes) -> str:
+        """A station's name as far as it is known now."""
+        return self.capture.stations.name(mac)
+
+    def as_dict(self, line: Line) -> dict[str, Any]:
+        """A line for JSON."""
+        return {
+            "frame": line.number,
+            "time": line.time_ns / 1e9,
+            "from": self.name(line.source),
+            "to": self.name(line.destination),
+            "family": line.family,
+            "what": line.description.what,
+            "text": line.description.text,
+            **line.description.details,
+        }
