@@ -17,6 +17,7 @@ class Bare:
     """Of a bus only what the registry asks for without a drive."""
 
     name = "bare"
+    frame_families = ("cyclic", "whisper")
 
     def fault_kinds(self):
         return ()
@@ -47,6 +48,15 @@ def test_a_command_of_a_further_bus_stands_in_its_panel_and_runs(bare, capsys):
     places = [controller.index(f" {name} ") for name in ("plc", "scan", "listen", "record")]
     assert places == sorted(places)
     assert "Listen to the bare bus." in controller
+
+
+def test_its_frames_can_be_chosen_of_a_capture(bare, capsys):
+    with registry.registered(bare):
+        assert registry.frame_words()["acyclic"] >= {"whisper", "dcp"}
+        assert registry.frame_words()["whisper"] == {"whisper"}
+        assert main(["decode", "--help"]) == 0
+        assert "whisper" in capsys.readouterr().out
+    assert "whisper" not in registry.frame_words()
 
 
 def test_nothing_of_a_bus_stays_after_its_block(bare, capsys):

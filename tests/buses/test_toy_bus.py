@@ -16,6 +16,7 @@ from toybus.frames import ETHERTYPE, Order, emit_order, frame, parse_report
 from pnfarm.api import make_app
 from pnfarm.api.schemas import Drive
 from pnfarm.buses import registry
+from pnfarm.captures.reading import CapturedFrame
 from pnfarm.cli.main import main
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.catalogue import MODELS_VARIABLE
@@ -199,6 +200,24 @@ def test_its_command_stands_in_the_program_while_it_is_registered(toybus_there, 
     assert capsys.readouterr().out == emit_order(Order(enable=True, speed=600)).hex() + "\n"
     assert main(["models", "toy-servo"]) == 0
     assert "Toy servo on the toy bus (Example, toybus)" in capsys.readouterr().out
+
+
+def test_its_frames_of_a_capture_are_put_into_words_beside_those_of_others(toybus_there):
+    decoder = registry.decoder()
+    drive = bytes.fromhex("020000000002")
+    octets = [
+        frame(drive, MASTER, emit_order(RUNNING)),
+        frame(MASTER, drive, b"\x03"),
+        drive + MASTER + bytes.fromhex("8892 80"),
+    ]
+    lines = [line for n, data in enumerate(octets) for line in decoder.feed(CapturedFrame(n, n, data))]
+    assert [(line.family, line.description.what, line.description.text) for line in lines] == [
+        ("toy", "order", "600 rpm"),
+        ("toy", "malformed", "no report"),
+        ("other", "EtherType 0x8892", "1 octets"),
+    ]
+    (talk,) = decoder.summary()
+    assert (talk["families"], talk["counts"]["orders"]) == ({"toy": 2, "other": 1}, 1)
 
 
 def test_no_file_of_the_package_knows_it():

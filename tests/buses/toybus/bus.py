@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
+    from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
     from pnfarm.faults.kind import InjectionKind
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.station.station import Station
+    from toybus.decode import ToyDecoder
     from toybus.device import ToyDevice, ToySegment
 
 
@@ -24,6 +26,7 @@ class ToyBus:
     name = "toybus"
     connection_states = ("TALKING",)
     usual_losses = ("silence",)
+    frame_families = ("toy",)
 
     def channel_rows(self, model: Model) -> int:
         return 0
@@ -56,6 +59,11 @@ class ToyBus:
         @app.get("/api/v1/drives/{name}/orders")
         def orders(name: str) -> dict[str, int]:
             return {"orders": int(host.station(name).device.closed.received)}
+
+    def decoder(self, capture: Capture) -> ToyDecoder:
+        from toybus.decode import ToyDecoder
+
+        return ToyDecoder()
 
 
 TOYBUS = ToyBus()
