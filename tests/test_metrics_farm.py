@@ -20,6 +20,7 @@ from pnfarm.table.channel import FRUN
 #: interface.md, "Metrics", without the sign of life, which no drive here has.
 PROMISED = {
     "pnfarm_build_info": {"version"},
+    "pnfarm_drive_info": {"drive", "model", "bus"},
     "pnfarm_axis_velocity_rpm": {"drive"},
     "pnfarm_axis_position_revolutions": {"drive"},
     "pnfarm_axis_current_amperes": {"drive"},
@@ -69,6 +70,15 @@ def read(collector):
 
 def of(samples, name, **labels):
     return samples[name, tuple(sorted(labels.items()))]
+
+
+def test_a_drive_s_model_and_bus_are_there_to_join_on():
+    samples = read(FarmCollector(VirtualLine(2, controller=False).farm))
+    found = {key for key in samples if key[0] == "pnfarm_drive_info"}
+    assert {samples[key] for key in found} == {1}
+    assert {frozenset(labels) for _, labels in found} == {
+        frozenset({("drive", name), ("model", "akd-profinet"), ("bus", "profinet")}) for name in ("axis-01", "axis-02")
+    }
 
 
 def test_every_promised_series_is_there_from_the_start_at_zero():

@@ -28,7 +28,6 @@ from pnfarm.table.engine_row import LATENESS_EDGES_NS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.buses.profinet.controller.core import ControllerCore
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import InjectionManager
 
@@ -68,7 +67,6 @@ class Demo:
         self._live: Live | None = None
         self._line: VirtualLine | None = None
         self._farm: FarmCore
-        self._plc: ControllerCore
         self._injections: InjectionManager
         self._now: Callable[[], int] = time.monotonic_ns
         self._poke: Callable[[], None] = lambda: None

@@ -97,6 +97,11 @@ class FarmCollector(Collector):
         drive = self._per_drive
         self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
         self._build.add(__version__)
+        self._info = Family(
+            "pnfarm_drive_info", "gauge", "Model and bus of a drive, to join on; always 1.", ("drive", "model", "bus")
+        )
+        for station in self._core.stations:
+            self._info.add(station.configured_name, station.model.name, station.model.bus)
         self._axis: list[tuple[Family, str]] = [
             (drive(f"axis_{name}", "gauge", documentation), column)
             for name, column, documentation in (
@@ -189,7 +194,7 @@ class FarmCollector(Collector):
         stations = core.stations
         count = len(stations)
         axis = core.columns.axis[:count]
-        parts: list[tuple[Family, Values]] = [(self._build, [1])]
+        parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._info, [1] * count)]
         parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
         parts.append((self._life_errors, axis.life.errors.tolist()))
         parts.append((self._fault_active, (axis.faults.code[:, 0] & NUMBER_MASK).tolist()))

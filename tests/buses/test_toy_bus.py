@@ -119,6 +119,8 @@ def test_silence_on_one_bus_stops_its_drive_and_no_other(mixed):
 
 
 def test_metrics_of_both_stand_in_one_scrape(mixed):
+    assert mixed.metric("pnfarm_drive_info", drive="toy-01", model="toy-servo", bus="toybus") == 1
+    assert mixed.metric("pnfarm_drive_info", drive="axis-01", model="akd-profinet", bus="profinet") == 1
     mixed.run_it(1.0)
     assert mixed.metric("pnfarm_ar_state", drive="toy-01") == 1
     assert mixed.metric("pnfarm_frames_received_total", drive="toy-01") == 120
