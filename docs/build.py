@@ -2,8 +2,8 @@
 
 ``table.md`` is every column of the table with its unit and its writer; ``states.md`` every state machine as a diagram.
 Both come from the code's own tables, so they cannot say anything else; a test compares them.  ``coverage.md`` is what
-of each manual the drives do (`manual_coverage`), ``behaviour.md`` what the manuals leave open, and
-``parameters/MODEL.md`` every parameter with what it does (`model_pages`).
+of each manual the drives do (`manual_coverage`), ``behaviour.md`` what the manuals leave open, ``bus.md`` what a bus
+offers (`bus_page`), and ``parameters/MODEL.md`` every parameter with what it does (`model_pages`).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import bus_page
 import manual_coverage
 import model_pages
 
@@ -227,6 +228,7 @@ PAGES = {
     "farm-file.md": farm_file,
     "coverage.md": manual_coverage.page,
     "behaviour.md": model_pages.behaviour,
+    "bus.md": bus_page.page,
     **{f"parameters/{name}.md": partial(model_pages.parameters, name) for name in manual_coverage.MANUALS},
 }
 
