@@ -15,7 +15,7 @@ from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.expand import clock_of
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.tasks import ramp_step
+from pnfarm.firmware.profidrive.tasks import ramp_step
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml

@@ -312,7 +312,7 @@ class AxisFields:
     def changed_meanwhile(self, parameter: Parameter) -> int | None:
         """The value of a writable parameter that a signal or homing changed, None where neither did.
 
-        A ramp of zero does not count (:func:`pnfarm.firmware.telegram.from_setpoints`).
+        A ramp of zero does not count (:func:`pnfarm.firmware.profidrive.telegram.from_setpoints`).
         """
         if parameter.argument == "ramp.generator":
             left = int(self._handle.axis.ramp.generator_left)

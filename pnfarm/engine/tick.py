@@ -13,11 +13,11 @@ import numpy as np
 from pnfarm.engine import framing
 from pnfarm.engine.columns import Columns, lookup_find
 from pnfarm.engine.impair import impair_received, impair_sent
-from pnfarm.firmware.axis_program import step_program
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.drive_clock import drive_time
-from pnfarm.firmware.parameter_words import exchange
-from pnfarm.firmware.sign_of_life import count_life
+from pnfarm.firmware.profidrive.axis_program import step_program
+from pnfarm.firmware.profidrive.parameter_words import exchange
+from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FAULT_SLOTS
 from pnfarm.table.channel import (

@@ -18,8 +18,8 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import acknowledge
-from pnfarm.firmware.position_status import torque_free
-from pnfarm.firmware.sensor_marks import parked
+from pnfarm.firmware.profidrive.position_status import torque_free
+from pnfarm.firmware.profidrive.sensor_marks import parked
 from pnfarm.firmware.state_machine import (
     COAST,
     DISABLE,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.position_status import limits_reached
+from pnfarm.firmware.profidrive.position_status import limits_reached
 from pnfarm.firmware.supply import bus_below
 from pnfarm.table.axis_codes import WARNING_SLOTS
 from pnfarm.table.compiled import compiled

@@ -28,8 +28,8 @@ from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.homing import homing_fails, homing_over, start_homing, step_homing
 from pnfarm.firmware.interpolation import begin_interpolation, follows, interpolates, step_interpolation
 from pnfarm.firmware.motor import brake_holds
+from pnfarm.firmware.profidrive.tasks import select_task
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
-from pnfarm.firmware.tasks import select_task
 from pnfarm.firmware.transitions import as_array
 from pnfarm.firmware.travel import at_limit_switch, fastest, position_number, take_ramps, within_limits
 from pnfarm.table.axis_codes import (

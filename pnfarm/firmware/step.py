@@ -13,16 +13,16 @@ from pnfarm.firmware.machine import take_switches
 from pnfarm.firmware.measurement import measure, measured_velocity
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
-from pnfarm.firmware.position_status import position_bits
 from pnfarm.firmware.positioning import take_motion
+from pnfarm.firmware.profidrive.position_status import position_bits
+from pnfarm.firmware.profidrive.sensor_interface import step_sensor
+from pnfarm.firmware.profidrive.sign_of_life import check_life
+from pnfarm.firmware.profidrive.status_forms import control_requested, moog_word, speed_reached, take_generator
+from pnfarm.firmware.profidrive.tasks import take_task
+from pnfarm.firmware.profidrive.telegram import from_setpoints, no_setpoints, to_actuals
 from pnfarm.firmware.ramp import velocity_command
-from pnfarm.firmware.sensor_interface import step_sensor
 from pnfarm.firmware.service_motion import step_service
-from pnfarm.firmware.sign_of_life import check_life
 from pnfarm.firmware.state_machine import advance, conditions
-from pnfarm.firmware.status_forms import control_requested, moog_word, speed_reached, take_generator
-from pnfarm.firmware.tasks import take_task
-from pnfarm.firmware.telegram import from_setpoints, no_setpoints, to_actuals
 from pnfarm.firmware.torque_limits import take_torque_limits
 from pnfarm.table.axis_codes import CONTROL_BY_PLC, DISABLE_AT_ONCE, FAULT_SLOTS, REACTION_QUICK_STOP, STATUS_MOOG
 from pnfarm.table.axis_readings import (

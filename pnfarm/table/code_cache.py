@@ -117,7 +117,7 @@ class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF00
 
 
 def _compiled_files() -> tuple[Path, ...]:
-    return tuple(sorted(path for room in _COMPILED_ROOMS for path in (_PACKAGE / room).glob("*.py")))
+    return tuple(sorted(path for room in _COMPILED_ROOMS for path in (_PACKAGE / room).rglob("*.py")))
 
 
 def _mark() -> Path:

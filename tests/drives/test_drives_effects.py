@@ -109,7 +109,7 @@ class _Reads(ast.NodeVisitor):
 def reads() -> _Reads:
     found = _Reads()
     root = Path(pnfarm.__file__).parent
-    for path in [*(root / "firmware").glob("*.py"), root / "drives" / "axis_commands.py"]:
+    for path in [*(root / "firmware").rglob("*.py"), root / "drives" / "axis_commands.py"]:
         found.visit(ast.parse(path.read_text(encoding="utf-8")))
     return found
 

@@ -6,8 +6,8 @@ import pytest
 from bench_axis import MS, BenchAxis, take_commands
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.firmware.axis_program import step_program
-from pnfarm.firmware.telegram import from_setpoints
+from pnfarm.firmware.profidrive.axis_program import step_program
+from pnfarm.firmware.profidrive.telegram import from_setpoints
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_HISTORY,

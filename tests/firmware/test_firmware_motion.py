@@ -5,8 +5,8 @@ import math
 import pytest
 from bench_axis import MS, BenchAxis
 
+from pnfarm.firmware.profidrive.telegram import signed16, signed32
 from pnfarm.firmware.ramp import approach
-from pnfarm.firmware.telegram import signed16, signed32
 from pnfarm.table.signals import ITIST_GLATT, XIST_A
 
 

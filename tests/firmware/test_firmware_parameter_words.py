@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pnfarm.firmware.parameter_words import REPEAT_NS, exchange
+from pnfarm.firmware.profidrive.parameter_words import REPEAT_NS, exchange
 from pnfarm.table.image import IMAGE
 from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 

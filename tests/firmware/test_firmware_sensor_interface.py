@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from bench_axis import BenchAxis
 
-from pnfarm.firmware.sensor_interface import PRIORITY, TRANSITIONS
+from pnfarm.firmware.profidrive.sensor_interface import PRIORITY, TRANSITIONS
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_HOLD_FAULT,

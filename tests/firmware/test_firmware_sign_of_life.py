@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from bench_axis import BenchAxis
 
-from pnfarm.firmware.sign_of_life import count_life, following
+from pnfarm.firmware.profidrive.sign_of_life import count_life, following
 from pnfarm.table.axis_codes import REACTION_QUICK_STOP
 from pnfarm.table.signals import STW2, ZSW2
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.sign_of_life import count_life
+from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.compiled import compiled
 from pnfarm.table.image import IMAGE

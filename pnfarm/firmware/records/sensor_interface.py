@@ -44,7 +44,7 @@ SENSOR_RECORD = subject(
         Field("inputs", "u4", "", "firmware", "digital_inputs at the last step"),
         Field("stw", "u2", "", "firmware", "G1_STW in force, without bits that mean nothing"),
         Field("error", "u2", "", "firmware", "code of the sensor error, 0 = none"),
-        Field("state", "u1", "", "firmware", "SD1 to SD12 as 1..12, 0 = not yet; firmware/sensor_interface.py"),
+        Field("state", "u1", "", "firmware", "SD1 to SD12 as 1..12, 0 = not yet; profidrive/sensor_interface.py"),
         Field("active", "u1", "", "firmware", "functions that wait for their mark or edge: G1_ZSW.0 to 3"),
         Field("found", "u1", "", "firmware", "functions whose value is there: G1_ZSW.4 to 7"),
         Field("probing", "u1", "", "firmware", "1 = what is active or found are measurements on the fly"),

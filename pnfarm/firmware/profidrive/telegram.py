@@ -9,14 +9,14 @@ import numpy as np
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.measurement import measured_current, measured_position, measured_torque, measured_velocity
 from pnfarm.firmware.own_warnings import warned
-from pnfarm.firmware.position_status import (
+from pnfarm.firmware.profidrive.position_status import (
     actual_task,
     drive_inputs,
     first_position_word,
     motion_status,
     second_position_word,
 )
-from pnfarm.firmware.sign_of_life import second_status_word
+from pnfarm.firmware.profidrive.sign_of_life import second_status_word
 from pnfarm.firmware.torque_limits import torque_limited
 from pnfarm.firmware.travel import position_number
 from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED

@@ -27,8 +27,8 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.measurement import measured_position
-from pnfarm.firmware.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
-from pnfarm.firmware.telegram import nearest, signed32
+from pnfarm.firmware.profidrive.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
+from pnfarm.firmware.profidrive.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array
 from pnfarm.table.axis_codes import SENSOR_PARKING
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN

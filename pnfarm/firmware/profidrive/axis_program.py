@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Any
 
-from pnfarm.firmware.telegram import clamp16, clamp32, clamp_unsigned, long_step
+from pnfarm.firmware.profidrive.telegram import clamp16, clamp32, clamp_unsigned, long_step
 from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, MDI_SELECTED, TASKS_TARPOS
 from pnfarm.table.compiled import compiled
 from pnfarm.table.program import (

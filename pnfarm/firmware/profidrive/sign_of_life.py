@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
-from pnfarm.firmware.status_forms import moog_second_word
+from pnfarm.firmware.profidrive.status_forms import moog_second_word
 from pnfarm.table.axis_codes import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD, STATUS_MOOG
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import STW2, ZSW2
