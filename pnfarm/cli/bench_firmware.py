@@ -46,7 +46,7 @@ POSITION = _DRIVES.format(
 
 
 @compiled
-def _step_all(axes: Any, images: Any, now: int, period: int, steps: int) -> None:
+def step_all(axes: Any, images: Any, now: int, period: int, steps: int) -> None:
     for _ in range(steps):
         now += period
         for index in range(len(axes)):
@@ -76,7 +76,7 @@ def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
         if motor_step_ns:
             axes.motor.settings.step_ns = motor_step_ns
         begin = time.process_time_ns()
-        _step_all(axes, images, line.world.now, MS, STEPS)
+        step_all(axes, images, line.world.now, MS, STEPS)
         if turn:
             # the first one may have been compiled
             spent += time.process_time_ns() - begin

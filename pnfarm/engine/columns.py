@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pnfarm.firmware.axis import AXIS
+from pnfarm.table.by_address import link
 from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS
@@ -59,8 +60,9 @@ def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int =
     """A zeroed table.
 
     ``stations`` process images, ``axes`` drives and ``programs`` (both index images), ``channels``
-    providers and as many consumers, ``impairments`` rows for faults.
+    providers and as many consumers, ``impairments`` rows for faults.  Compiles what takes a table, where it is not.
     """
+    link()
     channels = max(1, channels)
     size = 64
     while size < channels * 4:

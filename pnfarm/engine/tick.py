@@ -13,6 +13,7 @@ import numpy as np
 from pnfarm.engine import framing
 from pnfarm.engine.columns import Columns, lookup_find
 from pnfarm.engine.impair import impair_received, impair_sent
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.drive_clock import drive_time
 from pnfarm.firmware.profidrive.axis_program import step_program
@@ -20,6 +21,7 @@ from pnfarm.firmware.profidrive.parameter_words import exchange
 from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FAULT_SLOTS
+from pnfarm.table.by_address import by_address
 from pnfarm.table.channel import (
     DISCARD_IMPAIRED,
     DISCARD_LENGTH,
@@ -48,13 +50,15 @@ from pnfarm.table.engine_row import (
     WARNING_CHANGED,
     emit,
 )
-from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
+from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
 from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
 
 __all__ = ["next_due", "receive", "run_firmware", "tick", "transmit"]
 
 #: An array, because indexing a tuple in compiled code copies it.
 _EDGES = np.array(INTERVAL_EDGES_NS, np.int64)
+#: Its machine code is one for all loops that tick.
+_step = by_address(step, AXIS, IMAGE)
 
 
 @compiled
@@ -278,7 +282,7 @@ def run_firmware(columns: Columns, now: int) -> None:
         fault_ends = axis.faults.ends
         reacted = axis.faults.reacted
         warning = axis.warnings.code
-        step(axis, columns.image[number], own)
+        _step(axis, columns.image[number], own)
         if axis.drive.state != state:
             emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.drive.state))
         if axis.faults.ends != fault_ends and faults:

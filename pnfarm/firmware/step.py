@@ -38,7 +38,7 @@ from pnfarm.table.axis_readings import (
     WITHOUT_RUN_HOLD,
     WITHOUT_RUN_OFF,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, compiled_apart
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
 
@@ -200,7 +200,7 @@ def _turn(axis: Any, elapsed: int) -> None:
         step_motor(axis, axis.drive.state >= 4, seconds)
 
 
-@compiled
+@compiled_apart
 def step(axis: Any, image: Any, now: int) -> None:
     """Advance one drive to ``now``; without control supply its shaft coasts, and nothing else happens."""
     elapsed = min(now - axis.last_ns, LONGEST_NS)
