@@ -58,7 +58,7 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
         velocity_step_b=float(axis.profidrive.settings.velocity_step_b),
         task_form=model.profidrive.telegrams[telegram].tasks if telegram in model.profidrive.telegrams else TASKS_NONE,
         control_config=int(axis.asked.settings.control_config),
-        target_step=float(axis.profidrive.settings.target_step) or float(axis.profidrive.settings.position_step),
+        target_step=float(axis.profidrive.settings.target_step) or float(axis.travel.settings.position_step),
         task_velocity_step=float(axis.profidrive.settings.task_velocity_step) or 1.0,
         task_acceleration_step=float(
             ramp_step(

@@ -86,7 +86,7 @@ def _allowed(handle: AxisHandle, name: str) -> bool:
                 running
                 and turns
                 and int(axis.drive.settings.opmode) == VELOCITY_MODE
-                and bool(axis.profidrive.settings.setpoint_ignored)
+                and bool(axis.drive.settings.setpoint_ignored)
             )
         case _:
             return True

@@ -337,7 +337,7 @@ class AxisFields:
         axis, bit = self._handle.axis, _HOME_SIGNALS[slot]
         if not int(axis.profidrive.settings.home_signals) & bit:
             return None
-        distance = value * float(axis.profidrive.settings.position_step)
+        distance = value * float(axis.travel.settings.position_step)
         if slot in self._mapped_slots() and not self._handle.controlled:
             if not int(axis.homing.brought) & bit:
                 return None

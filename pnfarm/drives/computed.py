@@ -322,7 +322,7 @@ def _position_difference(drive: DriveView, _parameter: Parameter) -> Sequence[in
     """The following error in position units, as a float32 (Moog MSD manual, table 10.14, P-0414)."""
     return [
         float_bits(
-            _measured(drive, "positioning.following_error") / float(drive.handle.axis.profidrive.settings.position_step)
+            _measured(drive, "positioning.following_error") / float(drive.handle.axis.travel.settings.position_step)
         )
     ]
 

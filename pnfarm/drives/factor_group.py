@@ -55,7 +55,7 @@ def read_factor_group(section: Section, parameters: Mapping[int, Parameter]) -> 
 
 def apply_factor_group(group: FactorGroup, values: StoredValues, axis: Any) -> None:
     """Write what one unit is into the axis record."""
-    axis.profidrive.settings.position_step = values.raw(group.numerator) / values.raw(group.denominator)
+    axis.travel.settings.position_step = values.raw(group.numerator) / values.raw(group.denominator)
     axis.profidrive.settings.velocity_step = axis.profidrive.settings.task_velocity_step = float_of(
         values.raw(group.speed)
     )

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SERVO", "Servo", "ServoStation"]
 
-#: Bits of the axis's ``fault_limits`` and ``hindrances``.
+#: Bits of the axis's ``fault_limits`` and ``interlocks``.
 _LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
 _LACKS = {"enable": LACKS_ENABLE, "supply": LACKS_SUPPLY}
 

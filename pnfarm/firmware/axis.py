@@ -20,6 +20,7 @@ from pnfarm.firmware.records.jog import JOG_RECORD
 from pnfarm.firmware.records.machine import MACHINE_RECORD
 from pnfarm.firmware.records.measurement import MEASUREMENT_RECORD
 from pnfarm.firmware.records.motor import BRAKE_RECORD, LOAD_RECORD, MOTOR_RECORD
+from pnfarm.firmware.records.orders import ORDERS_RECORD
 from pnfarm.firmware.records.own_warnings import WARNINGS_RECORD
 from pnfarm.firmware.records.positioning import POSITIONING_RECORD
 from pnfarm.firmware.records.profidrive import PROFIDRIVE_RECORD
@@ -50,6 +51,7 @@ AXIS = Layout(
     ],
     (
         DRIVE_RECORD,
+        ORDERS_RECORD,
         CLOCK_RECORD,
         COMMANDS_RECORD,
         FAULTS_RECORD,

@@ -202,8 +202,6 @@ def _power_on(axis: Any, now: int) -> None:
     axis.drive.state = 0
     axis.drive.stop = 0
     axis.boot_ns = now
-    axis.profidrive.stw1 = 0
-    axis.profidrive.stw1_seen = 0
     axis.ramp.setpoint = 0.0
     axis.ramp.command = axis.motor.velocity
     axis.motor.speed_integral = 0.0
@@ -215,13 +213,13 @@ def _power_on(axis: Any, now: int) -> None:
     axis.positioning.following_error = 0.0
     axis.profile.velocity = 0.0
     axis.positioning.state = 0
-    axis.positioning.stw1_seen = 0
+    axis.positioning.home_before = 0
+    axis.positioning.free_before = 0
     axis.positioning.acknowledged = 0
     if not axis.homing.settings.stays:
         axis.homing.homed = 0
     axis.ramp.generator_left = 0
     _count_from_here(axis)
-    axis.asked.pos_stw2 = 0
     axis.positioning.target_reached = 0
     axis.commands.task = 0
     axis.asked.renewed = 0
@@ -239,8 +237,6 @@ def _power_on(axis: Any, now: int) -> None:
     axis.warnings.code = 0
     axis.warnings.raised[:] = 0
     axis.warnings.active[:] = 0
-    axis.profidrive.image_valid = 0
-    axis.profidrive.telegram_ns = 0
     # an active situation becomes history, as if it had been acknowledged; held causes come back at once
     if axis.faults.code[0] != 0:
         _into_history(axis)
@@ -249,7 +245,6 @@ def _power_on(axis: Any, now: int) -> None:
     axis.faults.counter = 0
     axis.faults.kept = _situations(axis)
     axis.faults.changes = 0
-    axis.life.sent = 0
 
 
 @compiled
@@ -275,8 +270,9 @@ def _take_motion_command(axis: Any, code: int, argument: int) -> None:
 
 
 @compiled
-def take_commands(axis: Any, now: int) -> None:
-    """Carry out what the event loop wrote into the command ring since the last step."""
+def take_commands(axis: Any, now: int) -> bool:
+    """Carry out what the event loop wrote into the command ring since the last step; true when it switched on."""
+    switched_on = False
     while axis.commands.tail != axis.commands.settings.head:
         entry = axis.commands.settings.ring[axis.commands.tail % COMMANDS]
         code = entry & 0xFF
@@ -292,6 +288,7 @@ def take_commands(axis: Any, now: int) -> None:
             acknowledge(axis)
         elif code == CMD_POWER_ON:
             _power_on(axis, now)
+            switched_on = True
         elif code == CMD_RAISE_WARNING:
             _raise_warning(axis, argument & NUMBER_MASK)
         elif code == CMD_CLEAR_HISTORY:
@@ -302,3 +299,4 @@ def take_commands(axis: Any, now: int) -> None:
             _take_motion_command(axis, code, argument)
         axis.commands.tail = (axis.commands.tail + 1) & 0xFFFFFFFF
     _raise_held(axis, now)
+    return switched_on

@@ -18,9 +18,7 @@ from math import floor
 from typing import Any
 
 from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
-from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import KPC, XERR, XSOLL_A
 
 __all__ = [
     "begin_interpolation",
@@ -29,11 +27,10 @@ __all__ = [
     "interpolates",
     "servo_command",
     "step_interpolation",
-    "take_cyclic",
+    "take_position",
 ]
 
 
-ENABLING = 0x0070  # STW1.4 to 6
 #: A pause between two frames that is no cycle, ns.
 LONGEST_CYCLE_NS = 1_000_000_000
 #: A frame that comes nearer to its time than this part of a cycle is in step ...
@@ -45,14 +42,13 @@ GONE_ON = 1.5
 #: Numbers of a signal of 32 bits.
 NUMBERS = 4294967296.0
 RPM = 60.0
-GAIN_STEP = 0.001
 POSITION_MODE = 2
 
 
 @compiled
 def follows(axis: Any) -> bool:
-    """Whether positions of each cycle lead the axis now: interpolating mode, and STW1.4 to 6 set."""
-    return interpolates(axis) and (int(axis.profidrive.stw1) & ENABLING) == ENABLING
+    """Whether positions of each cycle lead the axis now: interpolating mode, and nothing holds set points back."""
+    return interpolates(axis) and axis.orders.ramp != 0 and axis.orders.ramp_runs != 0 and axis.orders.setpoint != 0
 
 
 @compiled
@@ -88,9 +84,9 @@ def begin_interpolation(axis: Any) -> None:
 @compiled
 def _nearest_place(axis: Any, number: int) -> float:
     """Where a position of 32 bits lies on the shaft: of all places that have this number, the nearest one."""
-    here = (axis.profile.position - axis.homing.origin) / axis.profidrive.settings.position_step
+    here = (axis.profile.position - axis.homing.origin) / axis.travel.settings.position_step
     rounds = floor((here - number) / NUMBERS + 0.5)
-    return axis.homing.origin + (number + rounds * NUMBERS) * axis.profidrive.settings.position_step
+    return axis.homing.origin + (number + rounds * NUMBERS) * axis.travel.settings.position_step
 
 
 @compiled
@@ -105,13 +101,13 @@ def _in_step(axis: Any, pause: float, cycle: float) -> int:
 
 
 @compiled
-def _take_position(axis: Any, image: Any, now: int) -> None:
-    """A new curve for a frame that came since the last step.
+def take_position(axis: Any, number: int, now: int) -> None:
+    """A new curve to the position ``number``, in position steps, of a frame that came since the last step.
 
     It ends when the next frame is due.  Where the connection does not say its cycle, that is the shorter one of the
     last two pauses, in one of which a frame may have got lost.
     """
-    place = _nearest_place(axis, int(image.received[XSOLL_A]))
+    place = _nearest_place(axis, number)
     since = now - axis.interpolation.frames_ns
     first = axis.interpolation.frames_ns == 0 or since <= 0 or since > LONGEST_CYCLE_NS
     pause = (axis.step_ns if first else since) * 1e-9
@@ -133,35 +129,6 @@ def _take_position(axis: Any, image: Any, now: int) -> None:
     axis.interpolation.pause = 0.0 if first else pause
     axis.interpolation.elapsed = 0.0
     axis.interpolation.frames_ns = now
-
-
-@compiled
-def _take_servo(axis: Any, image: Any) -> None:
-    """XERR counts from the position that the controller knew."""
-    axis.interpolation.servo_target = axis.interpolation.servo_shown + image.received[XERR] * axis.sensor.settings.step
-    axis.interpolation.servo_gain = max(0.0, image.received[KPC] * GAIN_STEP)
-
-
-@compiled
-def take_cyclic(axis: Any, image: Any, now: int) -> None:
-    """Once in each step, before the motor: what new frames bring."""
-    if image.filled != axis.interpolation.frames_told:
-        axis.interpolation.frames_told = image.filled
-        axis.interpolation.servo_shown = axis.sensor.position + axis.measurement.position_deviation
-    if (
-        axis.profidrive.setpoints == SETPOINTS_NONE
-        or axis.profidrive.settings.reference_source != axis.profidrive.settings.bus_source
-    ):
-        axis.interpolation.servo_gain = 0.0
-        axis.interpolation.frames_ns = 0
-        return
-    if image.frames == axis.interpolation.frames_taken or axis.profidrive.setpoints != SETPOINTS_TAKEN:
-        return
-    axis.interpolation.frames_taken = image.frames
-    if axis.interpolation.settings.servo_control:
-        _take_servo(axis, image)
-    elif interpolates(axis):
-        _take_position(axis, image, now)
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Jogging: which of STW1.8 and STW1.9 counts, and the sequences of both (Moog MSD manual 10.3).
+"""Jogging: which of the two orders counts, and the sequences of both (Moog MSD manual 10.3).
 
 In a sequence, which speed counts depends on which bit came first.
 
@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, JOG_SEQUENCES
-from pnfarm.table.axis_readings import BOTH_FIRST_SPEED, BOTH_KEEP, SETPOINTS_NONE, SETPOINTS_TAKEN
+from pnfarm.table.axis_readings import BOTH_FIRST_SPEED, BOTH_KEEP
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import JOG_SPEED_1
 
-__all__ = ["ENDING_FORM", "MAKERS_FORM", "PROFILES_FORM", "excluded", "take_jog", "take_jog_bits"]
+__all__ = ["ENDING_FORM", "MAKERS_FORM", "PROFILES_FORM", "by_sequence", "excluded", "take_jog", "take_jog_bits"]
 
 
 # States (``jog.sequence``).
@@ -61,15 +60,19 @@ _FORMS = (MAKERS_FORM, PROFILES_FORM, ENDING_FORM)
 _NEXT = np.array([[form[state] for state in range(STATES)] for form in _FORMS], np.int8)
 MAKERS, PROFILES, ENDING = 0, 1, 2
 
-JOG_BITS = 8
 BOTH = 0x3
-EXCLUDES = 0x0070  # STW1.4 to 6
+
+
+@compiled
+def by_sequence(axis: Any) -> bool:
+    """Whether jogging follows the sequence of its bits; else each of them is a speed."""
+    return axis.jog.settings.form == JOG_SEQUENCES
 
 
 @compiled
 def take_jog_bits(axis: Any) -> None:
     """Once in each step: which of the jog bits counts.  The only writer of ``jog.bits`` and ``jog.first``."""
-    bits = (int(axis.profidrive.stw1) >> JOG_BITS) & BOTH
+    bits = int(axis.orders.jog)
     if bits != BOTH:
         axis.jog.first = bits
     elif axis.jog.settings.both_bits == BOTH_FIRST_SPEED:
@@ -81,30 +84,20 @@ def take_jog_bits(axis: Any) -> None:
 
 @compiled
 def excluded(axis: Any, begun: bool) -> bool:
-    """Whether STW1.4 to 6 keep a jog from beginning, or end one that has ``begun``."""
-    return int(axis.profidrive.stw1) & EXCLUDES != 0 and not (begun and axis.jog.settings.begun_lasts)
+    """Whether other orders keep a jog from beginning, or end one that has ``begun``."""
+    return axis.orders.jog_barred != 0 and not (begun and axis.jog.settings.begun_lasts)
 
 
 @compiled
-def _take_speeds(axis: Any, image: Any) -> None:
-    """The two speeds, by parameters or by a telegram whose set points count."""
-    for which in range(2):
-        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.jog_signals & (1 << which):
-            axis.jog.speeds[which] = axis.jog.settings.velocity[which]
-        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
-            axis.jog.speeds[which] = image.received[JOG_SPEED_1 + which] * axis.profidrive.settings.velocity_step
-
-
-@compiled
-def take_jog(axis: Any, image: Any) -> None:
+def take_jog(axis: Any) -> None:
     """Once in each step: the state of jogging and its speed.  The only writer of ``jog.sequence``."""
-    if axis.jog.settings.form != JOG_SEQUENCES:
+    if not by_sequence(axis):
         return
     before = int(axis.jog.sequence)
     form = ENDING if axis.jog.settings.needs_its_bit else MAKERS
     if int(axis.asked.settings.control_config) & CONFIG_PROFILE_JOG:
         form = PROFILES
-    bits = (int(axis.profidrive.stw1) >> JOG_BITS) & BOTH
+    bits = int(axis.orders.jog)
     if before == NONE:
         # here both bits may count as one
         bits = int(axis.jog.bits)
@@ -113,6 +106,5 @@ def take_jog(axis: Any, image: Any) -> None:
     if axis.drive.state != 4 or moves or (form == PROFILES and excluded(axis, before != NONE)):
         following = NONE
     axis.jog.sequence = following
-    _take_speeds(axis, image)
     speed = axis.jog.speeds[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog.speeds[0]
     axis.jog.speed = 0.0 if following == ENDED else -speed if following >= BACKWARD_1 else speed

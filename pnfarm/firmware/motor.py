@@ -133,13 +133,13 @@ def _speed_limit(axis: Any, side: int) -> float:
 
 
 @compiled
-def _beyond(axis: Any, speed: float, torque: float, gain: float) -> int:
-    """Beyond which limit ``torque`` would drive a shaft that comes to ``speed``, rad/s: 1, -1, or 0 for none."""
+def _beyond(axis: Any, speed: float, given: float, gain: float) -> int:
+    """Beyond which limit the torque ``given`` would drive a shaft that comes to ``speed``, rad/s: 1, -1, or 0 for none."""
     if not axis.torque.settings.speed_limited:
         return 0
-    if gain * (_speed_limit(axis, 1) - speed) < torque:
+    if gain * (_speed_limit(axis, 1) - speed) < given:
         return 1
-    return -1 if gain * (_speed_limit(axis, -1) - speed) > torque else 0
+    return -1 if gain * (_speed_limit(axis, -1) - speed) > given else 0
 
 
 @compiled

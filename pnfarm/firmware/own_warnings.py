@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.profidrive.position_status import limits_reached
 from pnfarm.firmware.supply import bus_below
+from pnfarm.firmware.travel import limits_reached
 from pnfarm.table.axis_codes import WARNING_SLOTS
 from pnfarm.table.compiled import compiled
 

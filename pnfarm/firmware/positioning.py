@@ -6,11 +6,11 @@ manual 3.3.2 and 6.6 to 6.8, Moog MSD manual 10.5; their figures are missing: th
 ==================  ========================================================
 STANDBY             standing, or braked to a stop; a task may begin
 TASK                a traversing task runs
-INTERMEDIATE_STOP   STW1.5 = 0: braked, the task waits
-BRAKING             rejected (STW1.4 = 0), homing or jogging ended
-HOMING              STW1.11 = 1
-JOG                 STW1.8 or STW1.9, or real-time jogging
-FOLLOWING           STW1.4 to 6 = 1 in the interpolating mode (Moog MSD manual 10.6)
+INTERMEDIATE_STOP   braked, the task waits
+BRAKING             rejected, homing or jogging ended
+HOMING              the axis looks for its home
+JOG                 jogging at a set point, or at the task's own velocity
+FOLLOWING           set points of each cycle in the interpolating mode (Moog MSD manual 10.6)
 HALTED              a parameter ended the task (AKD: DRV.STOP), which another one can continue
 ==================  ========================================================
 
@@ -27,8 +27,8 @@ import numpy as np
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.homing import homing_fails, homing_over, start_homing, step_homing
 from pnfarm.firmware.interpolation import begin_interpolation, follows, interpolates, step_interpolation
+from pnfarm.firmware.motion_tasks import select_task
 from pnfarm.firmware.motor import brake_holds
-from pnfarm.firmware.profidrive.tasks import select_task
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.firmware.transitions import as_array
 from pnfarm.firmware.travel import at_limit_switch, fastest, position_number, take_ramps, within_limits
@@ -86,12 +86,12 @@ STATES = 9
 # Events.
 LEAVE = 0  # operation ends
 ENTER = 1  # operation begins
-REJECT = 2  # STW1.4 = 0
-PAUSE = 3  # STW1.5 = 0
-RESUME = 4  # STW1.5 = 1
+REJECT = 2
+PAUSE = 3
+RESUME = 4
 START = 5  # a traversing task that can be executed
-HOME = 6  # STW1.11 = 1
-HOME_OFF = 7  # STW1.11, seen to fall
+HOME = 6
+HOME_OFF = 7  # homing is no longer asked for
 JOG_ON = 8
 JOG_OFF = 9
 OVER = 10  # the profile stands where it was to end
@@ -154,11 +154,6 @@ PRIORITY = (
     OVER, ENTER,
 )  # fmt: skip
 
-REJECT_BIT = 0x0010  # STW1.4, 0 = reject
-PAUSE_BIT = 0x0020  # STW1.5, 0 = intermediate stop
-START_BIT = 0x0040  # STW1.6
-HOME_BIT = 0x0800  # STW1.11
-
 #: rpm of one rev/s.
 RPM = 60.0
 #: Numbers of a position of 32 bits.
@@ -171,7 +166,7 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 
 @compiled
 def _may_move(axis: Any) -> bool:
-    """Whether velocity and ramps that are asked for are any."""
+    """Whether the requested velocity and ramps are usable."""
     return axis.asked.velocity >= 0.0 and axis.asked.acceleration > 0.0 and axis.asked.deceleration > 0.0
 
 
@@ -212,7 +207,7 @@ def _rounds(axis: Any) -> float:
     if axis.positioning.settings.targets_counted_on:
         return 0.0
     rounds = floor((position_number(axis, axis.motor.measured_position) + HALF_ROUND) / ROUND)
-    return rounds * ROUND * axis.profidrive.settings.position_step
+    return rounds * ROUND * axis.travel.settings.position_step
 
 
 @compiled
@@ -308,32 +303,27 @@ def _jog_to_limit(axis: Any, top: float, forwards: bool) -> None:
 def _held(axis: Any, enabled: bool, waits: bool) -> int:
     """The events that hold now, as a bit set.  A task that ``waits`` for the one behind it is not over."""
     held = 1 << (ENTER if enabled else LEAVE)
-    stw1 = int(axis.profidrive.stw1)
-    if axis.asked.feed_free:
-        stw1 |= PAUSE_BIT
-    if not stw1 & REJECT_BIT or (
+    paused = axis.orders.pause != 0 and not axis.asked.feed_free
+    goes_on = not paused and not axis.orders.reject
+    if axis.orders.reject or (
         axis.asked.settings.mdi_rejects and axis.positioning.task == TASK_MDI and not axis.asked.mdi
     ):
         held |= 1 << REJECT
-    held |= 1 << (RESUME if stw1 & PAUSE_BIT else PAUSE)
+    held |= 1 << (PAUSE if paused else RESUME)
     begins = (
         axis.positioning.state == FOLLOWING
         or not axis.positioning.settings.interpolation_by_edge
-        or axis.profidrive.stw1_changed & START_BIT != 0
+        or axis.orders.start_changed != 0
     )
     held |= 1 << (FOLLOW if follows(axis) and begins else UNFOLLOW)
-    resumes = axis.positioning.state == INTERMEDIATE_STOP and stw1 & ~int(axis.positioning.stw1_seen) & PAUSE_BIT != 0
-    ready = (
-        not interpolates(axis)
-        and not (axis.positioning.settings.resume_first and resumes)
-        and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT)
-    )
+    resumes = axis.positioning.state == INTERMEDIATE_STOP and not paused and not axis.positioning.free_before
+    ready = not interpolates(axis) and not (axis.positioning.settings.resume_first and resumes) and goes_on
     if axis.asked.begins and ready and _can_start(axis):
         held |= 1 << START
-    if axis.positioning.stw1_seen & HOME_BIT and not stw1 & HOME_BIT:
+    if axis.positioning.home_before and not axis.orders.home:
         held |= 1 << HOME_OFF
-    rises = not axis.homing.settings.by_edge or axis.profidrive.stw1_changed & HOME_BIT != 0
-    if axis.commands.home or (stw1 & HOME_BIT and not axis.homing.seen and rises):
+    rises = not axis.homing.settings.by_edge or axis.orders.home_changed != 0
+    if axis.commands.home or (axis.orders.home and not axis.homing.seen and rises):
         held |= 1 << HOME
     if axis.jog.asked == JOG_NONE:
         held |= 1 << JOG_OFF
@@ -343,7 +333,7 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
         held |= 1 << HALT
     elif axis.commands.stop == STOP_DROP:
         held |= 1 << REJECT | 1 << HOME_OFF
-    if axis.commands.resume and (stw1 & (REJECT_BIT | PAUSE_BIT)) == (REJECT_BIT | PAUSE_BIT):
+    if axis.commands.resume and goes_on:
         held |= 1 << CONTINUE
     if profile_over(axis) and not waits:
         held |= 1 << OVER
@@ -465,7 +455,7 @@ def take_motion(axis: Any, now: int) -> None:
     axis.commands.home = 0
     axis.commands.stop = 0
     axis.commands.resume = 0
-    if axis.positioning.state == OUT or not axis.profidrive.stw1 & HOME_BIT:
+    if axis.positioning.state == OUT or not axis.orders.home:
         axis.homing.seen = 0
     if axis.positioning.state == JOG:
         _jog(axis)
@@ -485,9 +475,10 @@ def take_motion(axis: Any, now: int) -> None:
         and abs(axis.positioning.following_error) > axis.positioning.settings.following_limit
     ):
         raise_fault(axis, axis.positioning.settings.following_fault, now)
-    if axis.asked.settings.control_config & CONFIG_RISING_EDGE and not axis.profidrive.stw1 & START_BIT:
+    if axis.asked.settings.control_config & CONFIG_RISING_EDGE and not axis.orders.start:
         axis.positioning.acknowledged = 0
-    axis.positioning.stw1_seen = axis.profidrive.stw1
+    axis.positioning.home_before = axis.orders.home
+    axis.positioning.free_before = 0 if axis.orders.pause else 1
 
 
 @compiled

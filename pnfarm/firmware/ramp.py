@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.hindrances import at_once, quick_stop_ramp
+from pnfarm.firmware.interlocks import at_once, quick_stop_ramp
 from pnfarm.firmware.interpolation import servo_command
-from pnfarm.firmware.jog import excluded
+from pnfarm.firmware.jog import by_sequence, excluded
 from pnfarm.firmware.motor import brake_holds, torque_controlled
 from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.firmware.service_motion import service_setpoint
 from pnfarm.firmware.travel import fastest
-from pnfarm.table.axis_codes import JOG_SEQUENCES, RAMP_ABSENT, RAMP_PASSED_BY
+from pnfarm.table.axis_codes import RAMP_ABSENT, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
 __all__ = ["approach", "limited", "velocity_command"]
 
 
-RAMP_ENABLED = 0x0010  # STW1.4
-RAMP_UNFROZEN = 0x0020  # STW1.5
-SETPOINT_ENABLED = 0x0040  # STW1.6
-JOG_1 = 1  # of ``jog.bits``: STW1.8
-JOG_2 = 2  # STW1.9
+JOG_1 = 1  # of ``jog.bits``
+JOG_2 = 2
 QUICK_STOP = 2  # axis.drive.stop
 
 
@@ -58,16 +55,15 @@ def limited(axis: Any, target: float) -> float:
 
 @compiled
 def _jogs(axis: Any) -> bool:
-    """Whether the axis jogs: it begins at standstill with STW1.4 to 6 at zero, and ends there without STW1.8 and 9.
+    """Whether the axis jogs: it begins at standstill while nothing bars it, and ends there when it is not asked for.
 
     A drive of sequences says itself when it begins and ends (:mod:`pnfarm.firmware.jog`).  A frozen ramp generator
     does not keep the speed of a jog that is over: the axis comes to rest.
     """
-    stw1 = axis.profidrive.stw1
-    if axis.jog.settings.form == JOG_SEQUENCES:
+    if by_sequence(axis):
         if axis.jog.sequence:
             axis.ramp.jogging = 1
-        elif axis.ramp.command == 0.0 or (stw1 & (RAMP_ENABLED | RAMP_UNFROZEN)) != RAMP_ENABLED:
+        elif axis.ramp.command == 0.0 or not axis.orders.ramp or axis.orders.ramp_runs:
             axis.ramp.jogging = 0
         return axis.ramp.jogging != 0
     if axis.ramp.settings.generator == RAMP_ABSENT or excluded(axis, axis.ramp.jogging != 0):
@@ -88,7 +84,7 @@ def _jog_command(axis: Any, seconds: float) -> None:
     """The velocity command of a jog, along ramps of its own; bits that stand for no speed ask for standstill."""
     bits = axis.jog.bits
     target = 0.0
-    if axis.jog.settings.form == JOG_SEQUENCES:
+    if by_sequence(axis):
         target = axis.jog.speed if axis.jog.sequence else 0.0
     elif bits == JOG_1:
         target = axis.jog.settings.velocity[0]
@@ -101,18 +97,16 @@ def _jog_command(axis: Any, seconds: float) -> None:
 
 @compiled
 def _servo(axis: Any, seconds: float) -> None:
-    """Dynamic servo control; STW1.4 to 6 work as for a speed that passes the ramp generator by."""
-    stw1 = int(axis.profidrive.stw1)
-    if stw1 & SETPOINT_ENABLED and stw1 & RAMP_UNFROZEN and stw1 & RAMP_ENABLED:
+    """Dynamic servo control; orders to the ramp generator work as for a speed that passes it by."""
+    if axis.orders.setpoint and axis.orders.ramp_runs and axis.orders.ramp:
         axis.ramp.command = limited(axis, servo_command(axis))
-    elif not stw1 & RAMP_ENABLED or stw1 & RAMP_UNFROZEN:
+    elif not axis.orders.ramp or axis.orders.ramp_runs:
         axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
 
 
 @compiled
 def _advance_ramp(axis: Any, seconds: float) -> None:
     """One step of ``axis.ramp.command``; ``axis.ramp.setpoint`` is what the controller asks for."""
-    stw1 = axis.profidrive.stw1
     if axis.drive.state == 5:
         axis.ramp.jogging = 0
         # a drive without a ramp generator has one ramp for every stop
@@ -160,7 +154,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
     if _jogs(axis):
         _jog_command(axis, seconds)
         return
-    if not stw1 & RAMP_ENABLED:
+    if not axis.orders.ramp:
         # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
         off = (
             0.0
@@ -169,9 +163,9 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         )
         axis.ramp.command = off
         return
-    if not stw1 & RAMP_UNFROZEN:
+    if not axis.orders.ramp_runs:
         return
-    target = limited(axis, axis.ramp.setpoint) if stw1 & SETPOINT_ENABLED else 0.0
+    target = limited(axis, axis.ramp.setpoint) if axis.orders.setpoint else 0.0
     if axis.ramp.settings.generator == RAMP_PASSED_BY:
         # the controller interpolates (Moog MSD manual, table 10.1: the set point acts directly on the control)
         axis.ramp.command = target

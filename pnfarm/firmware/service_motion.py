@@ -19,11 +19,7 @@ VELOCITY_MODE = 1
 @compiled
 def step_service(axis: Any, now: int) -> None:
     """Begin, change legs and end; a step takes ``commands.stop`` for itself in velocity mode only."""
-    if (
-        axis.drive.state != 4
-        or axis.drive.settings.opmode != VELOCITY_MODE
-        or not axis.profidrive.settings.setpoint_ignored
-    ):
+    if axis.drive.state != 4 or axis.drive.settings.opmode != VELOCITY_MODE or not axis.drive.settings.setpoint_ignored:
         axis.service.leg = 0
     elif axis.commands.stop:
         axis.service.leg = 0

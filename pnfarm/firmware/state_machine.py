@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.transitions import as_array
+from pnfarm.table.axis_codes import POWER_ENABLE, POWER_NO_COAST, POWER_NO_QUICK_STOP, POWER_ON
 from pnfarm.table.compiled import compiled
 
 __all__ = ["PRIORITY", "S5_FAULT", "S5_QUICK", "S5_RAMP", "TRANSITIONS", "advance", "conditions"]
@@ -108,23 +109,25 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 
 
 @compiled
-def conditions(stw1: int, faulty: int, reaction: int, standing: int, booted: int) -> int:
+def conditions(power: int, faulty: int, reaction: int, standing: int, booted: int) -> int:
     """The events that hold now, as a bit set.
 
-    ``faulty``: a fault is active; ``reaction``: 1 = it asks for a controlled stop.
+    ``power``: POWER_*; ``faulty``: a fault is active; ``reaction``: 1 = it asks for a controlled stop.
     """
     held = 0
     if booted:
         held |= 1 << BOOTED
     if faulty:
         held |= 1 << (TRIP_STOP if reaction else TRIP)
-    if not stw1 & 0x0002:
+    if not power & POWER_NO_COAST:
         held |= 1 << COAST
-    if not stw1 & 0x0004:
+    if not power & POWER_NO_QUICK_STOP:
         held |= 1 << QUICK
-    held |= 1 << (ON if stw1 & 0x0001 else OFF)
-    held |= 1 << (ENABLE if stw1 & 0x0008 else DISABLE)
-    if (stw1 & 0x0007) == 0x0006 and not faulty:
+    held |= 1 << (ON if power & POWER_ON else OFF)
+    held |= 1 << (ENABLE if power & POWER_ENABLE else DISABLE)
+    if (
+        power & (POWER_ON | POWER_NO_COAST | POWER_NO_QUICK_STOP)
+    ) == POWER_NO_COAST | POWER_NO_QUICK_STOP and not faulty:
         held |= 1 << READY
     if standing:
         held |= 1 << STANDSTILL

@@ -8,30 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
-from pnfarm.table.signals import TORQUE_LIMIT_POSITIVE
 
-__all__ = ["gives_all", "limited_torque", "take_torque_limits", "torque_limited"]
+__all__ = ["gives_all", "limited_torque", "torque_limited"]
 
 
 #: A torque nearer to its limit than this share of it is limited.
 ROUNDING = 1e-9
-THOUSANDTH = 0.001
-
-
-@compiled
-def take_torque_limits(axis: Any, image: Any) -> None:
-    """Once in each step: the parts of the torque by parameters, or by a telegram whose set points count."""
-    for direction in range(2):
-        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.torque_signals & (
-            1 << direction
-        ):
-            axis.torque.shares_in_force[direction] = axis.torque.settings.shares[direction]
-        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
-            axis.torque.shares_in_force[direction] = (
-                image.received[TORQUE_LIMIT_POSITIVE + direction] & 0xFFFF
-            ) * THOUSANDTH
 
 
 @compiled
@@ -46,9 +29,9 @@ def _most(axis: Any, direction: int) -> float:
 
 
 @compiled
-def limited_torque(axis: Any, torque: float) -> float:
-    """``motor.torque`` within the limits of its direction, N m."""
-    return max(-_most(axis, 1), min(_most(axis, 0), torque))
+def limited_torque(axis: Any, wanted: float) -> float:
+    """``wanted`` within the limits of its direction, N m."""
+    return max(-_most(axis, 1), min(_most(axis, 0), wanted))
 
 
 @compiled

@@ -6,13 +6,13 @@ from typing import Any
 
 from pnfarm.table.compiled import compiled
 
-__all__ = ["at_limit_switch", "fastest", "position_number", "take_ramps", "within_limits"]
+__all__ = ["at_limit_switch", "fastest", "limits_reached", "position_number", "take_ramps", "within_limits"]
 
 
 @compiled
 def position_number(axis: Any, place: float) -> int:
     """A place on the shaft in position steps; XIST_A is what fits of it in 32 bits."""
-    return round((place - axis.homing.origin) / axis.profidrive.settings.position_step)
+    return round((place - axis.homing.origin) / axis.travel.settings.position_step)
 
 
 @compiled
@@ -52,3 +52,22 @@ def take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
     axis.profile.top = velocity
     axis.profile.acceleration = up
     axis.profile.deceleration = down
+
+
+@compiled
+def limits_reached(axis: Any) -> int:
+    """SWLS.STATE: software limits that the axis has reached, bit 0 the low one, bit 1 the high one."""
+    word = 0
+    if axis.homing.homed:
+        place = axis.motor.position + axis.measurement.position_deviation - axis.homing.origin
+        if (
+            axis.travel.settings.software_limits & 0x1
+            and place <= axis.travel.settings.low + axis.positioning.settings.target_window
+        ):
+            word |= 0x1
+        if (
+            axis.travel.settings.software_limits & 0x2
+            and place >= axis.travel.settings.high - axis.positioning.settings.target_window
+        ):
+            word |= 0x2
+    return word

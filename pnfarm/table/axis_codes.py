@@ -31,6 +31,12 @@ FASTEST_RPM = 1e6
 CONTROL_BY_PLC = 0x0400  # STW1.10: without it nothing of the controller's words is taken over
 MDI_SELECTED = 0x8000  # SATZANW.15, POS_STW1.15; AKTSATZ.15 tells of it
 
+# What the controller asks of the power stage (``orders.power``), bit by bit; two of them are there to be taken back.
+POWER_ON = 1
+POWER_NO_COAST = 2  # 0: off at once
+POWER_NO_QUICK_STOP = 4  # 0: along the quick stop ramp, then off
+POWER_ENABLE = 8  # operation
+
 # What an enabled drive does on a fault: bits 24..31 of a fault as it is raised.
 REACTION_COAST = 0  # power stage off
 REACTION_QUICK_STOP = 1  # controlled stop along the quick stop ramp, then off

@@ -326,9 +326,9 @@ def test_5_12_1_60_rpm_are_163_steps(running: Running) -> None:
 
 
 def test_5_12_2_positions_have_65536_counts_a_turn_until_pnu_1002_says_otherwise(akd_2012: Drive) -> None:
-    assert akd_2012.axis.profidrive.settings.position_step == 1 / 65536
+    assert akd_2012.axis.travel.settings.position_step == 1 / 65536
     akd_2012.store.write(1002, 0, [20])
-    assert akd_2012.axis.profidrive.settings.position_step == 2.0**-20
+    assert akd_2012.axis.travel.settings.position_step == 2.0**-20
 
 
 def test_5_12_3_65536_steps_of_acceleration_are_50_million_rpm_per_second(akd_2012: Drive) -> None:

@@ -252,7 +252,7 @@ STATES = (
     {},
     {"drive.state": 4, "drive.opmode": 2},
     {"drive.state": 4, "drive.opmode": 2, "positioning.state": MOTION_HALTED},
-    {"drive.state": 4, "drive.opmode": 1, "profidrive.setpoint_ignored": 1, "service.mode": 2},
+    {"drive.state": 4, "drive.opmode": 1, "drive.setpoint_ignored": 1, "service.mode": 2},
 )
 
 

@@ -40,10 +40,10 @@ def example(drive: Drive) -> None:
 def test_13_2_a_reference_position_in_degrees_is_its_part_of_a_revolution(msd: Drive) -> None:
     """COM_DP_REFPos * MPRO_FG_Num / MPRO_FG_Den."""
     example(msd)
-    assert msd.axis.profidrive.settings.position_step * 360 == pytest.approx(1.0)
+    assert msd.axis.travel.settings.position_step * 360 == pytest.approx(1.0)
     msd.store.set("P-0271", 5)
     msd.store.set("P-0272", 1000)
-    assert msd.axis.profidrive.settings.position_step == pytest.approx(0.005), (
+    assert msd.axis.travel.settings.position_step == pytest.approx(0.005), (
         "a gear or a feed constant is in the quotient"
     )
 
@@ -78,7 +78,7 @@ def test_the_factors_are_kept_over_a_power_cycle(msd: Drive) -> None:
     example(msd)
     msd.store.set("P-0971", 1)
     msd.store.power_on()
-    assert msd.axis.profidrive.settings.position_step * 360 == pytest.approx(1.0)
+    assert msd.axis.travel.settings.position_step * 360 == pytest.approx(1.0)
     assert msd.axis.profidrive.settings.acceleration_step == pytest.approx(1.0, rel=1e-6)
 
 
@@ -99,7 +99,7 @@ def test_a_factor_that_makes_a_unit_of_nothing_is_refused(msd: Drive, name: str,
 def test_units_and_exponents_are_for_display_alone(msd: Drive) -> None:
     """13.1."""
     before = (
-        float(msd.axis.profidrive.settings.position_step),
+        float(msd.axis.travel.settings.position_step),
         float(msd.axis.profidrive.settings.velocity_step),
         float(msd.axis.profidrive.settings.acceleration_step),
     )
@@ -108,7 +108,7 @@ def test_units_and_exponents_are_for_display_alone(msd: Drive) -> None:
     for name in ("P-0284", "P-0287", "P-0290", "P-0293"):
         msd.store.set(name, ord("x"))
     assert before == (
-        msd.axis.profidrive.settings.position_step,
+        msd.axis.travel.settings.position_step,
         msd.axis.profidrive.settings.velocity_step,
         msd.axis.profidrive.settings.acceleration_step,
     )

@@ -164,7 +164,7 @@ def test_an_akd_starts_with_the_defaults_of_its_manual(akd: Drive) -> None:
     assert axis.drive.settings.opmode == 1
     assert axis.profidrive.settings.velocity_step == pytest.approx(1638 * 60 * 16000 / 2**32)
     assert axis.ramp.settings.acceleration == pytest.approx(10000.17)
-    assert axis.profidrive.settings.position_step == 2.0**-16
+    assert axis.travel.settings.position_step == 2.0**-16
     assert axis.ramp.settings.standstill == 5.0
     assert axis.faults.settings.loss_fault == 702 | 1 << 24
     assert axis.faults.settings.stop_fault == 702 | 1 << 24
@@ -267,7 +267,7 @@ def test_positions_follow_posscale_and_unit_and_wrap(akd: Drive) -> None:
 
 def test_singleturn_bits_set_the_position_step(akd: Drive) -> None:
     akd.store.write(1002, 0, [20])
-    assert akd.axis.profidrive.settings.position_step == 2.0**-20
+    assert akd.axis.travel.settings.position_step == 2.0**-20
 
 
 def test_controlled_stop_shows_quick_and_fault_stops(akd: Drive) -> None:

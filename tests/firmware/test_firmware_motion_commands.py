@@ -499,10 +499,10 @@ def test_5_4_a_jog_in_position_mode_waits_for_standstill():
 def test_set_points_of_another_source_are_not_followed():
     """DRV.CMDSOURCE: with any other than the fieldbus NSOLL_A means nothing."""
     drive = BenchAxis()
-    drive.axis.profidrive.settings.setpoint_ignored = 1
+    drive.axis.drive.settings.setpoint_ignored = 1
     drive.enable(300.0)
     drive.run(500)
     assert drive.axis.motor.velocity == 0.0
-    drive.axis.profidrive.settings.setpoint_ignored = 0
+    drive.axis.drive.settings.setpoint_ignored = 0
     drive.run(500)
     assert drive.axis.motor.velocity == pytest.approx(300.0, abs=1.0)

@@ -80,14 +80,14 @@ def test_a_drive_in_its_ramp_stop_takes_its_controller_up_again():
 
 def test_bit_3_leads_to_s3_as_bit_0_does_and_both_lead_to_s4():
     bench = BenchAxis()
-    bench.axis.profidrive.settings.on_by_enable = 1
+    bench.axis.drive.settings.on_by_enable = 1
     walk = [bench.write(word, run=3) & 0x7 for word in (0x0406, 0x040E, 0x040F, 0x0407, 0x0406)]
     assert walk == [0x1, 0x3, 0x7, 0x3, 0x1]
 
 
 @pytest.mark.parametrize(("reading", "state"), [(0, 5), (1, 2)])
 def test_off_in_operation_stops_along_its_ramp_or_not(reading, state):
-    bench = running(profidrive__off_at_once=reading)
+    bench = running(drive__off_at_once=reading)
     bench.write(RUN & ~0x0001, 1000.0, run=5)
     assert bench.axis.drive.state == state
 

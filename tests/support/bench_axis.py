@@ -31,7 +31,7 @@ def configure(axis: Any) -> None:
     axis.motor.settings.max_velocity = 12000.0
     axis.drive.settings.opmode = 1
     axis.profidrive.settings.velocity_step = VELOCITY_STEP
-    axis.profidrive.settings.position_step = 1 / 65536
+    axis.travel.settings.position_step = 1 / 65536
     axis.ramp.settings.acceleration = 10_000.0
     axis.ramp.settings.deceleration = 5_000.0
     axis.ramp.settings.quick_stop_deceleration = 50_000.0

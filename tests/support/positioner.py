@@ -35,7 +35,7 @@ class Positioner(BenchAxis):
         axis.drive.settings.opmode = 2
         axis.profidrive.settings.task_form = TASKS_MDI
         axis.profidrive.settings.target_step = 1 / COUNTS
-        axis.profidrive.settings.position_step = 1 / COUNTS
+        axis.travel.settings.position_step = 1 / COUNTS
         axis.profidrive.settings.task_velocity_step = VELOCITY_UNIT
         axis.profidrive.settings.task_velocity_unsigned = 1
         axis.profidrive.settings.task_acceleration_step = axis.profidrive.settings.task_deceleration_step = (

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.causes import cause_held
+from pnfarm.firmware.interlocks import torque_free
 from pnfarm.firmware.measurement import measured_position, measured_velocity
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, JOG, OUT, STANDBY, TASK
+from pnfarm.firmware.travel import limits_reached
 from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_RELEASE, MDI_SELECTED, TASKS_TABLE
 from pnfarm.table.axis_readings import REACHED_NO_MOTION, REACHED_TASK_ACTIVE
 from pnfarm.table.compiled import compiled
@@ -15,12 +16,9 @@ __all__ = [
     "actual_task",
     "drive_inputs",
     "first_position_word",
-    "limits_reached",
     "motion_status",
     "position_bits",
     "second_position_word",
-    "standing",
-    "torque_free",
 ]
 
 
@@ -31,7 +29,7 @@ def _has_task(axis: Any) -> bool:
 
 
 @compiled
-def standing(axis: Any) -> bool:
+def _standing(axis: Any) -> bool:
     """Whether the axis is seen to be at rest: no profile moves it, and the shaft does not turn.
 
     Homing moves it to its end, also where it turns at the mark (AKD PROFINET manual 5.10.3).
@@ -72,7 +70,7 @@ def _reached(axis: Any) -> bool:
 @compiled
 def _rests(axis: Any) -> bool:
     """ZSW1.13, where it tells that the axis stands."""
-    return standing(axis) and (not axis.positioning.settings.rest_without_task or _basic(axis))
+    return _standing(axis) and (not axis.positioning.settings.rest_without_task or _basic(axis))
 
 
 @compiled
@@ -91,7 +89,7 @@ def position_bits(axis: Any) -> int:
         word |= 0x0800
     if axis.positioning.acknowledged:
         word |= 0x1000
-    if not standing(axis) if axis.profidrive.settings.moving_bit else _rests(axis):
+    if not _standing(axis) if axis.profidrive.settings.moving_bit else _rests(axis):
         word |= 0x2000
     if _has_task(axis):
         word |= axis.profidrive.settings.task_active
@@ -146,7 +144,7 @@ def second_position_word(axis: Any) -> int:
     word = 0
     if _has_task(axis):
         word |= 0x8004
-    if not standing(axis):
+    if not _standing(axis):
         # a shaft that does not turn yet, or no more, goes where its profile leads
         velocity = measured_velocity(axis)
         speed = velocity if abs(velocity) > axis.ramp.settings.standstill else axis.profile.velocity
@@ -167,31 +165,6 @@ def actual_task(axis: Any) -> int:
     if _has_task(axis) and axis.positioning.task >= 0:
         return int(axis.positioning.task)
     return MDI_SELECTED if axis.asked.mdi else 0
-
-
-@compiled
-def limits_reached(axis: Any) -> int:
-    """SWLS.STATE: software limits that the axis has reached, bit 0 the low one, bit 1 the high one."""
-    word = 0
-    if axis.homing.homed:
-        place = axis.motor.position + axis.measurement.position_deviation - axis.homing.origin
-        if (
-            axis.travel.settings.software_limits & 0x1
-            and place <= axis.travel.settings.low + axis.positioning.settings.target_window
-        ):
-            word |= 0x1
-        if (
-            axis.travel.settings.software_limits & 0x2
-            and place >= axis.travel.settings.high - axis.positioning.settings.target_window
-        ):
-            word |= 0x2
-    return word
-
-
-@compiled
-def torque_free(axis: Any) -> bool:
-    """Whether safe torque off is requested: the cause of its fault is there."""
-    return cause_held(axis, int(axis.faults.settings.sto_fault))
 
 
 @compiled

@@ -11,19 +11,13 @@ from math import ceil, floor
 from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, cause_held
-from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO, SENSOR_PARKING
+from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO
 from pnfarm.table.compiled import compiled
 
-__all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks", "parked"]
+__all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks"]
 
 #: Functions 1 to 4, bit by bit.
 ALL_FUNCTIONS = 0x0F
-
-
-@compiled
-def parked(axis: Any) -> bool:
-    """Whether the controller has parked the encoder."""
-    return axis.sensor.state == SENSOR_PARKING
 
 
 @compiled

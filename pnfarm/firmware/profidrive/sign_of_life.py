@@ -17,12 +17,12 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
-from pnfarm.firmware.profidrive.status_forms import moog_second_word
-from pnfarm.table.axis_codes import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD, STATUS_MOOG
+from pnfarm.firmware.profidrive.status_word import second_status_word
+from pnfarm.table.axis_codes import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import STW2, ZSW2
 
-__all__ = ["check_life", "count_life", "following", "forget_life", "second_status_word"]
+__all__ = ["check_life", "count_life", "following", "forget_life"]
 
 
 #: Where the count stands.
@@ -41,20 +41,6 @@ def following(count: int, frames: int) -> int:
     if frames == 0:
         return count
     return 1 + (count + frames - 1) % LARGEST
-
-
-@compiled
-def second_status_word(axis: Any) -> int:
-    """ZSW2: the drive's sign of life, and in some telegrams whether pulses are enabled.
-
-    HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
-    """
-    word = int(axis.life.sent) << SHIFT
-    if axis.profidrive.settings.status_form == STATUS_MOOG:
-        return word | moog_second_word(axis)
-    if axis.drive.state >= 4:
-        word |= int(axis.profidrive.settings.pulses_enabled)
-    return word
 
 
 @compiled

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.jog import excluded
+from pnfarm.firmware.jog import by_sequence, excluded
+from pnfarm.firmware.motion_tasks import select_task
 from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
@@ -14,16 +15,9 @@ from pnfarm.table.axis_codes import (
     JOG_PLUS,
     JOG_REAL_TIME,
     JOG_SEQUENCE,
-    JOG_SEQUENCES,
     JOG_STILL,
     MDI_SELECTED,
-    MOTION_TASKS,
-    TASK_DEFINED,
-    TASK_FROM_ACTUAL,
-    TASK_FROM_COMMAND,
-    TASK_FROM_TARGET,
     TASK_MDI,
-    TASK_RELATIVE,
     TASKS_MDI,
     TASKS_NONE,
     TASKS_POS_STW,
@@ -49,7 +43,7 @@ from pnfarm.table.signals import (
     VELOCITY_A,
 )
 
-__all__ = ["ramp_step", "select_task", "take_task"]
+__all__ = ["ramp_step", "take_task"]
 
 
 START_BIT = 0x0040  # STW1.6
@@ -87,7 +81,7 @@ def ramp_step(own: float, jog: float, ramp: float) -> float:
 
 @compiled
 def _jog_asked(axis: Any, stw1: int) -> int:
-    if axis.jog.settings.form == JOG_SEQUENCES:
+    if by_sequence(axis):
         return JOG_SEQUENCE if axis.jog.sequence else JOG_NONE
     rejected = axis.jog.settings.real_time == REAL_TIME_JOG_WITH_TASKS and not stw1 & NOT_REJECTED
     if axis.jog.settings.real_time and stw1 & REAL_TIME_JOG and not rejected:
@@ -99,22 +93,6 @@ def _jog_asked(axis: Any, stw1: int) -> int:
     if axis.jog.bits == JOG_2:
         return JOG_MINUS
     return JOG_STILL if axis.jog.bits else JOG_NONE
-
-
-@compiled
-def select_task(axis: Any, number: int) -> None:
-    """Take the data of one of the drive's motion tasks; one that is not there has no velocity and cannot begin."""
-    if not 0 <= number < MOTION_TASKS or not axis.motion_tasks.settings.kind[number] & TASK_DEFINED:
-        axis.asked.velocity = 0.0
-        return
-    axis.asked.number = number
-    axis.asked.position = axis.motion_tasks.settings.position[number]
-    flags = int(axis.motion_tasks.settings.kind[number])
-    axis.asked.relative = 1 if flags & TASK_RELATIVE else 0
-    axis.asked.counts_from = flags & (TASK_FROM_COMMAND | TASK_FROM_TARGET | TASK_FROM_ACTUAL)
-    axis.asked.velocity = axis.motion_tasks.settings.velocity[number]
-    axis.asked.acceleration = axis.motion_tasks.settings.acceleration[number]
-    axis.asked.deceleration = axis.motion_tasks.settings.deceleration[number]
 
 
 @compiled
@@ -182,7 +160,7 @@ def _take_data(axis: Any, image: Any, step: float) -> None:
 
 
 @compiled
-def _take_target(axis: Any, image: Any, step: float) -> None:
+def _take_target(axis: Any, image: Any, position: float) -> None:
     """A target of the telegram, or a driving set's, with the telegram's velocity and the ramps in force.
 
     Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, or as soon as it can begin (assumed), and
@@ -191,14 +169,6 @@ def _take_target(axis: Any, image: Any, step: float) -> None:
     """
     stw1 = int(axis.profidrive.stw1)
     axis.asked.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
-    position = image.received[TARPOS_A] * step
-    if axis.profidrive.settings.task_form == TASKS_TABLE:
-        number = int(image.received[SATZANW]) & NUMBER
-        if number >= DRIVING_SETS:
-            axis.asked.begins = 0
-            return
-        axis.asked.number = number
-        position = axis.driving_sets.settings.position[number] * step
     relative = 1 if stw1 & RELATIVE else 0
     velocity = image.received[VELOCITY_A] * axis.profidrive.settings.task_velocity_step
     endless = 1 if stw1 & ENDLESS else 0
@@ -206,7 +176,7 @@ def _take_target(axis: Any, image: Any, step: float) -> None:
     if stw1 & NO_HANDSHAKE:
         other = abs(velocity) != axis.asked.velocity or (velocity < 0.0) != (axis.asked.backwards != 0)
         other = other or axis.ramp.up != axis.asked.acceleration or axis.ramp.down != axis.asked.deceleration
-        other = other or (stw1 ^ axis.positioning.stw1_seen) & ENDLESS != 0
+        other = other or (stw1 ^ int(axis.profidrive.stw1_before)) & ENDLESS != 0
         if position != axis.asked.position or (other and (runs or endless)):
             axis.asked.renewed = 1
         if axis.asked.renewed:
@@ -224,6 +194,18 @@ def _take_target(axis: Any, image: Any, step: float) -> None:
 
 
 @compiled
+def _take_set(axis: Any, image: Any, step: float) -> None:
+    """The driving set that SATZANW names; one that is not there begins nothing."""
+    number = int(image.received[SATZANW]) & NUMBER
+    if number < DRIVING_SETS:
+        axis.asked.number = number
+        _take_target(axis, image, axis.driving_sets.settings.position[number] * step)
+        return
+    axis.asked.feed_free = 1 if axis.profidrive.stw1 & NO_HANDSHAKE else 0
+    axis.asked.begins = 0
+
+
+@compiled
 def _set_reference(axis: Any) -> None:
     """The place where the axis is becomes the reference point; what an absolute task leads to is a number there."""
     before = axis.homing.origin
@@ -235,24 +217,44 @@ def _set_reference(axis: Any) -> None:
 
 
 @compiled
-def _select(axis: Any, image: Any) -> None:
-    """Which task begins: that of the telegram's data, one of the drive's own, or the one of a command."""
-    if axis.profidrive.settings.task_form == TASKS_POS_STW:
-        axis.asked.relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
-        axis.asked.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
-        axis.asked.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
-        word = image.received[POS_STW2] & 0xFFFF
-        if word & ~axis.asked.pos_stw2 & HERE:
-            _set_reference(axis)
-        axis.asked.pos_stw2 = word
-    elif axis.profidrive.settings.task_form == TASKS_MDI:
-        axis.asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
-        axis.asked.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
+def _take_position_words(axis: Any, image: Any) -> None:
+    """POS_STW1, POS_STW2 and OVERRIDE (HIWIN E1 manual 3.9 and 3.10): telegram 111."""
+    axis.asked.relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
+    axis.asked.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
+    axis.asked.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
+    word = image.received[POS_STW2] & 0xFFFF
+    if word & ~axis.asked.pos_stw2 & HERE:
+        _set_reference(axis)
+    axis.asked.pos_stw2 = word
+
+
+@compiled
+def _take_mode(axis: Any, image: Any) -> None:
+    """MDI_MOD, and what SATZANW tells of MDI: telegram 9 of the profile and its kin."""
+    axis.asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
+    axis.asked.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
+
+
+@compiled
+def _take_signals(axis: Any, image: Any, step: float) -> None:
+    """Which task begins, by the signals that the telegram has; ``profidrive.task_form`` is looked at here alone."""
+    form = int(axis.profidrive.settings.task_form)
+    if form == TASKS_TABLE:
+        _take_set(axis, image, step)
+        return
+    if form == TASKS_TARPOS:
+        _take_target(axis, image, image.received[TARPOS_A] * step)
+        return
+    _take_data(axis, image, step)
+    if form == TASKS_POS_STW:
+        _take_position_words(axis, image)
+    elif form == TASKS_MDI:
+        _take_mode(axis, image)
     if axis.profidrive.settings.feedrate_signal:
         axis.asked.override = (image.received[MT_FEEDRATE] & 0xFFFF) / axis.asked.settings.feedrate_whole
     if _take_command(axis) or axis.asked.mdi:
         return
-    if axis.profidrive.settings.task_form != TASKS_MDI:
+    if form != TASKS_MDI:
         axis.asked.begins = 0
     elif axis.asked.begins:
         # and only then: jogging goes by the data of the telegram
@@ -277,7 +279,7 @@ def take_task(axis: Any, image: Any) -> None:
     axis.asked.feed_free = 0
     axis.asked.endless = 0
     axis.asked.still = 0
-    if axis.jog.settings.form == JOG_SEQUENCES:
+    if by_sequence(axis):
         axis.jog.asked = _jog_asked(axis, axis.profidrive.stw1)
     here = (
         axis.profidrive.setpoints == SETPOINTS_TAKEN
@@ -297,13 +299,9 @@ def take_task(axis: Any, image: Any) -> None:
     target_step = (
         axis.profidrive.settings.target_step
         if axis.profidrive.settings.target_step > 0.0
-        else axis.profidrive.settings.position_step
+        else axis.travel.settings.position_step
     )
     _take_homing(axis, image, target_step)
     axis.asked.number = TASK_MDI
-    if axis.profidrive.settings.task_form >= TASKS_TARPOS:
-        _take_target(axis, image, target_step)
-    else:
-        _take_data(axis, image, target_step)
-        _select(axis, image)
+    _take_signals(axis, image, target_step)
     axis.commands.task = 0

@@ -16,7 +16,7 @@ from pnfarm.firmware.profidrive.position_status import (
     motion_status,
     second_position_word,
 )
-from pnfarm.firmware.profidrive.sign_of_life import second_status_word
+from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.firmware.torque_limits import torque_limited
 from pnfarm.firmware.travel import position_number
 from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
@@ -72,7 +72,7 @@ __all__ = [
 N2_FULL = 16384.0
 #: Increments of NSOLL_B and NIST_B to one of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
 B_STEPS = 65536.0
-#: ``profidrive.setpoint_ignored``: the set point of the torque is a parameter's.
+#: ``drive.setpoint_ignored``: the set point of the torque is a parameter's.
 TORQUE_COMMAND_COUNTS = 1
 #: An array, because indexing a tuple in compiled code copies it.
 _SENT_BACK = np.array(SENT_BACK, np.int64)
@@ -189,10 +189,10 @@ def from_setpoints(axis: Any, image: Any) -> None:
         axis.ramp.setpoint = signed16(image.received[NSOLL_A]) * axis.profidrive.settings.velocity_step
     axis.ramp.setpoint *= axis.ramp.settings.speed_override
     axis.torque.setpoint = signed16(image.received[TORQUE_SETPOINT]) * _torque_step(axis)
-    if axis.profidrive.settings.setpoint_ignored:
+    if axis.drive.settings.setpoint_ignored:
         axis.ramp.setpoint = 0.0
         axis.torque.setpoint = (
-            axis.torque.settings.command if axis.profidrive.settings.setpoint_ignored == TORQUE_COMMAND_COUNTS else 0.0
+            axis.torque.settings.command if axis.drive.settings.setpoint_ignored == TORQUE_COMMAND_COUNTS else 0.0
         )
     up = image.received[DRV_ACC] & 0xFFFF
     down = image.received[DRV_DEC] & 0xFFFF
@@ -246,7 +246,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[XIST_ERROR] = signed32(
         nearest(
             (axis.positioning.following_error - axis.measurement.position_deviation)
-            / axis.profidrive.settings.position_step
+            / axis.travel.settings.position_step
         )
     )
     if axis.profidrive.settings.shows:

@@ -15,6 +15,17 @@ DRIVE_RECORD = subject(
         Field("quick_stop_option", "u1", "", "parameter", "what a quick stop does: QUICK_STOP_*"),
         Field("disable_method", "u1", "", "parameter", "how the power stage goes off by software: DISABLE_*"),
         Field("enable_acknowledges", "u1", "", "parameter", "1 = the hardware enable acknowledges when it comes"),
+        Field("ready_with_on", "u1", "", "parameter", "1 = S1 is left with STW1.0 set, too"),
+        Field("enable_by_edge", "u1", "", "parameter", "1 = S3 is left when STW1.0 and 3 rise, not while they are set"),
+        Field("on_by_enable", "u1", "", "parameter", "1 = STW1.3 leads to S3 as STW1.0 does; both lead to S4"),
+        Field("off_at_once", "u1", "", "parameter", "1 = STW1.0 = 0 in operation switches off without a ramp"),
+        Field(
+            "setpoint_ignored",
+            "u1",
+            "",
+            "parameter",
+            "1 = set points of the telegram are not followed, but torque_command is; 2 = neither",
+        ),
     ],
     state=[
         Field("state", "u1", "", "firmware", "S1..S5 as 1..5, 0 while booting"),

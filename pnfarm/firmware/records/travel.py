@@ -12,6 +12,7 @@ TRAVEL_RECORD = subject(
     "travel",
     "How fast and how far the axis may go.",
     settings=[
+        Field("position_step", "f8", "rev", "parameter", "one increment of positions as numbers"),
         Field("velocity_limit", "f8", "rpm", "parameter", "limit of the velocity command beside the motor's, 0 = none"),
         Field("velocity_limit_positive", "f8", "rpm", "parameter", "most speed forwards, inf = no limit", default=inf),
         Field("velocity_limit_negative", "f8", "rpm", "parameter", "most speed backwards, alike", default=inf),

@@ -1,18 +1,19 @@
-"""Status words where a maker uses them in his own way: Moog MSD manual 10.2.3, 10.2.4 and 10.7."""
+"""Status words of the Moog MSD: manual 10.2.3, 10.2.4 and 10.7."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.hindrances import enabled_by_hardware
+from pnfarm.firmware.interlocks import enabled_by_hardware
 from pnfarm.firmware.interpolation import generator_in_force
 from pnfarm.firmware.measurement import measured_velocity
 from pnfarm.firmware.motor import torque_controlled
+from pnfarm.firmware.profidrive.speed_status import speed_reached
 from pnfarm.firmware.torque_limits import gives_all
-from pnfarm.table.axis_codes import CONTROL_BY_PLC, RAMP_GENERATED
+from pnfarm.table.axis_codes import RAMP_GENERATED
 from pnfarm.table.compiled import compiled
 
-__all__ = ["control_requested", "moog_second_word", "moog_word", "speed_reached", "take_generator"]
+__all__ = ["second_status_msd", "status_msd", "take_generator"]
 
 # Bits of ZSW1.
 PROFILE_BITS = 0x01FF  # 0 to 8 are as in the profile
@@ -50,27 +51,7 @@ def _as_in_the_profile(axis: Any) -> bool:
 
 
 @compiled
-def speed_reached(axis: Any) -> bool:
-    """ZSW1.10 in speed control: the speed is reached or exceeded."""
-    wanted = axis.jog.speed if axis.jog.sequence else axis.ramp.setpoint
-    velocity = measured_velocity(axis)
-    if wanted < 0.0:
-        return velocity <= wanted + axis.ramp.settings.velocity_window
-    if wanted > 0.0:
-        return velocity >= wanted - axis.ramp.settings.velocity_window
-    return abs(velocity) <= axis.ramp.settings.velocity_window
-
-
-@compiled
-def control_requested(axis: Any) -> bool:
-    """ZSW1.9: the drive is there to be controlled, or it shows STW1.10."""
-    return axis.drive.state > 0 and (
-        not axis.profidrive.settings.control_shown or int(axis.profidrive.stw1_seen) & CONTROL_BY_PLC != 0
-    )
-
-
-@compiled
-def moog_word(axis: Any, word: int) -> int:
+def status_msd(axis: Any, word: int) -> int:
     """ZSW1 by tables 10.8 and 10.16, from the profile's ``word``."""
     velocity = measured_velocity(axis)
     stationary = abs(velocity) <= axis.ramp.settings.standstill
@@ -95,23 +76,7 @@ def moog_word(axis: Any, word: int) -> int:
 
 
 @compiled
-def take_generator(axis: Any) -> None:
-    """Once in each step, behind the motor: what the profile generator did."""
-    speed = axis.profile.velocity if axis.drive.settings.opmode == 2 else axis.ramp.command
-    working = axis.drive.state >= 4 and generator_in_force(axis) == RAMP_GENERATED and not torque_controlled(axis)
-    before = abs(axis.profidrive.generator_speed)
-    axis.profidrive.generator_speed = speed
-    change = abs(speed) - before
-    if not working or (speed == 0.0 and change == 0.0):
-        axis.profidrive.generator = AT_REST
-    elif change > SAME:
-        axis.profidrive.generator = UP
-    else:
-        axis.profidrive.generator = DOWN if change < -SAME else CONSTANT
-
-
-@compiled
-def moog_second_word(axis: Any) -> int:
+def second_status_msd(axis: Any) -> int:
     """ZSW2 by tables 10.9 and 10.17, without the sign of life."""
     word = int(axis.profidrive.generator)
     if _as_in_the_profile(axis):
@@ -128,3 +93,19 @@ def moog_second_word(axis: Any) -> int:
     if gives_all(axis, 1, NEAR):
         word |= NEGATIVE_LIMIT
     return word | (int(axis.machine.inputs) & INPUTS) << INPUT_SHIFT
+
+
+@compiled
+def take_generator(axis: Any) -> None:
+    """Once in each step, behind the motor: what the profile generator did."""
+    speed = axis.profile.velocity if axis.drive.settings.opmode == 2 else axis.ramp.command
+    working = axis.drive.state >= 4 and generator_in_force(axis) == RAMP_GENERATED and not torque_controlled(axis)
+    before = abs(axis.profidrive.generator_speed)
+    axis.profidrive.generator_speed = speed
+    change = abs(speed) - before
+    if not working or (speed == 0.0 and change == 0.0):
+        axis.profidrive.generator = AT_REST
+    elif change > SAME:
+        axis.profidrive.generator = UP
+    else:
+        axis.profidrive.generator = DOWN if change < -SAME else CONSTANT

@@ -17,9 +17,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.causes import cause_held
 from pnfarm.firmware.faults import acknowledge
-from pnfarm.firmware.profidrive.position_status import torque_free
-from pnfarm.firmware.profidrive.sensor_marks import parked
 from pnfarm.firmware.state_machine import (
     COAST,
     DISABLE,
@@ -35,25 +34,28 @@ from pnfarm.table.axis_codes import (
     LACKS_ENABLE,
     LACKS_RELEASE,
     LACKS_SUPPLY,
+    POWER_ENABLE,
+    POWER_NO_COAST,
+    POWER_NO_QUICK_STOP,
+    POWER_ON,
     QUICK_STOP_COAST,
     QUICK_STOP_CURRENT,
     QUICK_STOP_PROFILE,
     QUICK_STOP_RAMP,
     QUICK_STOP_STAYS,
+    SENSOR_PARKING,
 )
 from pnfarm.table.compiled import compiled
 
-__all__ = ["at_once", "enabled_by_hardware", "quick_stop_ramp", "take_hindrances", "with_hindrances"]
+__all__ = ["at_once", "enabled_by_hardware", "quick_stop_ramp", "take_interlocks", "torque_free", "with_interlocks"]
 
-ON_BITS = 0x0006  # STW1.1 and 2
-NO_QUICK_STOP = 0x0004
-ENABLE_BITS = 0x0009  # STW1.0 and 3
-ENABLE_BIT = 0x0008
+NO_STOP = POWER_NO_COAST | POWER_NO_QUICK_STOP
+RUN = POWER_ON | POWER_ENABLE
 RAMP_STOP = 1  # ``drive.stop``
 
 
 @compiled
-def take_hindrances(axis: Any) -> None:
+def take_interlocks(axis: Any) -> None:
     """Once in each step, before the events: what the drive lacks, edges of the hardware enable and of that by STW1.
 
     Everything that shows hardware enable, stop inputs and supply goes by ``drive.lacks``.
@@ -64,9 +66,9 @@ def take_hindrances(axis: Any) -> None:
     if axis.drive.settings.enable_acknowledges and int(axis.drive.lacks) & ~lacks & LACKS_ENABLE:
         acknowledge(axis)
     axis.drive.lacks = lacks
-    if (int(axis.profidrive.stw1) & ENABLE_BITS) != ENABLE_BITS or axis.drive.state < 2 or axis.drive.state > 3:
+    if (int(axis.orders.power) & RUN) != RUN or axis.drive.state < 2 or axis.drive.state > 3:
         axis.drive.enable_rose = 0
-    elif int(axis.profidrive.stw1_changed) & ENABLE_BITS:
+    elif int(axis.orders.power_changed) & RUN:
         axis.drive.enable_rose = 1
 
 
@@ -87,23 +89,23 @@ def _with_quick_stop(axis: Any, held: int) -> int:
         held &= ~(1 << DISABLE)
         if _stays(axis):
             held &= ~(1 << STANDSTILL)
-            if int(axis.profidrive.stw1) & NO_QUICK_STOP:
+            if int(axis.orders.power) & POWER_NO_QUICK_STOP:
                 held |= 1 << RELEASED
     return held
 
 
 @compiled
-def with_hindrances(axis: Any, held: int, stw1: int, faulty: int) -> int:
+def with_interlocks(axis: Any, held: int, power: int, faulty: int) -> int:
     """The events of :func:`~pnfarm.firmware.state_machine.conditions`, as this drive sees them."""
-    if axis.profidrive.settings.ready_with_on and (stw1 & ON_BITS) == ON_BITS and not faulty:
+    if axis.drive.settings.ready_with_on and (power & NO_STOP) == NO_STOP and not faulty:
         held |= 1 << READY
-    if axis.profidrive.settings.enable_by_edge and not axis.drive.enable_rose:
+    if axis.drive.settings.enable_by_edge and not axis.drive.enable_rose:
         held &= ~(1 << ENABLE)
-    if axis.profidrive.settings.on_by_enable and axis.drive.state < 4 and stw1 & ENABLE_BITS == ENABLE_BIT:
+    if axis.drive.settings.on_by_enable and axis.drive.state < 4 and power & RUN == POWER_ENABLE:
         held = (held | 1 << ON) & ~(1 << OFF | 1 << ENABLE)
-    if axis.profidrive.settings.off_at_once and axis.drive.state == 5 and axis.drive.stop == RAMP_STOP:
+    if axis.drive.settings.off_at_once and axis.drive.state == 5 and axis.drive.stop == RAMP_STOP:
         held |= 1 << DISABLE
-    if int(axis.drive.lacks) & (LACKS_ENABLE | LACKS_SUPPLY) or parked(axis):
+    if int(axis.drive.lacks) & (LACKS_ENABLE | LACKS_SUPPLY) or axis.sensor.state == SENSOR_PARKING:
         held |= 1 << COAST
         held &= ~(1 << READY)
     if int(axis.drive.lacks) & LACKS_RELEASE:
@@ -128,6 +130,12 @@ def at_once(axis: Any) -> bool:
     if _stays(axis):
         option -= QUICK_STOP_STAYS
     return option == QUICK_STOP_CURRENT
+
+
+@compiled
+def torque_free(axis: Any) -> bool:
+    """Whether safe torque off is requested: the cause of its fault is there."""
+    return cause_held(axis, int(axis.faults.settings.sto_fault))
 
 
 @compiled

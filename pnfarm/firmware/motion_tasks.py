@@ -1,0 +1,33 @@
+"""Motion tasks that the drive keeps: the data of one of them become those of the task that is asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.axis_codes import (
+    MOTION_TASKS,
+    TASK_DEFINED,
+    TASK_FROM_ACTUAL,
+    TASK_FROM_COMMAND,
+    TASK_FROM_TARGET,
+    TASK_RELATIVE,
+)
+from pnfarm.table.compiled import compiled
+
+__all__ = ["select_task"]
+
+
+@compiled
+def select_task(axis: Any, number: int) -> None:
+    """Take the data of one of the drive's motion tasks; one that is not there has no velocity and cannot begin."""
+    if not 0 <= number < MOTION_TASKS or not axis.motion_tasks.settings.kind[number] & TASK_DEFINED:
+        axis.asked.velocity = 0.0
+        return
+    axis.asked.number = number
+    axis.asked.position = axis.motion_tasks.settings.position[number]
+    flags = int(axis.motion_tasks.settings.kind[number])
+    axis.asked.relative = 1 if flags & TASK_RELATIVE else 0
+    axis.asked.counts_from = flags & (TASK_FROM_COMMAND | TASK_FROM_TARGET | TASK_FROM_ACTUAL)
+    axis.asked.velocity = axis.motion_tasks.settings.velocity[number]
+    axis.asked.acceleration = axis.motion_tasks.settings.acceleration[number]
+    axis.asked.deceleration = axis.motion_tasks.settings.deceleration[number]

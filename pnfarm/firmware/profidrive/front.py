@@ -1,0 +1,47 @@
+"""PROFIdrive in front of an axis: the words of a telegram become its orders, and its state becomes words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.jog import take_jog_bits
+from pnfarm.firmware.profidrive.control_word import forget_control_word, take_control_word
+from pnfarm.firmware.profidrive.sensor_interface import step_sensor
+from pnfarm.firmware.profidrive.setpoints import take_cyclic, take_jog_speeds, take_torque_limits
+from pnfarm.firmware.profidrive.sign_of_life import check_life
+from pnfarm.firmware.profidrive.status_msd import take_generator
+from pnfarm.firmware.profidrive.status_word import status_word
+from pnfarm.firmware.profidrive.tasks import take_task
+from pnfarm.firmware.profidrive.telegram import to_actuals
+from pnfarm.table.compiled import compiled
+
+__all__ = ["forget_words", "show_words", "take_words"]
+
+
+@compiled
+def forget_words(axis: Any) -> None:
+    """The drive was switched on: of the controller nothing is known."""
+    forget_control_word(axis)
+    axis.asked.pos_stw2 = 0
+    axis.life.sent = 0
+
+
+@compiled
+def take_words(axis: Any, image: Any, now: int) -> None:
+    """The way in, before the drive acts: orders, set points and tasks."""
+    take_control_word(axis, image, now)
+    check_life(axis, now)
+    take_torque_limits(axis, image)
+    take_jog_bits(axis)
+    take_jog_speeds(axis, image)
+    take_task(axis, image)
+    take_cyclic(axis, image, now)
+
+
+@compiled
+def show_words(axis: Any, image: Any) -> None:
+    """The way out, behind motor and load: status words, actual values, and the encoder's own words."""
+    take_generator(axis)
+    axis.profidrive.zsw1 = status_word(axis)
+    to_actuals(axis, image)
+    step_sensor(axis, image)

@@ -1,0 +1,66 @@
+"""Set points beside speed and tasks: torque limits, jogging speeds, positions of each cycle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.interpolation import interpolates, take_position
+from pnfarm.firmware.jog import by_sequence
+from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
+from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import JOG_SPEED_1, KPC, TORQUE_LIMIT_POSITIVE, XERR, XSOLL_A
+
+__all__ = ["take_cyclic", "take_jog_speeds", "take_torque_limits"]
+
+#: One increment of a torque limit (Moog MSD manual 14.3), and of KPC.
+THOUSANDTH = 0.001
+
+
+@compiled
+def take_torque_limits(axis: Any, image: Any) -> None:
+    """Once in each step: the parts of the torque by parameters, or by a telegram whose set points count."""
+    for direction in range(2):
+        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.torque_signals & (
+            1 << direction
+        ):
+            axis.torque.shares_in_force[direction] = axis.torque.settings.shares[direction]
+        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
+            axis.torque.shares_in_force[direction] = (
+                image.received[TORQUE_LIMIT_POSITIVE + direction] & 0xFFFF
+            ) * THOUSANDTH
+
+
+@compiled
+def take_jog_speeds(axis: Any, image: Any) -> None:
+    """The two speeds of jogging, by parameters or by a telegram whose set points count (Moog MSD manual 10.3.3)."""
+    if not by_sequence(axis):
+        return
+    for which in range(2):
+        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.jog_signals & (1 << which):
+            axis.jog.speeds[which] = axis.jog.settings.velocity[which]
+        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
+            axis.jog.speeds[which] = image.received[JOG_SPEED_1 + which] * axis.profidrive.settings.velocity_step
+
+
+@compiled
+def take_cyclic(axis: Any, image: Any, now: int) -> None:
+    """Once in each step: positions to follow, and the deviation that dynamic servo control counts from (XERR)."""
+    if image.filled != axis.interpolation.frames_told:
+        axis.interpolation.frames_told = image.filled
+        axis.interpolation.servo_shown = axis.sensor.position + axis.measurement.position_deviation
+    if (
+        axis.profidrive.setpoints == SETPOINTS_NONE
+        or axis.profidrive.settings.reference_source != axis.profidrive.settings.bus_source
+    ):
+        axis.interpolation.servo_gain = 0.0
+        axis.interpolation.frames_ns = 0
+        return
+    if image.frames == axis.interpolation.frames_taken or axis.profidrive.setpoints != SETPOINTS_TAKEN:
+        return
+    axis.interpolation.frames_taken = image.frames
+    if axis.interpolation.settings.servo_control:
+        deviation = image.received[XERR] * axis.sensor.settings.step
+        axis.interpolation.servo_target = axis.interpolation.servo_shown + deviation
+        axis.interpolation.servo_gain = max(0.0, image.received[KPC] * THOUSANDTH)
+    elif interpolates(axis):
+        take_position(axis, int(image.received[XSOLL_A]), now)

@@ -1,0 +1,76 @@
+"""The way out: ZSW1 and ZSW2, as the profile has them or as a maker does; which, the axis' data say here alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.firmware.profidrive.position_status import position_bits
+from pnfarm.firmware.profidrive.speed_status import speed_bits
+from pnfarm.firmware.profidrive.status_msd import second_status_msd, status_msd
+from pnfarm.table.axis_codes import CONTROL_BY_PLC, STATUS_MOOG
+from pnfarm.table.compiled import compiled
+
+__all__ = ["second_status_word", "status_word"]
+
+#: Where the sign of life stands in ZSW2.
+LIFE_SHIFT = 12
+
+
+@compiled
+def _control_requested(axis: Any) -> bool:
+    """ZSW1.9: the drive is there to be controlled, or it shows STW1.10."""
+    return axis.drive.state > 0 and (
+        not axis.profidrive.settings.control_shown or int(axis.profidrive.stw1_seen) & CONTROL_BY_PLC != 0
+    )
+
+
+@compiled
+def _as_in_the_profile(axis: Any) -> int:
+    """ZSW1, bit by bit (AKD PROFINET manual 5.5)."""
+    state = axis.drive.state
+    stw1 = axis.profidrive.stw1
+    word = 0
+    if state >= 2:
+        word |= 0x0001  # ready to switch on
+    if state >= 3:
+        word |= 0x0002  # ready to operate
+    if state == 4:
+        word |= 0x0004  # operation enabled
+    if axis.faults.code[0] != 0:
+        word |= 0x0008
+    if stw1 & 0x0002:
+        word |= 0x0010  # coast stop not activated
+    if stw1 & 0x0004:
+        word |= 0x0020  # quick stop not activated
+    if state <= 1:
+        word |= 0x0040  # switching on inhibited
+    if axis.warnings.code != 0:
+        word |= 0x0080
+    if _control_requested(axis):
+        word |= 0x0200
+    if axis.drive.settings.opmode == 2:
+        word |= position_bits(axis)
+    elif axis.drive.settings.opmode == 1:
+        word |= speed_bits(axis)
+    return word
+
+
+@compiled
+def status_word(axis: Any) -> int:
+    """ZSW1."""
+    word = _as_in_the_profile(axis)
+    return status_msd(axis, word) if axis.profidrive.settings.status_form == STATUS_MOOG else word
+
+
+@compiled
+def second_status_word(axis: Any) -> int:
+    """ZSW2: the drive's sign of life, and in some telegrams whether pulses are enabled.
+
+    HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
+    """
+    word = int(axis.life.sent) << LIFE_SHIFT
+    if axis.profidrive.settings.status_form == STATUS_MOOG:
+        return word | second_status_msd(axis)
+    if axis.drive.state >= 4:
+        word |= int(axis.profidrive.settings.pulses_enabled)
+    return word
