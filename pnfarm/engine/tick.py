@@ -250,10 +250,10 @@ def _watch(columns: Columns, now: int) -> None:
 
 
 @compiled
-def _faults(axis: Any) -> int:
+def _faults(faults: Any) -> int:
     """How many faults the active situation has."""
     count = 0
-    while count < FAULT_SLOTS and axis.faults.code[count] != 0:
+    while count < FAULT_SLOTS and faults.code[count] != 0:
         count += 1
     return count
 
@@ -269,7 +269,7 @@ def run_firmware(columns: Columns, now: int) -> None:
             continue
         own = now
         if axis.clock.settings.drift != 0.0:
-            own = drive_time(axis, now)
+            own = drive_time(axis.clock, now)
         if axis.life.settings.watched and axis.powered:
             count_life(axis, columns.image[number])
         if axis.profidrive.settings.parameter_channel and exchange(columns.image[number], own):
@@ -277,7 +277,7 @@ def run_firmware(columns: Columns, now: int) -> None:
         if own - axis.last_ns < axis.step_ns:
             continue
         state = axis.drive.state
-        faults = _faults(axis)
+        faults = _faults(axis.faults)
         fault_ns = axis.faults.since_ns
         fault_ends = axis.faults.ends
         reacted = axis.faults.reacted
@@ -288,7 +288,7 @@ def run_firmware(columns: Columns, now: int) -> None:
         if axis.faults.ends != fault_ends and faults:
             emit(engine, events, FAULTS_CLEARED, number, now, own - fault_ns)
             faults = 0
-        for i in range(faults, _faults(axis)):
+        for i in range(faults, _faults(axis.faults)):
             emit(engine, events, FAULT_RAISED, number, now, int(axis.faults.code[i]) & NUMBER_MASK)
         if axis.faults.reacted and not reacted and axis.faults.since_ns != 0:
             emit(engine, events, FAULT_REACTED, number, now, own - axis.faults.since_ns)

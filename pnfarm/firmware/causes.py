@@ -14,20 +14,20 @@ NUMBER_MASK = 0xFFFFFF
 
 
 @compiled
-def cause_held(axis: Any, code: int) -> bool:
+def cause_held(faults: Any, code: int) -> bool:
     """Whether the cause of the fault ``code`` is there; of none it never is."""
     number = code & NUMBER_MASK
     held = False
     for i in range(FAULT_SLOTS):
-        held = held or (number != 0 and (int(axis.faults.held[i]) & NUMBER_MASK) == number)
+        held = held or (number != 0 and (int(faults.held[i]) & NUMBER_MASK) == number)
     return held
 
 
 @compiled
-def ignored(axis: Any, code: int) -> bool:
+def ignored(faults: Any, code: int) -> bool:
     """Whether a parameter keeps this fault from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and its kin)."""
     number = code & NUMBER_MASK
     for i in range(FAULT_ACTIONS):
-        if int(axis.faults.settings.ignored[i]) == number:
+        if int(faults.settings.ignored[i]) == number:
             return number != 0
     return False

@@ -14,9 +14,9 @@ __all__ = ["shaft_sign", "take_direction"]
 
 
 @compiled
-def shaft_sign(axis: Any) -> float:
+def shaft_sign(direction: Any) -> float:
     """1, or -1 for a drive that counts the other way than its shaft."""
-    return -1.0 if axis.direction.turned else 1.0
+    return -1.0 if direction.turned else 1.0
 
 
 @compiled

@@ -19,9 +19,9 @@ __all__ = ["drive_time", "true_duration"]
 
 
 @compiled
-def drive_time(axis: Any, now: int) -> int:
+def drive_time(clock: Any, now: int) -> int:
     """What the drive's clock shows at ``now``, ns."""
-    return now + int((now - axis.clock.settings.start_ns) * axis.clock.settings.drift)
+    return now + int((now - clock.settings.start_ns) * clock.settings.drift)
 
 
 def true_duration(duration_ns: int, drift: float) -> float:

@@ -41,160 +41,160 @@ __all__ = ["acknowledge", "raise_fault", "take_commands"]
 
 
 @compiled
-def _places(axis: Any) -> int:
+def _places(faults: Any) -> int:
     """Faults of one situation in the fault buffer."""
-    return int(axis.faults.settings.places) or FAULT_SLOTS
+    return int(faults.settings.places) or FAULT_SLOTS
 
 
 @compiled
-def _situations(axis: Any) -> int:
+def _situations(faults: Any) -> int:
     """How many situations the fault buffer holds."""
     count = 0
-    for i in range(0, FAULT_SLOTS * FAULT_SITUATIONS, _places(axis)):
-        if axis.faults.buffer[i] != 0:
+    for i in range(0, FAULT_SLOTS * FAULT_SITUATIONS, _places(faults)):
+        if faults.buffer[i] != 0:
             count += 1
     return count
 
 
 @compiled
-def _changed(axis: Any) -> None:
-    axis.faults.changes = (int(axis.faults.changes) + 1) & 0xFFFF
+def _changed(faults: Any) -> None:
+    faults.changes = (int(faults.changes) + 1) & 0xFFFF
 
 
 @compiled
-def _move_down(axis: Any) -> None:
+def _move_down(faults: Any) -> None:
     """Every situation moves down by its places, the first ones are free."""
-    places = _places(axis)
+    places = _places(faults)
     for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, places - 1, -1):
-        axis.faults.buffer[i] = axis.faults.buffer[i - places]
+        faults.buffer[i] = faults.buffer[i - places]
     for i in range(places):
-        axis.faults.buffer[i] = 0
+        faults.buffer[i] = 0
 
 
 @compiled
-def raise_fault(axis: Any, code: int, now: int) -> None:
+def raise_fault(faults: Any, code: int, now: int) -> None:
     """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once, an ignored one none."""
     number = code & NUMBER_MASK
-    if number == 0 or ignored(axis, number):
+    if number == 0 or ignored(faults, number):
         return
     for i in range(FAULT_SLOTS):
-        present = axis.faults.code[i]
+        present = faults.code[i]
         if (present & NUMBER_MASK) == number:
             return
         if present == 0:
             if i == 0:
-                axis.faults.counter = (axis.faults.counter + 1) & 0xFFFF
-                axis.faults.since_ns = now
-                axis.faults.reacted = 0
-                if axis.faults.settings.stays and axis.faults.buffer[0] != 0:
-                    _move_down(axis)
-            axis.faults.code[i] = code
-            if i < _places(axis):
-                axis.faults.buffer[i] = number
-            _changed(axis)
+                faults.counter = (faults.counter + 1) & 0xFFFF
+                faults.since_ns = now
+                faults.reacted = 0
+                if faults.settings.stays and faults.buffer[0] != 0:
+                    _move_down(faults)
+            faults.code[i] = code
+            if i < _places(faults):
+                faults.buffer[i] = number
+            _changed(faults)
             return
 
 
 @compiled
-def _hold(axis: Any, code: int) -> None:
+def _hold(faults: Any, code: int) -> None:
     free = -1
     for i in range(FAULT_SLOTS):
-        if (axis.faults.held[i] & NUMBER_MASK) == (code & NUMBER_MASK):
+        if (faults.held[i] & NUMBER_MASK) == (code & NUMBER_MASK):
             return
-        if axis.faults.held[i] == 0 and free < 0:
+        if faults.held[i] == 0 and free < 0:
             free = i
     if free >= 0:
-        axis.faults.held[free] = code
+        faults.held[free] = code
 
 
 @compiled
-def _release(axis: Any, number: int) -> None:
+def _release(faults: Any, number: int) -> None:
     for i in range(FAULT_SLOTS):
-        if (axis.faults.held[i] & NUMBER_MASK) == number:
-            axis.faults.held[i] = 0
+        if (faults.held[i] & NUMBER_MASK) == number:
+            faults.held[i] = 0
 
 
 @compiled
-def _raise_held(axis: Any, now: int) -> None:
+def _raise_held(faults: Any, now: int) -> None:
     """Causes that are there are faults, also when the drive was off or ignored them."""
     for i in range(FAULT_SLOTS):
-        if axis.faults.held[i] != 0:
-            raise_fault(axis, int(axis.faults.held[i]), now)
+        if faults.held[i] != 0:
+            raise_fault(faults, int(faults.held[i]), now)
 
 
 @compiled
-def _into_history(axis: Any) -> None:
+def _into_history(faults: Any) -> None:
     """The active situation becomes the newest acknowledged one."""
-    if not axis.faults.settings.stays:
-        _move_down(axis)
-    axis.faults.ends = (int(axis.faults.ends) + 1) & 0xFFFF
+    if not faults.settings.stays:
+        _move_down(faults)
+    faults.ends = (int(faults.ends) + 1) & 0xFFFF
     for i in range(FAULT_SLOTS):
-        axis.faults.code[i] = 0
-    axis.faults.since_ns = 0
-    _changed(axis)
+        faults.code[i] = 0
+    faults.since_ns = 0
+    _changed(faults)
 
 
 @compiled
-def _clear_history(axis: Any) -> None:
+def _clear_history(faults: Any) -> None:
     """Forget what was acknowledged; a situation that is still active stays, as the only one."""
-    active = axis.faults.code[0] != 0
+    active = faults.code[0] != 0
     forgotten = False
-    for i in range(_places(axis) if active else 0, FAULT_SLOTS * FAULT_SITUATIONS):
-        forgotten = forgotten or axis.faults.buffer[i] != 0
-        axis.faults.buffer[i] = 0
-    axis.faults.counter = 1 if active else 0
-    axis.faults.kept = 0
+    for i in range(_places(faults) if active else 0, FAULT_SLOTS * FAULT_SITUATIONS):
+        forgotten = forgotten or faults.buffer[i] != 0
+        faults.buffer[i] = 0
+    faults.counter = 1 if active else 0
+    faults.kept = 0
     if forgotten:
-        _changed(axis)
+        _changed(faults)
 
 
 @compiled
-def acknowledge(axis: Any) -> bool:
+def acknowledge(faults: Any, positioning: Any) -> bool:
     """Clear the situation unless a cause is still there; true when it was cleared."""
-    axis.positioning.error = 0
-    if axis.faults.code[0] == 0:
+    positioning.error = 0
+    if faults.code[0] == 0:
         return False
     for i in range(FAULT_SLOTS):
-        if axis.faults.held[i] != 0 and not ignored(axis, int(axis.faults.held[i])):
+        if faults.held[i] != 0 and not ignored(faults, int(faults.held[i])):
             return False
-    _into_history(axis)
+    _into_history(faults)
     return True
 
 
 @compiled
-def _clear_warning(axis: Any, number: int) -> None:
+def _clear_warning(warnings: Any, number: int) -> None:
     kept = 0
     for i in range(WARNING_SLOTS):
-        raised = axis.warnings.raised[i]
-        axis.warnings.raised[i] = 0
+        raised = warnings.raised[i]
+        warnings.raised[i] = 0
         if raised != number:
-            axis.warnings.raised[kept] = raised
+            warnings.raised[kept] = raised
             kept += 1
 
 
 @compiled
-def _raise_warning(axis: Any, number: int) -> None:
+def _raise_warning(warnings: Any, number: int) -> None:
     """The newest of those raised; where no place is left, the oldest goes."""
-    _clear_warning(axis, number)
+    _clear_warning(warnings, number)
     for i in range(WARNING_SLOTS - 1, 0, -1):
-        axis.warnings.raised[i] = axis.warnings.raised[i - 1]
-    axis.warnings.raised[0] = number
+        warnings.raised[i] = warnings.raised[i - 1]
+    warnings.raised[0] = number
 
 
 @compiled
-def _count_from_here(axis: Any) -> None:
+def _count_from_here(motor: Any, homing: Any, sensor: Any) -> None:
     """What an encoder that is not absolute over all revolutions counts when it is switched on (PROFIdrive 4.2, 6.3.6).
 
     One that knows its angle counts on from that, an incremental one from 0; positions count as it does.
     """
-    known = axis.sensor.settings.revolutions
-    if known == inf or axis.homing.settings.stays:
+    known = sensor.settings.revolutions
+    if known == inf or homing.settings.stays:
         return
     if known > 0.0:
-        axis.sensor.zero = floor(axis.motor.position / known) * known
+        sensor.zero = floor(motor.position / known) * known
     else:
-        axis.sensor.zero = axis.motor.position
-    axis.homing.origin = axis.sensor.zero
+        sensor.zero = motor.position
+    homing.origin = sensor.zero
 
 
 @compiled
@@ -208,7 +208,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.brake.asked = 0
     axis.brake.open = 0
     axis.brake.left = 0.0
-    axis.supply.voltage = max(float(axis.supply.voltage), mains(axis))
+    axis.supply.voltage = max(float(axis.supply.voltage), mains(axis.drive, axis.faults, axis.supply))
     axis.foldback.used[:] = 0.0
     axis.positioning.following_error = 0.0
     axis.profile.velocity = 0.0
@@ -219,7 +219,7 @@ def _power_on(axis: Any, now: int) -> None:
     if not axis.homing.settings.stays:
         axis.homing.homed = 0
     axis.ramp.generator_left = 0
-    _count_from_here(axis)
+    _count_from_here(axis.motor, axis.homing, axis.sensor)
     axis.positioning.target_reached = 0
     axis.commands.task = 0
     axis.asked.renewed = 0
@@ -239,34 +239,34 @@ def _power_on(axis: Any, now: int) -> None:
     axis.warnings.active[:] = 0
     # an active situation becomes history, as if it had been acknowledged; held causes come back at once
     if axis.faults.code[0] != 0:
-        _into_history(axis)
+        _into_history(axis.faults)
     if axis.faults.settings.history_lost:
         axis.faults.buffer[:] = 0
     axis.faults.counter = 0
-    axis.faults.kept = _situations(axis)
+    axis.faults.kept = _situations(axis.faults)
     axis.faults.changes = 0
 
 
 @compiled
-def _take_motion_command(axis: Any, code: int, argument: int) -> None:
+def _take_motion_command(commands: Any, motor: Any, homing: Any, code: int, argument: int) -> None:
     """What parameters start and end; the step of this moment carries it out."""
     if code == CMD_SET_POSITION:
-        axis.homing.origin = axis.motor.position - argument / 1e6
-        axis.homing.homed = 1
-        axis.homing.error = 0
-        axis.commands.stop = STOP_DROP
+        homing.origin = motor.position - argument / 1e6
+        homing.homed = 1
+        homing.error = 0
+        commands.stop = STOP_DROP
     elif code == CMD_START_TASK:
-        axis.commands.task = (argument & 0x7FFF) + 1
+        commands.task = (argument & 0x7FFF) + 1
     elif code == CMD_HOME:
-        axis.commands.home = 1
+        commands.home = 1
     elif code == CMD_DISABLE:
-        axis.commands.disable = 1
+        commands.disable = 1
     elif code == CMD_STOP:
-        axis.commands.stop = argument & 0xFF
+        commands.stop = argument & 0xFF
     elif code == CMD_CONTINUE:
-        axis.commands.resume = 1
+        commands.resume = 1
     elif code == CMD_SERVICE:
-        axis.commands.service = 1
+        commands.service = 1
 
 
 @compiled
@@ -278,25 +278,25 @@ def take_commands(axis: Any, now: int) -> bool:
         code = entry & 0xFF
         argument = entry >> 8
         if code == CMD_RAISE_FAULT:
-            raise_fault(axis, argument, now)
+            raise_fault(axis.faults, argument, now)
         elif code == CMD_HOLD_FAULT:
-            _hold(axis, argument)
-            raise_fault(axis, argument, now)
+            _hold(axis.faults, argument)
+            raise_fault(axis.faults, argument, now)
         elif code == CMD_RELEASE_FAULT:
-            _release(axis, argument & NUMBER_MASK)
+            _release(axis.faults, argument & NUMBER_MASK)
         elif code == CMD_ACKNOWLEDGE:
-            acknowledge(axis)
+            acknowledge(axis.faults, axis.positioning)
         elif code == CMD_POWER_ON:
             _power_on(axis, now)
             switched_on = True
         elif code == CMD_RAISE_WARNING:
-            _raise_warning(axis, argument & NUMBER_MASK)
+            _raise_warning(axis.warnings, argument & NUMBER_MASK)
         elif code == CMD_CLEAR_HISTORY:
-            _clear_history(axis)
+            _clear_history(axis.faults)
         elif code == CMD_CLEAR_WARNING:
-            _clear_warning(axis, argument & NUMBER_MASK)
+            _clear_warning(axis.warnings, argument & NUMBER_MASK)
         else:
-            _take_motion_command(axis, code, argument)
+            _take_motion_command(axis.commands, axis.motor, axis.homing, code, argument)
         axis.commands.tail = (axis.commands.tail + 1) & 0xFFFFFFFF
-    _raise_held(axis, now)
+    _raise_held(axis.faults, now)
     return switched_on

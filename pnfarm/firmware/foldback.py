@@ -21,36 +21,34 @@ __all__ = ["folds", "step_foldback", "watch_foldback"]
 
 
 @compiled
-def folds(axis: Any) -> bool:
+def folds(motor: Any, foldback: Any) -> bool:
     """Whether the drive folds back; one whose motor stays cool does not."""
     return (
-        axis.foldback.settings.time[0] > 0.0
-        and axis.motor.settings.continuous_current > 0.0
-        and axis.motor.settings.thermal_time > 0.0
+        foldback.settings.time[0] > 0.0
+        and motor.settings.continuous_current > 0.0
+        and motor.settings.thermal_time > 0.0
     )
 
 
 @compiled
-def step_foldback(axis: Any, seconds: float) -> None:
+def step_foldback(motor: Any, foldback: Any, seconds: float) -> None:
     """Advance both limits by ``seconds`` of the current that flows."""
-    if not folds(axis):
+    if not folds(motor, foldback):
         return
-    above = axis.motor.settings.peak_current - axis.motor.settings.continuous_current
-    change = (abs(axis.motor.current) - axis.motor.settings.continuous_current) * seconds
+    above = motor.settings.peak_current - motor.settings.continuous_current
+    change = (abs(motor.current) - motor.settings.continuous_current) * seconds
     for i in range(2):
-        time = axis.foldback.settings.time[i]
-        axis.foldback.used[i] = max(0.0, axis.foldback.used[i] + change / time)
-        axis.foldback.limit[i] = (
-            axis.motor.settings.peak_current + axis.foldback.settings.delay[i] * above / time - axis.foldback.used[i]
-        )
-    axis.foldback.current = min(axis.foldback.limit[0], axis.foldback.limit[1])
+        time = foldback.settings.time[i]
+        foldback.used[i] = max(0.0, foldback.used[i] + change / time)
+        foldback.limit[i] = motor.settings.peak_current + foldback.settings.delay[i] * above / time - foldback.used[i]
+    foldback.current = min(foldback.limit[0], foldback.limit[1])
 
 
 @compiled
-def watch_foldback(axis: Any, now: int) -> None:
+def watch_foldback(faults: Any, motor: Any, foldback: Any, now: int) -> None:
     """Raise the fault of motor or drive while its limit is below the level, which is the peak current at most."""
-    level = min(axis.motor.settings.peak_current, axis.foldback.settings.fault_level)
-    if axis.foldback.limit[0] < level:
-        raise_fault(axis, axis.motor.settings.overload_fault, now)
-    if axis.foldback.limit[1] < level:
-        raise_fault(axis, axis.foldback.settings.drive_fault, now)
+    level = min(motor.settings.peak_current, foldback.settings.fault_level)
+    if foldback.limit[0] < level:
+        raise_fault(faults, motor.settings.overload_fault, now)
+    if foldback.limit[1] < level:
+        raise_fault(faults, foldback.settings.drive_fault, now)

@@ -75,22 +75,22 @@ ON_THE_MARK = 1e-6
 
 
 @compiled
-def _sought(axis: Any) -> int:
-    method = int(axis.homing.method_in_force)
+def _sought(homing: Any) -> int:
+    method = int(homing.method_in_force)
     return int(_SOUGHT[method]) if method < len(_SOUGHT) else UNKNOWN
 
 
 @compiled
-def _run(axis: Any, way: float, velocity: float) -> None:
+def _run(motor: Any, travel: Any, profile: Any, homing: Any, way: float, velocity: float) -> None:
     """In a direction, without an end."""
-    axis.homing.sense = way
+    homing.sense = way
     take_ramps(
-        axis,
-        way * fastest(axis, velocity, way > 0.0),
-        axis.homing.settings.acceleration,
-        axis.homing.settings.deceleration,
+        profile,
+        way * fastest(motor, travel, velocity, way > 0.0),
+        homing.settings.acceleration,
+        homing.settings.deceleration,
     )
-    axis.profile.mode = PROFILE_VELOCITY
+    profile.mode = PROFILE_VELOCITY
 
 
 @compiled
@@ -98,8 +98,8 @@ def _go(axis: Any, target: float, velocity: float) -> None:
     """To a place."""
     axis.profile.target = target
     axis.positioning.top = velocity
-    top = fastest(axis, velocity, target >= axis.profile.position)
-    take_ramps(axis, top, axis.homing.settings.acceleration, axis.homing.settings.deceleration)
+    top = fastest(axis.motor, axis.travel, velocity, target >= axis.profile.position)
+    take_ramps(axis.profile, top, axis.homing.settings.acceleration, axis.homing.settings.deceleration)
     axis.profile.mode = PROFILE_TARGET
 
 
@@ -120,7 +120,7 @@ def start_homing(axis: Any) -> None:
     axis.homing.start = axis.profile.position
     way = 1.0 if axis.homing.settings.direction > 0.0 else -1.0
     axis.homing.sense = way
-    sought = _sought(axis)
+    sought = _sought(axis.homing)
     if sought == UNKNOWN:
         axis.homing.leg = FAILED
     elif sought in (HERE, ENCODER):
@@ -131,15 +131,15 @@ def start_homing(axis: Any) -> None:
         _go(axis, _next_mark(axis.profile.position, way), axis.homing.settings.velocity)
     else:
         axis.homing.leg = LEAVE if sought == SWITCH and axis.machine.home_switch else SEEK
-        _run(axis, way, axis.homing.settings.velocity)
+        _run(axis.motor, axis.travel, axis.profile, axis.homing, way, axis.homing.settings.velocity)
 
 
 @compiled
-def _brake(axis: Any, home: float) -> None:
+def _brake(profile: Any, homing: Any, home: float) -> None:
     """The home is found: come to rest."""
-    axis.homing.origin = home - axis.homing.settings.position
-    axis.homing.leg = BRAKE
-    axis.profile.mode = PROFILE_STOP
+    homing.origin = home - homing.settings.position
+    homing.leg = BRAKE
+    profile.mode = PROFILE_STOP
 
 
 @compiled
@@ -147,55 +147,62 @@ def _found(axis: Any, place: float, way: float) -> None:
     """The switch or the end stop is at ``place``; what is behind it lies in the direction ``way``."""
     behind = int(_BEHIND[int(axis.homing.method_in_force)])
     if behind == ITSELF:
-        _brake(axis, place)
+        _brake(axis.profile, axis.homing, place)
     elif behind == ZERO_MARK:
         axis.homing.leg = TO_THE_MARK
         _go(axis, _next_mark(place, way), axis.homing.settings.velocity)
     else:
         axis.homing.leg = INDEX
         axis.profile.target = _next_mark(place, way)
-        _run(axis, way, axis.homing.settings.velocity * axis.homing.settings.share)
+        _run(
+            axis.motor,
+            axis.travel,
+            axis.profile,
+            axis.homing,
+            way,
+            axis.homing.settings.velocity * axis.homing.settings.share,
+        )
 
 
 @compiled
-def _turn(axis: Any, leg: int) -> None:
-    axis.homing.leg = leg
-    _run(axis, -axis.homing.sense, axis.homing.settings.velocity)
+def _turn(motor: Any, travel: Any, profile: Any, homing: Any, leg: int) -> None:
+    homing.leg = leg
+    _run(motor, travel, profile, homing, -homing.sense, homing.settings.velocity)
 
 
 @compiled
-def _against_a_stop(axis: Any) -> bool:
+def _against_a_stop(positioning: Any, homing: Any) -> bool:
     """Whether the axis no longer follows: PL.ERR is larger than HOME.PERRTHRESH."""
-    return axis.homing.settings.lag > 0.0 and abs(axis.positioning.following_error) > axis.homing.settings.lag
+    return homing.settings.lag > 0.0 and abs(positioning.following_error) > homing.settings.lag
 
 
 @compiled
-def _give_up_the_way(axis: Any) -> None:
+def _give_up_the_way(motor: Any, profile: Any) -> None:
     """Command nothing beyond the end stop."""
-    axis.profile.position = axis.motor.measured_position
-    axis.profile.velocity = 0.0
-    begin_profile(axis)
+    profile.position = motor.measured_position
+    profile.velocity = 0.0
+    begin_profile(profile)
 
 
 @compiled
 def _seek_limit(axis: Any) -> None:
-    if axis.homing.leg == SEEK and at_limit_switch(axis, axis.homing.sense):
-        _turn(axis, RETREAT)
-    elif axis.homing.leg == RETREAT and not at_limit_switch(axis, -axis.homing.sense):
+    if axis.homing.leg == SEEK and at_limit_switch(axis.machine, axis.homing.sense):
+        _turn(axis.motor, axis.travel, axis.profile, axis.homing, RETREAT)
+    elif axis.homing.leg == RETREAT and not at_limit_switch(axis.machine, -axis.homing.sense):
         _found(axis, axis.motor.measured_position, axis.homing.sense)
 
 
 @compiled
 def _seek_switch(axis: Any) -> None:
-    ended = at_limit_switch(axis, axis.homing.sense)
-    if axis.homing.method_in_force == TURNS_AT_STOP and _against_a_stop(axis):
-        _give_up_the_way(axis)
+    ended = at_limit_switch(axis.machine, axis.homing.sense)
+    if axis.homing.method_in_force == TURNS_AT_STOP and _against_a_stop(axis.positioning, axis.homing):
+        _give_up_the_way(axis.motor, axis.profile)
         ended = True
     if axis.homing.leg in (SEEK, FIND):
         if axis.machine.home_switch:
             _found(axis, axis.motor.measured_position, axis.homing.sense)
         elif ended and axis.homing.leg == SEEK and axis.homing.method_in_force != ONE_WAY:
-            _turn(axis, RETURN)
+            _turn(axis.motor, axis.travel, axis.profile, axis.homing, RETURN)
         elif ended:
             axis.homing.leg = FAILED
     elif axis.homing.leg == LEAVE:
@@ -205,7 +212,7 @@ def _seek_switch(axis: Any) -> None:
     elif axis.homing.leg == RETURN and axis.machine.home_switch:
         axis.homing.leg = RETREAT
     elif axis.homing.leg == RETREAT and not axis.machine.home_switch:
-        _turn(axis, FIND)
+        _turn(axis.motor, axis.travel, axis.profile, axis.homing, FIND)
     elif ended:
         axis.homing.leg = FAILED
 
@@ -218,18 +225,20 @@ def step_homing(axis: Any) -> None:
         return
     if axis.homing.leg in (TO_THE_MARK, WAY_OFF):
         # the way behind the mark may lead back, where another limit counts
-        axis.profile.top = fastest(axis, axis.positioning.top, axis.profile.target >= axis.profile.position)
+        axis.profile.top = fastest(
+            axis.motor, axis.travel, axis.positioning.top, axis.profile.target >= axis.profile.position
+        )
         return
-    sought = _sought(axis)
+    sought = _sought(axis.homing)
     if axis.homing.leg == INDEX:
         if (axis.motor.measured_position - axis.profile.target) * axis.homing.sense >= 0.0:
-            _brake(axis, axis.profile.target)
+            _brake(axis.profile, axis.homing, axis.profile.target)
     elif sought == LIMIT:
         _seek_limit(axis)
     elif sought == SWITCH:
         _seek_switch(axis)
-    elif sought == END_STOP and _against_a_stop(axis):
-        _give_up_the_way(axis)
+    elif sought == END_STOP and _against_a_stop(axis.positioning, axis.homing):
+        _give_up_the_way(axis.motor, axis.profile)
         _found(axis, axis.motor.measured_position, -axis.homing.sense)
     if SEEK <= axis.homing.leg <= LEAVE:
         if (
@@ -242,23 +251,23 @@ def step_homing(axis: Any) -> None:
 
 
 @compiled
-def homing_fails(axis: Any) -> bool:
+def homing_fails(machine: Any, profile: Any, homing: Any) -> bool:
     """Whether the home cannot be found, or a switch bars the way that is left."""
-    if axis.homing.leg == FAILED:
+    if homing.leg == FAILED:
         return True
-    sought = _sought(axis)
-    if sought != END_STOP and axis.homing.leg not in (TO_THE_MARK, WAY_OFF, INDEX):
+    sought = _sought(homing)
+    if sought != END_STOP and homing.leg not in (TO_THE_MARK, WAY_OFF, INDEX):
         return False
     # the axis may come back to the limit switch that it was homed on
-    own = sought == LIMIT and axis.profile.velocity * axis.homing.settings.direction > 0.0
-    return not own and at_limit_switch(axis, axis.profile.velocity)
+    own = sought == LIMIT and profile.velocity * homing.settings.direction > 0.0
+    return not own and at_limit_switch(machine, profile.velocity)
 
 
 @compiled
 def homing_over(axis: Any) -> bool:
     """A place is reached, or the axis is at rest: true once homing is over."""
     if axis.homing.leg != WAY_OFF:
-        sought = _sought(axis)
+        sought = _sought(axis.homing)
         if axis.homing.leg == TO_THE_MARK:
             found = 0.0 if sought == ENCODER else axis.profile.target
             axis.homing.origin = found - axis.homing.settings.position

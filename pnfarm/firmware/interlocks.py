@@ -64,7 +64,7 @@ def take_interlocks(axis: Any) -> None:
     if axis.machine.stop_input:
         lacks |= LACKS_RELEASE
     if axis.drive.settings.enable_acknowledges and int(axis.drive.lacks) & ~lacks & LACKS_ENABLE:
-        acknowledge(axis)
+        acknowledge(axis.faults, axis.positioning)
     axis.drive.lacks = lacks
     if (int(axis.orders.power) & RUN) != RUN or axis.drive.state < 2 or axis.drive.state > 3:
         axis.drive.enable_rose = 0
@@ -73,72 +73,72 @@ def take_interlocks(axis: Any) -> None:
 
 
 @compiled
-def _stays(axis: Any) -> bool:
-    return axis.drive.settings.quick_stop_option > QUICK_STOP_STAYS
+def _stays(drive: Any) -> bool:
+    return drive.settings.quick_stop_option > QUICK_STOP_STAYS
 
 
 @compiled
-def _with_quick_stop(axis: Any, held: int) -> int:
+def _with_quick_stop(drive: Any, orders: Any, held: int) -> int:
     """The option codes: a coast instead of a stop, and a stop that the drive stays in until it is taken back."""
-    if axis.drive.settings.quick_stop_option == QUICK_STOP_PROFILE:
+    if drive.settings.quick_stop_option == QUICK_STOP_PROFILE:
         return held
-    if axis.drive.settings.quick_stop_option == QUICK_STOP_COAST and held & (1 << QUICK):
+    if drive.settings.quick_stop_option == QUICK_STOP_COAST and held & (1 << QUICK):
         held |= 1 << COAST
-    if axis.drive.state == 5 and axis.drive.stop == 2:
+    if drive.state == 5 and drive.stop == 2:
         # "first reset quick stop request": taking STW1.3 back is of no effect until then
         held &= ~(1 << DISABLE)
-        if _stays(axis):
+        if _stays(drive):
             held &= ~(1 << STANDSTILL)
-            if int(axis.orders.power) & POWER_NO_QUICK_STOP:
+            if int(orders.power) & POWER_NO_QUICK_STOP:
                 held |= 1 << RELEASED
     return held
 
 
 @compiled
-def with_interlocks(axis: Any, held: int, power: int, faulty: int) -> int:
+def with_interlocks(drive: Any, orders: Any, sensor: Any, held: int, power: int, faulty: int) -> int:
     """The events of :func:`~pnfarm.firmware.state_machine.conditions`, as this drive sees them."""
-    if axis.drive.settings.ready_with_on and (power & NO_STOP) == NO_STOP and not faulty:
+    if drive.settings.ready_with_on and (power & NO_STOP) == NO_STOP and not faulty:
         held |= 1 << READY
-    if axis.drive.settings.enable_by_edge and not axis.drive.enable_rose:
+    if drive.settings.enable_by_edge and not drive.enable_rose:
         held &= ~(1 << ENABLE)
-    if axis.drive.settings.on_by_enable and axis.drive.state < 4 and power & RUN == POWER_ENABLE:
+    if drive.settings.on_by_enable and drive.state < 4 and power & RUN == POWER_ENABLE:
         held = (held | 1 << ON) & ~(1 << OFF | 1 << ENABLE)
-    if axis.drive.settings.off_at_once and axis.drive.state == 5 and axis.drive.stop == RAMP_STOP:
+    if drive.settings.off_at_once and drive.state == 5 and drive.stop == RAMP_STOP:
         held |= 1 << DISABLE
-    if int(axis.drive.lacks) & (LACKS_ENABLE | LACKS_SUPPLY) or axis.sensor.state == SENSOR_PARKING:
+    if int(drive.lacks) & (LACKS_ENABLE | LACKS_SUPPLY) or sensor.state == SENSOR_PARKING:
         held |= 1 << COAST
         held &= ~(1 << READY)
-    if int(axis.drive.lacks) & LACKS_RELEASE:
+    if int(drive.lacks) & LACKS_RELEASE:
         held |= 1 << QUICK
         held &= ~(1 << READY)
-    return _with_quick_stop(axis, held)
+    return _with_quick_stop(drive, orders, held)
 
 
 @compiled
-def quick_stop_ramp(axis: Any, usual: float) -> float:
+def quick_stop_ramp(drive: Any, ramp: Any, usual: float) -> float:
     """The ramp of the quick stop at hand, rpm/s; ``usual`` is the quick stop ramp."""
-    option = int(axis.drive.settings.quick_stop_option)
-    if _stays(axis):
+    option = int(drive.settings.quick_stop_option)
+    if _stays(drive):
         option -= QUICK_STOP_STAYS
-    return axis.ramp.down if option == QUICK_STOP_RAMP else usual
+    return ramp.down if option == QUICK_STOP_RAMP else usual
 
 
 @compiled
-def at_once(axis: Any) -> bool:
+def at_once(drive: Any) -> bool:
     """Whether the quick stop at hand knows no ramp: speed 0 at the current limit."""
-    option = int(axis.drive.settings.quick_stop_option)
-    if _stays(axis):
+    option = int(drive.settings.quick_stop_option)
+    if _stays(drive):
         option -= QUICK_STOP_STAYS
     return option == QUICK_STOP_CURRENT
 
 
 @compiled
-def torque_free(axis: Any) -> bool:
+def torque_free(faults: Any) -> bool:
     """Whether safe torque off is requested: the cause of its fault is there."""
-    return cause_held(axis, int(axis.faults.settings.sto_fault))
+    return cause_held(faults, int(faults.settings.sto_fault))
 
 
 @compiled
-def enabled_by_hardware(axis: Any) -> bool:
+def enabled_by_hardware(drive: Any, faults: Any) -> bool:
     """Whether hardware enable and safe stop let the drive run: ZSW1.14 of Moog MSD manual, table 10.8."""
-    return not torque_free(axis) and not int(axis.drive.lacks) & LACKS_ENABLE
+    return not torque_free(faults) and not int(drive.lacks) & LACKS_ENABLE

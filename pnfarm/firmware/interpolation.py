@@ -46,58 +46,60 @@ POSITION_MODE = 2
 
 
 @compiled
-def follows(axis: Any) -> bool:
+def follows(drive: Any, orders: Any, ramp: Any, interpolation: Any) -> bool:
     """Whether positions of each cycle lead the axis now: interpolating mode, and nothing holds set points back."""
-    return interpolates(axis) and axis.orders.ramp != 0 and axis.orders.ramp_runs != 0 and axis.orders.setpoint != 0
-
-
-@compiled
-def generator_in_force(axis: Any) -> int:
-    """``ramp.generator``, or what homing made of it (Moog MSD manual 12.1) since it was set last."""
-    left = axis.ramp.generator_left != 0 and axis.ramp.generator_left == axis.ramp.settings.generator_set + 1
-    return RAMP_GENERATED if left else int(axis.ramp.settings.generator)
-
-
-@compiled
-def interpolates(axis: Any) -> bool:
-    """Whether the axis is in a mode where positions of each cycle lead it."""
     return (
-        axis.drive.settings.opmode == POSITION_MODE
-        and generator_in_force(axis) == RAMP_PASSED_BY
-        and not axis.interpolation.settings.servo_control
+        interpolates(drive, ramp, interpolation) and orders.ramp != 0 and orders.ramp_runs != 0 and orders.setpoint != 0
     )
 
 
 @compiled
-def begin_interpolation(axis: Any) -> None:
+def generator_in_force(ramp: Any) -> int:
+    """``ramp.generator``, or what homing made of it (Moog MSD manual 12.1) since it was set last."""
+    left = ramp.generator_left != 0 and ramp.generator_left == ramp.settings.generator_set + 1
+    return RAMP_GENERATED if left else int(ramp.settings.generator)
+
+
+@compiled
+def interpolates(drive: Any, ramp: Any, interpolation: Any) -> bool:
+    """Whether the axis is in a mode where positions of each cycle lead it."""
+    return (
+        drive.settings.opmode == POSITION_MODE
+        and generator_in_force(ramp) == RAMP_PASSED_BY
+        and not interpolation.settings.servo_control
+    )
+
+
+@compiled
+def begin_interpolation(profile: Any, interpolation: Any) -> None:
     """From where the axis is commanded to be; the next frame gives the first curve."""
-    axis.interpolation.start = axis.profile.position
-    axis.interpolation.end = axis.profile.position
-    axis.interpolation.start_speed = axis.profile.velocity / RPM
-    axis.interpolation.end_speed = 0.0
-    axis.interpolation.time = 0.0
-    axis.interpolation.pause = 0.0
-    axis.interpolation.elapsed = 0.0
-    axis.interpolation.frames_ns = 0
+    interpolation.start = profile.position
+    interpolation.end = profile.position
+    interpolation.start_speed = profile.velocity / RPM
+    interpolation.end_speed = 0.0
+    interpolation.time = 0.0
+    interpolation.pause = 0.0
+    interpolation.elapsed = 0.0
+    interpolation.frames_ns = 0
 
 
 @compiled
-def _nearest_place(axis: Any, number: int) -> float:
+def _nearest_place(travel: Any, profile: Any, homing: Any, number: int) -> float:
     """Where a position of 32 bits lies on the shaft: of all places that have this number, the nearest one."""
-    here = (axis.profile.position - axis.homing.origin) / axis.travel.settings.position_step
+    here = (profile.position - homing.origin) / travel.settings.position_step
     rounds = floor((here - number) / NUMBERS + 0.5)
-    return axis.homing.origin + (number + rounds * NUMBERS) * axis.travel.settings.position_step
+    return homing.origin + (number + rounds * NUMBERS) * travel.settings.position_step
 
 
 @compiled
-def _in_step(axis: Any, pause: float, cycle: float) -> int:
+def _in_step(interpolation: Any, pause: float, cycle: float) -> int:
     """How many cycles a frame is behind the one before; 0 where the curve at hand does not end when it was to come.
 
     The curve at hand ends when the frame behind it is due, so that what comes early or late is seen against that.
     """
-    late = pause - axis.interpolation.time
+    late = pause - interpolation.time
     cycles = max(1, 1 + floor(late / cycle + 0.5))
-    return cycles if abs(axis.interpolation.time - pause + (cycles - 1) * cycle) <= IN_STEP * cycle else 0
+    return cycles if abs(interpolation.time - pause + (cycles - 1) * cycle) <= IN_STEP * cycle else 0
 
 
 @compiled
@@ -107,7 +109,7 @@ def take_position(axis: Any, number: int, now: int) -> None:
     It ends when the next frame is due.  Where the connection does not say its cycle, that is the shorter one of the
     last two pauses, in one of which a frame may have got lost.
     """
-    place = _nearest_place(axis, number)
+    place = _nearest_place(axis.travel, axis.profile, axis.homing, number)
     since = now - axis.interpolation.frames_ns
     first = axis.interpolation.frames_ns == 0 or since <= 0 or since > LONGEST_CYCLE_NS
     pause = (axis.step_ns if first else since) * 1e-9
@@ -115,7 +117,7 @@ def take_position(axis: Any, number: int, now: int) -> None:
     time = pause if first or axis.interpolation.pause <= 0.0 else min(pause, float(axis.interpolation.pause))
     way_time = pause
     if cycle > 0.0 and not first:
-        cycles = _in_step(axis, pause, cycle)
+        cycles = _in_step(axis.interpolation, pause, cycle)
         time = cycle
         if cycles > 0:
             due = axis.interpolation.time - pause + cycles * cycle
@@ -132,45 +134,42 @@ def take_position(axis: Any, number: int, now: int) -> None:
 
 
 @compiled
-def step_interpolation(axis: Any, seconds: float) -> None:
+def step_interpolation(profile: Any, interpolation: Any, seconds: float) -> None:
     """Advance ``profile.position`` and ``profile.velocity`` along the curve at hand."""
-    time = axis.interpolation.time
+    time = interpolation.time
     if time <= 0.0:
-        axis.profile.position = axis.interpolation.end
-        axis.profile.velocity = 0.0
+        profile.position = interpolation.end
+        profile.velocity = 0.0
         return
     longest = 2.0 * time
-    if axis.interpolation.settings.cycle_ns > 0:
-        longest = time + GONE_ON * axis.interpolation.settings.cycle_ns * 1e-9
-    if axis.interpolation.elapsed >= longest:
+    if interpolation.settings.cycle_ns > 0:
+        longest = time + GONE_ON * interpolation.settings.cycle_ns * 1e-9
+    if interpolation.elapsed >= longest:
         # the frame behind the one that did not come is late, too
-        axis.profile.velocity = 0.0
+        profile.velocity = 0.0
         return
-    axis.interpolation.elapsed = min(axis.interpolation.elapsed + seconds, longest)
-    elapsed = axis.interpolation.elapsed
+    interpolation.elapsed = min(interpolation.elapsed + seconds, longest)
+    elapsed = interpolation.elapsed
     if elapsed > time:
         late = elapsed - time
-        axis.profile.position = axis.interpolation.end + axis.interpolation.end_speed * late
-        axis.profile.velocity = axis.interpolation.end_speed * RPM
+        profile.position = interpolation.end + interpolation.end_speed * late
+        profile.velocity = interpolation.end_speed * RPM
         return
     share = elapsed / time
-    way = axis.interpolation.end - axis.interpolation.start
+    way = interpolation.end - interpolation.start
     # Hermite: place and velocity at both ends
-    cubic = time * (axis.interpolation.start_speed + axis.interpolation.end_speed) - 2.0 * way
-    square = 3.0 * way - time * (2.0 * axis.interpolation.start_speed + axis.interpolation.end_speed)
-    linear = time * axis.interpolation.start_speed
-    axis.profile.position = axis.interpolation.start + share * (linear + share * (square + share * cubic))
-    axis.profile.velocity = (linear + share * (2.0 * square + share * 3.0 * cubic)) / time * RPM
+    cubic = time * (interpolation.start_speed + interpolation.end_speed) - 2.0 * way
+    square = 3.0 * way - time * (2.0 * interpolation.start_speed + interpolation.end_speed)
+    linear = time * interpolation.start_speed
+    profile.position = interpolation.start + share * (linear + share * (square + share * cubic))
+    profile.velocity = (linear + share * (2.0 * square + share * 3.0 * cubic)) / time * RPM
 
 
 @compiled
-def servo_command(axis: Any) -> float:
+def servo_command(motor: Any, ramp: Any, profile: Any, interpolation: Any) -> float:
     """The velocity command of dynamic servo control, rpm: NSOLL_B, and KPC times what is left of the deviation."""
-    if axis.interpolation.servo_gain <= 0.0:
-        axis.profile.position = axis.motor.measured_position
-        return axis.ramp.setpoint
-    axis.profile.position = axis.interpolation.servo_target
-    return (
-        axis.ramp.setpoint
-        + axis.interpolation.servo_gain * (axis.interpolation.servo_target - axis.motor.measured_position) * RPM
-    )
+    if interpolation.servo_gain <= 0.0:
+        profile.position = motor.measured_position
+        return ramp.setpoint
+    profile.position = interpolation.servo_target
+    return ramp.setpoint + interpolation.servo_gain * (interpolation.servo_target - motor.measured_position) * RPM

@@ -64,34 +64,34 @@ BOTH = 0x3
 
 
 @compiled
-def by_sequence(axis: Any) -> bool:
+def by_sequence(jog: Any) -> bool:
     """Whether jogging follows the sequence of its bits; else each of them is a speed."""
-    return axis.jog.settings.form == JOG_SEQUENCES
+    return jog.settings.form == JOG_SEQUENCES
 
 
 @compiled
-def take_jog_bits(axis: Any) -> None:
+def take_jog_bits(orders: Any, jog: Any) -> None:
     """Once in each step: which of the jog bits counts.  The only writer of ``jog.bits`` and ``jog.first``."""
-    bits = int(axis.orders.jog)
+    bits = int(orders.jog)
     if bits != BOTH:
-        axis.jog.first = bits
-    elif axis.jog.settings.both_bits == BOTH_FIRST_SPEED:
+        jog.first = bits
+    elif jog.settings.both_bits == BOTH_FIRST_SPEED:
         bits = 1
-    elif axis.jog.settings.both_bits == BOTH_KEEP and axis.jog.first != 0:
-        bits = int(axis.jog.first)
-    axis.jog.bits = bits
+    elif jog.settings.both_bits == BOTH_KEEP and jog.first != 0:
+        bits = int(jog.first)
+    jog.bits = bits
 
 
 @compiled
-def excluded(axis: Any, begun: bool) -> bool:
+def excluded(orders: Any, jog: Any, begun: bool) -> bool:
     """Whether other orders keep a jog from beginning, or end one that has ``begun``."""
-    return axis.orders.jog_barred != 0 and not (begun and axis.jog.settings.begun_lasts)
+    return orders.jog_barred != 0 and not (begun and jog.settings.begun_lasts)
 
 
 @compiled
 def take_jog(axis: Any) -> None:
     """Once in each step: the state of jogging and its speed.  The only writer of ``jog.sequence``."""
-    if not by_sequence(axis):
+    if not by_sequence(axis.jog):
         return
     before = int(axis.jog.sequence)
     form = ENDING if axis.jog.settings.needs_its_bit else MAKERS
@@ -103,7 +103,7 @@ def take_jog(axis: Any) -> None:
         bits = int(axis.jog.bits)
     following = int(_NEXT[form, before, bits])
     moves = before == NONE and abs(axis.motor.velocity) > axis.ramp.settings.standstill
-    if axis.drive.state != 4 or moves or (form == PROFILES and excluded(axis, before != NONE)):
+    if axis.drive.state != 4 or moves or (form == PROFILES and excluded(axis.orders, axis.jog, before != NONE)):
         following = NONE
     axis.jog.sequence = following
     speed = axis.jog.speeds[1] if following in (FORWARD_2, BACKWARD_2) else axis.jog.speeds[0]

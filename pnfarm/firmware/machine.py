@@ -28,49 +28,49 @@ __all__ = ["hold_at_stops", "take_switches"]
 
 
 @compiled
-def take_switches(axis: Any) -> None:
+def take_switches(direction: Any, machine: Any, motor: Any) -> None:
     """What the place of the axis and faults press, and what the inputs are used for."""
-    place = shaft_sign(axis) * axis.motor.position
-    limits = int(axis.machine.settings.fault_limits)
-    if axis.machine.settings.parts & MACHINE_SWITCH_LOW and place <= axis.machine.settings.switch_low:
+    place = shaft_sign(direction) * motor.position
+    limits = int(machine.settings.fault_limits)
+    if machine.settings.parts & MACHINE_SWITCH_LOW and place <= machine.settings.switch_low:
         limits |= 0x1
-    if axis.machine.settings.parts & MACHINE_SWITCH_HIGH and place >= axis.machine.settings.switch_high:
+    if machine.settings.parts & MACHINE_SWITCH_HIGH and place >= machine.settings.switch_high:
         limits |= 0x2
-    inputs = int(axis.machine.settings.fault_inputs)
-    if axis.machine.settings.parts & MACHINE_CAMS:
+    inputs = int(machine.settings.fault_inputs)
+    if machine.settings.parts & MACHINE_CAMS:
         for i in range(CAMS):
-            if axis.machine.settings.cam_low[i] <= place <= axis.machine.settings.cam_high[i]:
-                inputs |= int(axis.machine.settings.cam_inputs[i])
-    axis.machine.inputs = inputs
-    axis.machine.home_switch = 0
-    axis.machine.stop_input = 0
+            if machine.settings.cam_low[i] <= place <= machine.settings.cam_high[i]:
+                inputs |= int(machine.settings.cam_inputs[i])
+    machine.inputs = inputs
+    machine.home_switch = 0
+    machine.stop_input = 0
     for i in range(USED_INPUTS):
-        mode = int(axis.machine.settings.input_modes[i])
+        mode = int(machine.settings.input_modes[i])
         if mode == 0:
             continue
-        active = (inputs >> i & 1) != int(axis.machine.settings.input_inverted[i])
+        active = (inputs >> i & 1) != int(machine.settings.input_inverted[i])
         if mode == INPUT_HOME_SWITCH and active:
-            axis.machine.home_switch = 1
+            machine.home_switch = 1
         elif mode == INPUT_CONTROLLED_STOP and active:
-            axis.machine.stop_input = 1
+            machine.stop_input = 1
         # a limit switch opens where it is pressed
         elif mode == INPUT_LIMIT_LOW and not active:
             limits |= 0x1
         elif mode == INPUT_LIMIT_HIGH and not active:
             limits |= 0x2
-    axis.machine.limit_switch = limits
+    machine.limit_switch = limits
 
 
 @compiled
-def hold_at_stops(axis: Any) -> None:
+def hold_at_stops(direction: Any, machine: Any, motor: Any) -> None:
     """No further than an end stop: what hits it stands."""
-    if not axis.machine.settings.parts & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):
+    if not machine.settings.parts & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):
         return
-    sign = shaft_sign(axis)
-    place, speed = sign * axis.motor.position, sign * axis.motor.velocity
-    if axis.machine.settings.parts & MACHINE_STOP_LOW and place < axis.machine.settings.stop_low:
-        axis.motor.position = sign * axis.machine.settings.stop_low
-        axis.motor.velocity = sign * max(speed, 0.0)
-    if axis.machine.settings.parts & MACHINE_STOP_HIGH and place > axis.machine.settings.stop_high:
-        axis.motor.position = sign * axis.machine.settings.stop_high
-        axis.motor.velocity = sign * min(speed, 0.0)
+    sign = shaft_sign(direction)
+    place, speed = sign * motor.position, sign * motor.velocity
+    if machine.settings.parts & MACHINE_STOP_LOW and place < machine.settings.stop_low:
+        motor.position = sign * machine.settings.stop_low
+        motor.velocity = sign * max(speed, 0.0)
+    if machine.settings.parts & MACHINE_STOP_HIGH and place > machine.settings.stop_high:
+        motor.position = sign * machine.settings.stop_high
+        motor.velocity = sign * min(speed, 0.0)

@@ -37,51 +37,51 @@ SCALE = 2.642899792e-05
 
 
 @compiled
-def _next(axis: Any) -> int:
+def _next(measurement: Any) -> int:
     """The sum of two even numbers of 16 bits; moves the sequence on."""
-    state = (int(axis.measurement.noise) * MULTIPLIER + INCREMENT) & MASK
-    axis.measurement.noise = state
+    state = (int(measurement.noise) * MULTIPLIER + INCREMENT) & MASK
+    measurement.noise = state
     return (state >> UPPER & HALF) + (state >> LOWER & HALF)
 
 
 @compiled
-def _normal(axis: Any) -> float:
+def _normal(measurement: Any) -> float:
     """A number of mean 0 and variance 1."""
-    return (_next(axis) + _next(axis) - MEAN) * SCALE
+    return (_next(measurement) + _next(measurement) - MEAN) * SCALE
 
 
 @compiled
-def measure(axis: Any) -> None:
+def measure(measurement: Any) -> None:
     """Once in each step, behind the motor: draw what noise adds to each value until the next one."""
-    if axis.measurement.settings.seed == 0:
+    if measurement.settings.seed == 0:
         return
-    if axis.measurement.noise == 0:
+    if measurement.noise == 0:
         # a state of 0 was never begun: the sequence of a seed begins there
-        axis.measurement.noise = axis.measurement.settings.seed & MASK
-    axis.measurement.velocity_deviation = axis.measurement.settings.velocity_noise * _normal(axis)
-    axis.measurement.current_deviation = axis.measurement.settings.current_noise * _normal(axis)
-    axis.measurement.position_deviation = axis.measurement.settings.position_noise * _normal(axis)
+        measurement.noise = measurement.settings.seed & MASK
+    measurement.velocity_deviation = measurement.settings.velocity_noise * _normal(measurement)
+    measurement.current_deviation = measurement.settings.current_noise * _normal(measurement)
+    measurement.position_deviation = measurement.settings.position_noise * _normal(measurement)
 
 
 @compiled
-def measured_velocity(axis: Any) -> float:
+def measured_velocity(motor: Any, measurement: Any) -> float:
     """The shaft's speed as the drive measures it, rpm."""
-    return axis.motor.velocity + axis.measurement.velocity_deviation
+    return motor.velocity + measurement.velocity_deviation
 
 
 @compiled
-def measured_current(axis: Any) -> float:
+def measured_current(motor: Any, measurement: Any) -> float:
     """The torque-building current, alike, A."""
-    return axis.motor.current + axis.measurement.current_deviation
+    return motor.current + measurement.current_deviation
 
 
 @compiled
-def measured_torque(axis: Any) -> float:
+def measured_torque(motor: Any, measurement: Any) -> float:
     """The torque, which the drive computes from the current, N m."""
-    return axis.motor.torque + axis.motor.settings.torque_constant * axis.measurement.current_deviation
+    return motor.torque + motor.settings.torque_constant * measurement.current_deviation
 
 
 @compiled
-def measured_position(axis: Any) -> float:
+def measured_position(motor: Any, measurement: Any) -> float:
     """The shaft's position as the encoder tells it, rev."""
-    return axis.motor.measured_position + axis.measurement.position_deviation
+    return motor.measured_position + measurement.position_deviation

@@ -18,16 +18,16 @@ __all__ = ["select_task"]
 
 
 @compiled
-def select_task(axis: Any, number: int) -> None:
+def select_task(asked: Any, motion_tasks: Any, number: int) -> None:
     """Take the data of one of the drive's motion tasks; one that is not there has no velocity and cannot begin."""
-    if not 0 <= number < MOTION_TASKS or not axis.motion_tasks.settings.kind[number] & TASK_DEFINED:
-        axis.asked.velocity = 0.0
+    if not 0 <= number < MOTION_TASKS or not motion_tasks.settings.kind[number] & TASK_DEFINED:
+        asked.velocity = 0.0
         return
-    axis.asked.number = number
-    axis.asked.position = axis.motion_tasks.settings.position[number]
-    flags = int(axis.motion_tasks.settings.kind[number])
-    axis.asked.relative = 1 if flags & TASK_RELATIVE else 0
-    axis.asked.counts_from = flags & (TASK_FROM_COMMAND | TASK_FROM_TARGET | TASK_FROM_ACTUAL)
-    axis.asked.velocity = axis.motion_tasks.settings.velocity[number]
-    axis.asked.acceleration = axis.motion_tasks.settings.acceleration[number]
-    axis.asked.deceleration = axis.motion_tasks.settings.deceleration[number]
+    asked.number = number
+    asked.position = motion_tasks.settings.position[number]
+    flags = int(motion_tasks.settings.kind[number])
+    asked.relative = 1 if flags & TASK_RELATIVE else 0
+    asked.counts_from = flags & (TASK_FROM_COMMAND | TASK_FROM_TARGET | TASK_FROM_ACTUAL)
+    asked.velocity = motion_tasks.settings.velocity[number]
+    asked.acceleration = motion_tasks.settings.acceleration[number]
+    asked.deceleration = motion_tasks.settings.deceleration[number]

@@ -59,48 +59,48 @@ TORQUE_MODE = 0
 
 
 @compiled
-def motor_step_ns(axis: Any) -> int:
+def motor_step_ns(motor: Any) -> int:
     """Longest step of controllers and motor."""
-    return int(axis.motor.settings.step_ns) or MOTOR_STEP_NS
+    return int(motor.settings.step_ns) or MOTOR_STEP_NS
 
 
 @compiled
-def brake_holds(axis: Any) -> bool:
+def brake_holds(brake: Any) -> bool:
     """Whether there is a holding brake and it is not open."""
-    return axis.brake.settings.torque > 0.0 and not axis.brake.open
+    return brake.settings.torque > 0.0 and not brake.open
 
 
 @compiled
-def torque_controlled(axis: Any) -> bool:
+def torque_controlled(drive: Any, brake: Any) -> bool:
     """Whether the torque set point leads the axis: in operation alone, for what stops it are ramps of the speed."""
-    return axis.drive.state == 4 and axis.drive.settings.opmode == TORQUE_MODE and not brake_holds(axis)
+    return drive.state == 4 and drive.settings.opmode == TORQUE_MODE and not brake_holds(brake)
 
 
 @compiled
-def _step_brake(axis: Any, open_it: bool, seconds: float) -> None:
-    if open_it != bool(axis.brake.asked):
-        axis.brake.asked = 1 if open_it else 0
-        axis.brake.left = axis.brake.settings.release if open_it else axis.brake.settings.apply
-    elif axis.brake.left > 0.0:
-        axis.brake.left -= seconds
-    if axis.brake.left <= 0.0:
-        axis.brake.open = axis.brake.asked
+def _step_brake(brake: Any, open_it: bool, seconds: float) -> None:
+    if open_it != bool(brake.asked):
+        brake.asked = 1 if open_it else 0
+        brake.left = brake.settings.release if open_it else brake.settings.apply
+    elif brake.left > 0.0:
+        brake.left -= seconds
+    if brake.left <= 0.0:
+        brake.open = brake.asked
 
 
 @compiled
-def _speed(axis: Any, omega: float, drive: float, slope: float, seconds: float) -> float:
+def _speed(direction: Any, load: Any, brake: Any, omega: float, drive: float, slope: float, seconds: float) -> float:
     """The shaft's speed after the step, rad/s, for a torque of ``drive - slope * speed`` N m.
 
     Backward Euler with dry friction as the set-valued force that it is.
     """
-    inertia = (axis.load.settings.inertia + axis.load.settings.added_inertia) / seconds
-    dry = axis.load.settings.friction + axis.load.settings.added_friction
-    if brake_holds(axis):
-        dry += axis.brake.settings.torque
-    moving = inertia * omega + drive - shaft_sign(axis) * (axis.load.settings.torque + axis.load.settings.added_torque)
+    inertia = (load.settings.inertia + load.settings.added_inertia) / seconds
+    dry = load.settings.friction + load.settings.added_friction
+    if brake_holds(brake):
+        dry += brake.settings.torque
+    moving = inertia * omega + drive - shaft_sign(direction) * (load.settings.torque + load.settings.added_torque)
     if abs(moving) <= dry:
         return 0.0
-    return (moving - dry if moving > 0.0 else moving + dry) / (inertia + slope + axis.load.settings.damping)
+    return (moving - dry if moving > 0.0 else moving + dry) / (inertia + slope + load.settings.damping)
 
 
 @compiled
@@ -111,35 +111,41 @@ def _coast(axis: Any, omega: float, seconds: float) -> float:
     axis.motor.torque = 0.0
     axis.motor.speed_integral = 0.0
     axis.motor.fed_speed = axis.profile.velocity
-    return _speed(axis, omega, 0.0, axis.motor.settings.brake_damping if braking else 0.0, seconds)
-
-
-@compiled
-def _fed_forward(axis: Any, seconds: float) -> float:
-    """Torque that the acceleration of a profile asks for, without the position controller's part of the speed."""
-    change = (axis.profile.velocity - axis.motor.fed_speed) * RPM_TO_RAD
-    axis.motor.fed_speed = axis.profile.velocity
-    return (
-        0.0
-        if axis.positioning.state == 0
-        else axis.motor.settings.acceleration_gain * axis.load.settings.inertia * change / seconds
+    return _speed(
+        axis.direction,
+        axis.load,
+        axis.brake,
+        omega,
+        0.0,
+        axis.motor.settings.brake_damping if braking else 0.0,
+        seconds,
     )
 
 
 @compiled
-def _speed_limit(axis: Any, side: int) -> float:
-    """The limit of the speed forwards (``side`` 1) or backwards (-1), rad/s with its sign."""
-    return side * fastest(axis, inf, side > 0) * RPM_TO_RAD
+def _fed_forward(load: Any, motor: Any, positioning: Any, profile: Any, seconds: float) -> float:
+    """Torque that the acceleration of a profile asks for, without the position controller's part of the speed."""
+    change = (profile.velocity - motor.fed_speed) * RPM_TO_RAD
+    motor.fed_speed = profile.velocity
+    return (
+        0.0 if positioning.state == 0 else motor.settings.acceleration_gain * load.settings.inertia * change / seconds
+    )
 
 
 @compiled
-def _beyond(axis: Any, speed: float, given: float, gain: float) -> int:
-    """Beyond which limit the torque ``given`` would drive a shaft that comes to ``speed``, rad/s: 1, -1, or 0 for none."""
-    if not axis.torque.settings.speed_limited:
+def _speed_limit(motor: Any, travel: Any, side: int) -> float:
+    """The limit of the speed forwards (``side`` 1) or backwards (-1), rad/s with its sign."""
+    return side * fastest(motor, travel, inf, side > 0) * RPM_TO_RAD
+
+
+@compiled
+def _beyond(motor: Any, torque: Any, travel: Any, speed: float, given: float, gain: float) -> int:
+    """Beyond which limit ``given`` N m would drive a shaft that comes to ``speed``, rad/s: 1, -1, or 0 for none."""
+    if not torque.settings.speed_limited:
         return 0
-    if gain * (_speed_limit(axis, 1) - speed) < given:
+    if gain * (_speed_limit(motor, travel, 1) - speed) < given:
         return 1
-    return -1 if gain * (_speed_limit(axis, -1) - speed) > given else 0
+    return -1 if gain * (_speed_limit(motor, travel, -1) - speed) > given else 0
 
 
 @compiled
@@ -162,27 +168,33 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
     share = seconds / (axis.motor.settings.current_time_constant + seconds)
     kept = (1.0 - share) * constant * axis.motor.current
     reference = axis.ramp.reference * RPM_TO_RAD - noise
-    given = axis.motor.speed_integral + _fed_forward(axis, seconds) + axis.torque.settings.additive
-    led = torque_controlled(axis)
+    given = (
+        axis.motor.speed_integral
+        + _fed_forward(axis.load, axis.motor, axis.positioning, axis.profile, seconds)
+        + axis.torque.settings.additive
+    )
+    led = torque_controlled(axis.drive, axis.brake)
     if led:
-        given = limited_torque(axis, axis.torque.setpoint + axis.torque.settings.additive)
+        given = limited_torque(
+            axis.motor, axis.foldback, axis.torque, axis.homing, axis.torque.setpoint + axis.torque.settings.additive
+        )
         action = 0.0
-        free = _speed(axis, omega, kept + share * given, 0.0, seconds)
-        side = _beyond(axis, free + noise, given, gain)
+        free = _speed(axis.direction, axis.load, axis.brake, omega, kept + share * given, 0.0, seconds)
+        side = _beyond(axis.motor, axis.torque, axis.travel, free + noise, given, gain)
         if side != 0:
-            reference = _speed_limit(axis, side) - noise
+            reference = _speed_limit(axis.motor, axis.travel, side) - noise
             action = gain
             given = 0.0
     drive = kept + share * (action * reference + given)
     slope = share * action
-    following = _speed(axis, omega, drive, slope, seconds)
+    following = _speed(axis.direction, axis.load, axis.brake, omega, drive, slope, seconds)
     wanted = action * (reference - following) + given
-    most = limited_torque(axis, wanted)
+    most = limited_torque(axis.motor, axis.foldback, axis.torque, axis.homing, wanted)
     limited = most != wanted
     if limited:
         drive = kept + share * most
         slope = 0.0
-        following = _speed(axis, omega, drive, slope, seconds)
+        following = _speed(axis.direction, axis.load, axis.brake, omega, drive, slope, seconds)
     torque = drive - slope * following
     if axis.supply.settings.nominal > 0.0:
         inductance = axis.motor.settings.inductance / seconds
@@ -195,7 +207,7 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
             limited = True
             drive = constant * (before + (available if needed > 0.0 else -available)) / impedance
             slope = constant * back / impedance
-            following = _speed(axis, omega, drive, slope, seconds)
+            following = _speed(axis.direction, axis.load, axis.brake, omega, drive, slope, seconds)
             torque = drive - slope * following
     error = reference - following
     resting = omega == 0.0 and following == 0.0 and abs(axis.ramp.reference) <= RESTING * axis.ramp.settings.standstill
@@ -211,46 +223,42 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
 
 
 @compiled
-def _encoder_noise(axis: Any) -> float:
+def _encoder_noise(motor: Any) -> float:
     """What the encoder's steps add to the measured speed, rad/s."""
-    if axis.motor.settings.encoder_steps <= 0.0:
+    if motor.settings.encoder_steps <= 0.0:
         return 0.0
-    return (axis.motor.measured_position - axis.motor.position - axis.motor.encoder_low) / FEEDBACK_FILTER * 2.0 * pi
+    return (motor.measured_position - motor.position - motor.encoder_low) / FEEDBACK_FILTER * 2.0 * pi
 
 
 @compiled
-def _read_encoder(axis: Any, seconds: float) -> None:
+def _read_encoder(motor: Any, seconds: float) -> None:
     """Take the position over as the encoder tells it."""
-    if axis.motor.settings.encoder_steps <= 0.0:
-        axis.motor.measured_position = axis.motor.position
+    if motor.settings.encoder_steps <= 0.0:
+        motor.measured_position = motor.position
         return
-    axis.motor.measured_position = (
-        floor(axis.motor.position * axis.motor.settings.encoder_steps + 0.5) / axis.motor.settings.encoder_steps
-    )
-    error = axis.motor.measured_position - axis.motor.position
-    axis.motor.encoder_low += (error - axis.motor.encoder_low) * seconds / (FEEDBACK_FILTER + seconds)
+    motor.measured_position = floor(motor.position * motor.settings.encoder_steps + 0.5) / motor.settings.encoder_steps
+    error = motor.measured_position - motor.position
+    motor.encoder_low += (error - motor.encoder_low) * seconds / (FEEDBACK_FILTER + seconds)
 
 
 @compiled
-def _step_bus(axis: Any, omega: float, seconds: float) -> None:
+def _step_bus(drive: Any, faults: Any, motor: Any, supply: Any, omega: float, seconds: float) -> None:
     """The DC link gives what motor and drive take, and takes what a braking motor gives back.
 
     Without mains it discharges.
     """
-    lowest = mains(axis)
-    if axis.supply.settings.capacitance <= 0.0 or axis.supply.voltage <= 0.0:
-        axis.supply.voltage = lowest
+    lowest = mains(drive, faults, supply)
+    if supply.settings.capacitance <= 0.0 or supply.voltage <= 0.0:
+        supply.voltage = lowest
         return
     power = (
-        axis.motor.torque * omega
-        + PHASES * axis.motor.settings.resistance * axis.motor.current * axis.motor.current
-        + axis.supply.settings.load
+        motor.torque * omega + PHASES * motor.settings.resistance * motor.current * motor.current + supply.settings.load
     )
-    square = axis.supply.voltage * axis.supply.voltage - 2.0 * power * seconds / axis.supply.settings.capacitance
+    square = supply.voltage * supply.voltage - 2.0 * power * seconds / supply.settings.capacitance
     voltage = sqrt(square) if square > 0.0 else 0.0
-    if axis.supply.settings.brake > 0.0 and voltage > axis.supply.settings.brake:
-        voltage = axis.supply.settings.brake
-    axis.supply.voltage = max(voltage, lowest)
+    if supply.settings.brake > 0.0 and voltage > supply.settings.brake:
+        voltage = supply.settings.brake
+    supply.voltage = max(voltage, lowest)
 
 
 @compiled
@@ -265,26 +273,26 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     if axis.brake.settings.torque > 0.0:
         # a drive that comes to rest by itself lets the brake take over before it switches off
         resting = axis.drive.state == 5 and axis.ramp.command == 0.0 and abs(velocity) <= axis.ramp.settings.standstill
-        _step_brake(axis, powered_stage and not resting, seconds)
-    step_foldback(axis, seconds)
+        _step_brake(axis.brake, powered_stage and not resting, seconds)
+    step_foldback(axis.motor, axis.foldback, seconds)
     if powered_stage:
-        speed = _controlled(axis, omega, _encoder_noise(axis), seconds)
+        speed = _controlled(axis, omega, _encoder_noise(axis.motor), seconds)
     else:
         speed = _coast(axis, omega, seconds)
     speed = min(max(speed, -FASTEST_RPM * RPM_TO_RAD), FASTEST_RPM * RPM_TO_RAD)
     following = speed / RPM_TO_RAD
     axis.motor.position += 0.5 * (velocity + following) * seconds / 60.0
     axis.motor.velocity = following
-    hold_at_stops(axis)
-    _read_encoder(axis, seconds)
+    hold_at_stops(axis.direction, axis.machine, axis.motor)
+    _read_encoder(axis.motor, seconds)
     if axis.supply.settings.nominal > 0.0:
-        _step_bus(axis, 0.5 * (omega + speed), seconds)
+        _step_bus(axis.drive, axis.faults, axis.motor, axis.supply, 0.5 * (omega + speed), seconds)
     if axis.motor.settings.thermal_time > 0.0 and axis.motor.settings.continuous_current > 0.0:
         part = axis.motor.current / axis.motor.settings.continuous_current
         axis.motor.thermal_load += (
             (part * part - axis.motor.thermal_load) * seconds / (axis.motor.settings.thermal_time + seconds)
         )
-    if not powered_stage or torque_controlled(axis):
+    if not powered_stage or torque_controlled(axis.drive, axis.brake):
         axis.profile.position = axis.motor.position
         axis.profile.velocity = following
         # what controls the speed next begins here
@@ -299,14 +307,14 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
 def watch_motor(axis: Any, now: int) -> None:
     """Raise the drive's faults of a motor that runs too fast or is too hot, and of a DC link out of its bounds."""
     if axis.motor.settings.overspeed > 0.0 and abs(axis.motor.velocity) > axis.motor.settings.overspeed:
-        raise_fault(axis, axis.motor.settings.overspeed_fault, now)
-    if folds(axis):
-        watch_foldback(axis, now)
+        raise_fault(axis.faults, axis.motor.settings.overspeed_fault, now)
+    if folds(axis.motor, axis.foldback):
+        watch_foldback(axis.faults, axis.motor, axis.foldback, now)
     elif axis.motor.thermal_load > 1.0:
-        raise_fault(axis, axis.motor.settings.overload_fault, now)
+        raise_fault(axis.faults, axis.motor.settings.overload_fault, now)
     if axis.supply.settings.limit > 0.0 and axis.supply.voltage > axis.supply.settings.limit:
-        raise_fault(axis, axis.supply.settings.overvoltage_fault, now)
-    if bus_below(axis, axis.supply.settings.undervoltage_limit) and (
+        raise_fault(axis.faults, axis.supply.settings.overvoltage_fault, now)
+    if bus_below(axis.drive, axis.faults, axis.supply, axis.supply.settings.undervoltage_limit) and (
         axis.drive.state >= 4 or not axis.supply.settings.undervoltage_mode
     ):
-        raise_fault(axis, axis.supply.settings.undervoltage_fault, now)
+        raise_fault(axis.faults, axis.supply.settings.undervoltage_fault, now)

@@ -20,23 +20,23 @@ __all__ = ["warned", "watch_warnings"]
 
 
 @compiled
-def warned(axis: Any, number: int) -> bool:
+def warned(warnings: Any, number: int) -> bool:
     """Whether this warning is at hand."""
     at = 0
-    while at < WARNING_SLOTS and axis.warnings.active[at] != number:
+    while at < WARNING_SLOTS and warnings.active[at] != number:
         at += 1
     return number != 0 and at < WARNING_SLOTS
 
 
 @compiled
-def _tell(axis: Any, count: int, number: int) -> int:
+def _tell(warnings: Any, count: int, number: int) -> int:
     """One more behind the first ``count`` warnings, unless it is among them; how many there are now."""
     if number == 0 or count == WARNING_SLOTS:
         return count
     for i in range(count):
-        if axis.warnings.active[i] == number:
+        if warnings.active[i] == number:
             return count
-    axis.warnings.active[count] = number
+    warnings.active[count] = number
     return count + 1
 
 
@@ -45,26 +45,26 @@ def _tell_own(axis: Any, told: int) -> int:
     """Put what the drive itself has to tell of behind the first ``told`` warnings; how many there are now."""
     count = told
     if axis.warnings.settings.thermal_level > 0.0 and axis.motor.thermal_load > axis.warnings.settings.thermal_level:
-        count = _tell(axis, count, int(axis.profidrive.settings.message_warnings[1]))
+        count = _tell(axis.warnings, count, int(axis.profidrive.settings.message_warnings[1]))
     for i in range(2):
         if axis.foldback.limit[i] < axis.foldback.settings.warning_level:
-            count = _tell(axis, count, int(axis.foldback.settings.warning[i]))
-    if bus_below(axis, axis.supply.settings.levels[0]):
-        count = _tell(axis, count, int(axis.supply.settings.warning[0]))
+            count = _tell(axis.warnings, count, int(axis.foldback.settings.warning[i]))
+    if bus_below(axis.drive, axis.faults, axis.supply, axis.supply.settings.levels[0]):
+        count = _tell(axis.warnings, count, int(axis.supply.settings.warning[0]))
     elif 0.0 < axis.supply.settings.levels[1] < axis.supply.voltage:
-        count = _tell(axis, count, int(axis.supply.settings.warning[1]))
+        count = _tell(axis.warnings, count, int(axis.supply.settings.warning[1]))
     for i in range(2):
         if axis.machine.limit_switch >> i & 1:
-            count = _tell(axis, count, int(axis.warnings.settings.switch[i]))
+            count = _tell(axis.warnings, count, int(axis.warnings.settings.switch[i]))
     if axis.drive.settings.opmode == 2 and (
         axis.warnings.settings.limit[0] != 0 or axis.warnings.settings.limit[1] != 0
     ):
         reached = limits_reached(axis)
         for i in range(2):
             if reached >> i & 1:
-                count = _tell(axis, count, int(axis.warnings.settings.limit[i]))
+                count = _tell(axis.warnings, count, int(axis.warnings.settings.limit[i]))
     return (
-        _tell(axis, count, int(axis.warnings.settings.task[axis.positioning.error - 1]))
+        _tell(axis.warnings, count, int(axis.warnings.settings.task[axis.positioning.error - 1]))
         if axis.positioning.error
         else count
     )

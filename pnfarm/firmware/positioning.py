@@ -165,22 +165,24 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 
 
 @compiled
-def _may_move(axis: Any) -> bool:
+def _may_move(asked: Any) -> bool:
     """Whether the requested velocity and ramps are usable."""
-    return axis.asked.velocity >= 0.0 and axis.asked.acceleration > 0.0 and axis.asked.deceleration > 0.0
+    return asked.velocity >= 0.0 and asked.acceleration > 0.0 and asked.deceleration > 0.0
 
 
 @compiled
 def _can_start(axis: Any) -> bool:
     """Whether the task that is asked for can be executed from here."""
-    if not _may_move(axis) or (axis.asked.velocity == 0.0 and not axis.asked.still):
+    if not _may_move(axis.asked) or (axis.asked.velocity == 0.0 and not axis.asked.still):
         return False
     if axis.homing.settings.required and not axis.homing.homed:
         return False
     if axis.asked.endless:
-        return axis.asked.velocity == 0.0 or not at_limit_switch(axis, -1.0 if axis.asked.backwards else 1.0)
+        return axis.asked.velocity == 0.0 or not at_limit_switch(axis.machine, -1.0 if axis.asked.backwards else 1.0)
     target = _asked_target(axis)
-    return within_limits(axis, target) and not at_limit_switch(axis, target - axis.profile.position)
+    return within_limits(axis.travel, axis.homing, target) and not at_limit_switch(
+        axis.machine, target - axis.profile.position
+    )
 
 
 @compiled
@@ -198,24 +200,24 @@ def _asked_target(axis: Any) -> float:
             return axis.motor.position + axis.asked.position
         has_task = axis.positioning.state in (TASK, INTERMEDIATE_STOP)
         return (axis.profile.target if has_task else axis.profile.position) + axis.asked.position
-    return axis.homing.origin + _rounds(axis) + axis.asked.position
+    return axis.homing.origin + _rounds(axis.motor, axis.travel, axis.positioning, axis.homing) + axis.asked.position
 
 
 @compiled
-def _rounds(axis: Any) -> float:
+def _rounds(motor: Any, travel: Any, positioning: Any, homing: Any) -> float:
     """How far XIST_A has counted round its 32 bits, rev: an absolute target is the number that it shows there."""
-    if axis.positioning.settings.targets_counted_on:
+    if positioning.settings.targets_counted_on:
         return 0.0
-    rounds = floor((position_number(axis, axis.motor.measured_position) + HALF_ROUND) / ROUND)
-    return rounds * ROUND * axis.travel.settings.position_step
+    rounds = floor((position_number(travel, homing, motor.measured_position) + HALF_ROUND) / ROUND)
+    return rounds * ROUND * travel.settings.position_step
 
 
 @compiled
-def _fastest_there(axis: Any, velocity: float) -> float:
+def _fastest_there(motor: Any, travel: Any, positioning: Any, profile: Any, velocity: float) -> float:
     """A velocity on the way to the target, or of a task without one, within its limits."""
-    if axis.positioning.endless:
-        return fastest(axis, velocity, not axis.positioning.backwards)
-    return fastest(axis, velocity, axis.profile.target >= axis.profile.position)
+    if positioning.endless:
+        return fastest(motor, travel, velocity, not positioning.backwards)
+    return fastest(motor, travel, velocity, profile.target >= profile.position)
 
 
 @compiled
@@ -227,31 +229,33 @@ def _start_task(axis: Any) -> None:
     axis.positioning.endless = axis.asked.endless
     axis.positioning.relative = axis.asked.relative
     axis.positioning.backwards = axis.asked.backwards
-    axis.positioning.top = _fastest_there(axis, axis.asked.velocity)
-    take_ramps(axis, axis.positioning.top, axis.asked.acceleration, axis.asked.deceleration)
+    axis.positioning.top = _fastest_there(axis.motor, axis.travel, axis.positioning, axis.profile, axis.asked.velocity)
+    take_ramps(axis.profile, axis.positioning.top, axis.asked.acceleration, axis.asked.deceleration)
     axis.positioning.target_reached = 0
     _aim(axis)
 
 
 @compiled
-def _passes(axis: Any) -> bool:
+def _passes(positioning: Any, motion_tasks: Any) -> bool:
     """Whether the task at hand hands its target over to the next one without a stop."""
-    if axis.positioning.task < 0:
+    if positioning.task < 0:
         return False
     both = TASK_CHAINED | TASK_PASSING
-    return int(axis.motion_tasks.settings.kind[int(axis.positioning.task)]) & both == both
+    return int(motion_tasks.settings.kind[int(positioning.task)]) & both == both
 
 
 @compiled
 def _aim(axis: Any) -> None:
     """Towards the target of the task at hand; what passes it does not brake for it."""
-    axis.profile.top = _fastest_there(axis, axis.positioning.top * axis.asked.override)
+    axis.profile.top = _fastest_there(
+        axis.motor, axis.travel, axis.positioning, axis.profile, axis.positioning.top * axis.asked.override
+    )
     axis.profile.mode = PROFILE_TARGET
     if axis.positioning.endless:
         axis.profile.mode = PROFILE_VELOCITY
         if axis.positioning.backwards:
             axis.profile.top = -axis.profile.top
-    elif _passes(axis) and axis.profile.target != axis.profile.position:
+    elif _passes(axis.positioning, axis.motion_tasks) and axis.profile.target != axis.profile.position:
         axis.profile.mode = PROFILE_VELOCITY
         axis.positioning.backwards = 1 if axis.profile.target < axis.profile.position else 0
         if axis.positioning.backwards:
@@ -278,25 +282,25 @@ def _jog(axis: Any) -> None:
             axis.jog.settings.deceleration if axis.jog.settings.deceleration > 0.0 else axis.ramp.settings.deceleration
         )
     axis.positioning.target_reached = 0
-    if up <= 0.0 or down <= 0.0 or at_limit_switch(axis, velocity):
+    if up <= 0.0 or down <= 0.0 or at_limit_switch(axis.machine, velocity):
         axis.profile.mode = PROFILE_STOP
         return
     forwards = velocity > 0.0
-    top = fastest(axis, abs(velocity), forwards)
-    take_ramps(axis, top if forwards else -top, up, down)
+    top = fastest(axis.motor, axis.travel, abs(velocity), forwards)
+    take_ramps(axis.profile, top if forwards else -top, up, down)
     axis.profile.mode = PROFILE_VELOCITY
     if axis.homing.homed and velocity != 0.0 and axis.travel.settings.software_limits & (0x2 if forwards else 0x1):
-        _jog_to_limit(axis, top, forwards)
+        _jog_to_limit(axis.travel, axis.profile, axis.homing, top, forwards)
 
 
 @compiled
-def _jog_to_limit(axis: Any, top: float, forwards: bool) -> None:
+def _jog_to_limit(travel: Any, profile: Any, homing: Any, top: float, forwards: bool) -> None:
     """The way of a jog ends at the software limit; an axis beyond it goes no further, and not back either."""
-    limit = axis.homing.origin + (axis.travel.settings.high if forwards else axis.travel.settings.low)
-    beyond = axis.profile.position > limit if forwards else axis.profile.position < limit
-    axis.profile.mode = PROFILE_STOP if beyond else PROFILE_TARGET
-    axis.profile.target = limit
-    axis.profile.top = top
+    limit = homing.origin + (travel.settings.high if forwards else travel.settings.low)
+    beyond = profile.position > limit if forwards else profile.position < limit
+    profile.mode = PROFILE_STOP if beyond else PROFILE_TARGET
+    profile.target = limit
+    profile.top = top
 
 
 @compiled
@@ -315,9 +319,13 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
         or not axis.positioning.settings.interpolation_by_edge
         or axis.orders.start_changed != 0
     )
-    held |= 1 << (FOLLOW if follows(axis) and begins else UNFOLLOW)
+    held |= 1 << (FOLLOW if follows(axis.drive, axis.orders, axis.ramp, axis.interpolation) and begins else UNFOLLOW)
     resumes = axis.positioning.state == INTERMEDIATE_STOP and not paused and not axis.positioning.free_before
-    ready = not interpolates(axis) and not (axis.positioning.settings.resume_first and resumes) and goes_on
+    ready = (
+        not interpolates(axis.drive, axis.ramp, axis.interpolation)
+        and not (axis.positioning.settings.resume_first and resumes)
+        and goes_on
+    )
     if axis.asked.begins and ready and _can_start(axis):
         held |= 1 << START
     if axis.positioning.home_before and not axis.orders.home:
@@ -335,9 +343,13 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
         held |= 1 << REJECT | 1 << HOME_OFF
     if axis.commands.resume and goes_on:
         held |= 1 << CONTINUE
-    if profile_over(axis) and not waits:
+    if profile_over(axis.profile) and not waits:
         held |= 1 << OVER
-    if homing_fails(axis) if axis.positioning.state == HOMING else at_limit_switch(axis, axis.profile.velocity):
+    if (
+        homing_fails(axis.machine, axis.profile, axis.homing)
+        if axis.positioning.state == HOMING
+        else at_limit_switch(axis.machine, axis.profile.velocity)
+    ):
         held |= 1 << BLOCKED
     return held
 
@@ -364,7 +376,7 @@ def _advance(axis: Any, held: int) -> int:
             # where a stop without a position controller ended: nothing of the way that it took is made up for
             axis.profile.position = axis.motor.position
             axis.profile.velocity = axis.motor.velocity
-            begin_profile(axis)
+            begin_profile(axis.profile)
             axis.profile.mode = PROFILE_STOP
             # a shaft that turns when operation begins comes to rest as after jogging
             axis.profile.deceleration = (
@@ -381,16 +393,16 @@ def _advance(axis: Any, held: int) -> int:
             _aim(axis)
         elif event == HOME:
             if axis.positioning.state == FOLLOWING:
-                begin_profile(axis)
-            if interpolates(axis):
+                begin_profile(axis.profile)
+            if interpolates(axis.drive, axis.ramp, axis.interpolation):
                 # Moog MSD manual 12.1: the profile generator takes over
                 axis.ramp.generator_left = axis.ramp.settings.generator_set + 1
             start_homing(axis)
         elif event == FOLLOW:
-            begin_interpolation(axis)
+            begin_interpolation(axis.profile, axis.interpolation)
         elif event == UNFOLLOW:
-            begin_profile(axis)
-            take_ramps(axis, 0.0, axis.ramp.up, axis.ramp.down)
+            begin_profile(axis.profile)
+            take_ramps(axis.profile, 0.0, axis.ramp.up, axis.ramp.down)
             axis.profile.mode = PROFILE_STOP
         elif event != OVER:
             axis.profile.mode = PROFILE_STOP
@@ -415,13 +427,13 @@ def _follow_on(axis: Any, now: int) -> bool:
         # not further than the target, should nothing follow
         axis.profile.mode = PROFILE_TARGET
         axis.profile.top = abs(axis.profile.top)
-    elif not profile_over(axis) or not int(axis.motion_tasks.settings.kind[number]) & TASK_CHAINED:
+    elif not profile_over(axis.profile) or not int(axis.motion_tasks.settings.kind[number]) & TASK_CHAINED:
         return False
     if axis.positioning.over_ns == 0:
         axis.positioning.over_ns = now
     if now - axis.positioning.over_ns < axis.motion_tasks.settings.dwell_ns[number]:
         return True
-    select_task(axis, int(axis.motion_tasks.settings.next[number]))
+    select_task(axis.asked, axis.motion_tasks, int(axis.motion_tasks.settings.next[number]))
     follows = _can_start(axis)
     axis.positioning.error = 0 if follows else 2
     if follows:
@@ -430,13 +442,13 @@ def _follow_on(axis: Any, now: int) -> bool:
 
 
 @compiled
-def _change_way(axis: Any) -> None:
+def _change_way(asked: Any, positioning: Any, profile: Any) -> None:
     """A way that began ends where it was to; velocity and ramps without a handshake count for it at once."""
-    if not axis.asked.feed_free or not axis.asked.relative or axis.positioning.endless or not _may_move(axis):
+    if not asked.feed_free or not asked.relative or positioning.endless or not _may_move(asked):
         return
-    axis.positioning.top = axis.asked.velocity
-    axis.profile.acceleration = axis.asked.acceleration
-    axis.profile.deceleration = axis.asked.deceleration
+    positioning.top = asked.velocity
+    profile.acceleration = asked.acceleration
+    profile.deceleration = asked.deceleration
 
 
 @compiled
@@ -446,7 +458,7 @@ def take_motion(axis: Any, now: int) -> None:
         axis.drive.state == 4
         and axis.drive.settings.opmode == 2
         and not axis.interpolation.settings.servo_control
-        and not brake_holds(axis)
+        and not brake_holds(axis.brake)
     )
     waits = enabled and _follow_on(axis, now)
     event = _advance(axis, _held(axis, enabled, waits))
@@ -460,8 +472,10 @@ def take_motion(axis: Any, now: int) -> None:
     if axis.positioning.state == JOG:
         _jog(axis)
     elif axis.positioning.state == TASK:
-        _change_way(axis)
-        top = _fastest_there(axis, axis.positioning.top * axis.asked.override)
+        _change_way(axis.asked, axis.positioning, axis.profile)
+        top = _fastest_there(
+            axis.motor, axis.travel, axis.positioning, axis.profile, axis.positioning.top * axis.asked.override
+        )
         axis.profile.top = -top if axis.profile.mode == PROFILE_VELOCITY and axis.positioning.backwards else top
     elif axis.positioning.state == HOMING:
         step_homing(axis)
@@ -474,7 +488,7 @@ def take_motion(axis: Any, now: int) -> None:
         and axis.positioning.settings.following_limit > 0.0
         and abs(axis.positioning.following_error) > axis.positioning.settings.following_limit
     ):
-        raise_fault(axis, axis.positioning.settings.following_fault, now)
+        raise_fault(axis.faults, axis.positioning.settings.following_fault, now)
     if axis.asked.settings.control_config & CONFIG_RISING_EDGE and not axis.orders.start:
         axis.positioning.acknowledged = 0
     axis.positioning.home_before = axis.orders.home
@@ -482,12 +496,12 @@ def take_motion(axis: Any, now: int) -> None:
 
 
 @compiled
-def positioning_command(axis: Any, seconds: float) -> float:
+def positioning_command(motor: Any, positioning: Any, profile: Any, interpolation: Any, seconds: float) -> float:
     """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
     # both places of the same moment, the beginning of the step
-    error = axis.profile.position - axis.motor.measured_position
-    if axis.positioning.state == FOLLOWING:
-        step_interpolation(axis, seconds)
+    error = profile.position - motor.measured_position
+    if positioning.state == FOLLOWING:
+        step_interpolation(profile, interpolation, seconds)
     else:
-        step_profile(axis, seconds)
-    return axis.motor.settings.speed_feed_forward * axis.profile.velocity + axis.positioning.settings.gain * error * RPM
+        step_profile(profile, seconds)
+    return motor.settings.speed_feed_forward * profile.velocity + positioning.settings.gain * error * RPM

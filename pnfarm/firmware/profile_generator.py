@@ -31,14 +31,14 @@ PIECES = 8
 
 
 @compiled
-def _trapezoid(axis: Any, seconds: float) -> None:
+def _trapezoid(profile: Any, seconds: float) -> None:
     """Move the raw position and velocity (rev, rev/s) by ``seconds`` along the time-optimal trapezoid."""
-    position = axis.profile.raw_position
-    velocity = axis.profile.raw_velocity
-    target = axis.profile.target
-    top = axis.profile.top * PER_SECOND
-    up = axis.profile.acceleration * PER_SECOND
-    down = axis.profile.deceleration * PER_SECOND
+    position = profile.raw_position
+    velocity = profile.raw_velocity
+    target = profile.target
+    top = profile.top * PER_SECOND
+    up = profile.acceleration * PER_SECOND
+    down = profile.deceleration * PER_SECOND
     left = seconds
     for _ in range(PIECES):
         if left <= NO_TIME:
@@ -85,17 +85,17 @@ def _trapezoid(axis: Any, seconds: float) -> None:
         if needed <= time:
             # from here on it is down, whatever rounding says
             position = target - velocity * abs(velocity) / (2.0 * down)
-    axis.profile.raw_position = position
-    axis.profile.raw_velocity = velocity
+    profile.raw_position = position
+    profile.raw_velocity = velocity
 
 
 @compiled
-def _run_up(axis: Any, target: float, seconds: float) -> None:
+def _run_up(profile: Any, target: float, seconds: float) -> None:
     """Move by ``seconds`` towards a velocity of ``profile.target`` rev/s, and go on with it."""
-    velocity = axis.profile.raw_velocity
-    up = axis.profile.acceleration * PER_SECOND
-    down = axis.profile.deceleration * PER_SECOND
-    position = axis.profile.raw_position
+    velocity = profile.raw_velocity
+    up = profile.acceleration * PER_SECOND
+    down = profile.deceleration * PER_SECOND
+    position = profile.raw_position
     left = seconds
     for _ in range(3):
         if left <= NO_TIME:
@@ -113,86 +113,86 @@ def _run_up(axis: Any, target: float, seconds: float) -> None:
         position += velocity * time + 0.5 * signed * time * time
         velocity = end if needed <= left else velocity + signed * time
         left -= time
-    axis.profile.raw_position = position
-    axis.profile.raw_velocity = velocity
+    profile.raw_position = position
+    profile.raw_velocity = velocity
 
 
 @compiled
-def _move(axis: Any, seconds: float) -> None:
-    if axis.profile.mode == PROFILE_TARGET:
-        _trapezoid(axis, seconds)
-    elif axis.profile.mode == PROFILE_VELOCITY:
-        _run_up(axis, axis.profile.top * PER_SECOND, seconds)
+def _move(profile: Any, seconds: float) -> None:
+    if profile.mode == PROFILE_TARGET:
+        _trapezoid(profile, seconds)
+    elif profile.mode == PROFILE_VELOCITY:
+        _run_up(profile, profile.top * PER_SECOND, seconds)
     else:
-        _run_up(axis, 0.0, seconds)
+        _run_up(profile, 0.0, seconds)
 
 
 @compiled
-def begin_profile(axis: Any) -> None:
+def begin_profile(profile: Any) -> None:
     """Start from what the axis does at this moment: its commanded position and velocity."""
-    velocity = axis.profile.velocity * PER_SECOND
-    axis.profile.raw_velocity = velocity
+    velocity = profile.velocity * PER_SECOND
+    profile.raw_velocity = velocity
     # an average over some time lags behind by half of it
-    axis.profile.raw_position = axis.profile.position + 0.5 * axis.profile.settings.jerk_time * velocity
+    profile.raw_position = profile.position + 0.5 * profile.settings.jerk_time * velocity
     for i in range(JERK_TAPS):
-        axis.profile.taps[i] = velocity
-    axis.profile.mean_velocity = velocity
-    axis.profile.tap_left = 0.0
+        profile.taps[i] = velocity
+    profile.mean_velocity = velocity
+    profile.tap_left = 0.0
 
 
 @compiled
-def _next_tap(axis: Any, spacing: float) -> None:
+def _next_tap(profile: Any, spacing: float) -> None:
     """Move the trapezoid on by one tap; its mean velocity takes the place of the oldest one."""
-    before = axis.profile.raw_position
-    _move(axis, spacing)
-    axis.profile.taps[axis.profile.tap_next] = (axis.profile.raw_position - before) / spacing
-    axis.profile.tap_next = (axis.profile.tap_next + 1) % JERK_TAPS
+    before = profile.raw_position
+    _move(profile, spacing)
+    profile.taps[profile.tap_next] = (profile.raw_position - before) / spacing
+    profile.tap_next = (profile.tap_next + 1) % JERK_TAPS
     total = 0.0
     for i in range(JERK_TAPS):
-        total += axis.profile.taps[i]
-    axis.profile.mean_velocity = total / JERK_TAPS
-    axis.profile.tap_left = spacing
+        total += profile.taps[i]
+    profile.mean_velocity = total / JERK_TAPS
+    profile.tap_left = spacing
 
 
 @compiled
-def step_profile(axis: Any, seconds: float) -> None:
+def step_profile(profile: Any, seconds: float) -> None:
     """Advance ``profile.position`` and ``profile.velocity`` by ``seconds`` of the profile at hand."""
-    if axis.profile.settings.jerk_time <= 0.0:
-        _move(axis, seconds)
-        axis.profile.position = axis.profile.raw_position
-        axis.profile.velocity = axis.profile.raw_velocity / PER_SECOND
+    if profile.settings.jerk_time <= 0.0:
+        _move(profile, seconds)
+        profile.position = profile.raw_position
+        profile.velocity = profile.raw_velocity / PER_SECOND
         return
-    spacing = axis.profile.settings.jerk_time / JERK_TAPS
-    velocity = axis.profile.velocity * PER_SECOND
+    spacing = profile.settings.jerk_time / JERK_TAPS
+    velocity = profile.velocity * PER_SECOND
     left = seconds
     while left > NO_TIME:
-        if axis.profile.tap_left <= NO_TIME:
-            _next_tap(axis, spacing)
-        time = min(left, axis.profile.tap_left)
-        following = axis.profile.mean_velocity
-        if axis.profile.tap_left - time > NO_TIME:
-            following = velocity + (axis.profile.mean_velocity - velocity) * time / axis.profile.tap_left
-        axis.profile.position += 0.5 * (velocity + following) * time
+        if profile.tap_left <= NO_TIME:
+            _next_tap(profile, spacing)
+        time = min(left, profile.tap_left)
+        following = profile.mean_velocity
+        if profile.tap_left - time > NO_TIME:
+            following = velocity + (profile.mean_velocity - velocity) * time / profile.tap_left
+        profile.position += 0.5 * (velocity + following) * time
         velocity = following
-        axis.profile.tap_left -= time
+        profile.tap_left -= time
         left -= time
-    axis.profile.velocity = velocity / PER_SECOND
-    if profile_over(axis):
-        axis.profile.position = axis.profile.raw_position
+    profile.velocity = velocity / PER_SECOND
+    if profile_over(profile):
+        profile.position = profile.raw_position
 
 
 @compiled
-def profile_over(axis: Any) -> bool:
+def profile_over(profile: Any) -> bool:
     """Whether the axis stands in its target, or where it was told to stop."""
-    if axis.profile.raw_velocity != 0.0 or axis.profile.velocity != 0.0:
+    if profile.raw_velocity != 0.0 or profile.velocity != 0.0:
         return False
-    if axis.profile.mode == PROFILE_TARGET and axis.profile.raw_position != axis.profile.target:
+    if profile.mode == PROFILE_TARGET and profile.raw_position != profile.target:
         return False
-    if axis.profile.mode == PROFILE_VELOCITY:
+    if profile.mode == PROFILE_VELOCITY:
         # without an end, however slow: an override of 0 is no end
         return False
-    if axis.profile.settings.jerk_time > 0.0:
+    if profile.settings.jerk_time > 0.0:
         for i in range(JERK_TAPS):
-            if axis.profile.taps[i] != 0.0:
+            if profile.taps[i] != 0.0:
                 return False
     return True

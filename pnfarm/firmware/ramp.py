@@ -48,58 +48,56 @@ def approach(value: float, target: float, up: float, down: float, seconds: float
 
 
 @compiled
-def limited(axis: Any, target: float) -> float:
+def limited(motor: Any, travel: Any, target: float) -> float:
     """``target`` within the limits of motor and parameters, rpm."""
-    return fastest(axis, target, True) if target > 0.0 else -fastest(axis, -target, False)
+    return fastest(motor, travel, target, True) if target > 0.0 else -fastest(motor, travel, -target, False)
 
 
 @compiled
-def _jogs(axis: Any) -> bool:
+def _jogs(orders: Any, motor: Any, ramp: Any, jog: Any) -> bool:
     """Whether the axis jogs: it begins at standstill while nothing bars it, and ends there when it is not asked for.
 
     A drive of sequences says itself when it begins and ends (:mod:`pnfarm.firmware.jog`).  A frozen ramp generator
     does not keep the speed of a jog that is over: the axis comes to rest.
     """
-    if by_sequence(axis):
-        if axis.jog.sequence:
-            axis.ramp.jogging = 1
-        elif axis.ramp.command == 0.0 or not axis.orders.ramp or axis.orders.ramp_runs:
-            axis.ramp.jogging = 0
-        return axis.ramp.jogging != 0
-    if axis.ramp.settings.generator == RAMP_ABSENT or excluded(axis, axis.ramp.jogging != 0):
-        axis.ramp.jogging = 0
-    elif not axis.ramp.jogging:
-        axis.ramp.jogging = (
-            1
-            if axis.jog.bits and axis.ramp.command == 0.0 and abs(axis.motor.velocity) <= axis.ramp.settings.standstill
-            else 0
-        )
-    elif not axis.jog.bits and axis.ramp.command == 0.0:
-        axis.ramp.jogging = 0
-    return axis.ramp.jogging != 0
+    if by_sequence(jog):
+        if jog.sequence:
+            ramp.jogging = 1
+        elif ramp.command == 0.0 or not orders.ramp or orders.ramp_runs:
+            ramp.jogging = 0
+        return ramp.jogging != 0
+    if ramp.settings.generator == RAMP_ABSENT or excluded(orders, jog, ramp.jogging != 0):
+        ramp.jogging = 0
+    elif not ramp.jogging:
+        ramp.jogging = 1 if jog.bits and ramp.command == 0.0 and abs(motor.velocity) <= ramp.settings.standstill else 0
+    elif not jog.bits and ramp.command == 0.0:
+        ramp.jogging = 0
+    return ramp.jogging != 0
 
 
 @compiled
-def _jog_command(axis: Any, seconds: float) -> None:
+def _jog_command(motor: Any, ramp: Any, travel: Any, jog: Any, seconds: float) -> None:
     """The velocity command of a jog, along ramps of its own; bits that stand for no speed ask for standstill."""
-    bits = axis.jog.bits
+    bits = jog.bits
     target = 0.0
-    if by_sequence(axis):
-        target = axis.jog.speed if axis.jog.sequence else 0.0
+    if by_sequence(jog):
+        target = jog.speed if jog.sequence else 0.0
     elif bits == JOG_1:
-        target = axis.jog.settings.velocity[0]
+        target = jog.settings.velocity[0]
     elif bits == JOG_2:
-        target = axis.jog.settings.velocity[1]
-    up = axis.jog.settings.acceleration if axis.jog.settings.acceleration > 0.0 else axis.ramp.up
-    down = axis.jog.settings.deceleration if axis.jog.settings.deceleration > 0.0 else axis.ramp.down
-    axis.ramp.command = approach(axis.ramp.command, limited(axis, target), up, down, seconds)
+        target = jog.settings.velocity[1]
+    up = jog.settings.acceleration if jog.settings.acceleration > 0.0 else ramp.up
+    down = jog.settings.deceleration if jog.settings.deceleration > 0.0 else ramp.down
+    ramp.command = approach(ramp.command, limited(motor, travel, target), up, down, seconds)
 
 
 @compiled
 def _servo(axis: Any, seconds: float) -> None:
     """Dynamic servo control; orders to the ramp generator work as for a speed that passes it by."""
     if axis.orders.setpoint and axis.orders.ramp_runs and axis.orders.ramp:
-        axis.ramp.command = limited(axis, servo_command(axis))
+        axis.ramp.command = limited(
+            axis.motor, axis.travel, servo_command(axis.motor, axis.ramp, axis.profile, axis.interpolation)
+        )
     elif not axis.orders.ramp or axis.orders.ramp_runs:
         axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
 
@@ -116,22 +114,26 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         elif axis.drive.settings.opmode == 2 and axis.ramp.settings.position_stop_deceleration > 0.0:
             down = axis.ramp.settings.position_stop_deceleration
         if axis.drive.stop == QUICK_STOP:
-            if at_once(axis):
+            if at_once(axis.drive):
                 axis.ramp.command = 0.0
                 return
-            down = quick_stop_ramp(axis, down)
+            down = quick_stop_ramp(axis.drive, axis.ramp, down)
         axis.ramp.command = approach(axis.ramp.command, 0.0, down, down, seconds)
         return
-    if axis.drive.state != 4 or torque_controlled(axis):
+    if axis.drive.state != 4 or torque_controlled(axis.drive, axis.brake):
         # the axis coasts, stands or is led by its torque: a later start takes up from the speed that it has
         axis.ramp.command = axis.motor.velocity
         axis.ramp.jogging = 0
         return
-    if brake_holds(axis):
+    if brake_holds(axis.brake):
         axis.ramp.command = 0.0
         return
     if axis.positioning.state != OUT:
-        axis.ramp.command = limited(axis, positioning_command(axis, seconds))
+        axis.ramp.command = limited(
+            axis.motor,
+            axis.travel,
+            positioning_command(axis.motor, axis.positioning, axis.profile, axis.interpolation, seconds),
+        )
         return
     if axis.interpolation.settings.servo_control and axis.drive.settings.opmode == 2:
         _servo(axis, seconds)
@@ -140,19 +142,19 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
         return
     if axis.ramp.settings.generator == RAMP_ABSENT:
-        axis.ramp.command = limited(axis, axis.ramp.setpoint)
+        axis.ramp.command = limited(axis.motor, axis.travel, axis.ramp.setpoint)
         return
     if axis.service.leg:
         axis.ramp.command = approach(
             axis.ramp.command,
-            limited(axis, service_setpoint(axis)),
+            limited(axis.motor, axis.travel, service_setpoint(axis.service)),
             axis.ramp.settings.acceleration,
             axis.ramp.settings.deceleration,
             seconds,
         )
         return
-    if _jogs(axis):
-        _jog_command(axis, seconds)
+    if _jogs(axis.orders, axis.motor, axis.ramp, axis.jog):
+        _jog_command(axis.motor, axis.ramp, axis.travel, axis.jog, seconds)
         return
     if not axis.orders.ramp:
         # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
@@ -165,7 +167,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         return
     if not axis.orders.ramp_runs:
         return
-    target = limited(axis, axis.ramp.setpoint) if axis.orders.setpoint else 0.0
+    target = limited(axis.motor, axis.travel, axis.ramp.setpoint) if axis.orders.setpoint else 0.0
     if axis.ramp.settings.generator == RAMP_PASSED_BY:
         # the controller interpolates (Moog MSD manual, table 10.1: the set point acts directly on the control)
         axis.ramp.command = target
@@ -179,5 +181,5 @@ def velocity_command(axis: Any, seconds: float) -> None:
     _advance_ramp(axis, seconds)
     axis.ramp.reference = axis.ramp.command
     # a stop leads to standstill, and a brake that holds is not driven against
-    if axis.ramp.settings.additive_speed != 0.0 and axis.drive.state == 4 and not brake_holds(axis):
-        axis.ramp.reference = limited(axis, axis.ramp.command + axis.ramp.settings.additive_speed)
+    if axis.ramp.settings.additive_speed != 0.0 and axis.drive.state == 4 and not brake_holds(axis.brake):
+        axis.ramp.reference = limited(axis.motor, axis.travel, axis.ramp.command + axis.ramp.settings.additive_speed)

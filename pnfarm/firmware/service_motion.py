@@ -17,25 +17,25 @@ VELOCITY_MODE = 1
 
 
 @compiled
-def step_service(axis: Any, now: int) -> None:
+def step_service(drive: Any, commands: Any, service: Any, now: int) -> None:
     """Begin, change legs and end; a step takes ``commands.stop`` for itself in velocity mode only."""
-    if axis.drive.state != 4 or axis.drive.settings.opmode != VELOCITY_MODE or not axis.drive.settings.setpoint_ignored:
-        axis.service.leg = 0
-    elif axis.commands.stop:
-        axis.service.leg = 0
-        axis.commands.stop = 0
-    elif axis.commands.service:
-        axis.service.leg = 1
-        axis.service.leg_ns = now
-    elif axis.service.leg:
-        time = axis.service.settings.time[int(axis.service.leg) - 1]
-        if time > 0.0 and now - axis.service.leg_ns >= time * 1e9:
-            axis.service.leg = 3 - axis.service.leg if axis.service.settings.mode == SERVICE_ALTERNATING else 0
-            axis.service.leg_ns = now
-    axis.commands.service = 0
+    if drive.state != 4 or drive.settings.opmode != VELOCITY_MODE or not drive.settings.setpoint_ignored:
+        service.leg = 0
+    elif commands.stop:
+        service.leg = 0
+        commands.stop = 0
+    elif commands.service:
+        service.leg = 1
+        service.leg_ns = now
+    elif service.leg:
+        time = service.settings.time[int(service.leg) - 1]
+        if time > 0.0 and now - service.leg_ns >= time * 1e9:
+            service.leg = 3 - service.leg if service.settings.mode == SERVICE_ALTERNATING else 0
+            service.leg_ns = now
+    commands.service = 0
 
 
 @compiled
-def service_setpoint(axis: Any) -> float:
+def service_setpoint(service: Any) -> float:
     """The velocity of the leg that runs, rpm."""
-    return axis.service.settings.velocity[int(axis.service.leg) - 1]
+    return service.settings.velocity[int(service.leg) - 1]

@@ -135,19 +135,19 @@ def conditions(power: int, faulty: int, reaction: int, standing: int, booted: in
 
 
 @compiled
-def advance(axis: Any, held: int) -> None:
+def advance(drive: Any, held: int) -> None:
     """Take at most one transition: the only writer of ``axis.drive.state`` and ``axis.drive.stop``."""
-    state = axis.drive.state
+    state = drive.state
     if state == 5:
-        state = 4 + axis.drive.stop
+        state = 4 + drive.stop
     for event in _PRIORITY:
         if held & (1 << event):
             following = _NEXT[state, event]
             if following >= 0:
                 if following > 4:
-                    axis.drive.state = 5
-                    axis.drive.stop = following - 4
+                    drive.state = 5
+                    drive.stop = following - 4
                 else:
-                    axis.drive.state = following
-                    axis.drive.stop = 0
+                    drive.state = following
+                    drive.stop = 0
                 return

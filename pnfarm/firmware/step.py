@@ -39,25 +39,25 @@ LONGEST_NS = 1_000_000_000
 
 
 @compiled
-def _power_in_force(axis: Any, reaction: int) -> int:
+def _power_in_force(drive: Any, orders: Any, commands: Any, reaction: int) -> int:
     """What the state machine sees: a fault reaction runs to its end, and a parameter may disable the axis."""
-    power = int(axis.orders.power)
-    if axis.drive.state == 5 and axis.drive.stop == 3 and not axis.orders.led:
+    power = int(orders.power)
+    if drive.state == 5 and drive.stop == 3 and not orders.led:
         # losing the controller meanwhile does not turn it into coasting; its own coast stop does
         power |= POWER_NO_COAST | POWER_NO_QUICK_STOP
-    elif axis.drive.state == 4 and reaction:
+    elif drive.state == 4 and reaction:
         power = POWER_ON | POWER_NO_COAST | POWER_NO_QUICK_STOP | POWER_ENABLE
-    if axis.commands.disable != 0 and axis.drive.state >= 4:
+    if commands.disable != 0 and drive.state >= 4:
         # as a coast stop or a quick stop of the control word would, once: the controller walks the states anew
-        power &= ~(POWER_NO_COAST if axis.drive.settings.disable_method == DISABLE_AT_ONCE else POWER_NO_QUICK_STOP)
-    axis.commands.disable = 0
+        power &= ~(POWER_NO_COAST if drive.settings.disable_method == DISABLE_AT_ONCE else POWER_NO_QUICK_STOP)
+    commands.disable = 0
     return power
 
 
 @compiled
 def _turn(axis: Any, elapsed: int) -> None:
     """Set point, controllers, motor and load, in steps that are short enough."""
-    longest = motor_step_ns(axis)
+    longest = motor_step_ns(axis.motor)
     while elapsed > 0:
         part = min(elapsed, longest)
         elapsed -= part
@@ -78,7 +78,7 @@ def step(axis: Any, image: Any, now: int) -> None:
     if take_commands(axis, now):
         forget_words(axis)
     take_direction(axis)
-    take_switches(axis)
+    take_switches(axis.direction, axis.machine, axis.motor)
     take_words(axis, image, now)
 
     faulty = axis.faults.code[0] != 0
@@ -89,16 +89,16 @@ def step(axis: Any, image: Any, now: int) -> None:
             code = axis.faults.code[i]
             if code != 0 and (code >> 24) != REACTION_QUICK_STOP:
                 reaction = 0
-    power = _power_in_force(axis, reaction)
+    power = _power_in_force(axis.drive, axis.orders, axis.commands, reaction)
     standing = abs(axis.motor.velocity) <= axis.ramp.settings.standstill and axis.ramp.command == 0.0
-    if axis.brake.settings.torque > 0.0 and axis.drive.state == 5 and not brake_holds(axis):
+    if axis.brake.settings.torque > 0.0 and axis.drive.state == 5 and not brake_holds(axis.brake):
         # the power stage holds the axis until the brake does
         standing = False
     take_interlocks(axis)
     held = conditions(power, faulty, reaction, standing, now - axis.boot_ns >= axis.boot_time_ns)
-    advance(axis, with_interlocks(axis, held, power, faulty))
+    advance(axis.drive, with_interlocks(axis.drive, axis.orders, axis.sensor, held, power, faulty))
     take_jog(axis)
-    step_service(axis, now)
+    step_service(axis.drive, axis.commands, axis.service, now)
     take_motion(axis, now)
     if axis.drive.state >= 4:
         axis.motor.rested = 0
@@ -107,6 +107,6 @@ def step(axis: Any, image: Any, now: int) -> None:
 
     _turn(axis, elapsed)
     watch_motor(axis, now)
-    measure(axis)
+    measure(axis.measurement)
     watch_warnings(axis)
     show_words(axis, image)

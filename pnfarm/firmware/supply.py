@@ -15,19 +15,19 @@ __all__ = ["bus_below", "mains"]
 
 
 @compiled
-def _supplied(axis: Any) -> bool:
-    return not int(axis.drive.settings.interlocks) & LACKS_SUPPLY and not cause_held(
-        axis, int(axis.supply.settings.undervoltage_fault)
+def _supplied(drive: Any, faults: Any, supply: Any) -> bool:
+    return not int(drive.settings.interlocks) & LACKS_SUPPLY and not cause_held(
+        faults, int(supply.settings.undervoltage_fault)
     )
 
 
 @compiled
-def mains(axis: Any) -> float:
+def mains(drive: Any, faults: Any, supply: Any) -> float:
     """The voltage below which the mains do not let the DC link fall, V."""
-    return float(axis.supply.settings.nominal) if _supplied(axis) else 0.0
+    return float(supply.settings.nominal) if _supplied(drive, faults, supply) else 0.0
 
 
 @compiled
-def bus_below(axis: Any, level: float) -> bool:
+def bus_below(drive: Any, faults: Any, supply: Any, level: float) -> bool:
     """Whether the DC link's voltage is below ``level``, V; one that is fed and has none is not known."""
-    return axis.supply.voltage < level and (axis.supply.voltage > 0.0 or not _supplied(axis))
+    return supply.voltage < level and (supply.voltage > 0.0 or not _supplied(drive, faults, supply))

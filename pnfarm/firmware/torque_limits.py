@@ -18,20 +18,20 @@ ROUNDING = 1e-9
 
 
 @compiled
-def _most(axis: Any, direction: int) -> float:
+def _most(motor: Any, foldback: Any, torque: Any, homing: Any, direction: int) -> float:
     """The least of a direction's limit and what peak current and foldback give, N m; direction 0 is forwards."""
-    limit = axis.torque.settings.limit_negative if direction else axis.torque.settings.limit_positive
-    share = min(1.0, axis.torque.settings.scale * axis.torque.shares_in_force[direction])
-    current = min(axis.motor.settings.peak_current * share, axis.foldback.current)
-    if axis.homing.current_limit > 0.0:
-        current = min(current, axis.homing.current_limit)
-    return min(limit, axis.motor.settings.torque_constant * current)
+    limit = torque.settings.limit_negative if direction else torque.settings.limit_positive
+    share = min(1.0, torque.settings.scale * torque.shares_in_force[direction])
+    current = min(motor.settings.peak_current * share, foldback.current)
+    if homing.current_limit > 0.0:
+        current = min(current, homing.current_limit)
+    return min(limit, motor.settings.torque_constant * current)
 
 
 @compiled
-def limited_torque(axis: Any, wanted: float) -> float:
+def limited_torque(motor: Any, foldback: Any, torque: Any, homing: Any, wanted: float) -> float:
     """``wanted`` within the limits of its direction, N m."""
-    return max(-_most(axis, 1), min(_most(axis, 0), wanted))
+    return max(-_most(motor, foldback, torque, homing, 1), min(_most(motor, foldback, torque, homing, 0), wanted))
 
 
 @compiled
@@ -40,7 +40,7 @@ def gives_all(axis: Any, direction: int, near: float) -> bool:
     if axis.drive.state < 4:
         return False
     torque = -axis.motor.torque if direction else axis.motor.torque
-    return torque >= _most(axis, direction) * (1.0 - near)
+    return torque >= _most(axis.motor, axis.foldback, axis.torque, axis.homing, direction) * (1.0 - near)
 
 
 @compiled

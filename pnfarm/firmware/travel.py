@@ -10,48 +10,48 @@ __all__ = ["at_limit_switch", "fastest", "limits_reached", "position_number", "t
 
 
 @compiled
-def position_number(axis: Any, place: float) -> int:
+def position_number(travel: Any, homing: Any, place: float) -> int:
     """A place on the shaft in position steps; XIST_A is what fits of it in 32 bits."""
-    return round((place - axis.homing.origin) / axis.travel.settings.position_step)
+    return round((place - homing.origin) / travel.settings.position_step)
 
 
 @compiled
-def within_limits(axis: Any, target: float) -> bool:
+def within_limits(travel: Any, homing: Any, target: float) -> bool:
     """Whether software limits let the shaft go to ``target``; they count once the machine's zero is known."""
-    if not axis.homing.homed:
+    if not homing.homed:
         return True
-    place = target - axis.homing.origin
-    if axis.travel.settings.software_limits & 0x1 and place < axis.travel.settings.low:
+    place = target - homing.origin
+    if travel.settings.software_limits & 0x1 and place < travel.settings.low:
         return False
-    return not (axis.travel.settings.software_limits & 0x2 and place > axis.travel.settings.high)
+    return not (travel.settings.software_limits & 0x2 and place > travel.settings.high)
 
 
 @compiled
-def at_limit_switch(axis: Any, direction: float) -> bool:
+def at_limit_switch(machine: Any, direction: float) -> bool:
     """Whether a limit switch stands in this direction, any number above or below 0."""
-    return (direction > 0.0 and axis.machine.limit_switch & 0x2 != 0) or (
-        direction < 0.0 and axis.machine.limit_switch & 0x1 != 0
+    return (direction > 0.0 and machine.limit_switch & 0x2 != 0) or (
+        direction < 0.0 and machine.limit_switch & 0x1 != 0
     )
 
 
 @compiled
-def fastest(axis: Any, velocity: float, forwards: bool) -> float:
+def fastest(motor: Any, travel: Any, velocity: float, forwards: bool) -> float:
     """A velocity, 0 or more, within the limits of motor and parameters in one direction, rpm."""
     limit = min(
-        axis.motor.settings.max_velocity,
-        axis.travel.settings.velocity_limit_positive if forwards else axis.travel.settings.velocity_limit_negative,
+        motor.settings.max_velocity,
+        travel.settings.velocity_limit_positive if forwards else travel.settings.velocity_limit_negative,
     )
-    if axis.travel.settings.velocity_limit > 0.0 and axis.travel.settings.velocity_limit < limit:
-        limit = axis.travel.settings.velocity_limit
+    if travel.settings.velocity_limit > 0.0 and travel.settings.velocity_limit < limit:
+        limit = travel.settings.velocity_limit
     return min(velocity, limit)
 
 
 @compiled
-def take_ramps(axis: Any, velocity: float, up: float, down: float) -> None:
+def take_ramps(profile: Any, velocity: float, up: float, down: float) -> None:
     """Velocity, rpm, and ramps, rpm/s, of what the profile generator does next."""
-    axis.profile.top = velocity
-    axis.profile.acceleration = up
-    axis.profile.deceleration = down
+    profile.top = velocity
+    profile.acceleration = up
+    profile.deceleration = down
 
 
 @compiled

@@ -21,9 +21,9 @@ def walk(axes, step, steps, over, path):
     """Positions and velocities after each of ``steps`` steps, or until the profile is over; how many."""
     axis = axes[0]
     for i in range(steps):
-        if over and profile_over(axis):
+        if over and profile_over(axis.profile):
             return i
-        step_profile(axis, step)
+        step_profile(axis.profile, step)
         path[i, 0] = axis.profile.position
         path[i, 1] = axis.profile.velocity
     return steps
@@ -39,7 +39,7 @@ class Profile:
         self.axis.profile.velocity = velocity * RPM
         self.axis.profile.settings.jerk_time = jerk
         self.time = 0.0
-        begin_profile(self.axis)
+        begin_profile(self.axis.profile)
 
     def task(self, target=0.0, velocity=10.0, up=100.0, down=100.0, profile=PROFILE_TARGET):
         axis = self.axis
@@ -53,7 +53,7 @@ class Profile:
 
     def until_over(self, step=0.001, most=100.0):
         path = self._walk(math.ceil((most - self.time) / step), step, over=True)
-        assert profile_over(self.axis), "it never arrives"
+        assert profile_over(self.axis.profile), "it never arrives"
         return path
 
     def _walk(self, steps, step, *, over):

@@ -284,7 +284,7 @@ def test_every_row_of_the_table_is_reachable_by_priority(row):
         held = conditions(stw1, faulty, reaction, standing, state == 0) | (event == RELEASED) << RELEASED
         if next((e for e in PRIORITY if held & 1 << e and (state, e) in TRANSITIONS), None) == event:
             axis.drive.state, axis.drive.stop = min(state, 5), max(state - 4, 0)
-            advance(axis, held)
+            advance(axis.drive, held)
             assert int(axis.drive.state) + max(int(axis.drive.stop) - 1, 0) == TRANSITIONS[row]
             ways += 1
     assert ways

@@ -47,14 +47,14 @@ HOME = 0x0800
 
 
 @compiled
-def _setpoints(axis: Any, image: Any, word: int) -> int:
+def _setpoints(profidrive: Any, image: Any, word: int) -> int:
     """What the set points of this step are, STW1 being ``word``."""
     if not image.valid:
-        held = image.lost == LOST_STOP and axis.profidrive.settings.without_run == WITHOUT_RUN_HOLD
+        held = image.lost == LOST_STOP and profidrive.settings.without_run == WITHOUT_RUN_HOLD
         return SETPOINTS_HELD if held else SETPOINTS_NONE
-    if word & CONTROL_BY_PLC or axis.profidrive.settings.without_control == WITHOUT_CONTROL_TAKEN:
+    if word & CONTROL_BY_PLC or profidrive.settings.without_control == WITHOUT_CONTROL_TAKEN:
         return SETPOINTS_TAKEN
-    return SETPOINTS_HELD if axis.profidrive.settings.without_control == WITHOUT_CONTROL_HOLD else SETPOINTS_NONE
+    return SETPOINTS_HELD if profidrive.settings.without_control == WITHOUT_CONTROL_HOLD else SETPOINTS_NONE
 
 
 @compiled
@@ -63,9 +63,9 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
     valid = image.valid
     if axis.profidrive.image_valid and not valid:
         if image.lost == LOST_EXPIRED and axis.faults.settings.loss_delay_ns == 0:
-            raise_fault(axis, axis.faults.settings.loss_fault, now)
+            raise_fault(axis.faults, axis.faults.settings.loss_fault, now)
         elif image.lost == LOST_STOP:
-            raise_fault(axis, axis.faults.settings.stop_fault, now)
+            raise_fault(axis.faults, axis.faults.settings.stop_fault, now)
     if (
         image.frames != axis.profidrive.telegram_frames
         or (valid and not axis.profidrive.image_valid)
@@ -80,10 +80,10 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
         and now - axis.profidrive.telegram_ns >= axis.faults.settings.loss_delay_ns
     ):
         axis.profidrive.telegram_ns = 0
-        raise_fault(axis, axis.faults.settings.loss_fault, now)
+        raise_fault(axis.faults, axis.faults.settings.loss_fault, now)
     axis.profidrive.image_valid = valid
     word = image.received[STW1] & 0xFFFF
-    axis.profidrive.setpoints = _setpoints(axis, image, word)
+    axis.profidrive.setpoints = _setpoints(axis.profidrive, image, word)
     if axis.profidrive.setpoints == SETPOINTS_NONE:
         # nobody leads the axis: it coasts, or stops as with STW1.0 = 0
         off = image.lost == LOST_STOP and axis.profidrive.settings.without_run == WITHOUT_RUN_OFF
@@ -101,7 +101,7 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
     if word & FAULT_ACKNOWLEDGE and (
         axis.profidrive.settings.acknowledges_by_level or axis.profidrive.stw1_changed & FAULT_ACKNOWLEDGE
     ):
-        acknowledge(axis)
+        acknowledge(axis.faults, axis.positioning)
     axis.profidrive.stw1_seen = word
     axis.profidrive.stw1 = word
     if (
@@ -110,7 +110,7 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
     ):
         from_setpoints(axis, image)
     else:
-        no_setpoints(axis)
+        no_setpoints(axis.torque, axis.ramp)
     if valid and axis.faults.code[0] != 0 and not axis.faults.reacted and (word & 0x0009) != 0x0009:
         axis.faults.reacted = 1
 
@@ -127,24 +127,24 @@ def _power(word: int) -> int:
 
 
 @compiled
-def _give_orders(axis: Any) -> None:
+def _give_orders(orders: Any, profidrive: Any) -> None:
     """STW1 in force as orders of the axis."""
-    word = int(axis.profidrive.stw1)
-    changed = int(axis.profidrive.stw1_changed)
-    axis.orders.led = 1 if word else 0
-    axis.orders.power = _power(word)
-    axis.orders.power_changed = _power(changed)
-    axis.orders.ramp = 1 if word & RAMP else 0
-    axis.orders.ramp_runs = 1 if word & RAMP_RUNS else 0
-    axis.orders.setpoint = 1 if word & SETPOINT else 0
-    axis.orders.reject = 0 if word & RAMP else 1
-    axis.orders.pause = 0 if word & RAMP_RUNS else 1
-    axis.orders.start = 1 if word & SETPOINT else 0
-    axis.orders.start_changed = 1 if changed & SETPOINT else 0
-    axis.orders.home = 1 if word & HOME else 0
-    axis.orders.home_changed = 1 if changed & HOME else 0
-    axis.orders.jog = word >> JOG_SHIFT & JOG_BITS
-    axis.orders.jog_barred = 1 if word & (RAMP | RAMP_RUNS | SETPOINT) else 0
+    word = int(profidrive.stw1)
+    changed = int(profidrive.stw1_changed)
+    orders.led = 1 if word else 0
+    orders.power = _power(word)
+    orders.power_changed = _power(changed)
+    orders.ramp = 1 if word & RAMP else 0
+    orders.ramp_runs = 1 if word & RAMP_RUNS else 0
+    orders.setpoint = 1 if word & SETPOINT else 0
+    orders.reject = 0 if word & RAMP else 1
+    orders.pause = 0 if word & RAMP_RUNS else 1
+    orders.start = 1 if word & SETPOINT else 0
+    orders.start_changed = 1 if changed & SETPOINT else 0
+    orders.home = 1 if word & HOME else 0
+    orders.home_changed = 1 if changed & HOME else 0
+    orders.jog = word >> JOG_SHIFT & JOG_BITS
+    orders.jog_barred = 1 if word & (RAMP | RAMP_RUNS | SETPOINT) else 0
 
 
 @compiled
@@ -152,13 +152,13 @@ def take_control_word(axis: Any, image: Any, now: int) -> None:
     """Once in each step: STW1 and the set points of speed and torque."""
     axis.profidrive.stw1_before = axis.profidrive.stw1
     _take_word(axis, image, now)
-    _give_orders(axis)
+    _give_orders(axis.orders, axis.profidrive)
 
 
 @compiled
-def forget_control_word(axis: Any) -> None:
+def forget_control_word(profidrive: Any) -> None:
     """The drive was switched on: no word was there yet."""
-    axis.profidrive.stw1 = 0
-    axis.profidrive.stw1_seen = 0
-    axis.profidrive.image_valid = 0
-    axis.profidrive.telegram_ns = 0
+    profidrive.stw1 = 0
+    profidrive.stw1_seen = 0
+    profidrive.image_valid = 0
+    profidrive.telegram_ns = 0

@@ -21,7 +21,7 @@ __all__ = ["forget_words", "show_words", "take_words"]
 @compiled
 def forget_words(axis: Any) -> None:
     """The drive was switched on: of the controller nothing is known."""
-    forget_control_word(axis)
+    forget_control_word(axis.profidrive)
     axis.asked.pos_stw2 = 0
     axis.life.sent = 0
 
@@ -30,10 +30,10 @@ def forget_words(axis: Any) -> None:
 def take_words(axis: Any, image: Any, now: int) -> None:
     """The way in, before the drive acts: orders, set points and tasks."""
     take_control_word(axis, image, now)
-    check_life(axis, now)
-    take_torque_limits(axis, image)
-    take_jog_bits(axis)
-    take_jog_speeds(axis, image)
+    check_life(axis.faults, axis.life, now)
+    take_torque_limits(axis.profidrive, axis.torque, image)
+    take_jog_bits(axis.orders, axis.jog)
+    take_jog_speeds(axis.profidrive, axis.jog, image)
     take_task(axis, image)
     take_cyclic(axis, image, now)
 

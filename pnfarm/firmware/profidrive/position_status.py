@@ -23,9 +23,9 @@ __all__ = [
 
 
 @compiled
-def _has_task(axis: Any) -> bool:
+def _has_task(positioning: Any) -> bool:
     """Whether a task runs, or waits in an intermediate stop."""
-    return axis.positioning.state in (TASK, INTERMEDIATE_STOP)
+    return positioning.state in (TASK, INTERMEDIATE_STOP)
 
 
 @compiled
@@ -38,24 +38,24 @@ def _standing(axis: Any) -> bool:
         return False
     if axis.positioning.state != OUT and axis.profile.velocity != 0.0:
         return False
-    return abs(measured_velocity(axis)) <= axis.ramp.settings.standstill
+    return abs(measured_velocity(axis.motor, axis.measurement)) <= axis.ramp.settings.standstill
 
 
 @compiled
-def _basic(axis: Any) -> bool:
+def _basic(positioning: Any) -> bool:
     """Whether nothing is active that moves the axis: the basic state of AKD PROFINET manual, edition B, 5.10.1."""
-    return axis.positioning.state in (OUT, STANDBY)
+    return positioning.state in (OUT, STANDBY)
 
 
 @compiled
-def _at_target(axis: Any) -> bool:
+def _at_target(motor: Any, positioning: Any, profile: Any, measurement: Any) -> bool:
     """Whether the last task ended in its target, and the shaft is there.
 
     Turned away, by hand or by its load, it is not (HIWIN E1 manual, table 3.5.2.1).
     """
     return (
-        axis.positioning.target_reached
-        and abs(axis.profile.target - measured_position(axis)) <= axis.positioning.settings.target_window
+        positioning.target_reached
+        and abs(profile.target - measured_position(motor, measurement)) <= positioning.settings.target_window
     )
 
 
@@ -63,14 +63,18 @@ def _at_target(axis: Any) -> bool:
 def _reached(axis: Any) -> bool:
     """ZSW1.10: the axis is at its target, or no motion is active, or a task is (AKD, edition B, 5.5)."""
     if axis.profidrive.settings.reached_without_task == REACHED_NO_MOTION:
-        return _basic(axis)
-    return _has_task(axis) if axis.profidrive.settings.reached_without_task == REACHED_TASK_ACTIVE else _at_target(axis)
+        return _basic(axis.positioning)
+    return (
+        _has_task(axis.positioning)
+        if axis.profidrive.settings.reached_without_task == REACHED_TASK_ACTIVE
+        else _at_target(axis.motor, axis.positioning, axis.profile, axis.measurement)
+    )
 
 
 @compiled
 def _rests(axis: Any) -> bool:
     """ZSW1.13, where it tells that the axis stands."""
-    return _standing(axis) and (not axis.positioning.settings.rest_without_task or _basic(axis))
+    return _standing(axis) and (not axis.positioning.settings.rest_without_task or _basic(axis.positioning))
 
 
 @compiled
@@ -91,7 +95,7 @@ def position_bits(axis: Any) -> int:
         word |= 0x1000
     if not _standing(axis) if axis.profidrive.settings.moving_bit else _rests(axis):
         word |= 0x2000
-    if _has_task(axis):
+    if _has_task(axis.positioning):
         word |= axis.profidrive.settings.task_active
     return word
 
@@ -100,7 +104,7 @@ def position_bits(axis: Any) -> int:
 def motion_status(axis: Any) -> int:
     """DRV.MOTIONSTAT (AKD PROFINET manual 5.5 for bits 0, 1, 2 and 11; the others: AKD parameter reference)."""
     word = 0
-    if _has_task(axis):
+    if _has_task(axis.positioning):
         word |= 0x0001
     if axis.homing.homed:
         word |= 0x0006
@@ -114,11 +118,11 @@ def motion_status(axis: Any) -> int:
         word |= 0x0200
     if axis.positioning.error:
         word |= 0x0400
-    if _at_target(axis):
+    if _at_target(axis.motor, axis.positioning, axis.profile, axis.measurement):
         word |= 0x0800
     if (
         axis.positioning.state == TASK
-        and abs(abs(measured_velocity(axis)) - abs(axis.profile.top))
+        and abs(abs(measured_velocity(axis.motor, axis.measurement)) - abs(axis.profile.top))
         <= axis.positioning.settings.target_velocity_window
     ):
         word |= 0x1000
@@ -126,14 +130,14 @@ def motion_status(axis: Any) -> int:
 
 
 @compiled
-def first_position_word(axis: Any) -> int:
+def first_position_word(machine: Any, asked: Any, positioning: Any) -> int:
     """POS_ZSW1 (HIWIN E1 manual 3.14)."""
-    word = (int(axis.machine.limit_switch) & 0x3) << 8
-    if axis.positioning.state == JOG:
+    word = (int(machine.limit_switch) & 0x3) << 8
+    if positioning.state == JOG:
         word |= 0x0400
-    if axis.positioning.state == HOMING:
+    if positioning.state == HOMING:
         word |= 0x0800
-    if axis.asked.mdi:
+    if asked.mdi:
         word |= 0x8000
     return word
 
@@ -142,11 +146,11 @@ def first_position_word(axis: Any) -> int:
 def second_position_word(axis: Any) -> int:
     """POS_ZSW2 (HIWIN E1 manual 3.15)."""
     word = 0
-    if _has_task(axis):
+    if _has_task(axis.positioning):
         word |= 0x8004
     if not _standing(axis):
         # a shaft that does not turn yet, or no more, goes where its profile leads
-        velocity = measured_velocity(axis)
+        velocity = measured_velocity(axis.motor, axis.measurement)
         speed = velocity if abs(velocity) > axis.ramp.settings.standstill else axis.profile.velocity
         if speed != 0.0:
             word |= 0x0010 if speed > 0.0 else 0x0020
@@ -154,17 +158,17 @@ def second_position_word(axis: Any) -> int:
 
 
 @compiled
-def actual_task(axis: Any) -> int:
+def actual_task(profidrive: Any, asked: Any, positioning: Any) -> int:
     """AKTSATZ: the number of the motion task at hand; 0 for none.  Bit 15 alone: the MDI submode.
 
     What SATZANW selects for the next task takes no number from the one that runs (AKD PROFINET manual 5.10.1).  Of
     driving sets the last one that was started (Moog MSD manual, table 8.6: the actual set).
     """
-    if axis.profidrive.settings.task_form == TASKS_TABLE:
-        return max(0, int(axis.positioning.task))
-    if _has_task(axis) and axis.positioning.task >= 0:
-        return int(axis.positioning.task)
-    return MDI_SELECTED if axis.asked.mdi else 0
+    if profidrive.settings.task_form == TASKS_TABLE:
+        return max(0, int(positioning.task))
+    if _has_task(positioning) and positioning.task >= 0:
+        return int(positioning.task)
+    return MDI_SELECTED if asked.mdi else 0
 
 
 @compiled
@@ -180,6 +184,6 @@ def drive_inputs(axis: Any) -> int:
         word |= 0x10
     if lacks & LACKS_RELEASE:
         word |= 0x20
-    if axis.faults.settings.sto_fault != 0 and not torque_free(axis):
+    if axis.faults.settings.sto_fault != 0 and not torque_free(axis.faults):
         word |= 0x40
     return word

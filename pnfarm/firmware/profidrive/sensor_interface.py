@@ -155,173 +155,173 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 
 
 @compiled
-def _activation_error(axis: Any, word: int, probing: int) -> int:
+def _activation_error(sensor: Any, word: int, probing: int) -> int:
     """What is wrong with activating the functions of ``word``, 0 for nothing."""
     aborted = MEASURING_ABORTED if probing else SEARCH_ABORTED
-    if 1 << int(axis.sensor.state) & WAITING and probing != axis.sensor.probing:
-        return MEASURING_ABORTED if axis.sensor.probing else SEARCH_ABORTED
+    if 1 << int(sensor.state) & WAITING and probing != sensor.probing:
+        return MEASURING_ABORTED if sensor.probing else SEARCH_ABORTED
     for function in range(4):
-        if word & (1 << function) and not can_wait(axis, function, probing):
+        if word & (1 << function) and not can_wait(sensor, function, probing):
             return aborted
     return 0
 
 
 @compiled
-def _reading_error(axis: Any, word: int, probing: int) -> int:
+def _reading_error(sensor: Any, word: int, probing: int) -> int:
     """What is wrong with reading the value that ``word`` asks for, 0 for nothing: one value at a time, and found."""
-    if axis.sensor.state == WAIT_MARK and axis.sensor.active:
+    if sensor.state == WAIT_MARK and sensor.active:
         return SEARCH_ABORTED
-    if axis.sensor.state == WAIT_MEASURED and not probing:
+    if sensor.state == WAIT_MEASURED and not probing:
         return MEASURING_ABORTED
     wanted = word & ALL_FUNCTIONS
     single = wanted != 0 and wanted & (wanted - 1) == 0
-    if single and wanted & int(axis.sensor.found) and probing == axis.sensor.probing:
+    if single and wanted & int(sensor.found) and probing == sensor.probing:
         return 0
     return NO_MEASURED_VALUE if probing else NO_REFERENCE_VALUE
 
 
 @compiled
-def _trouble(axis: Any, word: int) -> int:
+def _trouble(drive: Any, sensor: Any, word: int) -> int:
     """The code of what is wrong in this step, 0 for nothing."""
-    if axis.sensor.error:
-        return int(axis.sensor.error)
-    if word & PARK_BIT and axis.drive.state >= 4:
+    if sensor.error:
+        return int(sensor.error)
+    if word & PARK_BIT and drive.state >= 4:
         return PARKING_FAILED
     command = (word & COMMAND) >> COMMAND_SHIFT
     probing = 1 if word & ON_THE_FLY else 0
-    refused = int(axis.sensor.settings.refused)
+    refused = int(sensor.settings.refused)
     if command > CANCEL or word & refused & SET_HOME or (command and word & refused & ON_THE_FLY):
         return NOT_SUPPORTED
     if word & refused & ABSOLUTE:
         return NO_ABSOLUTE_VALUE
-    if command == ACTIVATE and axis.sensor.state != REFERENCE_VALUE:
-        return _activation_error(axis, word, probing)
-    if command == READ and axis.sensor.state != REFERENCE_VALUE:
-        return _reading_error(axis, word, probing)
+    if command == ACTIVATE and sensor.state != REFERENCE_VALUE:
+        return _activation_error(sensor, word, probing)
+    if command == READ and sensor.state != REFERENCE_VALUE:
+        return _reading_error(sensor, word, probing)
     return 0
 
 
 @compiled
-def _held(axis: Any, word: int, trouble: int) -> int:
+def _held(drive: Any, sensor: Any, word: int, trouble: int) -> int:
     """The events that hold now, as a bit set."""
     held = 0
-    if axis.drive.state != 0:
+    if drive.state != 0:
         held |= 1 << BOOTED
     if not word & PARK_BIT:
         held |= 1 << UNPARK
-    elif axis.drive.state < 4:
+    elif drive.state < 4:
         held |= 1 << PARK
     if trouble:
         held |= 1 << TROUBLE
     if word & ERROR_BIT:
         held |= 1 << ACKNOWLEDGE
     else:
-        held |= 1 << (REMAINS if axis.sensor.error else CLEARED)
+        held |= 1 << (REMAINS if sensor.error else CLEARED)
     command = (word & COMMAND) >> COMMAND_SHIFT
     if command == ACTIVATE and word & ALL_FUNCTIONS:
         held |= 1 << (MEASURE if word & ON_THE_FLY else SEARCH)
     elif command == READ and word & ALL_FUNCTIONS:
         held |= 1 << (READ_MEASURED if word & ON_THE_FLY else READ_MARK)
-    elif command == CANCEL and not axis.sensor.active:
+    elif command == CANCEL and not sensor.active:
         held |= 1 << CANCELLED
     elif command == 0:
-        held |= 1 << (WAITS if axis.sensor.active else IDLE)
+        held |= 1 << (WAITS if sensor.active else IDLE)
     return held
 
 
 @compiled
-def _forget(axis: Any) -> None:
+def _forget(sensor: Any) -> None:
     """No function is active, and no value is there."""
-    axis.sensor.active = 0
-    axis.sensor.found = 0
-    axis.sensor.read = 0
+    sensor.active = 0
+    sensor.found = 0
+    sensor.read = 0
 
 
 @compiled
-def _activate(axis: Any, word: int) -> None:
+def _activate(sensor: Any, word: int) -> None:
     """The functions of ``word`` wait anew; values of the other kind are of no use any more."""
     probing = 1 if word & ON_THE_FLY else 0
-    if probing != axis.sensor.probing:
-        _forget(axis)
-    axis.sensor.probing = probing
+    if probing != sensor.probing:
+        _forget(sensor)
+    sensor.probing = probing
     wanted = word & ALL_FUNCTIONS
-    axis.sensor.active = int(axis.sensor.active) | wanted
-    axis.sensor.found = int(axis.sensor.found) & ~wanted & ALL_FUNCTIONS
+    sensor.active = int(sensor.active) | wanted
+    sensor.found = int(sensor.found) & ~wanted & ALL_FUNCTIONS
 
 
 @compiled
-def _read_value(axis: Any, word: int) -> None:
+def _read_value(sensor: Any, word: int) -> None:
     for function in range(4):
         if word & (1 << function):
-            axis.sensor.read = function + 1
+            sensor.read = function + 1
 
 
 @compiled
-def _value_taken(axis: Any) -> None:
+def _value_taken(sensor: Any) -> None:
     """The controller has read it: it is no longer there."""
-    if axis.sensor.read:
-        axis.sensor.found = int(axis.sensor.found) & ~(1 << (int(axis.sensor.read) - 1)) & ALL_FUNCTIONS
-        axis.sensor.read = 0
+    if sensor.read:
+        sensor.found = int(sensor.found) & ~(1 << (int(sensor.read) - 1)) & ALL_FUNCTIONS
+        sensor.read = 0
 
 
 @compiled
-def _advance(axis: Any, held: int, word: int, before: int, trouble: int) -> None:
+def _advance(sensor: Any, held: int, word: int, before: int, trouble: int) -> None:
     """Take at most one transition and do what belongs to it: the only writer of ``sensor.state``."""
     for event in _PRIORITY:
         if not held & (1 << event):
             continue
-        following = _NEXT[axis.sensor.state, event]
+        following = _NEXT[sensor.state, event]
         if following < 0:
             continue
-        again = axis.sensor.state == following
+        again = sensor.state == following
         if 1 << event & ACTIVATES:
             # a command that stands on is one command
             if not again or (word ^ before) & COMMAND:
-                _value_taken(axis)
-                _activate(axis, word)
+                _value_taken(sensor)
+                _activate(sensor, word)
         elif 1 << event & READS:
             if not again or (word ^ before) & COMMAND:
-                _value_taken(axis)
-                _read_value(axis, word)
+                _value_taken(sensor)
+                _read_value(sensor, word)
         elif 1 << event & ENDS:
-            _value_taken(axis)
+            _value_taken(sensor)
         elif event == TROUBLE:
-            axis.sensor.error = trouble
-            _forget(axis)
+            sensor.error = trouble
+            _forget(sensor)
         elif event == PARK:
-            axis.sensor.error = 0
-            _forget(axis)
-        axis.sensor.state = following
+            sensor.error = 0
+            _forget(sensor)
+        sensor.state = following
         return
 
 
 @compiled
-def _cancel(axis: Any, word: int) -> None:
+def _cancel(sensor: Any, word: int) -> None:
     """Command 3: the functions of ``word``, or all if it names none."""
     if (word & COMMAND) >> COMMAND_SHIFT == CANCEL:
         wanted = word & ALL_FUNCTIONS or ALL_FUNCTIONS
-        axis.sensor.active = int(axis.sensor.active) & ~wanted & ALL_FUNCTIONS
-        axis.sensor.found = int(axis.sensor.found) & ~wanted & ALL_FUNCTIONS
+        sensor.active = int(sensor.active) & ~wanted & ALL_FUNCTIONS
+        sensor.found = int(sensor.found) & ~wanted & ALL_FUNCTIONS
 
 
 @compiled
-def _status(axis: Any, word: int) -> int:
+def _status(machine: Any, sensor: Any, word: int) -> int:
     """G1_ZSW."""
-    state = int(axis.sensor.state)
+    state = int(sensor.state)
     if state == PARKING:
-        return PARK_BIT & int(axis.sensor.settings.status_bits)
+        return PARK_BIT & int(sensor.settings.status_bits)
     # signed, or the loop would make a float of it
-    status = np.int64(axis.sensor.active) | np.int64(axis.sensor.found) << VALUE_SHIFT
+    status = np.int64(sensor.active) | np.int64(sensor.found) << VALUE_SHIFT
     for probe in range(2):
-        if int(axis.machine.inputs) & int(axis.sensor.settings.probe_inputs[probe]):
+        if int(machine.inputs) & int(sensor.settings.probe_inputs[probe]):
             status |= 1 << (PROBE_SHIFT + probe)
     if state == ACKNOWLEDGING:
         status |= ACKNOWLEDGED
-    if axis.sensor.error:
+    if sensor.error:
         status |= ERROR_BIT
     elif _sends_absolute(state, word):
         status |= ABSOLUTE
-    return int(status) & int(axis.sensor.settings.status_bits)
+    return int(status) & int(sensor.settings.status_bits)
 
 
 @compiled
@@ -330,51 +330,51 @@ def _sends_absolute(state: int, word: int) -> bool:
 
 
 @compiled
-def _count(axis: Any, place: float, step: float) -> int:
+def _count(sensor: Any, place: float, step: float) -> int:
     """What the encoder's count is at a place on the shaft."""
-    return signed32(nearest((place - axis.sensor.zero) / step))
+    return signed32(nearest((place - sensor.zero) / step))
 
 
 @compiled
-def _second_value(axis: Any, word: int) -> int:
+def _second_value(motor: Any, sensor: Any, measurement: Any, word: int) -> int:
     """G1_XIST2: an error's code before a value that is read, before the absolute position."""
-    step = axis.sensor.settings.step_2 if axis.sensor.settings.step_2 > 0.0 else axis.sensor.settings.step
-    state = int(axis.sensor.state)
-    if axis.sensor.error:
-        return int(axis.sensor.error)
+    step = sensor.settings.step_2 if sensor.settings.step_2 > 0.0 else sensor.settings.step
+    state = int(sensor.state)
+    if sensor.error:
+        return int(sensor.error)
     if state == ACKNOWLEDGING or step <= 0.0:
         return 0
     if 1 << state & SHOWS_VALUE:
-        return _count(axis, axis.sensor.value[int(axis.sensor.read) - 1], step)
-    if _sends_absolute(state, word) or axis.sensor.settings.shows:
-        return _count(axis, measured_position(axis), step)
+        return _count(sensor, sensor.value[int(sensor.read) - 1], step)
+    if _sends_absolute(state, word) or sensor.settings.shows:
+        return _count(sensor, measured_position(motor, measurement), step)
     return 0
 
 
 @compiled
-def _control_word(axis: Any, image: Any) -> int:
+def _control_word(profidrive: Any, sensor: Any, image: Any) -> int:
     """G1_STW in force: nothing while nobody sends set points that count, the last one while those are held."""
-    if axis.profidrive.setpoints == SETPOINTS_NONE:
+    if profidrive.setpoints == SETPOINTS_NONE:
         return 0
     if (
-        axis.profidrive.setpoints != SETPOINTS_TAKEN
-        or axis.profidrive.settings.control_location != axis.profidrive.settings.bus_location
+        profidrive.setpoints != SETPOINTS_TAKEN
+        or profidrive.settings.control_location != profidrive.settings.bus_location
     ):
-        return int(axis.sensor.stw)
-    return int(image.received[G1_STW]) & int(axis.sensor.settings.bits)
+        return int(sensor.stw)
+    return int(image.received[G1_STW]) & int(sensor.settings.bits)
 
 
 @compiled
-def _watch_encoder(axis: Any) -> None:
+def _watch_encoder(faults: Any, sensor: Any) -> None:
     """A failing encoder is an error until it is acknowledged; while it is parked nobody misses it."""
-    faulty = encoder_faulty(axis)
-    parked = axis.sensor.state == PARKING
-    if not parked and axis.sensor.error == 0 and (cause_stays(axis) or (faulty and not axis.sensor.faulty)):
-        axis.sensor.error = SENSOR_ERROR
-        _forget(axis)
-    axis.sensor.faulty = 1 if faulty else 0
-    if axis.sensor.state == ACKNOWLEDGING and not (axis.sensor.error == SENSOR_ERROR and cause_stays(axis)):
-        axis.sensor.error = 0
+    faulty = encoder_faulty(faults, sensor)
+    parked = sensor.state == PARKING
+    if not parked and sensor.error == 0 and (cause_stays(faults, sensor) or (faulty and not sensor.faulty)):
+        sensor.error = SENSOR_ERROR
+        _forget(sensor)
+    sensor.faulty = 1 if faulty else 0
+    if sensor.state == ACKNOWLEDGING and not (sensor.error == SENSOR_ERROR and cause_stays(faults, sensor)):
+        sensor.error = 0
 
 
 @compiled
@@ -383,30 +383,36 @@ def step_sensor(axis: Any, image: Any) -> None:
     if axis.sensor.settings.bits == 0:
         # no sensor interface: positions alone
         if axis.sensor.settings.step > 0.0:
-            image.sent[G1_XIST1] = _count(axis, measured_position(axis), axis.sensor.settings.step)
+            image.sent[G1_XIST1] = _count(
+                axis.sensor, measured_position(axis.motor, axis.measurement), axis.sensor.settings.step
+            )
         if axis.sensor.settings.step_2 > 0.0:
-            image.sent[G1_XIST2] = _count(axis, measured_position(axis), axis.sensor.settings.step_2)
+            image.sent[G1_XIST2] = _count(
+                axis.sensor, measured_position(axis.motor, axis.measurement), axis.sensor.settings.step_2
+            )
         return
     if axis.drive.state == 0:
         axis.sensor.state = START
         axis.sensor.stw = 0
         axis.sensor.error = 0
-        _forget(axis)
+        _forget(axis.sensor)
     before = int(axis.sensor.stw)
-    word = _control_word(axis, image)
+    word = _control_word(axis.profidrive, axis.sensor, image)
     axis.sensor.stw = word
-    _watch_encoder(axis)
-    _cancel(axis, word)
-    trouble = _trouble(axis, word)
-    _advance(axis, _held(axis, word, trouble), word, before, trouble)
-    look_for_marks(axis)
+    _watch_encoder(axis.faults, axis.sensor)
+    _cancel(axis.sensor, word)
+    trouble = _trouble(axis.drive, axis.sensor, word)
+    _advance(axis.sensor, _held(axis.drive, axis.sensor, word, trouble), word, before, trouble)
+    look_for_marks(axis.machine, axis.motor, axis.sensor)
     axis.sensor.position = axis.motor.measured_position
     axis.sensor.inputs = axis.machine.inputs
-    image.sent[G1_ZSW] = _status(axis, word)
+    image.sent[G1_ZSW] = _status(axis.machine, axis.sensor, word)
     if axis.sensor.state == PARKING:
         image.sent[G1_XIST1] = 0
         image.sent[G1_XIST2] = 0
         return
     step = axis.sensor.settings.step
-    image.sent[G1_XIST1] = _count(axis, measured_position(axis), step) if step > 0.0 else 0
-    image.sent[G1_XIST2] = _second_value(axis, word)
+    image.sent[G1_XIST1] = (
+        _count(axis.sensor, measured_position(axis.motor, axis.measurement), step) if step > 0.0 else 0
+    )
+    image.sent[G1_XIST2] = _second_value(axis.motor, axis.sensor, axis.measurement, word)

@@ -21,76 +21,76 @@ ALL_FUNCTIONS = 0x0F
 
 
 @compiled
-def encoder_faulty(axis: Any) -> bool:
+def encoder_faulty(faults: Any, sensor: Any) -> bool:
     """Whether the drive shows the encoder's own fault."""
-    number = int(axis.sensor.settings.fault) & NUMBER_MASK
+    number = int(sensor.settings.fault) & NUMBER_MASK
     found = False
     for i in range(FAULT_SLOTS):
-        found = found or (number != 0 and (int(axis.faults.code[i]) & NUMBER_MASK) == number)
+        found = found or (number != 0 and (int(faults.code[i]) & NUMBER_MASK) == number)
     return found
 
 
 @compiled
-def cause_stays(axis: Any) -> bool:
+def cause_stays(faults: Any, sensor: Any) -> bool:
     """Whether the encoder cannot be read now."""
-    return cause_held(axis, int(axis.sensor.settings.fault))
+    return cause_held(faults, int(sensor.settings.fault))
 
 
 @compiled
-def _probe_there(axis: Any, probe: int) -> bool:
-    return axis.sensor.settings.probe_mode == 0 and axis.sensor.settings.probe_inputs[probe] != 0
+def _probe_there(sensor: Any, probe: int) -> bool:
+    return sensor.settings.probe_mode == 0 and sensor.settings.probe_inputs[probe] != 0
 
 
 @compiled
-def can_wait(axis: Any, function: int, probing: int) -> bool:
+def can_wait(sensor: Any, function: int, probing: int) -> bool:
     """Whether a function (0 to 3) has a mark or a probe to wait for."""
     if probing:
         # function 1: probe 1, rising; 2: probe 1, falling; 3 and 4: probe 2
-        return _probe_there(axis, function >> 1)
-    source = int(axis.sensor.settings.marks[function])
+        return _probe_there(sensor, function >> 1)
+    source = int(sensor.settings.marks[function])
     if source == MARK_NONE:
         return False
-    return source == MARK_ZERO or _probe_there(axis, source - MARK_PROBE_1)
+    return source == MARK_ZERO or _probe_there(sensor, source - MARK_PROBE_1)
 
 
 @compiled
-def _found(axis: Any, function: int) -> None:
-    axis.sensor.active = int(axis.sensor.active) & ~(1 << function) & ALL_FUNCTIONS
-    axis.sensor.found = int(axis.sensor.found) | 1 << function
+def _found(sensor: Any, function: int) -> None:
+    sensor.active = int(sensor.active) & ~(1 << function) & ALL_FUNCTIONS
+    sensor.found = int(sensor.found) | 1 << function
 
 
 @compiled
-def _zero_mark_passed(axis: Any) -> bool:
+def _zero_mark_passed(motor: Any, sensor: Any) -> bool:
     """Whether the shaft passed its zero mark since the last step."""
-    now = axis.motor.measured_position
-    before = axis.sensor.position
+    now = motor.measured_position
+    before = sensor.position
     return (now > before and floor(now) > floor(before)) or (now < before and ceil(now) < ceil(before))
 
 
 @compiled
-def look_for_marks(axis: Any) -> None:
+def look_for_marks(machine: Any, motor: Any, sensor: Any) -> None:
     """What active functions wait for, if it came since the last step."""
-    inputs = int(axis.machine.inputs)
-    changed = inputs ^ int(axis.sensor.inputs)
+    inputs = int(machine.inputs)
+    changed = inputs ^ int(sensor.inputs)
     for function in range(4):
-        if not axis.sensor.active & (1 << function):
+        if not sensor.active & (1 << function):
             continue
-        if axis.sensor.probing:
+        if sensor.probing:
             probe = function >> 1
             falling = function & 1
-        elif axis.sensor.settings.marks[function] == MARK_ZERO:
-            if _zero_mark_passed(axis):
-                axis.sensor.value[function] = (
-                    floor(axis.motor.measured_position)
-                    if axis.motor.measured_position > axis.sensor.position
-                    else ceil(axis.motor.measured_position)
+        elif sensor.settings.marks[function] == MARK_ZERO:
+            if _zero_mark_passed(motor, sensor):
+                sensor.value[function] = (
+                    floor(motor.measured_position)
+                    if motor.measured_position > sensor.position
+                    else ceil(motor.measured_position)
                 )
-                _found(axis, function)
+                _found(sensor, function)
             continue
         else:
-            probe = int(axis.sensor.settings.marks[function]) - MARK_PROBE_1
-            falling = 1 if axis.sensor.settings.marks[4 + function] == EDGE_FALLING else 0
-        bit = int(axis.sensor.settings.probe_inputs[probe])
+            probe = int(sensor.settings.marks[function]) - MARK_PROBE_1
+            falling = 1 if sensor.settings.marks[4 + function] == EDGE_FALLING else 0
+        bit = int(sensor.settings.probe_inputs[probe])
         if changed & bit and (inputs & bit == 0) == (falling == 1):
-            axis.sensor.value[function] = axis.motor.measured_position
-            _found(axis, function)
+            sensor.value[function] = motor.measured_position
+            _found(sensor, function)

@@ -17,29 +17,27 @@ THOUSANDTH = 0.001
 
 
 @compiled
-def take_torque_limits(axis: Any, image: Any) -> None:
+def take_torque_limits(profidrive: Any, torque: Any, image: Any) -> None:
     """Once in each step: the parts of the torque by parameters, or by a telegram whose set points count."""
     for direction in range(2):
-        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.torque_signals & (
-            1 << direction
-        ):
-            axis.torque.shares_in_force[direction] = axis.torque.settings.shares[direction]
-        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
-            axis.torque.shares_in_force[direction] = (
+        if profidrive.setpoints == SETPOINTS_NONE or not profidrive.settings.torque_signals & (1 << direction):
+            torque.shares_in_force[direction] = torque.settings.shares[direction]
+        elif profidrive.setpoints == SETPOINTS_TAKEN:
+            torque.shares_in_force[direction] = (
                 image.received[TORQUE_LIMIT_POSITIVE + direction] & 0xFFFF
             ) * THOUSANDTH
 
 
 @compiled
-def take_jog_speeds(axis: Any, image: Any) -> None:
+def take_jog_speeds(profidrive: Any, jog: Any, image: Any) -> None:
     """The two speeds of jogging, by parameters or by a telegram whose set points count (Moog MSD manual 10.3.3)."""
-    if not by_sequence(axis):
+    if not by_sequence(jog):
         return
     for which in range(2):
-        if axis.profidrive.setpoints == SETPOINTS_NONE or not axis.profidrive.settings.jog_signals & (1 << which):
-            axis.jog.speeds[which] = axis.jog.settings.velocity[which]
-        elif axis.profidrive.setpoints == SETPOINTS_TAKEN:
-            axis.jog.speeds[which] = image.received[JOG_SPEED_1 + which] * axis.profidrive.settings.velocity_step
+        if profidrive.setpoints == SETPOINTS_NONE or not profidrive.settings.jog_signals & (1 << which):
+            jog.speeds[which] = jog.settings.velocity[which]
+        elif profidrive.setpoints == SETPOINTS_TAKEN:
+            jog.speeds[which] = image.received[JOG_SPEED_1 + which] * profidrive.settings.velocity_step
 
 
 @compiled
@@ -62,5 +60,5 @@ def take_cyclic(axis: Any, image: Any, now: int) -> None:
         deviation = image.received[XERR] * axis.sensor.settings.step
         axis.interpolation.servo_target = axis.interpolation.servo_shown + deviation
         axis.interpolation.servo_gain = max(0.0, image.received[KPC] * THOUSANDTH)
-    elif interpolates(axis):
+    elif interpolates(axis.drive, axis.ramp, axis.interpolation):
         take_position(axis, int(image.received[XSOLL_A]), now)

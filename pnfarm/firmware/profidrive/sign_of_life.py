@@ -44,12 +44,12 @@ def following(count: int, frames: int) -> int:
 
 
 @compiled
-def forget_life(axis: Any) -> None:
+def forget_life(life: Any) -> None:
     """Cyclic data began anew: nothing is known of the controller's count."""
-    axis.life.seen = 0
-    axis.life.run = 0
-    axis.life.count = 0
-    axis.life.failed = LIFE_GOOD
+    life.seen = 0
+    life.run = 0
+    life.count = 0
+    life.failed = LIFE_GOOD
 
 
 @compiled
@@ -60,7 +60,7 @@ def count_life(axis: Any, image: Any) -> None:
     sent = (int(image.filled) - int(axis.life.told)) & 0xFFFFFFFF
     axis.life.told = image.filled
     if not image.valid:
-        forget_life(axis)
+        forget_life(axis.life)
         return
     counted = sent if axis.clock.settings.drift != 0.0 else frames
     if counted != 0:
@@ -91,8 +91,8 @@ def count_life(axis: Any, image: Any) -> None:
 
 
 @compiled
-def check_life(axis: Any, now: int) -> None:
+def check_life(faults: Any, life: Any, now: int) -> None:
     """Raise the model's fault when a failed sign of life was one too many."""
-    if axis.life.failed == LIFE_FAILED:
-        axis.life.failed = LIFE_TOLD
-        raise_fault(axis, axis.life.settings.fault, now)
+    if life.failed == LIFE_FAILED:
+        life.failed = LIFE_TOLD
+        raise_fault(faults, life.settings.fault, now)

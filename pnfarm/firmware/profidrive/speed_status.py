@@ -17,22 +17,22 @@ __all__ = ["speed_bits", "speed_reached"]
 
 
 @compiled
-def speed_reached(axis: Any) -> bool:
+def speed_reached(motor: Any, ramp: Any, jog: Any, measurement: Any) -> bool:
     """ZSW1.10 in speed control: the speed is reached or exceeded."""
-    wanted = axis.jog.speed if axis.jog.sequence else axis.ramp.setpoint
-    velocity = measured_velocity(axis)
+    wanted = jog.speed if jog.sequence else ramp.setpoint
+    velocity = measured_velocity(motor, measurement)
     if wanted < 0.0:
-        return velocity <= wanted + axis.ramp.settings.velocity_window
+        return velocity <= wanted + ramp.settings.velocity_window
     if wanted > 0.0:
-        return velocity >= wanted - axis.ramp.settings.velocity_window
-    return abs(velocity) <= axis.ramp.settings.velocity_window
+        return velocity >= wanted - ramp.settings.velocity_window
+    return abs(velocity) <= ramp.settings.velocity_window
 
 
 @compiled
 def speed_bits(axis: Any) -> int:
     """Bits 8 and 10 of ZSW1 in speed control."""
     word = 0
-    velocity = measured_velocity(axis)
+    velocity = measured_velocity(axis.motor, axis.measurement)
     wanted = (
         axis.ramp.reference if axis.profidrive.settings.speed_error_bit == SPEED_ERROR_OF_RAMP else axis.ramp.setpoint
     )
@@ -41,7 +41,9 @@ def speed_bits(axis: Any) -> int:
         and abs(wanted - velocity) <= axis.ramp.settings.velocity_window
     ):
         word |= 0x0100  # velocity error within range
-    reached = axis.profidrive.settings.speed_reached_bit == SPEED_REACHED_OR_EXCEEDED and speed_reached(axis)
+    reached = axis.profidrive.settings.speed_reached_bit == SPEED_REACHED_OR_EXCEEDED and speed_reached(
+        axis.motor, axis.ramp, axis.jog, axis.measurement
+    )
     if axis.profidrive.settings.speed_reached_bit == SPEED_REACHED_WINDOW:
         reached = abs(axis.ramp.setpoint - velocity) <= axis.ramp.settings.velocity_window
     if reached:

@@ -45,18 +45,18 @@ NEAR = 0.01
 
 
 @compiled
-def _as_in_the_profile(axis: Any) -> bool:
+def _as_in_the_profile(profidrive: Any) -> bool:
     """P-1258: 1 is control word and set points of the profile, 3 the control word."""
-    return axis.profidrive.settings.profile_mode in (1, 3)
+    return profidrive.settings.profile_mode in (1, 3)
 
 
 @compiled
 def status_msd(axis: Any, word: int) -> int:
     """ZSW1 by tables 10.8 and 10.16, from the profile's ``word``."""
-    velocity = measured_velocity(axis)
+    velocity = measured_velocity(axis.motor, axis.measurement)
     stationary = abs(velocity) <= axis.ramp.settings.standstill
     moog = word & PROFILE_BITS
-    if _as_in_the_profile(axis):
+    if _as_in_the_profile(axis.profidrive):
         moog |= CONTROL
         # in position control, too: the telegrams of this mode bring a speed
         if not stationary and abs(axis.ramp.setpoint - velocity) <= axis.ramp.settings.velocity_window:
@@ -66,11 +66,11 @@ def status_msd(axis: Any, word: int) -> int:
         moog |= word & CONTROL
     if axis.drive.settings.opmode == 2:
         moog |= word & POSITION_BITS
-    elif axis.drive.settings.opmode == 1 and speed_reached(axis):
+    elif axis.drive.settings.opmode == 1 and speed_reached(axis.motor, axis.ramp, axis.jog, axis.measurement):
         moog |= REACHED
     if stationary:
         moog |= STATIONARY
-    if enabled_by_hardware(axis):
+    if enabled_by_hardware(axis.drive, axis.faults):
         moog |= ENABLED
     return moog
 
@@ -79,7 +79,7 @@ def status_msd(axis: Any, word: int) -> int:
 def second_status_msd(axis: Any) -> int:
     """ZSW2 by tables 10.9 and 10.17, without the sign of life."""
     word = int(axis.profidrive.generator)
-    if _as_in_the_profile(axis):
+    if _as_in_the_profile(axis.profidrive):
         bit = int(axis.profidrive.settings.pulses_choice[1])
         if (
             axis.drive.state >= 4
@@ -99,7 +99,11 @@ def second_status_msd(axis: Any) -> int:
 def take_generator(axis: Any) -> None:
     """Once in each step, behind the motor: what the profile generator did."""
     speed = axis.profile.velocity if axis.drive.settings.opmode == 2 else axis.ramp.command
-    working = axis.drive.state >= 4 and generator_in_force(axis) == RAMP_GENERATED and not torque_controlled(axis)
+    working = (
+        axis.drive.state >= 4
+        and generator_in_force(axis.ramp) == RAMP_GENERATED
+        and not torque_controlled(axis.drive, axis.brake)
+    )
     before = abs(axis.profidrive.generator_speed)
     axis.profidrive.generator_speed = speed
     change = abs(speed) - before

@@ -17,10 +17,10 @@ LIFE_SHIFT = 12
 
 
 @compiled
-def _control_requested(axis: Any) -> bool:
+def _control_requested(drive: Any, profidrive: Any) -> bool:
     """ZSW1.9: the drive is there to be controlled, or it shows STW1.10."""
-    return axis.drive.state > 0 and (
-        not axis.profidrive.settings.control_shown or int(axis.profidrive.stw1_seen) & CONTROL_BY_PLC != 0
+    return drive.state > 0 and (
+        not profidrive.settings.control_shown or int(profidrive.stw1_seen) & CONTROL_BY_PLC != 0
     )
 
 
@@ -46,7 +46,7 @@ def _as_in_the_profile(axis: Any) -> int:
         word |= 0x0040  # switching on inhibited
     if axis.warnings.code != 0:
         word |= 0x0080
-    if _control_requested(axis):
+    if _control_requested(axis.drive, axis.profidrive):
         word |= 0x0200
     if axis.drive.settings.opmode == 2:
         word |= position_bits(axis)

@@ -80,117 +80,117 @@ def ramp_step(own: float, jog: float, ramp: float) -> float:
 
 
 @compiled
-def _jog_asked(axis: Any, stw1: int) -> int:
-    if by_sequence(axis):
-        return JOG_SEQUENCE if axis.jog.sequence else JOG_NONE
-    rejected = axis.jog.settings.real_time == REAL_TIME_JOG_WITH_TASKS and not stw1 & NOT_REJECTED
-    if axis.jog.settings.real_time and stw1 & REAL_TIME_JOG and not rejected:
+def _jog_asked(orders: Any, jog: Any, asked: Any, positioning: Any, stw1: int) -> int:
+    if by_sequence(jog):
+        return JOG_SEQUENCE if jog.sequence else JOG_NONE
+    rejected = jog.settings.real_time == REAL_TIME_JOG_WITH_TASKS and not stw1 & NOT_REJECTED
+    if jog.settings.real_time and stw1 & REAL_TIME_JOG and not rejected:
         return JOG_REAL_TIME
-    if axis.asked.settings.control_config & CONFIG_PROFILE_JOG and excluded(axis, axis.positioning.state == MOTION_JOG):
+    if asked.settings.control_config & CONFIG_PROFILE_JOG and excluded(orders, jog, positioning.state == MOTION_JOG):
         return JOG_NONE
-    if axis.jog.bits == JOG_1:
+    if jog.bits == JOG_1:
         return JOG_PLUS
-    if axis.jog.bits == JOG_2:
+    if jog.bits == JOG_2:
         return JOG_MINUS
-    return JOG_STILL if axis.jog.bits else JOG_NONE
+    return JOG_STILL if jog.bits else JOG_NONE
 
 
 @compiled
-def _take_homing(axis: Any, image: Any, step: float) -> None:
+def _take_homing(profidrive: Any, homing: Any, image: Any, step: float) -> None:
     """How homing would go: by the telegram's own signals, where it has them (AKD PROFINET manual 5.11.7, 5.11.8)."""
-    axis.homing.method_in_force = axis.homing.settings.method
-    axis.homing.distance_in_force = axis.homing.settings.distance
-    axis.homing.brought = axis.profidrive.settings.home_signals
-    if axis.profidrive.settings.home_signals & 0x1:
-        axis.homing.method_in_force = image.received[HOME_MODE] & 0xFFFF
-    if axis.profidrive.settings.home_signals & 0x2:
-        axis.homing.distance_in_force = image.received[HOME_DIST] * step
+    homing.method_in_force = homing.settings.method
+    homing.distance_in_force = homing.settings.distance
+    homing.brought = profidrive.settings.home_signals
+    if profidrive.settings.home_signals & 0x1:
+        homing.method_in_force = image.received[HOME_MODE] & 0xFFFF
+    if profidrive.settings.home_signals & 0x2:
+        homing.distance_in_force = image.received[HOME_DIST] * step
 
 
 @compiled
-def _acceleration(axis: Any, image: Any) -> int:
+def _acceleration(profidrive: Any, image: Any) -> int:
     """MDI_ACC; of a telegram that leaves it 0 what its PNU has, where the model says so (AKD: telegram 352)."""
     word = int(image.received[MDI_ACC]) & 0xFFFF
-    return word or int(axis.profidrive.settings.spare_acceleration)
+    return word or int(profidrive.settings.spare_acceleration)
 
 
 @compiled
-def _ramp(axis: Any, word: int) -> int:
+def _ramp(profidrive: Any, word: int) -> int:
     """MDI_ACC or MDI_DEC; below zero it is no ramp of a task where the word has a sign (HIWIN E1 manual 3.1)."""
     word &= 0xFFFF
-    return 0 if axis.profidrive.settings.task_ramps_signed and word & 0x8000 else word
+    return 0 if profidrive.settings.task_ramps_signed and word & 0x8000 else word
 
 
 @compiled
-def _take_command(axis: Any) -> bool:
+def _take_command(commands: Any, asked: Any, motion_tasks: Any) -> bool:
     """The motion task that a command starts; false for none."""
-    if axis.commands.task == 0:
+    if commands.task == 0:
         return False
-    axis.asked.begins = 1
-    select_task(axis, int(axis.commands.task) - 1)
-    axis.commands.task = 0
+    asked.begins = 1
+    select_task(asked, motion_tasks, int(commands.task) - 1)
+    commands.task = 0
     return True
 
 
 @compiled
-def _take_data(axis: Any, image: Any, step: float) -> None:
+def _take_data(profidrive: Any, ramp: Any, jog: Any, asked: Any, image: Any, step: float) -> None:
     """The data of a task out of MDI_*: telegram 9 and its kin."""
-    axis.asked.position = image.received[MDI_TARPOS] * step
+    asked.position = image.received[MDI_TARPOS] * step
     velocity = int(image.received[MDI_VELOCITY])
-    if axis.profidrive.settings.task_velocity_unsigned:
+    if profidrive.settings.task_velocity_unsigned:
         velocity &= 0xFFFFFFFF
     # a negative one is no velocity of a task
-    axis.asked.velocity = velocity * axis.profidrive.settings.task_velocity_step
-    if axis.profidrive.settings.task_ramps_scaled:
-        up = down = axis.profidrive.settings.acceleration_step
+    asked.velocity = velocity * profidrive.settings.task_velocity_step
+    if profidrive.settings.task_ramps_scaled:
+        up = down = profidrive.settings.acceleration_step
     else:
         up = ramp_step(
-            axis.profidrive.settings.task_acceleration_step,
-            axis.jog.settings.acceleration,
-            axis.ramp.settings.acceleration,
+            profidrive.settings.task_acceleration_step,
+            jog.settings.acceleration,
+            ramp.settings.acceleration,
         )
         down = ramp_step(
-            axis.profidrive.settings.task_deceleration_step,
-            axis.jog.settings.deceleration,
-            axis.ramp.settings.deceleration,
+            profidrive.settings.task_deceleration_step,
+            jog.settings.deceleration,
+            ramp.settings.deceleration,
         )
-    axis.asked.acceleration = _ramp(axis, _acceleration(axis, image)) * up
-    axis.asked.deceleration = _ramp(axis, int(image.received[MDI_DEC])) * down
-    axis.asked.backwards = 1 if axis.profidrive.stw1 & BACKWARDS else 0
+    asked.acceleration = _ramp(profidrive, _acceleration(profidrive, image)) * up
+    asked.deceleration = _ramp(profidrive, int(image.received[MDI_DEC])) * down
+    asked.backwards = 1 if profidrive.stw1 & BACKWARDS else 0
 
 
 @compiled
-def _take_target(axis: Any, image: Any, position: float) -> None:
+def _take_target(profidrive: Any, ramp: Any, asked: Any, positioning: Any, image: Any, position: float) -> None:
     """A target of the telegram, or a driving set's, with the telegram's velocity and the ramps in force.
 
     Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, or as soon as it can begin (assumed), and
     the feed enable means nothing; STW1.14 runs at the velocity, in the direction of its sign, without an end; at 0 the
     axis stands.
     """
-    stw1 = int(axis.profidrive.stw1)
-    axis.asked.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
+    stw1 = int(profidrive.stw1)
+    asked.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
     relative = 1 if stw1 & RELATIVE else 0
-    velocity = image.received[VELOCITY_A] * axis.profidrive.settings.task_velocity_step
+    velocity = image.received[VELOCITY_A] * profidrive.settings.task_velocity_step
     endless = 1 if stw1 & ENDLESS else 0
-    runs = axis.positioning.state == MOTION_TASK and not relative
+    runs = positioning.state == MOTION_TASK and not relative
     if stw1 & NO_HANDSHAKE:
-        other = abs(velocity) != axis.asked.velocity or (velocity < 0.0) != (axis.asked.backwards != 0)
-        other = other or axis.ramp.up != axis.asked.acceleration or axis.ramp.down != axis.asked.deceleration
-        other = other or (stw1 ^ int(axis.profidrive.stw1_before)) & ENDLESS != 0
-        if position != axis.asked.position or (other and (runs or endless)):
-            axis.asked.renewed = 1
-        if axis.asked.renewed:
-            axis.asked.begins = 1
+        other = abs(velocity) != asked.velocity or (velocity < 0.0) != (asked.backwards != 0)
+        other = other or ramp.up != asked.acceleration or ramp.down != asked.deceleration
+        other = other or (stw1 ^ int(profidrive.stw1_before)) & ENDLESS != 0
+        if position != asked.position or (other and (runs or endless)):
+            asked.renewed = 1
+        if asked.renewed:
+            asked.begins = 1
     else:
-        axis.asked.renewed = 0
-    axis.asked.still = 1 if endless or (runs and stw1 & NO_HANDSHAKE) else 0
-    axis.asked.relative = relative
-    axis.asked.endless = endless
-    axis.asked.velocity = abs(velocity)
-    axis.asked.backwards = 1 if velocity < 0.0 else 0
-    axis.asked.acceleration = axis.ramp.up
-    axis.asked.deceleration = axis.ramp.down
-    axis.asked.position = position
+        asked.renewed = 0
+    asked.still = 1 if endless or (runs and stw1 & NO_HANDSHAKE) else 0
+    asked.relative = relative
+    asked.endless = endless
+    asked.velocity = abs(velocity)
+    asked.backwards = 1 if velocity < 0.0 else 0
+    asked.acceleration = ramp.up
+    asked.deceleration = ramp.down
+    asked.position = position
 
 
 @compiled
@@ -199,7 +199,14 @@ def _take_set(axis: Any, image: Any, step: float) -> None:
     number = int(image.received[SATZANW]) & NUMBER
     if number < DRIVING_SETS:
         axis.asked.number = number
-        _take_target(axis, image, axis.driving_sets.settings.position[number] * step)
+        _take_target(
+            axis.profidrive,
+            axis.ramp,
+            axis.asked,
+            axis.positioning,
+            image,
+            axis.driving_sets.settings.position[number] * step,
+        )
         return
     axis.asked.feed_free = 1 if axis.profidrive.stw1 & NO_HANDSHAKE else 0
     axis.asked.begins = 0
@@ -229,10 +236,10 @@ def _take_position_words(axis: Any, image: Any) -> None:
 
 
 @compiled
-def _take_mode(axis: Any, image: Any) -> None:
+def _take_mode(asked: Any, image: Any) -> None:
     """MDI_MOD, and what SATZANW tells of MDI: telegram 9 of the profile and its kin."""
-    axis.asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
-    axis.asked.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
+    asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
+    asked.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
 
 
 @compiled
@@ -243,22 +250,22 @@ def _take_signals(axis: Any, image: Any, step: float) -> None:
         _take_set(axis, image, step)
         return
     if form == TASKS_TARPOS:
-        _take_target(axis, image, image.received[TARPOS_A] * step)
+        _take_target(axis.profidrive, axis.ramp, axis.asked, axis.positioning, image, image.received[TARPOS_A] * step)
         return
-    _take_data(axis, image, step)
+    _take_data(axis.profidrive, axis.ramp, axis.jog, axis.asked, image, step)
     if form == TASKS_POS_STW:
         _take_position_words(axis, image)
     elif form == TASKS_MDI:
-        _take_mode(axis, image)
+        _take_mode(axis.asked, image)
     if axis.profidrive.settings.feedrate_signal:
         axis.asked.override = (image.received[MT_FEEDRATE] & 0xFFFF) / axis.asked.settings.feedrate_whole
-    if _take_command(axis) or axis.asked.mdi:
+    if _take_command(axis.commands, axis.asked, axis.motion_tasks) or axis.asked.mdi:
         return
     if form != TASKS_MDI:
         axis.asked.begins = 0
     elif axis.asked.begins:
         # and only then: jogging goes by the data of the telegram
-        select_task(axis, int(image.received[SATZANW]) & NUMBER)
+        select_task(axis.asked, axis.motion_tasks, int(image.received[SATZANW]) & NUMBER)
 
 
 @compiled
@@ -272,15 +279,15 @@ def take_task(axis: Any, image: Any) -> None:
         # nothing of the telegram is taken over: what was asked for last stays, and edges are none
         if image.valid:
             axis.asked.pos_stw2 = image.received[POS_STW2] & 0xFFFF
-        _take_command(axis)
+        _take_command(axis.commands, axis.asked, axis.motion_tasks)
         return
     axis.jog.asked = JOG_NONE
     axis.asked.mdi = 0
     axis.asked.feed_free = 0
     axis.asked.endless = 0
     axis.asked.still = 0
-    if by_sequence(axis):
-        axis.jog.asked = _jog_asked(axis, axis.profidrive.stw1)
+    if by_sequence(axis.jog):
+        axis.jog.asked = _jog_asked(axis.orders, axis.jog, axis.asked, axis.positioning, axis.profidrive.stw1)
     here = (
         axis.profidrive.setpoints == SETPOINTS_TAKEN
         and axis.profidrive.settings.reference_source == axis.profidrive.settings.bus_source
@@ -289,7 +296,7 @@ def take_task(axis: Any, image: Any) -> None:
         axis.commands.task = 0
         axis.asked.renewed = 0
         return
-    axis.jog.asked = _jog_asked(axis, axis.profidrive.stw1)
+    axis.jog.asked = _jog_asked(axis.orders, axis.jog, axis.asked, axis.positioning, axis.profidrive.stw1)
     if axis.profidrive.stw1_changed & START_BIT and (
         axis.profidrive.stw1 & START_BIT or not axis.asked.settings.control_config & CONFIG_RISING_EDGE
     ):
@@ -301,7 +308,7 @@ def take_task(axis: Any, image: Any) -> None:
         if axis.profidrive.settings.target_step > 0.0
         else axis.travel.settings.position_step
     )
-    _take_homing(axis, image, target_step)
+    _take_homing(axis.profidrive, axis.homing, image, target_step)
     axis.asked.number = TASK_MDI
     _take_signals(axis, image, target_step)
     axis.commands.task = 0

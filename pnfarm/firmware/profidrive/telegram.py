@@ -128,9 +128,9 @@ def clamp_unsigned(value: float) -> int:
 def message_word(axis: Any) -> int:
     """MELDW (HIWIN E1 manual 3.16); bit 8 is always set there."""
     word = 0x0100
-    if not warned(axis, int(axis.profidrive.settings.message_warnings[0])):
+    if not warned(axis.warnings, int(axis.profidrive.settings.message_warnings[0])):
         word |= 0x0040  # no motor overload warning
-    if not warned(axis, int(axis.profidrive.settings.message_warnings[1])):
+    if not warned(axis.warnings, int(axis.profidrive.settings.message_warnings[1])):
         word |= 0x0080  # no i2t warning
     if not torque_limited(axis):
         word |= 0x0002
@@ -153,22 +153,22 @@ def long_step(short: float, own: float) -> float:
 
 
 @compiled
-def _torque_step(axis: Any) -> float:
+def _torque_step(profidrive: Any, motor: Any) -> float:
     """N m of one increment of torque signals: its own, or that of currents (AKD PROFINET manual 5.12.4)."""
     return (
-        axis.profidrive.settings.torque_step
-        if axis.profidrive.settings.torque_step > 0.0
-        else axis.motor.settings.torque_constant * axis.motor.settings.peak_current / N2_FULL
+        profidrive.settings.torque_step
+        if profidrive.settings.torque_step > 0.0
+        else motor.settings.torque_constant * motor.settings.peak_current / N2_FULL
     )
 
 
 @compiled
-def no_setpoints(axis: Any) -> None:
+def no_setpoints(torque: Any, ramp: Any) -> None:
     """Nobody asks for anything: speed and torque are zero, the ramps the drive's own."""
-    axis.ramp.setpoint = 0.0
-    axis.torque.setpoint = 0.0
-    axis.ramp.up = axis.ramp.settings.acceleration
-    axis.ramp.down = axis.ramp.settings.deceleration
+    ramp.setpoint = 0.0
+    torque.setpoint = 0.0
+    ramp.up = ramp.settings.acceleration
+    ramp.down = ramp.settings.deceleration
 
 
 @compiled
@@ -188,7 +188,7 @@ def from_setpoints(axis: Any, image: Any) -> None:
     else:
         axis.ramp.setpoint = signed16(image.received[NSOLL_A]) * axis.profidrive.settings.velocity_step
     axis.ramp.setpoint *= axis.ramp.settings.speed_override
-    axis.torque.setpoint = signed16(image.received[TORQUE_SETPOINT]) * _torque_step(axis)
+    axis.torque.setpoint = signed16(image.received[TORQUE_SETPOINT]) * _torque_step(axis.profidrive, axis.motor)
     if axis.drive.settings.setpoint_ignored:
         axis.ramp.setpoint = 0.0
         axis.torque.setpoint = (
@@ -201,21 +201,21 @@ def from_setpoints(axis: Any, image: Any) -> None:
 
 
 @compiled
-def _beside(axis: Any, image: Any) -> None:
+def _beside(profidrive: Any, image: Any) -> None:
     """What a free mapping shows that is no actual value (Moog MSD manual 8.2.3; 14.3, table 14.5)."""
-    if int(axis.profidrive.settings.shows) & 1:
+    if int(profidrive.settings.shows) & 1:
         for place in range(len(_SENT_BACK)):
             image.sent[FIRST_SENT_BACK + place] = image.received[_SENT_BACK[place]]
-    if int(axis.profidrive.settings.shows) & 2:
+    if int(profidrive.settings.shows) & 2:
         for place in range(SHOWN):
-            image.sent[FIRST_SHOWN + place] = axis.profidrive.settings.shown[place]
+            image.sent[FIRST_SHOWN + place] = profidrive.settings.shown[place]
 
 
 @compiled
 def to_actuals(axis: Any, image: Any) -> None:
     """Status words, actual velocity, current, messages and the position signals."""
     image.sent[ZSW1] = axis.profidrive.zsw1
-    velocity = measured_velocity(axis)
+    velocity = measured_velocity(axis.motor, axis.measurement)
     steps = velocity / axis.profidrive.settings.velocity_step
     image.sent[NIST_A] = clamp16(steps)
     image.sent[NIST_B] = clamp32(
@@ -230,18 +230,22 @@ def to_actuals(axis: Any, image: Any) -> None:
         int(axis.profidrive.settings.fault_words[number]) if number < FAULT_WORDS else number & 0xFFFF
     )
     image.sent[WARN_CODE] = int(axis.warnings.code) & 0xFFFF
-    current = measured_current(axis)
+    current = measured_current(axis.motor, axis.measurement)
     image.sent[ITIST_GLATT] = clamp16(current / axis.motor.settings.peak_current * N2_FULL)
     if axis.profidrive.settings.torque_step > 0.0:
-        image.sent[ACT_TORQUE] = clamp16(measured_torque(axis) / axis.profidrive.settings.torque_step)
-    image.sent[XIST_A] = signed32(position_number(axis, measured_position(axis)))
+        image.sent[ACT_TORQUE] = clamp16(
+            measured_torque(axis.motor, axis.measurement) / axis.profidrive.settings.torque_step
+        )
+    image.sent[XIST_A] = signed32(
+        position_number(axis.travel, axis.homing, measured_position(axis.motor, axis.measurement))
+    )
     axis.profidrive.motion_status = motion_status(axis)
     image.sent[DRIVE_MOTION_STATUS] = axis.profidrive.motion_status
-    image.sent[AKTSATZ] = actual_task(axis)
+    image.sent[AKTSATZ] = actual_task(axis.profidrive, axis.asked, axis.positioning)
     image.sent[ACT_CURRENT] = np.int64(np.float32(current).view(np.int32))
     image.sent[E_DIGITAL] = int(axis.machine.inputs) & 0xFFFF
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)
-    image.sent[POS_ZSW1] = first_position_word(axis)
+    image.sent[POS_ZSW1] = first_position_word(axis.machine, axis.asked, axis.positioning)
     image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(
         nearest(
@@ -250,4 +254,4 @@ def to_actuals(axis: Any, image: Any) -> None:
         )
     )
     if axis.profidrive.settings.shows:
-        _beside(axis, image)
+        _beside(axis.profidrive, image)
