@@ -182,7 +182,7 @@ class Model:
             if fault.cause in SWITCH_CAUSES:
                 axis.warnings.settings.switch[SWITCH_CAUSES.index(fault.cause)] = fault.number
             if fault.cause in MESSAGE_CAUSES:
-                axis.profidrive.settings.message_warnings[MESSAGE_CAUSES.index(fault.cause)] = fault.number
+                axis.warnings.settings.thermal[MESSAGE_CAUSES.index(fault.cause)] = fault.number
 
 
 def _code_in(name: str) -> str:

@@ -45,7 +45,7 @@ def _tell_own(axis: Any, told: int) -> int:
     """Put what the drive itself has to tell of behind the first ``told`` warnings; how many there are now."""
     count = told
     if axis.warnings.settings.thermal_level > 0.0 and axis.motor.thermal_load > axis.warnings.settings.thermal_level:
-        count = _tell(axis.warnings, count, int(axis.profidrive.settings.message_warnings[1]))
+        count = _tell(axis.warnings, count, int(axis.warnings.settings.thermal[1]))
     for i in range(2):
         if axis.foldback.limit[i] < axis.foldback.settings.warning_level:
             count = _tell(axis.warnings, count, int(axis.foldback.settings.warning[i]))

@@ -9,6 +9,7 @@ from typing import Any
 
 from pnfarm.firmware.direction import take_direction
 from pnfarm.firmware.faults import take_commands
+from pnfarm.firmware.front import show_state, take_orders
 from pnfarm.firmware.interlocks import take_interlocks, with_interlocks
 from pnfarm.firmware.jog import take_jog
 from pnfarm.firmware.machine import take_switches
@@ -16,7 +17,6 @@ from pnfarm.firmware.measurement import measure
 from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
 from pnfarm.firmware.positioning import take_motion
-from pnfarm.firmware.profidrive.front import forget_words, show_words, take_words
 from pnfarm.firmware.ramp import velocity_command
 from pnfarm.firmware.service_motion import step_service
 from pnfarm.firmware.state_machine import advance, conditions
@@ -75,11 +75,10 @@ def step(axis: Any, image: Any, now: int) -> None:
         axis.drive.state = 0
         _turn(axis, elapsed)
         return
-    if take_commands(axis, now):
-        forget_words(axis)
+    switched_on = take_commands(axis, now)
     take_direction(axis)
     take_switches(axis.direction, axis.machine, axis.motor)
-    take_words(axis, image, now)
+    take_orders(axis, image, now, switched_on)
 
     faulty = axis.faults.code[0] != 0
     reaction = 0
@@ -109,4 +108,4 @@ def step(axis: Any, image: Any, now: int) -> None:
     watch_motor(axis, now)
     measure(axis.measurement)
     watch_warnings(axis)
-    show_words(axis, image)
+    show_state(axis, image)

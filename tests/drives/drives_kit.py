@@ -48,6 +48,7 @@ def new_drive(name: str) -> Drive:
     axis, image = rows[0][0], rows[1][0]
     store = ParameterStore(described, AxisHandle(axis, image))
     described.apply_motor(axis)
+    axis.front = FIRMWARE_PROFIDRIVE
     store.power_on()
     return Drive(described, axis, image, store, rows)
 
@@ -61,7 +62,7 @@ class Running:
     def __init__(self, name: str) -> None:
         self.drive = new_drive(name)
         self.axis, self.image = self.drive.axis, self.drive.image
-        self.axis.front, self.axis.powered = FIRMWARE_PROFIDRIVE, 1
+        self.axis.powered = 1
         self.now = 0
         self.run(150)
 

@@ -14,7 +14,7 @@ OVERLOAD, I2T = 0x910, 0x911
 @pytest.fixture
 def drive() -> BenchAxis:
     bench = BenchAxis()
-    bench.axis.profidrive.settings.message_warnings[:] = (OVERLOAD, I2T)
+    bench.axis.warnings.settings.thermal[:] = (OVERLOAD, I2T)
     bench.axis.warnings.settings.thermal_level = 0.8
     return bench
 
@@ -61,5 +61,5 @@ def test_of_more_warnings_than_there_is_room_for_the_oldest_goes(drive):
 
 @pytest.mark.parametrize(("threshold", "number"), [(0.0, I2T), (0.8, 0)])
 def test_a_drive_without_threshold_or_without_such_a_warning_shows_none(drive, threshold, number):
-    drive.axis.warnings.settings.thermal_level, drive.axis.profidrive.settings.message_warnings[1] = threshold, number
+    drive.axis.warnings.settings.thermal_level, drive.axis.warnings.settings.thermal[1] = threshold, number
     assert shown(drive, 0.95) == 0

@@ -128,9 +128,9 @@ def clamp_unsigned(value: float) -> int:
 def message_word(axis: Any) -> int:
     """MELDW (HIWIN E1 manual 3.16); bit 8 is always set there."""
     word = 0x0100
-    if not warned(axis.warnings, int(axis.profidrive.settings.message_warnings[0])):
+    if not warned(axis.warnings, int(axis.warnings.settings.thermal[0])):
         word |= 0x0040  # no motor overload warning
-    if not warned(axis.warnings, int(axis.profidrive.settings.message_warnings[1])):
+    if not warned(axis.warnings, int(axis.warnings.settings.thermal[1])):
         word |= 0x0080  # no i2t warning
     if not torque_limited(axis):
         word |= 0x0002

@@ -11,6 +11,7 @@ WARNINGS_RECORD = subject(
     "warnings",
     "Warnings: those that were raised, and the drive's own.",
     settings=[
+        Field("thermal", "u4", "", "station", "warnings of motor overload and of I2t, 0 = none", (2,)),
         Field("thermal_level", "f8", "", "station", "thermal_load above which the I2t warning shows, 0 = none"),
         Field("limit", "u4", "", "parameter", "warning at the low and the high software limit, 0 = none", (2,)),
         Field("task", "u4", "", "parameter", "warning of each of these errors, 0 = none", (2,)),
