@@ -55,7 +55,7 @@ class Conversation:
 
 
 class Conversations:
-    """By the two addresses, whoever speaks."""
+    """By the two addresses, in either direction."""
 
     def __init__(self) -> None:
         self._pairs: dict[tuple[bytes, bytes], Conversation] = {}

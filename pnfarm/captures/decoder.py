@@ -81,7 +81,7 @@ class Line:
 
 
 def family_of(packet: Packet) -> str:
-    """The family of a frame that no bus knows."""
+    """The family of a frame that no bus claims."""
     payload = packet.payload
     if packet.ethertype == ETHERTYPE_IPV4 and len(payload) >= _IPV4_HEADER:
         return "icmp" if payload[_IPV4_PROTOCOL] == PROTOCOL_ICMP else "other"

@@ -98,7 +98,7 @@ class FrameReader:
         return file
 
     def __iter__(self) -> Iterator[CapturedFrame]:
-        from scapy.error import Scapy_Exception  # noqa: PLC0415 - half a second, for whoever reads a capture
+        from scapy.error import Scapy_Exception  # noqa: PLC0415 - half a second, for reading a capture alone
         from scapy.utils import RawPcapReader  # noqa: PLC0415 - the same
 
         with self._open() as file, _quiet():

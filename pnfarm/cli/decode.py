@@ -71,7 +71,7 @@ def decode(
         _know(farm, decoder)
     chosen = _Chosen(drive or (), decoder)
     reader = FrameReader(file)
-    # a line is written when it is known; whoever reads along from a pipe gets it in time enough
+    # written as soon as known, not flushed: a reader of a pipe may wait for the buffer
     write = sys.stdout.write
     for frame in reader:
         lines = decoder.feed(frame)
@@ -91,7 +91,7 @@ def decode(
 
 
 def _families(words: Sequence[str]) -> frozenset[str]:
-    """What these words let through; without any, all but what nobody knows."""
+    """Families that these words let through; without any, all but those that no decoder knows."""
     from pnfarm.captures.families import OTHER
 
     known = registry.frame_words()
@@ -122,13 +122,13 @@ class _Chosen:
         self._addressed: set[bytes] = set()
 
     def see(self, data: bytes) -> None:
-        """One frame of the capture, whatever it is worth."""
+        """One frame of the capture, with or without a line."""
         if self._asked and len(self._speakers) < _MOST_STATIONS and len(self._addressed) < _MOST_STATIONS:
             self._speakers[data[6:12]] = None
             self._addressed.add(data[:6])
 
     def wants(self, line: Line) -> bool:
-        """Whether a line is of one of the stations, or nobody was asked for."""
+        """Whether a line is of one of the stations; of any, where none was asked for."""
         if not self._asked:
             return True
         ends = (line.source, line.destination)
@@ -138,7 +138,7 @@ class _Chosen:
         return bool(found)
 
     def missing(self) -> list[str]:
-        """Who was asked for and is nowhere: no frame is from or to it."""
+        """The stations that were asked for and that no frame is from or to."""
         seen = self._speakers.keys() | self._addressed
         names = {self._decoder.name(mac) for mac in seen}
         return [

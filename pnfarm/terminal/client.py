@@ -63,7 +63,7 @@ class FarmClient:
         token = token or _kept_token()
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         try:
-            # a farm is near; proxies of the environment are for the world outside
+            # farms are on this network: the environment's proxies are not for them
             self._client = httpx.Client(
                 base_url=_base(address), headers=headers, timeout=TIMEOUT_SECONDS, trust_env=False
             )
@@ -110,7 +110,7 @@ class FarmClient:
         try:
             return response.json()
         except ValueError as exc:
-            raise self._stranger() from exc
+            raise self._not_a_farm() from exc
 
     def events(self, drive: str | None = None, *, follow: bool = True) -> Iterator[dict[str, Any]]:
         """The farm's log from its oldest entry on, of one drive or of all; with ``follow`` then as it grows, until
@@ -130,7 +130,7 @@ class FarmClient:
                 self._raise_for(response)
                 yield from _messages(response.iter_lines())
         except httpx.RemoteProtocolError:
-            # the farm went while it told: its stream is over
+            # the farm ended while it sent events
             return
         except httpx.HTTPError as exc:
             raise self._unreachable(exc) from exc
@@ -144,7 +144,7 @@ class FarmClient:
             found = None
         detail = found.get("detail") if isinstance(found, dict) else None
         if not isinstance(detail, str):
-            raise self._stranger()
+            raise self._not_a_farm()
         if response.status_code == 503:
             raise EnvironmentError_(detail)
         if response.status_code >= 500:
@@ -153,7 +153,7 @@ class FarmClient:
             raise ConfigError("the farm asks for its token: give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE")
         raise ConfigError(detail)
 
-    def _stranger(self) -> RemoteError:
+    def _not_a_farm(self) -> RemoteError:
         return RemoteError(f"what answers at {self.address} is no farm; give its address with --api")
 
     def _unreachable(self, exc: httpx.HTTPError) -> PnfarmError:

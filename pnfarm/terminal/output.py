@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 __all__ = ["console", "make_table", "number", "print_json", "print_line", "print_table", "seconds"]
 
-#: Where nobody looks through a window, nothing is cut to one.
+#: Columns where standard output is no terminal: nothing is truncated.
 _UNBOUNDED = 10_000
 
 
 def print_line(text: str = "") -> None:
-    """One line, at once: whoever waits for it reads from a pipe."""
+    """One line, flushed: another program may wait for it at a pipe."""
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
 

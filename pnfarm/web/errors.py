@@ -28,8 +28,8 @@ class NotFoundError(ConfigError):
 
 
 class TooLargeError(ConfigError):
-    """A body beyond what any request needs."""
+    """A body larger than any request needs."""
 
 
 class ClientGoneError(ConfigError):
-    """A client that does not wait for the answer, nor ends its question."""
+    """The client hung up before its request was complete."""

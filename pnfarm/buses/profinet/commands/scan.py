@@ -18,9 +18,9 @@ __all__ = ["scan"]
 
 #: IEC 61158-6-10, coding of DeviceRoleDetails.
 _ROLES = ("device", "controller", "multidevice", "supervisor")
-#: PROFINET's LLDP interval and a little more: everybody has spoken by then.
+#: PROFINET's LLDP interval and a little more: each neighbour has sent once by then.
 _LLDP_SECONDS = 6.0
-#: Speakers that are listened to at most.
+#: LLDP neighbours that are kept at most.
 _MAXIMUM = 4096
 
 
@@ -88,7 +88,7 @@ def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> N
 async def _listen(
     interface: str, seconds: float, lldp_seconds: float
 ) -> tuple[list[IdentifyAnswered], tuple[Neighbour, ...]]:
-    """The answers to one Identify, and whoever spoke LLDP meanwhile and until ``lldp_seconds`` have passed."""
+    """The answers to one Identify, and the neighbours that sent LLDP until ``lldp_seconds`` had passed."""
     import time
 
     import anyio

@@ -45,7 +45,7 @@ class Shared:
         self.channels: Bounded[tuple[bytes, bytes, int], Channel] = Bounded()
         #: Layouts of a farm file, by the drive's address and whether the drive sends.
         self.templates: dict[tuple[bytes, bool], Template] = {}
-        #: Channels that a Connect asked for and nobody has granted yet, keyed as the others.
+        #: Channels that a Connect asked for and that are not granted yet, keyed as the others.
         self.asked: Bounded[tuple[bytes, bytes, int], Channel] = Bounded(1024)
         #: The last PTCP frame of a station that was told, by its address and frame id: master and domain.
         self.clocks: Bounded[tuple[bytes, int], object] = Bounded()
