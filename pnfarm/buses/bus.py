@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
+    from pnfarm.buses.farm_file import FarmFilePart
     from pnfarm.captures.decoder import FrameDecoder
     from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
@@ -100,6 +101,21 @@ class Bus(Protocol):
     @property
     def name(self) -> str:
         """As a model says which bus it is for: ``profinet``."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """As people write it: ``PROFINET``."""
+        ...
+
+    @property
+    def link_kinds(self) -> frozenset[str]:
+        """Kinds of links that can carry it, by the farm file's words."""
+        ...
+
+    @property
+    def farm_file(self) -> FarmFilePart[Any, Any]:
+        """Its part of the farm file; groups, drives and controllers there are the bus's own."""
         ...
 
     @property

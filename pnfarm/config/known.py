@@ -45,6 +45,11 @@ class ModelFacts(Protocol):
         ...
 
     @property
+    def bus(self) -> str:
+        """The name of the bus that it is on."""
+        ...
+
+    @property
     def min_cycle_ns(self) -> int:
         """The fastest cycle that its manual grants."""
         ...
@@ -131,6 +136,10 @@ class InstalledModel:
     @property
     def name(self) -> str:
         return self.model.name
+
+    @property
+    def bus(self) -> str:
+        return self.model.bus
 
     @property
     def min_cycle_ns(self) -> int:

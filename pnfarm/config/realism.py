@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from pnfarm.config.section import Section
+from pnfarm.config.values import OFF
 from pnfarm.drives.realism import BOUNDS
 from pnfarm.vocabulary.durations import format_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = ["ALL", "OFF", "ON", "SWITCH", "BootTime", "DriveRealism", "Noise", "Realism", "asked_for", "missing_figures"]
 
 ON: Literal["on"] = "on"
-OFF: Literal["off"] = "off"
 #: What the short form ``realism: on`` makes of each key: on, where the model has a figure.
 ALL: Literal["all"] = "all"
 #: The words of the short forms, as editors that read YAML 1.1 write them, too.

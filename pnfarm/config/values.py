@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import PlainValidator, WithJsonSchema
 
 from pnfarm.vocabulary.durations import DURATION_PATTERN, read_duration
+from pnfarm.vocabulary.globs import GLOBS_SCHEMA, read_globs
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.mac import format_mac, parse_mac
@@ -20,10 +21,12 @@ from pnfarm.wire.mac import format_mac, parse_mac
 __all__ = [
     "AUTO",
     "DURATION_SCHEMA",
+    "OFF",
     "Cidr",
     "Duration",
     "FarmName",
     "Gateway",
+    "Globs",
     "Interface",
     "Listen",
     "MacSetting",
@@ -36,6 +39,8 @@ __all__ = [
 
 #: ``mac: auto``.
 AUTO = "auto"
+#: The word that switches a section off; ``false`` says the same, for editors that read YAML 1.1.
+OFF: Literal["off"] = "off"
 
 #: IFNAMSIZ of Linux less the closing NUL.
 MAX_INTERFACE_NAME = 15
@@ -212,6 +217,7 @@ MacSetting = Annotated[
     _words(pattern=r"^(auto|[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5})$", examples=["auto", "02:00:00:00:00:01"]),
 ]
 Duration = Annotated[int, PlainValidator(read_duration), DURATION_SCHEMA]
+Globs = Annotated[list[str], PlainValidator(read_globs), WithJsonSchema(GLOBS_SCHEMA)]
 Interface = Annotated[str, PlainValidator(read_interface), _words(minLength=1, maxLength=15, examples=["eth1"])]
 Listen = Annotated[tuple[str, int], PlainValidator(read_listen), _words(examples=["127.0.0.1:8702"])]
 OctetString = Annotated[bytes, PlainValidator(read_octets), _words(pattern="^([0-9a-fA-F]{2} *)*$")]

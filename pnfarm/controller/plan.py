@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.bus import PROFINET
+from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import AxisProgram, DevicePlan, SignalSteps
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file.expand import clock_of
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.profidrive.tasks import ramp_step
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
@@ -27,9 +27,10 @@ from pnfarm.table.image import IMAGE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pnfarm.buses.profinet.config.controller import ForeignDevice
+    from pnfarm.config.controller import ControllerSection
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.model import Model
-    from pnfarm.farm.file.expand import DriveConfig
-    from pnfarm.farm.file.sections import ControllerSection, ForeignDevice
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
 __all__ = ["plan_devices", "signal_steps"]

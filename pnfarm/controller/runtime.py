@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Self
 import anyio
 
 from pnfarm.buses.profinet.controller.core import CALL_PORT, ControllerCore
+from pnfarm.config.links import MacvlanLink as MacvlanSection
+from pnfarm.config.links import TapLink as TapSection
+from pnfarm.config.links import VethLink as VethSection
 from pnfarm.controller.plan import plan_devices
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import model_of, realtime_settings
 from pnfarm.farm.file.reading import FarmConfig, controller_mac, expand, load_farm
-from pnfarm.farm.file.sections import MacvlanLink as MacvlanSection
-from pnfarm.farm.file.sections import TapLink as TapSection
-from pnfarm.farm.file.sections import VethLink as VethSection
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link

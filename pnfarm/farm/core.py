@@ -40,9 +40,9 @@ from pnfarm.table.image import LOST_NEVER
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
-    from pnfarm.farm.file.expand import DriveConfig
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.station.event_log import EventLog
 

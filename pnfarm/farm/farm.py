@@ -17,6 +17,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.config.known import catalogue
+from pnfarm.config.links import MacvlanLink as MacvlanSection
+from pnfarm.config.links import TapLink as TapSection
+from pnfarm.config.links import VethLink as VethSection
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.model_identity import with_identity
@@ -27,9 +30,6 @@ from pnfarm.farm.capture import CaptureSettings, FarmCapture
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTimeOptionRefused
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
-from pnfarm.farm.file.sections import MacvlanLink as MacvlanSection
-from pnfarm.farm.file.sections import TapLink as TapSection
-from pnfarm.farm.file.sections import VethLink as VethSection
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.realtime import RealTimeDriver
@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.model import Model
-    from pnfarm.farm.file.expand import DriveConfig
     from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.links.base import Link
     from pnfarm.station.events import Event

@@ -17,10 +17,10 @@ from pnfarm.vocabulary.globs import means
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from pnfarm.config.drive import DriveConfig
+    from pnfarm.config.impairment import Impairment
     from pnfarm.engine.columns import Columns
     from pnfarm.engine.impairments import ImpairmentTable
-    from pnfarm.farm.file.expand import DriveConfig
-    from pnfarm.farm.file.sections import Impairment
     from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.links.base import Clock

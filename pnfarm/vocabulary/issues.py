@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,10 +11,12 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["FarmFileError", "FileIssue", "Location", "field_path"]
+__all__ = ["FarmFileError", "FileIssue", "Location", "Report", "field_path"]
 
 #: Where a value stands in a file: keys and list indexes from the root.
 Location = tuple[str | int, ...]
+#: Says that something is wrong: where, what, and what is allowed.
+Report = Callable[[Location, str, str], None]
 
 
 @dataclass(frozen=True, slots=True)

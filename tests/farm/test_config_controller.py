@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from farm_file import GOOD, parse, the_issue
 
-from pnfarm.farm.file.reading import clock_of, controller_mac, expand
+from pnfarm.buses.profinet.config.send_clock import clock_of
+from pnfarm.farm.file.reading import controller_mac, expand
 
 CONTROLLER = GOOD + "controller:\n"
 

@@ -9,11 +9,12 @@ from ipaddress import IPv4Interface
 import pytest
 from farm_file import CONFIGS, GOOD, KNOWN, issues, parse, the_issue
 
+from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
 from pnfarm.cli.files import check_impairments, known_words
 from pnfarm.config.known import catalogue
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file.reading import FarmFileError, clock_of, expand, load_farm, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, expand, load_farm, parse_farm
 from pnfarm.table.program import TARGETS
 
 # --- what is read -----------------------------------------------------------------------------------------------

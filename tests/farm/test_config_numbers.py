@@ -13,10 +13,11 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from pnfarm.config.axis import Load, Motor
+from pnfarm.config.controller import Program
 from pnfarm.config.tasks import Task
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
-from pnfarm.farm.file.sections import FarmSections, Program
+from pnfarm.farm.file.sections import FarmSections
 from pnfarm.firmware.axis import AXIS
 from pnfarm.station.event_log import EventLog
 

@@ -25,6 +25,7 @@ class Model:
     default_telegram: int = 1
     motion_tasks: int = 0
     aliases: tuple[str, ...] = ()
+    bus: str = "profinet"
     open_points: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def parameter_complaints(self, params):

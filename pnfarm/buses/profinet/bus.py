@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
+    from pnfarm.buses.profinet.config.part import ProfinetPart
     from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.segment import ProfinetSegment
@@ -27,6 +28,14 @@ class Profinet:
     """A bus."""
 
     name = "profinet"
+    title = "PROFINET"
+    link_kinds = frozenset({"macvlan", "veth", "tap", "memory"})
+
+    @property
+    def farm_file(self) -> ProfinetPart:
+        from pnfarm.buses.profinet.config.part import PROFINET_PART
+
+        return PROFINET_PART
 
     @property
     def connection_states(self) -> Sequence[str]:

@@ -6,9 +6,13 @@ import typing
 from typing import TYPE_CHECKING, Any, Literal
 
 import annotated_types
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from pnfarm.buses.registry import BUSES
+from pnfarm.config.controller import ControllerSection
+from pnfarm.config.drive import DriveGroup
+from pnfarm.config.links import LINK_KINDS
+from pnfarm.config.section import Section
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
@@ -16,9 +20,14 @@ if typing.TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
 if TYPE_CHECKING:
+    from pnfarm.buses.bus import Bus
+    from pnfarm.farm.file.choice import Choice
     from pnfarm.vocabulary.issues import Location
 
-__all__ = ["explain", "strip_tags"]
+__all__ = ["Explainer", "strip_tags"]
+
+#: What a section is called where one of its keys is another bus's.
+_CALLED: dict[type[Section], str] = {DriveGroup: "a drive", ControllerSection: "a controller"}
 
 #: Sections whose location carries the union's tag after the key: ``("link", "veth", "bridge")``.
 _TAGGED = frozenset(("link",))
@@ -62,35 +71,105 @@ def strip_tags(location: Location) -> Location:
     return tuple(steps)
 
 
-def explain(root: type[BaseModel], error: Mapping[str, Any]) -> tuple[Location, str, str]:
-    """One of pydantic's errors as (place in the file, what is wrong, what is allowed)."""
-    location: Location = error["loc"]
-    place = strip_tags(location)
-    kind: str = error["type"]
-    value = error.get("input")
-    context = error.get("ctx", {})
-    field = _field_at(root, location)
-    if isinstance(found := context.get("error"), Problem):
-        return place, found.what, found.allowed
-    if kind == "missing":
-        return place, "is missing", _described(field)
-    if kind == "extra_forbidden":
-        return place, *_unknown_key(root, location)
-    if kind in {"union_tag_invalid", "union_tag_not_found"} or (place[-1:] == ("link",) and kind in _BY_TYPE):
-        return place, *_wrong_tag(value)
-    if kind == "literal_error":
-        words = [_word(word) for word in _literals(field)]
-        hint = did_you_mean(value, words) if isinstance(value, str) else ""
-        return place, f"is {shown(value)}{hint}", ", ".join(words) or context["expected"]
-    if kind in _BY_TYPE:
-        return place, f"is {shown(value)}", _BY_TYPE[kind] + _bounds(field)
-    if kind.startswith(("greater_than", "less_than")):
-        return place, f"is {shown(value)}", "a number" + _bounds(field)
-    if kind in _LENGTHS:
-        return place, *_wrong_length(kind, value, context, field)
-    if kind == "string_pattern_mismatch":
-        return place, f"{shown(value)} is no such word", f"{_described(field)} ({context['pattern']})"
-    return place, f"is {shown(value)}: {error['msg']}", _described(field)
+class Explainer:
+    """Explains the errors of one file: ``root`` is what its ``values`` were read as, ``choice`` whose keys they are."""
+
+    def __init__(self, root: type[Section], values: Any, choice: Choice) -> None:
+        self._root = root
+        self._values = values
+        self._choice = choice
+
+    def explain(self, error: Mapping[str, Any]) -> tuple[Location, str, str]:
+        """One of pydantic's errors as (place in the file, what is wrong, what is allowed)."""
+        location: Location = error["loc"]
+        place = strip_tags(location)
+        kind: str = error["type"]
+        value = error.get("input")
+        context = error.get("ctx", {})
+        field = self._field_at(location)
+        if isinstance(found := context.get("error"), Problem):
+            return place, found.what, found.allowed
+        if kind == "missing":
+            return place, "is missing", _described(field)
+        if kind == "extra_forbidden":
+            return place, *self._unknown_key(location)
+        if kind in {"union_tag_invalid", "union_tag_not_found"} or (place[-1:] == ("link",) and kind in _BY_TYPE):
+            return place, *_wrong_tag(value)
+        if kind == "literal_error":
+            words = [_word(word) for word in _literals(field)]
+            hint = did_you_mean(value, words) if isinstance(value, str) else ""
+            return place, f"is {shown(value)}{hint}", ", ".join(words) or context["expected"]
+        if kind in _BY_TYPE:
+            return place, f"is {shown(value)}", _BY_TYPE[kind] + _bounds(field)
+        if kind.startswith(("greater_than", "less_than")):
+            return place, f"is {shown(value)}", "a number" + _bounds(field)
+        if kind in _LENGTHS:
+            return place, *_wrong_length(kind, value, context, field)
+        if kind == "string_pattern_mismatch":
+            return place, f"{shown(value)} is no such word", f"{_described(field)} ({context['pattern']})"
+        return place, f"is {shown(value)}: {error['msg']}", _described(field)
+
+    def _unknown_key(self, location: Location) -> tuple[str, str]:
+        models = self._models_at(location[:-1])
+        keys = [key for model in models for key in model.listed_keys()]
+        key = str(location[-1])
+        for section in (DriveGroup, ControllerSection):
+            if any(issubclass(model, section) for model in models):
+                for bus in BUSES.values():
+                    if key in _section_of(bus, section).listed_keys():
+                        own = next(own for own in BUSES.values() if _section_of(own, section) in models)
+                        what = f"is a key of {bus.title}, and this is {_CALLED[section]} on {own.title}"
+                        return what, ", ".join(keys)
+        return f"is no key here{did_you_mean(key, keys)}", ", ".join(keys)
+
+    def _models_at(self, location: Location) -> list[type[Section]]:
+        """The sections that a value may be; those of groups and controller as their bus has them."""
+        models: list[type[Section]] = [self._root]
+        value = self._values
+        for step in location:
+            value = _inside(value, step)
+            if isinstance(step, int):
+                models = [self._as_its_bus_has_it(model, value) for model in models]
+                continue
+            tagged = [model for model in models if step in _literals(model.model_fields.get("kind"))]
+            if tagged and len(models) > 1:
+                models = tagged
+                continue
+            fields = [field for model in models if (field := _field(model, step)) is not None]
+            models = [member for field in fields for member in _members(field.annotation)]
+            if not isinstance(value, list):
+                models = [self._as_its_bus_has_it(model, value) for model in models]
+        return models
+
+    def _as_its_bus_has_it(self, model: type[Section], value: Any) -> type[Section]:
+        if model is DriveGroup:
+            return self._choice.group(value).farm_file.drives
+        if model is ControllerSection:
+            return self._choice.controller(value).farm_file.controller
+        return model
+
+    def _field_at(self, location: Location) -> FieldInfo | None:
+        # a place inside a list or a mapping of values is described by the key that holds it
+        for end in range(len(location), 0, -1):
+            step = location[end - 1]
+            if isinstance(step, str):
+                for model in self._models_at(location[: end - 1]):
+                    if (field := _field(model, step)) is not None:
+                        return field
+        return None
+
+
+def _section_of(bus: Bus, section: type[Section]) -> type[Section]:
+    return bus.farm_file.drives if section is DriveGroup else bus.farm_file.controller
+
+
+def _inside(value: Any, step: str | int) -> Any:
+    """What stands at a step of a location; None where nothing does, as behind a union's tag."""
+    if isinstance(value, dict) and isinstance(step, str):
+        return value.get(step)
+    if isinstance(value, list) and isinstance(step, int) and step < len(value):
+        return value[step]
+    return None
 
 
 def _wrong_length(kind: str, value: Any, context: Mapping[str, Any], field: FieldInfo | None) -> tuple[str, str]:
@@ -116,13 +195,8 @@ class _Length:
         self.max_length: int | None = context.get("max_length")
 
 
-def _unknown_key(root: type[BaseModel], location: Location) -> tuple[str, str]:
-    keys = [key for model in _models_at(root, location[:-1]) for key in _keys(model)]
-    return f"is no key here{did_you_mean(str(location[-1]), keys)}", ", ".join(keys)
-
-
 def _wrong_tag(value: Any) -> tuple[str, str]:
-    kinds = ("macvlan", "veth", "tap", "memory")
+    kinds = tuple(LINK_KINDS)
     allowed = "kind: " + ", ".join(kinds)
     tag = value.get("kind") if isinstance(value, dict) else None
     if tag is None:
@@ -136,48 +210,19 @@ def _wrong_tag(value: Any) -> tuple[str, str]:
 # --- the models behind a location -------------------------------------------------------------------------------
 
 
-def _keys(model: type[BaseModel]) -> list[str]:
-    return [field.alias or name for name, field in model.model_fields.items()]
-
-
-def _members(annotation: Any) -> Iterator[type[BaseModel]]:
+def _members(annotation: Any) -> Iterator[type[Section]]:
     """The models inside ``X | None``, ``list[X]``, ``Annotated[X | Y, ...]``."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+    if isinstance(annotation, type) and issubclass(annotation, Section):
         yield annotation
         return
     for argument in typing.get_args(annotation):
         yield from _members(argument)
 
 
-def _models_at(root: type[BaseModel], location: Location) -> list[type[BaseModel]]:
-    models = [root]
-    for step in location:
-        if isinstance(step, int):
-            continue
-        tagged = [model for model in models if step in _literals(model.model_fields.get("kind"))]
-        if tagged and len(models) > 1:
-            models = tagged
-            continue
-        fields = [field for model in models if (field := _field(model, step)) is not None]
-        models = [member for field in fields for member in _members(field.annotation)]
-    return models
-
-
-def _field(model: type[BaseModel], key: str) -> FieldInfo | None:
+def _field(model: type[Section], key: str) -> FieldInfo | None:
     for name, field in model.model_fields.items():
         if key == (field.alias or name):
             return field
-    return None
-
-
-def _field_at(root: type[BaseModel], location: Location) -> FieldInfo | None:
-    # a place inside a list or a mapping of values is described by the key that holds it
-    for end in range(len(location), 0, -1):
-        step = location[end - 1]
-        if isinstance(step, str):
-            for model in _models_at(root, location[: end - 1]):
-                if (field := _field(model, step)) is not None:
-                    return field
     return None
 
 

@@ -4,7 +4,8 @@ A file is read in one go and **all** that is wrong with it is said at once (:cla
 its line, its key, and what would be right.  Four stages lead there:
 
 1. text to values with places (:mod:`pnfarm.vocabulary.yaml_lines`);
-2. values to typed sections (:mod:`pnfarm.farm.file.sections`), errors to sentences (:mod:`pnfarm.farm.file.errors`);
+2. values to typed sections (:mod:`pnfarm.farm.file.sections`), a group's and the controller's by the keys of their bus
+   (:mod:`pnfarm.farm.file.choice`), errors to sentences (:mod:`pnfarm.farm.file.errors`);
 3. where a section is wrong, its wrong keys are set aside, so that the rest can still be looked at;
 4. what sections must hold between them (:mod:`pnfarm.farm.file.expand`), with what the drive models know
    (:mod:`pnfarm.config.known`).
@@ -18,12 +19,15 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, PrivateAttr, ValidationError
 
+from pnfarm.config.drive import DriveConfig
+from pnfarm.config.impairment import FAULT_KINDS
 from pnfarm.config.known import Known, catalogue
 from pnfarm.farm.file.checks import check
-from pnfarm.farm.file.errors import explain
-from pnfarm.farm.file.expand import Clock, DriveConfig, clock_of, controller_mac, expand_sections
+from pnfarm.farm.file.choice import Choice
+from pnfarm.farm.file.errors import Explainer
+from pnfarm.farm.file.expand import controller_mac, expand_sections
 from pnfarm.farm.file.lists import with_lists
-from pnfarm.farm.file.sections import FAULT_KINDS, DriveGroup, FarmSections
+from pnfarm.farm.file.sections import CHOICE, AnyGroup, FarmSections
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
 from pnfarm.vocabulary.quoting import few_hints, shown
 from pnfarm.vocabulary.regular_file import read_regular
@@ -32,14 +36,14 @@ from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pnfarm.buses.farm_file import FarmFilePart
+
 __all__ = [
-    "Clock",
     "DriveConfig",
     "FarmConfig",
     "FarmFileError",
     "FileIssue",
     "Known",
-    "clock_of",
     "controller_mac",
     "expand",
     "load_farm",
@@ -197,17 +201,19 @@ def _build(
     if "drives" not in values and (values.get("farm") is not None or not _names_devices(values)):
         report(("drives",), "is missing", "a list of groups, each with name and model")
     config = None
-    context = {FAULT_KINDS: known.fault_kinds}
+    choice = Choice(values, known)
+    context = {FAULT_KINDS: known.fault_kinds, CHOICE: choice}
     folder = path.parent if path is not None else Path()
     in_lists: list[FileIssue] = []
     try:
         config = FarmConfig.model_validate(values, context=context)
     except ValidationError as error:
         errors = error.errors(include_url=False)
+        explainer = Explainer(FarmConfig, values, choice)
         for found in errors:
-            report(*explain(FarmConfig, found))
+            report(*explainer.explain(found))
         wrong = [found["loc"] for found in errors]
-        rest, moved = _set_aside(values, wrong, next(iter(known.models)))
+        rest, moved = _set_aside(values, wrong, next(iter(known.models)), choice)
         partial = _Partial.model_validate(rest, context=context)
         known, in_lists = with_lists(partial.parameter_lists, folder, known, report)
         check(
@@ -215,6 +221,7 @@ def _build(
             known,
             lambda location, what, allowed: report(_moved(location, moved), what, allowed),
             hangs_together=not _says_nothing_of_links(wrong),
+            places=moved,
         )
     else:
         known, in_lists = with_lists(config.parameter_lists, folder, known, report)
@@ -234,29 +241,28 @@ def _names_devices(values: dict[str, Any]) -> bool:
 class _Partial(FarmSections):
     """What is left of a file whose wrong keys were set aside."""
 
-    drives: list[DriveGroup] = Field(default_factory=list)
+    drives: list[AnyGroup] = Field(default_factory=list)
 
 
-#: Keys that only together say something; where one is wrong the others are set aside with it.
-_TOGETHER = {
-    "ip": ("ip", "gateway"),
-    "cycle": ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor"),
-    "send_clock_factor": ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor"),
-    "reduction_ratio": ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor"),
-}
 #: Where one of these is wrong, nothing is known of a group's drives.
 _ESSENTIAL = frozenset(("name", "model", "start"))
 
 
-def _without_model(group: dict[str, Any], model: str) -> None:
+#: Keys of a group that only its model can judge; its bus has others.
+_JUDGED_BY_MODEL = frozenset({"params", "identity", "realism", "behaviour"})
+
+
+def _without_model(group: dict[str, Any], model: str, part: FarmFilePart[Any, Any]) -> None:
     """A group whose model nobody knows still has names and addresses: keep those, and ask nothing of the model."""
     group["model"] = model
     group["limits"] = "lax"
-    for key in ("params", "identity", "realism", "telegram", "cycle", "behaviour"):
+    for key in _JUDGED_BY_MODEL | part.judged_by_model:
         group.pop(key, None)
 
 
-def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tuple[dict[str, Any], list[int]]:
+def _set_aside(
+    values: dict[str, Any], wrong: list[Location], model: str, choice: Choice
+) -> tuple[dict[str, Any], list[int]]:
     """``values`` without what is wrong, and for each remaining drive group its place in the file.
 
     A wrong key of a group or of the controller goes alone, so that the others are still checked against each
@@ -265,14 +271,16 @@ def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tup
     rest = copy.deepcopy(values)
     lost_groups: set[int] = set()
     for number in {location[1] for location in wrong if location[:1] == ("drives",) and location[2:3] == ("model",)}:
-        _without_model(rest["drives"][number], model)
+        group = rest["drives"][number]
+        _without_model(group, model, choice.group(group).farm_file)
     for location in wrong:
         match location:
             case ("drives", int(number), "params" | "load" | "motor" | "behaviour" as section, str(key), *_):
                 # a group without a model has lost what only a model could judge
                 rest["drives"][number].get(section, {}).pop(key, None)
             case ("drives", int(number), str(key), *_) if key not in _ESSENTIAL:
-                _drop(rest["drives"][number], key)
+                group = rest["drives"][number]
+                _drop(group, key, choice.group(group).farm_file)
                 if key == "limits":
                     # a wrong word here must not bring a second complaint about the cycle
                     rest["drives"][number]["limits"] = "lax"
@@ -281,7 +289,7 @@ def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tup
             case ("drives", int(number), *_):
                 lost_groups.add(number)
             case ("controller", str(key), *_):
-                _drop(rest["controller"], key)
+                _drop(rest["controller"], key, choice.controller(rest["controller"]).farm_file)
             case ("parameter_lists", str(key), *_):
                 rest["parameter_lists"].pop(key, None)
             case (key, *_):
@@ -294,8 +302,8 @@ def _set_aside(values: dict[str, Any], wrong: list[Location], model: str) -> tup
     return rest, moved
 
 
-def _drop(section: dict[str, Any], key: str) -> None:
-    for each in _TOGETHER.get(key, (key,)):
+def _drop(section: dict[str, Any], key: str, part: FarmFilePart[Any, Any]) -> None:
+    for each in part.together.get(key, (key,)):
         section.pop(each, None)
 
 

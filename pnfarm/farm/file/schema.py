@@ -8,12 +8,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.registry import BUSES
+from pnfarm.config.controller import ControllerSection
+from pnfarm.config.drive import DriveGroup
 from pnfarm.config.known import Known, catalogue
 from pnfarm.config.realism import SWITCH
-from pnfarm.farm.file.sections import DEFAULT_LISTEN, OFF, FarmSections
+from pnfarm.config.values import OFF
+from pnfarm.errors import InternalError
+from pnfarm.farm.file.sections import DEFAULT_LISTEN, FarmSections
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.buses.bus import Bus
     from pnfarm.config.known import ModelFacts
+    from pnfarm.config.section import Section
 
 __all__ = ["farm_schema"]
 
@@ -46,6 +55,44 @@ def _behaviour_of(model: ModelFacts) -> dict[str, Any]:
     }
 
 
+def _keys_of_buses(base: type[Section], of: Callable[[Bus], type[Section]], sections: dict[str, Any]) -> dict[str, Any]:
+    """A section with the keys of all buses; what it is made of is added to the ``sections``."""
+    properties: dict[str, Any] = {}
+    required: list[str] = []
+    text = base.__doc__
+    for bus in BUSES.values():
+        section = of(bus)
+        own = section.model_json_schema(by_alias=True)
+        for name, shared in own.get("$defs", {}).items():
+            if sections.setdefault(name, shared) != shared:
+                raise InternalError(f"two buses have sections called {name}, which differ")
+        properties |= {key: own["properties"][key] for key in section.listed_keys() if key not in properties}
+        required += [key for key in own.get("required", ()) if key not in required]
+        text = own["description"] if len(BUSES) == 1 and base is ControllerSection else text
+    whole = {**sections[base.__name__], "properties": properties, "description": text}
+    return whole | ({"required": required} if required else {})
+
+
+def _only_of_its_bus(known: Known) -> list[dict[str, Any]]:
+    """Which keys a group has not, by the bus of its model."""
+    keys = {bus.name: bus.farm_file.drives.listed_keys() for bus in BUSES.values()}
+    names: dict[str, list[str]] = {}
+    for name in known.models:
+        if (model := known.model(name)) is not None:
+            names.setdefault(model.bus, []).extend((model.name, *model.aliases))
+    rules = []
+    for bus, own in keys.items():
+        others = {key: False for other in keys.values() for key in other if key not in own}
+        if others and bus in names:
+            rules.append(
+                {
+                    "if": {"properties": {"model": {"enum": names[bus]}}, "required": ["model"]},
+                    "then": {"properties": others},
+                }
+            )
+    return rules
+
+
 def farm_schema(known: Known | None = None) -> dict[str, Any]:
     """The schema (draft 2020-12) as plain values; ``known`` gives the models and fault kinds that editors offer."""
     known = known if known is not None else catalogue()
@@ -53,6 +100,9 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
     sections: dict[str, Any] = schema.pop("$defs")
     properties: dict[str, Any] = schema.pop("properties")
     schema.pop("title", None)
+    sections["DriveGroup"] = _keys_of_buses(DriveGroup, lambda bus: bus.farm_file.drives, sections)
+    sections["ControllerSection"] = _keys_of_buses(ControllerSection, lambda bus: bus.farm_file.controller, sections)
+    sections = dict(sorted(sections.items()))
     for section in (*sections.values(), {"properties": properties}):
         for field in section.get("properties", {}).values():
             field.pop("title", None)
@@ -66,7 +116,10 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
         kinds = [SWITCH, {"$ref": field.pop("$ref")}]
         field["anyOf"] = kinds if key != "boot_time" else [*kinds, {"type": "string", "examples": ["8s"]}]
     sections["DriveGroup"]["properties"]["model"]["examples"] = list(known.models)
-    sections["DriveGroup"]["allOf"] = [_behaviour_of(model) for name in known.models if (model := known.model(name))]
+    sections["DriveGroup"]["allOf"] = [
+        *(_behaviour_of(model) for name in known.models if (model := known.model(name))),
+        *_only_of_its_bus(known),
+    ]
     if known.fault_kinds is not None:
         sections["Impairment"]["properties"]["kind"]["enum"] = sorted(known.fault_kinds)
     return {

@@ -1,0 +1,118 @@
+"""What a bus adds to the farm file: keys, what these must hold, and what they make of a drive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+
+from pnfarm.config.controller import ControllerSection
+from pnfarm.config.drive import DriveGroup
+from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.config.drive import DriveConfig, DriveFields
+    from pnfarm.config.ip import Macs
+    from pnfarm.config.known import Known, ModelFacts
+    from pnfarm.vocabulary.issues import Location, Report
+
+__all__ = ["CONTROLLER", "Claims", "Expansion", "FarmFilePart", "PlacedGroup"]
+
+#: Who claims what stands in the controller's section.
+CONTROLLER = "the controller"
+
+Group = TypeVar("Group", bound=DriveGroup)
+Controller = TypeVar("Controller", bound=ControllerSection)
+
+
+class Claims:
+    """Names and addresses that stand once in a farm, each with whoever has it first."""
+
+    def __init__(self) -> None:
+        self._owners: dict[tuple[str, object], tuple[str, str]] = {}
+
+    def claim(self, key: str, value: object, where: str, name: str) -> str | None:
+        """Claim a value of a key for the drive or device ``name`` of a place; None, or who has it already, in words."""
+        owner = self._owners.setdefault((key, value), (where, name))
+        if owner == (where, name):
+            return None
+        return CONTROLLER if owner[0] == CONTROLLER else f"{shown(owner[1])} of {owner[0]}"
+
+    def place(self, key: str, value: object) -> str:
+        """Where the one that has a value first stands."""
+        return self._owners[key, value][0]
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedGroup(Generic[Group]):
+    """A group, where it is reported, and what the file's reader calls it: ``drives[2]``."""
+
+    at: Location
+    words: str
+    group: Group
+
+
+@dataclass(frozen=True, slots=True)
+class Expansion:
+    """What the drives of a file share while they are counted up.  ``controller`` may be another bus's."""
+
+    macs: Macs
+    controller: ControllerSection | None
+
+
+class FarmFilePart(Protocol[Group, Controller]):
+    """A bus's part of the farm file.
+
+    The file is flat: a group has the keys of every drive (:class:`pnfarm.config.drive.DriveGroup`) and those of its
+    model's bus beside each other.  Checks report a place, what is wrong, and what is allowed; one report per group and
+    cause, not one per drive.
+    """
+
+    @property
+    def drives(self) -> type[Group]:
+        """The keys of a group on this bus."""
+        ...
+
+    @property
+    def controller(self) -> type[Controller]:
+        """The keys of the built-in controller on this bus."""
+        ...
+
+    @property
+    def together(self) -> Mapping[str, Sequence[str]]:
+        """Keys that only together say something: where the first is wrong, nothing is said of the others."""
+        ...
+
+    @property
+    def judged_by_model(self) -> frozenset[str]:
+        """Keys of a group that only its model can judge, so that nothing is said of them where nobody knows it."""
+        ...
+
+    def check_name(self, at: Location, name: str, report: Report) -> bool:
+        """Whether a drive of this bus may be called so; it is reported if not."""
+        ...
+
+    def check_group(self, at: Location, group: Group, report: Report) -> None:
+        """What a group's keys must hold, whatever its model."""
+        ...
+
+    def check_model(self, at: Location, group: Group, model: ModelFacts, report: Report) -> None:
+        """A group's keys against its model."""
+        ...
+
+    def check_devices(self, controller: Controller, claims: Claims, report: Report) -> None:
+        """Devices beside the drives, which only the controller's section names."""
+        ...
+
+    def check_controller(
+        self, controller: Controller, groups: Sequence[PlacedGroup[Group]], known: Known, report: Report
+    ) -> None:
+        """The controller's keys, by themselves and against the groups on its bus."""
+        ...
+
+    def drive(
+        self, fields: DriveFields, group: Group, step: int, model: ModelFacts | None, expansion: Expansion
+    ) -> DriveConfig:
+        """A group's drive number ``step``, whose name is counted already; ``model`` is None where nobody knows it."""
+        ...

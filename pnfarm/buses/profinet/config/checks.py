@@ -1,0 +1,131 @@
+"""What PROFINET's keys must hold: station names, telegrams, cycles against send clock, watchdog and model."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS
+from pnfarm.buses.profinet.config.send_clock import Clock, clock_key, clock_of, own_cycle_ns
+from pnfarm.config.ip import check_host
+from pnfarm.protocols.profinet.wire.names import check_station_name
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.buses.farm_file import Claims, PlacedGroup
+    from pnfarm.buses.profinet.config.controller import ProfinetController
+    from pnfarm.buses.profinet.config.drive import ProfinetDrives
+    from pnfarm.config.known import Known, ModelFacts
+    from pnfarm.vocabulary.issues import Location, Report
+
+__all__ = ["check_controller", "check_devices", "check_model", "check_name"]
+
+_NAME_ALLOWED = "a-z, 0-9, - and . as PROFINET has it"
+
+
+def check_name(at: Location, name: str, report: Report) -> bool:
+    """Whether a station may be called so."""
+    wrong = check_station_name(name)
+    if wrong is not None:
+        report(at, f"{shown(name)} is no station name: {wrong}", _NAME_ALLOWED)
+    return wrong is None
+
+
+def check_model(at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
+    """A group's telegram and its own cycle against its model."""
+    if group.telegram is not None and group.telegram not in set(model.telegrams):
+        what = f"{model.name} has no telegram {group.telegram}"
+        report((*at, "telegram"), what, ", ".join(map(str, sorted(model.telegrams))))
+    _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
+
+
+def _check_limit(at: Location, group: ProfinetDrives, model: ModelFacts, cycle_ns: int | None, report: Report) -> None:
+    if cycle_ns is None or group.limits != "strict":
+        return
+    if 0 < model.max_cycle_ns < cycle_ns:
+        slowest = format_duration(model.max_cycle_ns)
+        what = f"{format_duration(cycle_ns)} is slower than {model.name} can; the nearest is {slowest}"
+        report(at, what, f"{slowest} and faster, or limits: lax on drives {shown(group.name)}")
+    if cycle_ns >= model.min_cycle_ns:
+        return
+    fastest = format_duration(model.min_cycle_ns)
+    what = f"{format_duration(cycle_ns)} is faster than {model.name} can; the nearest is {fastest}"
+    report(at, what, f"{fastest} and slower, or limits: lax on drives {shown(group.name)}")
+
+
+def check_devices(controller: ProfinetController, claims: Claims, report: Report) -> None:
+    """The devices that are described by files: each name and address once, each address a host's."""
+    for number, device in enumerate(controller.devices):
+        at: Location = ("controller", "devices", number)
+        check_name((*at, "name"), device.name, report)
+        values: list[tuple[str, object, str]] = [("name", device.name, shown(device.name))]
+        if device.ip is not None:
+            values.append(("ip", device.ip.ip, str(device.ip.ip)))
+            check_host((*at, "ip"), device.ip, report)
+        for field, value, words in values:
+            if (by := claims.claim(field, value, f"controller.devices[{number}]", device.name)) is not None:
+                report((*at, field), f"{words} belongs to {by} already", "each once in the file")
+        try:
+            clock = clock_of(controller, device.cycle_ns)
+        except ValueError as error:
+            if device.cycle_ns is not None:
+                what = f"does not fit the controller's send clock: {error}"
+                report((*at, "cycle"), what, "a multiple of it by a power of two to 512")
+            continue
+        if clock.cycle_ns * controller.watchdog_factor > MAX_WATCHDOG_NS:
+            what = f"{controller.watchdog_factor} cycles of {format_duration(clock.cycle_ns)} are too long a watchdog"
+            report((*at, "cycle"), what, "a watchdog of at most 1.92s")
+
+
+def check_controller(
+    controller: ProfinetController, groups: Sequence[PlacedGroup[ProfinetDrives]], known: Known, report: Report
+) -> None:
+    """The controller's own keys, and each group's cycle against its send clock."""
+    at: Location = ("controller",)
+    check_name((*at, "name"), controller.name, report)
+    if controller.ip is not None:
+        check_host((*at, "ip"), controller.ip, report)
+        for placed in groups:
+            group = placed.group
+            if group.ip is not None and group.gateway is None and group.ip.ip not in controller.ip.network:
+                what = f"{controller.ip} cannot reach {placed.words}, {group.ip}, which has no gateway"
+                report((*at, "ip"), what, f"an address in {group.ip.network}")
+    try:
+        general = clock_of(controller)
+    except ValueError as error:
+        report((*at, clock_key(controller)), str(error), "cycle = 31.25us x send_clock_factor x reduction_ratio")
+        return
+    for placed in groups:
+        _check_clock(placed.at, placed.group, controller, general, known, report)
+
+
+def _check_clock(
+    at: Location, group: ProfinetDrives, controller: ProfinetController, general: Clock, known: Known, report: Report
+) -> None:
+    """One group's cycle against the controller's send clock, the watchdog and the model."""
+    own = group.cycle_ns is not None
+    place: Location = (*at, "cycle") if own else ("controller", "cycle")
+    model = known.model(group.model)
+    cycle_ns = own_cycle_ns(group, controller, model)
+    try:
+        clock = general if cycle_ns is None else clock_of(controller, cycle_ns)
+    except ValueError as error:
+        report(place, f"does not fit the controller's send clock: {error}", "a multiple of it by a power of two to 512")
+        return
+    watchdog_ns = clock.cycle_ns * controller.watchdog_factor
+    if watchdog_ns > MAX_WATCHDOG_NS:
+        cycle, watchdog = format_duration(clock.cycle_ns), format_duration(watchdog_ns)
+        what = f"{controller.watchdog_factor} cycles of {cycle} are {watchdog}"
+        most = MAX_WATCHDOG_NS // clock.cycle_ns
+        report(("controller", "watchdog_factor"), what, f"a watchdog of at most 1.92s, here a factor to {most}")
+    if model is None:
+        return
+    if not own:
+        _check_limit(place, group, model, clock.cycle_ns, report)
+    clocks = list(model.send_clocks)
+    if group.limits == "strict" and clock.send_clock_factor not in clocks and clock.cycle_ns >= model.min_cycle_ns:
+        what = f"a send clock factor of {clock.send_clock_factor} is none of {model.name}"
+        allowed = f"one of {', '.join(map(str, clocks))}, or limits: lax on drives {shown(group.name)}"
+        report(("controller", clock_key(controller)), what, allowed)

@@ -1,0 +1,91 @@
+"""PROFINET's part of the farm file, as :class:`pnfarm.buses.farm_file.FarmFilePart` asks for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.config import checks
+from pnfarm.buses.profinet.config.controller import ProfinetController
+from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig, ProfinetDrives
+from pnfarm.buses.profinet.config.send_clock import own_cycle_ns
+from pnfarm.config.ip import check_addresses, nth_ip
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.buses.farm_file import Claims, Expansion, PlacedGroup
+    from pnfarm.config.drive import DriveFields
+    from pnfarm.config.known import Known, ModelFacts
+    from pnfarm.vocabulary.issues import Location, Report
+
+__all__ = ["PROFINET_PART", "ProfinetPart"]
+
+_CLOCK = ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor")
+
+
+class ProfinetPart:
+    """See the module's head."""
+
+    @property
+    def drives(self) -> type[ProfinetDrives]:
+        return ProfinetDrives
+
+    @property
+    def controller(self) -> type[ProfinetController]:
+        return ProfinetController
+
+    @property
+    def together(self) -> Mapping[str, Sequence[str]]:
+        return {
+            "ip": ("ip", "gateway"),
+            "cycle": _CLOCK,
+            "send_clock_factor": _CLOCK,
+            "reduction_ratio": _CLOCK,
+        }
+
+    @property
+    def judged_by_model(self) -> frozenset[str]:
+        return frozenset({"telegram", "cycle"})
+
+    def check_name(self, at: Location, name: str, report: Report) -> bool:
+        return checks.check_name(at, name, report)
+
+    def check_group(self, at: Location, group: ProfinetDrives, report: Report) -> None:
+        check_addresses(at, group, report)
+
+    def check_model(self, at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
+        checks.check_model(at, group, model, report)
+
+    def check_devices(self, controller: ProfinetController, claims: Claims, report: Report) -> None:
+        checks.check_devices(controller, claims, report)
+
+    def check_controller(
+        self,
+        controller: ProfinetController,
+        groups: Sequence[PlacedGroup[ProfinetDrives]],
+        known: Known,
+        report: Report,
+    ) -> None:
+        checks.check_controller(controller, groups, known, report)
+
+    def drive(
+        self,
+        fields: DriveFields,
+        group: ProfinetDrives,
+        step: int,
+        model: ModelFacts | None,
+        expansion: Expansion,
+    ) -> ProfinetDriveConfig:
+        controller = expansion.controller if isinstance(expansion.controller, ProfinetController) else None
+        return ProfinetDriveConfig(
+            **fields,
+            mac=expansion.macs.of(group, fields["name"], step),
+            ip=nth_ip(group, step),
+            gateway=group.gateway,
+            telegram=group.telegram,
+            hello=group.hello,
+            cycle_ns=own_cycle_ns(group, controller, model),
+        )
+
+
+PROFINET_PART = ProfinetPart()

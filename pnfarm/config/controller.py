@@ -1,0 +1,79 @@
+"""The built-in controller: what one on any bus has."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from pnfarm.config.links import Link
+from pnfarm.config.section import Section
+from pnfarm.config.values import OFF, Duration, Interface, NamePattern
+from pnfarm.table.program import TARGETS
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["ControllerSection", "Program", "Reconnect"]
+
+
+class Program(Section):
+    """What the axis program does with each drive."""
+
+    kind: Literal["constant", "ramp", "sine", "positions", "idle"] = Field(
+        default="idle",
+        description="Course of the speed; positions goes from target to target, position mode; idle exchanges data and "
+        "leaves the drive disabled.",
+    )
+    speed_rpm: float = Field(
+        default=100.0,
+        ge=-100_000,
+        le=100_000,
+        description="Speed, its peak, or the velocity of a move, rpm (linear motor: pitches a minute).",
+    )
+    targets: list[Annotated[float, Field(ge=-10_000, le=10_000)]] = Field(
+        default=[0.0, 1.0],
+        min_length=1,
+        max_length=TARGETS,
+        description="Of positions, in turn, revolutions (linear motor: pitches) from the home position.",
+    )
+    acceleration: float = Field(default=10_000.0, gt=0, le=10_000_000, description="Of positions, up and down, rpm/s.")
+    dwell_ns: Duration = Field(default=0, alias="dwell", description="Of positions, how long it stays in each target.")
+    period_ns: Duration = Field(default=2_000_000_000, alias="period", description="Of one ramp or sine.")
+    enable: bool = Field(default=True, description="Whether it takes the drive to S4 operation.")
+    acknowledge_after_ns: Duration | None = Field(
+        default=None, alias="acknowledge_after", description="Acknowledge a fault so long after it; left out, never."
+    )
+
+
+class Reconnect(Section):
+    """What follows a lost connection."""
+
+    after_ns: Duration = Field(default=1_000_000_000, alias="after", description="Pause before the next Connect.")
+
+
+def _open_reconnect(value: Any) -> Any:
+    if value is False or value == OFF:
+        return None
+    if isinstance(value, (dict, Reconnect)):
+        return value
+    raise Problem(f"is {shown(value)}", "off, or a mapping such as {after: 1s}")
+
+
+class ControllerSection(Section):
+    """What the controller on any bus has; a bus's section adds its own keys."""
+
+    name: NamePattern = Field(default="plc", description="Its station name.")
+    interface: Interface | None = Field(default=None, description="Existing interface to use; it is not changed.")
+    link: Link | None = Field(default=None, description="Link of its own; left out, the farm's.")
+    program: Program = Field(default_factory=Program)
+    reconnect: Annotated[Reconnect | None, BeforeValidator(_open_reconnect)] = Field(
+        default_factory=Reconnect, description="`off`: stay disconnected."
+    )
+
+    @property
+    def device_names(self) -> Sequence[str]:
+        """Devices beside the drives of the file, which no model describes."""
+        return ()

@@ -1,0 +1,129 @@
+"""A group of drives of the farm file, and one drive of it: what drives on any bus have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
+
+from pydantic import Field
+
+from pnfarm.config.axis import Load, Motor
+from pnfarm.config.impairment import Impairment
+from pnfarm.config.machine import Machine
+from pnfarm.config.realism import DriveRealism, Realism
+from pnfarm.config.section import Section
+from pnfarm.config.tasks import Task
+from pnfarm.config.values import NamePattern, Scalar
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.motion_tasks import MotionTask
+
+__all__ = ["MAX_DRIVES", "Claim", "DriveConfig", "DriveFields", "DriveGroup"]
+
+#: Drives of one farm.
+MAX_DRIVES = 4094
+
+Identity = Annotated[dict[str, Any], Field(description="What the drive says it is, where it is not the model's own.")]
+
+
+class DriveGroup(Section):
+    """One drive, or `count` alike."""
+
+    name: NamePattern = Field(description="Station name; {n} counts, {n:02} with leading zeros.")
+    count: int = Field(default=1, ge=1, le=MAX_DRIVES, description="How many.")
+    start: int = Field(default=1, ge=0, le=1_000_000, description="First number that {n} takes.")
+    model: str = Field(description="Drive model, one of `pnfarm models`.", examples=["akd-profinet"])
+    load: Load = Field(default_factory=Load)
+    motor: Motor = Field(default_factory=Motor)
+    machine: Machine = Field(default_factory=Machine)
+    limits: Literal["strict", "lax"] = Field(
+        default="strict", description="strict: refuse what the manual denies; lax: for load tests."
+    )
+    identity: Identity = Field(default_factory=dict)
+    realism: DriveRealism = Field(
+        default_factory=Realism,
+        description="What makes the drives less than ideal; `on`: all that the model has, `off`: nothing. Left out, "
+        "what a source gives a figure for (`pnfarm models MODEL`) on a real link and with strict limits, else nothing.",
+    )
+    params: dict[str, Scalar] = Field(
+        default_factory=dict,
+        description="Parameters at power-on, by the manual's name or by number: whole numbers as on the wire; a number "
+        "with a point is that of a float parameter itself.",
+        examples=[{"DRV.OPMODE": 1}],
+    )
+    motion_tasks: list[Task] = Field(
+        default_factory=list, description="Motion tasks in the drive, as a commissioning tool leaves them there."
+    )
+    behaviour: dict[str, str] = Field(
+        default_factory=dict,
+        description="What the drive does where its manual leaves it open: reading by point; `pnfarm models MODEL` "
+        "and docs/behaviour.md list them.",
+        examples=[{"control-by-plc": "hold"}],
+    )
+    impair: list[Impairment] = Field(default_factory=list, description="Impairments from the start.")
+
+
+#: What may stand once in a farm: key of the group, value, and the value in words.
+Claim = tuple[str, object, str]
+
+
+class DriveFields(TypedDict):
+    """What any bus's :class:`DriveConfig` is made of."""
+
+    index: int
+    group: int
+    name: str
+    model: str
+    load: Load
+    motor: Motor
+    machine: Machine
+    strict: bool
+    identity: Mapping[str, Any]
+    params: Mapping[str, int | float | str | bool]
+    impair: tuple[Impairment, ...]
+    motion_tasks: tuple[MotionTask, ...]
+    behaviour: Mapping[str, str]
+    realism: Realism
+    realism_by_source: bool
+    listed: Model | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveConfig:
+    """One drive as the farm file wants it; a bus's drives have more.
+
+    ``index`` counts through the farm from 0; ``group`` is the entry of ``drives:`` that it comes from.
+    ``model`` is the name under which the model is listed, also where the file has an alias; ``listed`` is that model
+    with the parameters of the farm file's list, None where the file has no list for it.
+    ``realism_by_source``: what ``realism`` says nothing of is on where a source gives the model's figure.
+    ``mac`` is that of its port, empty on a link without hardware addresses.
+    """
+
+    index: int
+    group: int
+    name: str
+    model: str
+    load: Load
+    motor: Motor
+    machine: Machine
+    strict: bool
+    identity: Mapping[str, Any]
+    params: Mapping[str, int | float | str | bool]
+    impair: tuple[Impairment, ...]
+    motion_tasks: tuple[MotionTask, ...] = ()
+    behaviour: Mapping[str, str] = field(default_factory=dict)
+    realism: Realism = field(default_factory=Realism)
+    realism_by_source: bool = False
+    listed: Model | None = None
+    mac: bytes = b""
+
+    def claims(self) -> Sequence[Claim]:
+        """What no other drive of the farm may have, besides its name."""
+        return ()
+
+    def addresses(self) -> Sequence[str]:
+        """Where it is on its bus, in words for a table: hardware address, address."""
+        return "", ""
