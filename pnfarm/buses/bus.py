@@ -11,9 +11,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
+    from pathlib import Path
 
     from fastapi import FastAPI
 
+    from pnfarm.buses.controller import Controller, ControllerHost, ControllerPlan
     from pnfarm.buses.farm_file import FarmFilePart
     from pnfarm.captures.decoder import FrameDecoder
     from pnfarm.captures.packet import Capture
@@ -138,6 +140,17 @@ class Bus(Protocol):
 
     def segment(self, devices: Sequence[Any]) -> Segment:
         """What the farm's devices on this bus have in common; they are the bus's own."""
+        ...
+
+    def plan(self, section: Any, drives: Sequence[Any], models: Sequence[Model], folder: Path | None) -> ControllerPlan:
+        """What the farm file's controller is to do with the drives of this bus; section and drives are the bus's own.
+
+        ``folder`` is what files that the section names are relative to.  Raises :class:`ConfigError`.
+        """
+        ...
+
+    def controller(self, plan: Any, host: ControllerHost) -> Controller:
+        """The controller that carries out a plan of this bus."""
         ...
 
     def fault_kinds(self) -> Iterable[InjectionKind]:

@@ -171,7 +171,8 @@ def _know(path: Path, decoder: Decoder) -> None:
     """Names, models and planned connections of a farm file."""
     from pnfarm.captures.decoder import PlannedDrive
     from pnfarm.cli.files import read
-    from pnfarm.controller.plan import plan_devices
+    from pnfarm.config.ip import IpController, IpDriveConfig
+    from pnfarm.controller.plan import plan_controller
     from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import controller_mac, expand
 
@@ -180,16 +181,20 @@ def _know(path: Path, decoder: Decoder) -> None:
     models = [model_of(drive) for drive in drives]
     stations = decoder.capture.stations
     for drive, model in zip(drives, models, strict=True):
-        stations.learn(drive.mac, name=drive.name, ip=drive.ip.ip if drive.ip else None, model=model)
+        ip = drive.ip if isinstance(drive, IpDriveConfig) else None
+        stations.learn(drive.mac, name=drive.name, ip=ip.ip if ip is not None else None, model=model)
     section = config.controller
     if section is None:
         return
     mac = controller_mac(config)
     if mac is not None:
-        stations.learn(mac, name=section.name, ip=section.ip.ip if section.ip else None)
+        ip = section.ip if isinstance(section, IpController) else None
+        stations.learn(mac, name=section.name, ip=ip.ip if ip is not None else None)
+    own, plan = plan_controller(config, drives)
+    members = [(drive, model) for drive, model in zip(drives, models, strict=True) if model.bus == own.name]
+    # plans of devices that no model describes follow those of the drives
     planned = [
-        PlannedDrive(drive.mac, model, plan)
-        for drive, model, plan in zip(drives, models, plan_devices(section, drives, models), strict=True)
+        PlannedDrive(drive.mac, model, wanted) for (drive, model), wanted in zip(members, plan.devices, strict=False)
     ]
     for bus, frames in decoder.buses.items():
         frames.expect(section.name, mac or bytes(6), [one for one in planned if one.model.bus == bus])

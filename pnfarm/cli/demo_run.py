@@ -28,6 +28,7 @@ from pnfarm.table.engine_row import LATENESS_EDGES_NS
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pnfarm.buses.controller import Controller
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import InjectionManager
 
@@ -67,6 +68,7 @@ class Demo:
         self._live: Live | None = None
         self._line: VirtualLine | None = None
         self._farm: FarmCore
+        self._plc: Controller
         self._injections: InjectionManager
         self._now: Callable[[], int] = time.monotonic_ns
         self._poke: Callable[[], None] = lambda: None
@@ -117,8 +119,8 @@ class Demo:
         return release
 
     async def _course(self) -> bool:
-        names = [session.plan.name for session in self._plc.sessions]
-        first = await self._until(lambda: any(s.measures.connects for s in self._plc.sessions))
+        names = [row["name"] for row in self._plc.snapshot()]
+        first = await self._until(lambda: any(row["connects"] for row in self._plc.snapshot()))
         self._tell(f"first drive connected {time.monotonic() - self._begin:.1f} s after the start")
         connected = first and await self._until(lambda: self._plc.all_connected)
         if not connected:
@@ -162,14 +164,12 @@ class Demo:
         self._tell(f"{name} shows {numbers}" + (", its connection is gone" if kind == "timeout" else ""))
 
         def back() -> bool:
-            session = self._plc.session(name)
             reconnected = kind != "timeout" or station.device.connects > before
             return (
                 reconnected
-                and session is not None
                 and int(station.handle.axis.drive.state) == 4
                 and int(station.handle.axis.faults.code[0]) == 0
-                and bool(self._plc.columns.image[session.index].valid)
+                and self._plc.exchanging(name)
             )
 
         if not await self._until(back):
@@ -255,10 +255,8 @@ class Demo:
         drives = []
         for station in self._farm.stations:
             seen = drive_snapshot(self._farm, station, now, injected={})
-            session = self._plc.session(station.configured_name)
-            index = session.index if session is not None else 0
             exchanging = seen["frames_sent"] > 0 and seen["frames_received"] > 0
-            connected = exchanging and bool(self._plc.columns.image[index].valid)
+            connected = exchanging and self._plc.exchanging(station.configured_name)
             recovered = self._recovered.get(station.configured_name, connected)
             drives.append(
                 {

@@ -99,8 +99,8 @@ def summary(config: FarmConfig) -> str:
         parts.append("no API" if api is None else f"API {api.host}:{api.port}")
     if config.controller is not None:
         parts.append(f"controller {config.controller.name}")
-        if config.controller.devices:
-            parts.append(f"{counted(len(config.controller.devices), 'device')} by GSDML file")
+        if config.controller.device_names:
+            parts.append(f"{counted(len(config.controller.device_names), 'device')} by GSDML file")
     return ", ".join(parts)
 
 

@@ -290,10 +290,7 @@ def _say_up(farm: Farm, url: str | None) -> None:
     print_line(f"{farm.config.farm}: {counted(len(farm.drives), 'drive')} on {link_words(farm.config)}, {where}")
     if not sys.stdout.isatty():
         return
-    rows = [
-        (drive.name, drive.model, drive.mac.hex(":"), str(drive.ip) if drive.ip is not None else "by DCP")
-        for drive in farm.drives[:MAX_ROWS]
-    ]
+    rows = [(drive.name, drive.model, *drive.addresses()) for drive in farm.drives[:MAX_ROWS]]
     print_table(("DRIVE", "MODEL", "MAC", "IP"), rows)
     if len(farm.drives) > MAX_ROWS:
         print_line(f"... and {len(farm.drives) - MAX_ROWS} more; `pnfarm inspect` shows all")

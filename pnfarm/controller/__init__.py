@@ -1,1 +1,1 @@
-"""The other end: a PROFINET IO controller that finds, addresses, connects and runs drives, virtual or real."""
+"""The other end: the bus's controller in real time and in virtual time, against drives virtual or real."""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.controller.core import ControllerCore
-from pnfarm.controller.plan import plan_devices
+from pnfarm.buses.controller import ControllerHost
+from pnfarm.config.ip import IpController
+from pnfarm.controller.plan import plan_controller
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
@@ -19,6 +20,7 @@ from pnfarm.station.event_log import EventLog
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pnfarm.buses.controller import Controller
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.links.base import Link
@@ -31,7 +33,7 @@ class VirtualLine:
     """``farm`` and ``plc`` (None without a ``controller:`` section) in ``world``; made by :meth:`create`."""
 
     def __init__(
-        self, config: FarmConfig, world: VirtualWorld, farm: FarmCore, farm_link: MemoryLink, plc: ControllerCore | None
+        self, config: FarmConfig, world: VirtualWorld, farm: FarmCore, farm_link: MemoryLink, plc: Controller | None
     ) -> None:
         self.config = config
         self.world = world
@@ -44,7 +46,7 @@ class VirtualLine:
         await self.farm.link.close()
 
     @property
-    def plc(self) -> ControllerCore:
+    def plc(self) -> Controller:
         """The controller; raises :class:`ConfigError` when the file has none."""
         if self._plc is None:
             raise ConfigError("the file has no `controller:` section")
@@ -94,21 +96,13 @@ class VirtualLine:
         if section is None:
             return cls(config, world, farm, link, None)
         mac = controller_mac(config)
-        if mac is None or section.ip is None:
+        if isinstance(section, IpController) and (mac is None or section.ip is None):
             raise ConfigError("a controller in memory needs `ip`, and no `interface`")
         plc_link = world.link()
-        (port,) = await plc_link.open([PortSpec(section.name, mac)])
-        folder = config.path.parent if config.path is not None else None
-        plans = plan_devices(section, drives, [model_of(drive) for drive in drives], folder)
-        plc = ControllerCore(
-            section.name,
-            plans,
-            plc_link,
-            port,
-            ip=section.ip,
-            log=plc_log or EventLog(quiet=True),
-            seed=b"plc",
-            lldp=config.lldp,
+        (port,) = await plc_link.open([PortSpec(section.name, mac or b"")])
+        bus, plan = plan_controller(config, drives)
+        plc = bus.controller(
+            plan, ControllerHost(plc_link, port, plc_log or EventLog(quiet=True), seed=b"plc", lldp=config.lldp)
         )
         world.join(plc, [port])
         plc.start(world.now)

@@ -1,267 +1,30 @@
-"""From the farm file to what the controller expects of each drive."""
+"""From the farm file to the plan of its controller."""
 
 from __future__ import annotations
 
-from fnmatch import fnmatchcase
-from ipaddress import IPv4Interface
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.bus import PROFINET
-from pnfarm.buses.profinet.config.send_clock import clock_of
-from pnfarm.buses.profinet.controller.device_plan import AxisProgram, DevicePlan, SignalSteps
-from pnfarm.buses.profinet.controller.gsdml import load_gsdml
-from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.profidrive.tasks import ramp_step
-from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
-from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
-from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
-from pnfarm.table import program
-from pnfarm.table.axis_codes import TASKS_NONE
-from pnfarm.table.image import IMAGE
+from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.choice import bus_of_controller
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.buses.profinet.config.controller import ForeignDevice
-    from pnfarm.config.controller import ControllerSection
+    from pnfarm.buses.bus import Bus
+    from pnfarm.buses.controller import ControllerPlan
     from pnfarm.config.drive import DriveConfig
-    from pnfarm.drives.model import Model
-    from pnfarm.protocols.profinet.gsdml.document import Gsdml
+    from pnfarm.farm.file.reading import FarmConfig
 
-__all__ = ["plan_devices", "signal_steps"]
-
-KINDS = {
-    "idle": program.IDLE,
-    "constant": program.CONSTANT,
-    "ramp": program.RAMP,
-    "sine": program.SINE,
-    "positions": program.POSITIONS,
-}
+__all__ = ["plan_controller"]
 
 
-def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps:
-    """The steps as the drive itself works them out of its parameters and the telegram."""
-    axes, image = AXIS.allocate(1), IMAGE.allocate(1)
-    axis = axes[0]
-    store = ParameterStore(model, AxisHandle(axis, image[0]))
-    numbers: dict[str | int, int | Sequence[int]] = {
-        key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()
-    }
-    store.commission(numbers)
-    store.power_on()
-    return SignalSteps(
-        velocity_step=float(axis.profidrive.settings.velocity_step),
-        velocity_step_b=float(axis.profidrive.settings.velocity_step_b),
-        task_form=model.profidrive.telegrams[telegram].tasks if telegram in model.profidrive.telegrams else TASKS_NONE,
-        control_config=int(axis.asked.settings.control_config),
-        target_step=float(axis.profidrive.settings.target_step) or float(axis.travel.settings.position_step),
-        task_velocity_step=float(axis.profidrive.settings.task_velocity_step) or 1.0,
-        task_acceleration_step=float(
-            ramp_step(
-                axis.profidrive.settings.task_acceleration_step,
-                axis.jog.settings.acceleration,
-                axis.ramp.settings.acceleration,
-            )
-        )
-        or 1.0,
-        task_deceleration_step=float(
-            ramp_step(
-                axis.profidrive.settings.task_deceleration_step,
-                axis.jog.settings.deceleration,
-                axis.ramp.settings.deceleration,
-            )
-        )
-        or 1.0,
-        task_ramps_signed=bool(axis.profidrive.settings.task_ramps_signed),
-        ramp_step=float(axis.profidrive.settings.acceleration_step) or 1.0,
-    )
-
-
-def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
-    if telegram not in model.profidrive.telegrams:
-        raise ConfigError(
-            f"{model.name} has no telegram {telegram}; it has {', '.join(map(str, model.profidrive.telegrams))}"
-        )
-    return tuple(
-        PlannedSubmodule(
-            api=s.api,
-            slot=s.slot,
-            module_ident=module.ident,
-            subslot=s.subslot,
-            submodule_ident=s.ident,
-            input_bytes=s.input_bytes,
-            output_bytes=s.output_bytes,
-        )
-        for module in (model.dap, model.profidrive.telegrams[telegram].module)
-        for s in module.submodules
-    )
-
-
-class _Addresses:
-    """Gives those without an address the next free one of the controller's subnet."""
-
-    def __init__(self, section: ControllerSection, drives: Sequence[DriveConfig]) -> None:
-        given = [section.ip, *(drive.ip for drive in drives), *(device.ip for device in section.devices)]
-        taken = {ip.ip for ip in given if ip is not None}
-        self._own = section.ip
-        hosts = section.ip.network.hosts() if section.ip else ()
-        self._free = (address for address in hosts if address not in taken)
-
-    def of(self, ip: IPv4Interface | None, name: str) -> IPv4Interface:
-        if ip is not None:
-            return ip
-        if self._own is None:
-            raise ConfigError(f"{name} has no ip and the controller has none to count from: give one of them")
-        address = next(self._free, None)
-        if address is None:
-            raise ConfigError(f"the controller's subnet {self._own.network} has no address left for {name}")
-        return IPv4Interface((address, self._own.network.prefixlen))
-
-
-def _records(section: ControllerSection, name: str) -> tuple[ParameterRecord, ...]:
-    """The file's records for this drive or device."""
-    return tuple(
-        ParameterRecord(r.api, r.slot, r.subslot, r.index, r.data)
-        for r in section.records
-        if r.on is None or any(glob == "all" or fnmatchcase(name, glob) for glob in r.on)
-    )
-
-
-def _plan_foreign(
-    section: ControllerSection, device: ForeignDevice, folder: Path, ip: IPv4Interface, known: dict[Path, Gsdml]
-) -> DevicePlan:
-    """A device by its GSDML file.
-
-    A record of the farm file takes the place of the same one of the GSDML file; others follow.
-    """
-    path = folder / device.gsdml
-    if path not in known:
-        known[path] = load_gsdml(path)
-    clock = clock_of(section, device.cycle_ns)
-    wanted = device.startup or (section.startup if "startup" in section.model_fields_set else None)
-    try:
-        planned = from_gsdml(
-            known[path],
-            dap=device.dap,
-            modules=device.modules,
-            submodules={
-                (slot, subslot): i for slot, items in device.submodules.items() for subslot, i in items.items()
-            },
-        )
-        factor, ratio = clock.send_clock_factor, clock.reduction_ratio
-        # a cycle that was asked for and no more is made of what the device takes
-        asked = device.cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
-        if asked and section.send_clock_factor is None:
-            factor, ratio = planned.clock(factor, ratio)
-        planned.check_clock(factor, ratio)
-        startup = planned.startup(wanted)
-    except ConfigError as exc:
-        raise ConfigError(f"device {device.name}, {path}: {exc}") from exc
-    records = {(r.api, r.slot, r.subslot, r.index): r for r in (*planned.records, *_records(section, device.name))}
-    return DevicePlan(
-        name=device.name,
-        model=planned.dap.info.name or planned.dap.id,
-        ip=ip,
-        gateway=device.gateway,
-        assign_ip=section.assign_ip,
-        vendor_id=planned.vendor_id,
-        device_id=planned.device_id,
-        submodules=planned.submodules,
-        output_words=(),
-        input_words=(),
-        steps=SignalSteps(),
-        life=False,
-        send_clock_factor=factor,
-        reduction_ratio=ratio,
-        watchdog_factor=section.watchdog_factor,
-        startup=startup,
-        records=tuple(records.values()),
-        # nobody knows what its outputs mean: they stay zero
-        program=AxisProgram(
-            program.IDLE, enable=False, speed_rpm=0.0, period_ns=1_000_000_000, acknowledge_after_ns=-1
-        ),
-        reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
-        read_identification=section.identification,
-        takeover_allowed=section.takeover_allowed,
-        texts=DescribedDiagnosis(known[path].diagnoses, known[path].unit_diagnoses),
-        instance=planned.instance,
-        multiple_write=planned.multiple_write,
-        application_ready_ns=_ready_ns(section, planned.dap.application_seconds),
-    )
-
-
-def _ready_ns(section: ControllerSection, named_seconds: int) -> int:
-    """What the farm file says, else what the GSDML file names, else the usual time."""
-    if named_seconds and "application_ready_ns" not in section.model_fields_set:
-        return named_seconds * 1_000_000_000
-    return section.application_ready_ns
-
-
-def plan_devices(
-    section: ControllerSection, drives: Sequence[DriveConfig], models: Sequence[Model], folder: Path | None = None
-) -> list[DevicePlan]:
-    """What the controller expects, drive by drive and then device by device; drives on another bus are not its own.
-
-    ``folder`` is what the GSDML files of the devices are relative to.  Who has no address gets the next free one of the
-    controller's subnet.  Raises :class:`ConfigError`.
-    """
-    addresses = _Addresses(section, drives)
-    plans = []
-    for drive, model in zip(drives, models, strict=True):
-        if model.bus != PROFINET.name:
-            continue
-        ip = addresses.of(drive.ip, f"drive {drive.name}")
-        # a section that is silent leaves the choice to each model
-        usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
-        number = drive.telegram if drive.telegram is not None else usual
-        clock = clock_of(section, drive.cycle_ns)
-        chosen = section.program
-        steps = signal_steps(model, drive, number)
-        if chosen.kind == "positions" and steps.task_form == TASKS_NONE:
-            raise ConfigError(f"drive {drive.name}: telegram {number} of {model.name} has no signal of a position task")
-        plans.append(
-            DevicePlan(
-                name=drive.name,
-                model=model.name,
-                ip=ip,
-                gateway=drive.gateway,
-                assign_ip=section.assign_ip,
-                vendor_id=model.profidrive.identity.vendor_id,
-                device_id=model.profidrive.identity.device_id,
-                submodules=_submodules(model, number),
-                output_words=model.profidrive.telegrams[number].output_words,
-                input_words=model.profidrive.telegrams[number].input_words,
-                steps=steps,
-                texts=DescribedDiagnosis(*describe_diagnosis(model)),
-                life=model.profidrive.sign_of_life is not None,
-                send_clock_factor=clock.send_clock_factor,
-                reduction_ratio=clock.reduction_ratio,
-                watchdog_factor=section.watchdog_factor,
-                startup=section.startup,
-                records=_records(section, drive.name),
-                program=AxisProgram(
-                    kind=KINDS[chosen.kind],
-                    enable=chosen.enable and chosen.kind != "idle",
-                    speed_rpm=chosen.speed_rpm,
-                    period_ns=chosen.period_ns,
-                    acknowledge_after_ns=-1 if chosen.acknowledge_after_ns is None else chosen.acknowledge_after_ns,
-                    targets=tuple(chosen.targets),
-                    acceleration=chosen.acceleration,
-                    dwell_ns=chosen.dwell_ns,
-                ),
-                reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
-                read_identification=section.identification,
-                takeover_allowed=section.takeover_allowed,
-                application_ready_ns=section.application_ready_ns,
-            )
-        )
-    known: dict[Path, Gsdml] = {}
-    for device in section.devices:
-        ip = addresses.of(device.ip, f"device {device.name}")
-        plans.append(_plan_foreign(section, device, folder or Path(), ip, known))
-    return plans
+def plan_controller(config: FarmConfig, drives: Sequence[DriveConfig]) -> tuple[Bus, ControllerPlan]:
+    """The controller's bus, and what it is to do with the drives on it.  Raises :class:`ConfigError`."""
+    section = config.controller
+    if section is None:
+        raise ConfigError("the file has no `controller:` section; `pnfarm schema farm` shows its keys")
+    bus = bus_of_controller(section)
+    pairs = [(drive, model) for drive in drives if (model := model_of(drive)).bus == bus.name]
+    folder = config.path.parent if config.path is not None else None
+    return bus, bus.plan(section, [drive for drive, _ in pairs], [model for _, model in pairs], folder)

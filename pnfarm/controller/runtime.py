@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import os
 import time
-from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.buses.profinet.controller.core import CALL_PORT, ControllerCore
+from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.links import MacvlanLink as MacvlanSection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
-from pnfarm.controller.plan import plan_devices
+from pnfarm.controller.plan import plan_controller
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
-from pnfarm.farm.farm import model_of, realtime_settings
+from pnfarm.farm.farm import realtime_settings
 from pnfarm.farm.file.reading import FarmConfig, controller_mac, expand, load_farm
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.links.base import PortSpec, unwrap
@@ -28,15 +27,15 @@ from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock, bridge_name
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
     import socket
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
     from types import TracebackType
 
+    from pnfarm.buses.controller import Controller
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.engine.realtime import RealTimeSettings
     from pnfarm.links.base import Link
@@ -92,11 +91,11 @@ class Plc:
         self._owner = f"{config.farm or 'farm'} {section.name}"
         self.link = link or _link(config, interface, self._owner)
         self._own_link = link is None
-        self._settings = settings or realtime_settings(config, len(self.drives) + len(section.devices))
+        self._settings = settings or realtime_settings(config, len(self.drives) + len(section.device_names))
         self._lock = FarmLock(self._owner)
         self._driver: RealTimeDriver | None = None
         self._held: list[socket.socket] = []
-        self._core: ControllerCore | None = None
+        self._core: Controller | None = None
 
     @classmethod
     def from_file(cls, path: str | Path, *, interface: str | None = None, **overrides: Any) -> Self:
@@ -104,7 +103,7 @@ class Plc:
         return cls(config, interface=interface)
 
     @property
-    def core(self) -> ControllerCore:
+    def core(self) -> Controller:
         if self._core is None:
             raise ConfigError("the controller is not running: use it inside `async with`")
         return self._core
@@ -115,46 +114,24 @@ class Plc:
             raise ConfigError("the controller is not running: use it inside `async with`")
         return self._driver
 
-    def _address(self) -> IPv4Interface:
-        """Its own address; one beside the drives' when the file gives none."""
-        if self.section.ip is not None:
-            return self.section.ip
-        wanted = [*(drive.ip for drive in self.drives), *(device.ip for device in self.section.devices)]
-        given = [ip for ip in wanted if ip is not None]
-        if not given:
-            raise ConfigError("neither the controller nor a drive has an ip; give `controller: {ip: 10.77.0.1/24}`")
-        first, taken = given[0], {ip.ip for ip in given}
-        for address in first.network.hosts():
-            if address not in taken:
-                return IPv4Interface((address, first.network.prefixlen))
-        raise ConfigError(f"{first.network} has no address left for the controller; give it one outside of the drives'")
-
     def check_rights(self) -> None:
         """Raises :class:`EnvironmentError_` where this process may not do what the controller's link needs."""
         require_for_link(unwrap(self.link).kind, f"controller {self.section.name}")
 
     async def open(self) -> None:
         """Take the port, start the engine, begin to look for the drives."""
-        address = self._address()
-        models = [model_of(drive) for drive in self.drives]
-        folder = self.config.path.parent if self.config.path is not None else None
-        plans = plan_devices(self.section, self.drives, models, folder)
+        bus, plan = plan_controller(self.config, self.drives)
+        address, ports = plan.udp_ports
         self._lock.acquire()
         try:
             if self._own_link and self.link.kind != "interface":
                 await remove_leftovers(self._owner)
             mac = controller_mac(self.config) or bytes(6)
             (port,) = await self.link.open([PortSpec(self.section.name, mac)])
-            self._held += hold_ports(address, (RPC_PORT, CALL_PORT))
-            self._core = ControllerCore(
-                self.section.name,
-                plans,
-                self.link,
-                port,
-                ip=address,
-                log=self.log,
-                seed=os.urandom(16),
-                lldp=self.config.lldp,
+            if address is not None:
+                self._held += hold_ports(address, ports)
+            self._core = bus.controller(
+                plan, ControllerHost(self.link, port, self.log, seed=os.urandom(16), lldp=self.config.lldp)
             )
             self._driver = RealTimeDriver(self._core, self._settings)
             await self._driver.start()
@@ -200,11 +177,11 @@ class Plc:
         """Until every enabled axis is in operation, at most ``seconds``."""
         return await self._wait(lambda core: core.all_running and core.all_connected, seconds)
 
-    async def _wait(self, condition: Any, seconds: float) -> bool:
+    async def _wait(self, condition: Callable[[Controller], bool], seconds: float) -> bool:
         with anyio.move_on_after(seconds):
             while not condition(self.core):  # noqa: ASYNC110 - the engine's thread sets no events
                 await anyio.sleep(0.005)
-        return bool(condition(self.core))
+        return condition(self.core)
 
     async def ask_parameter(self, name: str, task: Pkw, seconds: float = 1.0) -> Pkw | None:
         """One task through the cyclic parameter channel (PKW) of a drive, as a PLC program has it.
@@ -217,7 +194,7 @@ class Plc:
             self.core.put_parameter_task(name, wanted)
             idle = wanted.identifier == NO_TASK.identifier
 
-            def answered(core: ControllerCore, idle: bool = idle) -> bool:
+            def answered(core: Controller, idle: bool = idle) -> bool:
                 return (core.parameter_answer(name).identifier == NO_TASK.identifier) == idle
 
             if not await self._wait(answered, seconds):

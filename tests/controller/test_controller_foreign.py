@@ -10,8 +10,8 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.core import ControllerCore
+from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.cli.files import summary
-from pnfarm.controller.plan import plan_devices
 from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError

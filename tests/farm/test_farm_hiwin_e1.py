@@ -6,7 +6,7 @@ import pytest
 from parameter_requests import change_request, read_request
 from virtual_line import VirtualLine
 
-from pnfarm.controller.plan import plan_devices
+from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterAddress,

@@ -6,7 +6,7 @@ import pytest
 from e1_plc import HOME, HOMED, JOG_FORWARDS, REACHED, RUN, START, STOPPED, WHOLE
 from hand_plc import HandPlc
 
-from pnfarm.controller.plan import plan_devices
+from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.controller.plan import plan_devices
+from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import expand, parse_farm

@@ -7,7 +7,7 @@ from dataclasses import replace
 from ipaddress import IPv4Interface
 
 from pnfarm.buses.profinet.controller.core import ControllerCore
-from pnfarm.controller.plan import plan_devices
+from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of

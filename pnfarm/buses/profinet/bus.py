@@ -6,11 +6,17 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from pathlib import Path
 
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
+    from pnfarm.buses.controller import ControllerHost
+    from pnfarm.buses.profinet.config.controller import ProfinetController
+    from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.buses.profinet.config.part import ProfinetPart
+    from pnfarm.buses.profinet.controller.core import ControllerCore
+    from pnfarm.buses.profinet.controller.device_plan import ProfinetPlan
     from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.segment import ProfinetSegment
@@ -63,6 +69,24 @@ class Profinet:
         from pnfarm.buses.profinet.device.segment import ProfinetSegment
 
         return ProfinetSegment(devices)
+
+    def plan(
+        self,
+        section: ProfinetController,
+        drives: Sequence[ProfinetDriveConfig],
+        models: Sequence[Model],
+        folder: Path | None,
+    ) -> ProfinetPlan:
+        from pnfarm.buses.profinet.controller.plan import plan_controller
+
+        return plan_controller(section, drives, models, folder)
+
+    def controller(self, plan: ProfinetPlan, host: ControllerHost) -> ControllerCore:
+        from pnfarm.buses.profinet.controller.core import ControllerCore
+
+        return ControllerCore(
+            plan.name, plan.devices, host.link, host.port, ip=plan.ip, log=host.log, seed=host.seed, lldp=host.lldp
+        )
 
     def fault_kinds(self) -> Iterable[InjectionKind]:
         from pnfarm.buses.profinet.faults import kinds

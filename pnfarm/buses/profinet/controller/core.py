@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.channels import SessionChannels
+from pnfarm.buses.profinet.controller.device_plan import CALL_PORT
 from pnfarm.buses.profinet.controller.events import NameGivenTwice, PhaseChanged
 from pnfarm.buses.profinet.controller.parameter_words import parameter_answer, put_parameter_task
 from pnfarm.buses.profinet.controller.records import READ_LENGTH, RecordJob, RecordPlace
@@ -70,9 +71,6 @@ if TYPE_CHECKING:
     from pnfarm.station.event_log import EventLog
 
 __all__ = ["ControllerCore"]
-
-#: UDP port of our own calls.
-CALL_PORT = 49_153
 
 
 class ControllerCore:
@@ -247,6 +245,11 @@ class ControllerCore:
     def all_connected(self) -> bool:
         """Every drive exchanges data both ways."""
         return all(s.state is SessionState.DATA and self.columns.image[s.index].valid for s in self.sessions)
+
+    def exchanging(self, name: str) -> bool:
+        """Whether a drive's data is valid; false for a drive that is not the controller's."""
+        session = self._by_name.get(name)
+        return session is not None and bool(self.columns.image[session.index].valid)
 
     @property
     def all_running(self) -> bool:

@@ -1,4 +1,4 @@
-"""What the controller expects of each device, and what its axis program does."""
+"""What the controller expects of each device, and of itself."""
 
 from __future__ import annotations
 
@@ -7,29 +7,22 @@ from typing import TYPE_CHECKING, Literal
 
 from pnfarm.protocols.profinet.cmctl_events import Timeouts
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
+from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
 from pnfarm.table.axis_codes import TASKS_NONE
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
+    from pnfarm.buses.axis_program import AxisProgram
     from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
-__all__ = ["AxisProgram", "DevicePlan", "SignalSteps"]
+__all__ = ["CALL_PORT", "DevicePlan", "ProfinetPlan", "SignalSteps"]
 
 
-@dataclass(frozen=True, slots=True)
-class AxisProgram:
-    """What one axis does; ``kind`` is a number of :mod:`pnfarm.table.program`."""
-
-    kind: int
-    enable: bool
-    speed_rpm: float
-    period_ns: int
-    acknowledge_after_ns: int
-    targets: tuple[float, ...] = ()
-    acceleration: float = 0.0
-    dwell_ns: int = 0
+#: UDP port of the controller's own calls.
+CALL_PORT = 49_153
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,3 +78,16 @@ class DevicePlan:
     takeover_allowed: bool = False
     #: What the drive or device calls its diagnoses.
     texts: DescribedDiagnosis | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ProfinetPlan:
+    """One controller and its devices."""
+
+    name: str
+    ip: IPv4Interface
+    devices: tuple[DevicePlan, ...]
+
+    @property
+    def udp_ports(self) -> tuple[IPv4Interface, Sequence[int]]:
+        return self.ip, (RPC_PORT, CALL_PORT)

@@ -1,0 +1,53 @@
+"""What the built-in controller does with each axis, whatever its bus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.table import program
+
+if TYPE_CHECKING:
+    from pnfarm.config.controller import Program
+
+__all__ = ["IDLE", "AxisProgram", "axis_program"]
+
+_KINDS = {
+    "idle": program.IDLE,
+    "constant": program.CONSTANT,
+    "ramp": program.RAMP,
+    "sine": program.SINE,
+    "positions": program.POSITIONS,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class AxisProgram:
+    """What one axis does; ``kind`` is a number of :mod:`pnfarm.table.program`."""
+
+    kind: int
+    enable: bool
+    speed_rpm: float
+    period_ns: int
+    acknowledge_after_ns: int
+    targets: tuple[float, ...] = ()
+    acceleration: float = 0.0
+    dwell_ns: int = 0
+
+
+#: Of a device whose outputs nobody knows: they stay zero.
+IDLE = AxisProgram(program.IDLE, enable=False, speed_rpm=0.0, period_ns=1_000_000_000, acknowledge_after_ns=-1)
+
+
+def axis_program(section: Program) -> AxisProgram:
+    """The farm file's program."""
+    return AxisProgram(
+        kind=_KINDS[section.kind],
+        enable=section.enable and section.kind != "idle",
+        speed_rpm=section.speed_rpm,
+        period_ns=section.period_ns,
+        acknowledge_after_ns=-1 if section.acknowledge_after_ns is None else section.acknowledge_after_ns,
+        targets=tuple(section.targets),
+        acceleration=section.acceleration,
+        dwell_ns=section.dwell_ns,
+    )

@@ -1,0 +1,122 @@
+"""What the house asks of a bus's controller: plans made of the farm file, and the controller that carries them out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from ipaddress import IPv4Interface
+
+    from pnfarm.drives.profiles.profidrive.pkw import Pkw
+    from pnfarm.engine.columns import Columns
+    from pnfarm.links.base import Link, Port
+    from pnfarm.station.event_log import EventLog
+
+__all__ = ["Controller", "ControllerHost", "ControllerPlan"]
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerHost:
+    """What a controller uses and does not own: where it stands, its log, a seed for its UUIDs.
+
+    ``lldp``: whether it speaks LLDP.
+    """
+
+    link: Link
+    port: Port
+    log: EventLog
+    seed: bytes
+    lldp: bool = True
+
+
+class ControllerPlan(Protocol):
+    """What a controller is to do, worked out of the farm file; the rest of it is the bus's own."""
+
+    @property
+    def devices(self) -> Sequence[Any]:
+        """What each drive is to be, in the order of the drives, and then each device that no model describes."""
+        ...
+
+    @property
+    def udp_ports(self) -> tuple[IPv4Interface | None, Sequence[int]]:
+        """The controller's address, and the UDP ports on which the kernel must not answer in its place."""
+        ...
+
+
+class Controller(Protocol):
+    """The other end of a farm's wire: bytes and ``now`` in, frames out; no clock, no task.
+
+    A :class:`pnfarm.farm.core.Node`, as a farm is.
+    """
+
+    columns: Columns
+    link: Link
+    port: Port
+
+    # -- the node
+
+    def receive(self, port: int, frame: bytes, now: int) -> None:
+        """One acyclic frame."""
+        ...
+
+    def service(self, now: int) -> None:
+        """Take the engine's events and whatever timers are due."""
+        ...
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`service` is wanted at the latest."""
+        ...
+
+    # -- its life
+
+    def start(self, now: int) -> None:
+        """Begin to look for the drives."""
+        ...
+
+    def release(self, now: int) -> None:
+        """Take every connection down in order."""
+        ...
+
+    # -- what it has come to
+
+    @property
+    def all_connected(self) -> bool:
+        """Whether every drive exchanges data both ways."""
+        ...
+
+    @property
+    def all_running(self) -> bool:
+        """Whether every enabled axis is in operation."""
+        ...
+
+    @property
+    def all_stopped(self) -> bool:
+        """Whether every connection is down, after :meth:`release`."""
+        ...
+
+    def exchanging(self, name: str) -> bool:
+        """Whether a drive's data is valid; false for a drive that is not the controller's."""
+        ...
+
+    def snapshot(self) -> list[dict[str, Any]]:
+        """One dict for each drive, plain JSON values.
+
+        Any bus has ``name``, ``model``, ``ip``, ``state``, ``phase``, ``zsw1``, ``stw1``, ``connects``, ``losses``,
+        ``faults``, ``cycle_seconds``, ``frames_sent``, ``frames_received``, ``unusable``, ``last_reason``.
+        """
+        ...
+
+    # -- the parameter channel in the cyclic data (PKW), where a telegram has one
+
+    def put_parameter_task(self, name: str, task: Pkw) -> None:
+        """Let a task stand in a drive's channel.
+
+        Raises :class:`ConfigError` for an unknown drive and for one whose cyclic data has no such channel.
+        """
+        ...
+
+    def parameter_answer(self, name: str) -> Pkw:
+        """What a drive answers there; raises as :meth:`put_parameter_task` does."""
+        ...
