@@ -75,8 +75,8 @@ class FarmFilePart(Protocol[Group, Controller]):
         ...
 
     @property
-    def controller(self) -> type[Controller]:
-        """The keys of the built-in controller on this bus."""
+    def controller(self) -> type[Controller] | None:
+        """The keys of the built-in controller on this bus; None where there is none."""
         ...
 
     @property

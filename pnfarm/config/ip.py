@@ -84,6 +84,10 @@ class Macs:
         """The address of a group's drive number ``step``."""
         if isinstance(group.mac, bytes):
             return mac_from_int((mac_to_int(group.mac) + step) % (1 << 48))
+        return self.auto(name)
+
+    def auto(self, name: str) -> bytes:
+        """A stable address of the drive's own, which nobody has."""
         salt = self._tried.get(name, 0)
         while (mac := auto_mac(self._farm, name, salt)) in self._taken:
             salt += 1

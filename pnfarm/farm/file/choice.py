@@ -19,7 +19,7 @@ __all__ = ["Choice", "bus_of", "bus_of_controller"]
 
 
 class Choice:
-    """A group is on its model's bus, the controller on that of the first group.
+    """A group is on its model's bus, the controller on that of the first group whose bus has one.
 
     Where that says nothing (an unknown model, a file without drives), it is the bus that knows most of the keys, the
     first one of those that know as many.
@@ -37,8 +37,10 @@ class Choice:
 
     def controller(self, value: Any) -> Bus:
         """The bus of the controller, as it was written."""
-        first = next((bus for group in self._groups if (bus := self._of_model(group)) is not None), None)
-        return first or _knows_most(value, {name: bus.farm_file.controller for name, bus in BUSES.items()})
+        having = {name: section for name, bus in BUSES.items() if (section := bus.farm_file.controller) is not None}
+        buses = (self._of_model(group) for group in self._groups)
+        first = next((bus for bus in buses if bus is not None and bus.name in having), None)
+        return first or _knows_most(value, having)
 
     def _of_model(self, group: Any) -> Bus | None:
         model = group.get("model") if isinstance(group, dict) else None
@@ -58,4 +60,6 @@ def bus_of(group: DriveGroup) -> Bus:
 
 def bus_of_controller(section: ControllerSection) -> Bus:
     """The bus by whose keys the controller was read."""
-    return next(bus for bus in BUSES.values() if isinstance(section, bus.farm_file.controller))
+    return next(
+        bus for bus in BUSES.values() if (own := bus.farm_file.controller) is not None and isinstance(section, own)
+    )

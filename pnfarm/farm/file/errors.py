@@ -116,7 +116,8 @@ class Explainer:
         for section in (DriveGroup, ControllerSection):
             if any(issubclass(model, section) for model in models):
                 for bus in BUSES.values():
-                    if key in _section_of(bus, section).listed_keys():
+                    other = _section_of(bus, section)
+                    if other is not None and key in other.listed_keys():
                         own = next(own for own in BUSES.values() if _section_of(own, section) in models)
                         what = f"is a key of {bus.title}, and this is {_CALLED[section]} on {own.title}"
                         return what, ", ".join(keys)
@@ -145,7 +146,7 @@ class Explainer:
         if model is DriveGroup:
             return self._choice.group(value).farm_file.drives
         if model is ControllerSection:
-            return self._choice.controller(value).farm_file.controller
+            return self._choice.controller(value).farm_file.controller or model
         return model
 
     def _field_at(self, location: Location) -> FieldInfo | None:
@@ -159,7 +160,7 @@ class Explainer:
         return None
 
 
-def _section_of(bus: Bus, section: type[Section]) -> type[Section]:
+def _section_of(bus: Bus, section: type[Section]) -> type[Section] | None:
     return bus.farm_file.drives if section is DriveGroup else bus.farm_file.controller
 
 

@@ -55,21 +55,28 @@ def _behaviour_of(model: ModelFacts) -> dict[str, Any]:
     }
 
 
-def _keys_of_buses(base: type[Section], of: Callable[[Bus], type[Section]], sections: dict[str, Any]) -> dict[str, Any]:
-    """A section with the keys of all buses; what it is made of is added to the ``sections``."""
+def _keys_of_buses(
+    base: type[Section], of: Callable[[Bus], type[Section] | None], sections: dict[str, Any], text: str = ""
+) -> dict[str, Any]:
+    """A section with the keys of all buses; what these are made of is added to the ``sections``.
+
+    ``text`` describes it; left out, what the buses say of their own.
+    """
     properties: dict[str, Any] = {}
     required: list[str] = []
-    text = base.__doc__
+    texts: list[str] = []
     for bus in BUSES.values():
         section = of(bus)
+        if section is None:
+            continue
         own = section.model_json_schema(by_alias=True)
         for name, shared in own.get("$defs", {}).items():
             if sections.setdefault(name, shared) != shared:
                 raise InternalError(f"two buses have sections called {name}, which differ")
         properties |= {key: own["properties"][key] for key in section.listed_keys() if key not in properties}
+        texts.append(own["description"])
         required += [key for key in own.get("required", ()) if key not in required]
-        text = own["description"] if len(BUSES) == 1 and base is ControllerSection else text
-    whole = {**sections[base.__name__], "properties": properties, "description": text}
+    whole = {**sections[base.__name__], "properties": properties, "description": text or " / ".join(texts)}
     return whole | ({"required": required} if required else {})
 
 
@@ -100,7 +107,9 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
     sections: dict[str, Any] = schema.pop("$defs")
     properties: dict[str, Any] = schema.pop("properties")
     schema.pop("title", None)
-    sections["DriveGroup"] = _keys_of_buses(DriveGroup, lambda bus: bus.farm_file.drives, sections)
+    sections["DriveGroup"] = _keys_of_buses(
+        DriveGroup, lambda bus: bus.farm_file.drives, sections, str(DriveGroup.__doc__)
+    )
     sections["ControllerSection"] = _keys_of_buses(ControllerSection, lambda bus: bus.farm_file.controller, sections)
     sections = dict(sorted(sections.items()))
     for section in (*sections.values(), {"properties": properties}):

@@ -134,7 +134,7 @@ def _read_controller(
     """The controller by the keys of its bus."""
     if isinstance(value, ControllerSection):
         return value
-    section: type[ControllerSection] = _choice(info).controller(value).farm_file.controller
+    section: type[ControllerSection] = _choice(info).controller(value).farm_file.controller or ControllerSection
     return section.model_validate(value, context=info.context)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.terminal.command import Command, Panel
 from toybus.command import toy_order
+from toybus.farm_file import ToyPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
 
 class ToyBus:
     name = "toybus"
+    title = "ToyBus"
+    link_kinds = frozenset({"memory"})
+    farm_file = ToyPart()
     connection_states = ("TALKING",)
     usual_losses = ("silence",)
     frame_families = ("toy",)
