@@ -7,14 +7,19 @@ import re
 from typing import Any
 
 from pnfarm.buses.bus import Bus, RouteHost, Segment
+from pnfarm.buses.controller import Controller, ControllerPlan
+from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.captures.decoder import FrameDecoder
 from pnfarm.station.device import Device
 
 #: Interface -> who gives it.
 INTERFACES: dict[type, str] = {
     Bus: "The bus gives one, and it stands in `pnfarm/buses/registry.py`.",
+    FarmFilePart: "The bus has one (`Bus.farm_file`).",
     Device: "The bus makes one for each drive.",
     Segment: "The bus makes one for the drives of a farm.",
+    ControllerPlan: "The bus makes one of the farm file's `controller:`.",
+    Controller: "The bus makes one of the plan.",
     FrameDecoder: "The bus makes one for each capture.",
     RouteHost: "The API gives it to the bus's routes.",
 }
