@@ -265,6 +265,7 @@ def test_its_gsdml_reader_finds_every_module_of_a_model(peer, tmp_path, name):
     path = tmp_path / file_name(drive)
     path.write_text(emit_gsdml(describe_model(drive)), encoding="utf-8")
     found = peer("described", path)
-    assert (found["vendor_id"], found["device_id"]) == (drive.identity.vendor_id, drive.identity.device_id)
+    identity = drive.profidrive.identity
+    assert (found["vendor_id"], found["device_id"]) == (identity.vendor_id, identity.device_id)
     idents = {module["module_ident"] for module in found["modules"].values()}
-    assert idents >= {telegram.module.ident for telegram in drive.telegrams.values()}
+    assert idents >= {telegram.module.ident for telegram in drive.profidrive.telegrams.values()}
