@@ -41,7 +41,7 @@ class DecodeError(PnfarmError):
     """Received bytes do not follow their format.
 
     ``reason`` is a short slug, stable enough to be a metric's label (``short``, ``bad-length``,
-    ``bad-type`` ...); ``detail`` says more to a person.
+    ``bad-type`` ...); ``detail`` is the text for people.
     """
 
     exit_code = 5

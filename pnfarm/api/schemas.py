@@ -114,7 +114,7 @@ class Drive(Schema):
     following_error_revolutions: float
     torque_newton_metres: float
     bus_volts: float = Field(description="Voltage of the DC link; 0 for a drive without one.")
-    thermal_load: float = Field(description="Heat of the motor, 1 = as much as it bears.")
+    thermal_load: float = Field(description="Thermal load of the motor, 1 = its limit (I2t).")
     signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")
     lamps: dict[str, str] = Field(
         description="The network interface's lamps by name, on, off or how they flash; none where the manual has none."

@@ -1,4 +1,4 @@
-"""Effects that break connections, one after the other."""
+"""Effects that end connections, one after the other."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["BreakingEffect"]
 
 
 class BreakingEffect(Effect):
-    """Each connection that comes to data exchange is broken off; without ``count`` and ``for`` one."""
+    """Aborts each connection that reaches data exchange; without ``count`` and ``for`` only one."""
 
     needs: ClassVar[Needs] = (CONNECTION,)
 
@@ -45,7 +45,7 @@ class BreakingEffect(Effect):
 
     @abstractmethod
     def break_off(self, now: int) -> int:
-        """Do it; how many connections ended."""
+        """Do it; returns how many connections ended."""
 
     def evidence(self) -> Evidence:
         return self._chance.tally.seen

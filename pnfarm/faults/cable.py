@@ -1,4 +1,4 @@
-"""Effects that pull the cable and plug it again."""
+"""Effects that pull the cable and plug it in again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ __all__ = ["CableEffect"]
 
 
 class CableEffect(Effect):
-    """While the cable is out, every frame is lost as well: a link may take its time to drop the carrier."""
+    """While the cable is out, every frame is lost as well: a link may take a while to drop the carrier."""
 
     needs: ClassVar[Needs] = (WIRE,)
 

@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 __all__ = ["Carriers"]
 
 
-#: Until a change that the link refused is tried again.
+#: Pause before a change that the link refused is tried again.
 AGAIN_SECONDS = 0.5
 
 
 class Carriers:
     """Pulls and plugs cables; several injections may hold one cable out.
 
-    In memory it happens at once.  Elsewhere a task of the running event loop does it, one for each port at a time;
-    :meth:`is_off` says what it has come to.  ``failed(drive, reason)`` hears of a
-    change that the link refused.
+    In memory this takes effect at once. Elsewhere a task of the running event loop does it, one per port at a
+    time; :meth:`is_off` is the confirmed state.  ``failed(drive, reason)`` is called
+    when the link refuses a change.
     """
 
     def __init__(self, link: Link, failed: Callable[[str, str], None]) -> None:
@@ -46,11 +46,11 @@ class Carriers:
         self._follow(port, drive)
 
     def is_pulled(self, port: int) -> bool:
-        """As somebody wants it."""
+        """The requested state."""
         return self._pulled[port] > 0
 
     def is_off(self, port: int) -> bool:
-        """As the link has confirmed it."""
+        """The state that the link has confirmed."""
         return self._off.get(port, False)
 
     def _follow(self, port: int, drive: str) -> None:
@@ -60,7 +60,7 @@ class Carriers:
             self._tasks[port] = asyncio.get_running_loop().create_task(self._run(port, drive))
 
     def _run_now(self, port: int) -> None:
-        """Nothing in memory waits, so that the coroutine ends at its first step."""
+        """In memory nothing blocks, so the coroutine ends at its first step."""
         wanted = self._pulled[port] > 0
         step = self._link.set_carrier(port, not wanted).__await__()
         try:
@@ -68,7 +68,7 @@ class Carriers:
         except StopIteration:
             self._off[port] = wanted
             return
-        raise InternalError("a memory link waited for something when its carrier changed")
+        raise InternalError("a memory link blocked when its carrier changed")
 
     async def _run(self, port: int, drive: str) -> None:
         told = False
@@ -77,7 +77,7 @@ class Carriers:
                 try:
                     await self._link.set_carrier(port, not wanted)
                 except (PnfarmError, OSError) as exc:
-                    # tried again: a machine that was short of something is not to keep a drive off the wire for ever
+                    # tried again: a temporary shortage must not keep a drive off the wire for ever
                     if not told:
                         self._failed(drive, str(exc))
                         told = True

@@ -1,4 +1,4 @@
-"""The catalogue: every kind that can be injected, by the words of command line, API, scenario files and Python.
+"""The catalogue: every kind that can be injected, by its name in command line, API, scenario files and Python.
 
 Kinds are found, not listed: each file of a package of kinds declares its own (:func:`kinds_in`).  Those of
 :mod:`pnfarm.faults.kinds` are for any drive; a bus brings its own, and :mod:`pnfarm.buses.registry` puts them together.
@@ -26,7 +26,7 @@ _FAMILIES = ("frames", "link", "cyclic", "liveness", "connection", "records", "a
 
 
 def kinds_in(package: ModuleType) -> tuple[InjectionKind, ...]:
-    """What the modules of a package declare in ``KINDS``, in the order of the modules' names."""
+    """The kinds that the modules of a package declare in ``KINDS``, in the order of the modules' names."""
     found: list[InjectionKind] = []
     for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda module: module.name):
         declared = getattr(importlib.import_module(f"{package.__name__}.{module.name}"), "KINDS", None)
@@ -42,7 +42,7 @@ def neutral() -> tuple[InjectionKind, ...]:
 
 
 class Catalogue(Mapping[str, InjectionKind]):
-    """Kinds by name, family by family.  Raises :class:`InternalError` for two of one name, or an unknown family."""
+    """Kinds by name, family by family.  Raises :class:`InternalError` for a duplicate name or an unknown family."""
 
     def __init__(self, kinds: Iterable[InjectionKind]) -> None:
         self._kinds: dict[str, InjectionKind] = {}

@@ -13,11 +13,11 @@ __all__ = ["CONNECTION", "Connection", "ConnectionPart", "Status"]
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """The connection that stands.
+    """The present connection.
 
-    ``keys`` are never used twice, not even after a reboot; ``established`` once data flows both ways.
-    ``watchdog_ns`` is after how long without the drive's data the controller gives up; ``next_ns`` is when the drive's
-    next cyclic frame is due.
+    ``keys`` are never reused, not even after a reboot; ``established`` once data flows both ways.
+    ``watchdog_ns`` is the time without the drive's data after which the controller ends it; ``next_ns`` is when the
+    drive's next cyclic frame is due.
     """
 
     keys: frozenset[int]
@@ -28,7 +28,7 @@ class Connection:
 
 
 class Status(StrEnum):
-    """What a drive's status in a cyclic frame can say, whatever the bus calls it."""
+    """States that a drive can report in a cyclic frame, whatever the bus calls them."""
 
     FAULT = "fault"
     WARNING = "warning"
@@ -36,7 +36,7 @@ class Status(StrEnum):
 
 
 class ConnectionPart(DrivePart, ABC):
-    """What can be done to a connection, and what can be watched of it."""
+    """Actions on a connection, and what can be observed of it."""
 
     @abstractmethod
     def now(self) -> Connection | None:
@@ -44,15 +44,15 @@ class ConnectionPart(DrivePart, ABC):
 
     @abstractmethod
     def cycles(self) -> int:
-        """Cycles that the drive has sent in since the farm started, over all connections."""
+        """Cycles in which the drive has sent since the farm started, over all connections."""
 
     @abstractmethod
     def abort(self, code: int, now: int) -> int:
-        """End it as the bus does, with an error code of the bus; how many connections ended."""
+        """Abort it as the bus does, with an error code of the bus; returns how many connections ended."""
 
     @abstractmethod
     def expire(self, now: int) -> int:
-        """End it as if the drive had not heard its controller for too long; how many connections ended."""
+        """End it as if the drive's watchdog had expired; returns how many connections ended."""
 
     @abstractmethod
     def sent_data(self, since: int) -> bool:
@@ -60,7 +60,7 @@ class ConnectionPart(DrivePart, ABC):
 
     @abstractmethod
     def sent_status(self, status: Status, since: int) -> bool:
-        """Whether a cyclic frame that left at or after ``since`` says so."""
+        """Whether a cyclic frame that left at or after ``since`` reports this status."""
 
 
 CONNECTION: Part[ConnectionPart] = Part("cyclic connection")

@@ -1,9 +1,9 @@
 """What an injection does to one drive.
 
-An :class:`Effect` is begun once, told when something may have happened on its drive (:meth:`Effect.check`), and ended
-once; ending undoes what it did.  Bases of effects that several kinds have in common stand beside this file
+An :class:`Effect` is begun once, called when something may have happened on its drive (:meth:`Effect.check`), and ended
+once; ending undoes what it did.  Bases of effects that several kinds share are in modules beside this one
 (:mod:`~pnfarm.faults.frames`, :mod:`~pnfarm.faults.cable`, :mod:`~pnfarm.faults.shown`, :mod:`~pnfarm.faults.breaking`,
-:mod:`~pnfarm.faults.late`), the effects themselves with their kinds.
+:mod:`~pnfarm.faults.late`), the effects themselves are with their kinds.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ __all__ = ["POLL_NS", "Chance", "Effect", "Needs", "Tally", "Window", "seed_of"]
 
 Needs: TypeAlias = "tuple[Part[Any], ...]"
 
-#: The longest time between two looks at an effect that waits for its end without knowing when.
+#: Longest interval between two checks of an effect whose end is not known in advance.
 POLL_NS = 50_000_000
 
 
 def seed_of(spec: GivenInjection, drive: str) -> int:
-    """A drive's own seed: other for each drive, the same whenever the injection's seed is."""
+    """A drive's own seed: different for each drive, determined by the injection's seed."""
     digest = hashlib.sha256(f"{spec.seed or 0}\0{drive}".encode()).digest()
     return int.from_bytes(digest[:8], "big")
 
@@ -40,11 +40,11 @@ class Tally:
         self.seen = NOTHING
 
     def note(self, now: int, *, happened: bool = True, confirmed: bool = False) -> None:
-        """One occurrence that was possible."""
+        """Count one possible occurrence."""
         self.seen += Evidence(1, 1, now, now, confirmed) if happened else Evidence(1)
 
     def confirm(self) -> None:
-        """It was seen on the wire."""
+        """Note that it was seen on the wire."""
         self.seen += Evidence(confirmed=True)
 
 
@@ -68,7 +68,7 @@ class Chance:
 
 
 class Window:
-    """When frames are acted on: nanoseconds, ``stop_ns`` 0 for no end, ``after`` healthy frames first."""
+    """Time window for acting on frames: nanoseconds, ``stop_ns`` 0 for no end, ``after`` healthy frames first."""
 
     def __init__(self, start_ns: int = 0, stop_ns: int = 0, after: int = 0) -> None:
         self.start_ns = start_ns
@@ -77,7 +77,7 @@ class Window:
 
 
 class Effect(ABC):
-    """The parts that every effect has; see the module's head."""
+    """Base of all effects; see the module's docstring."""
 
     #: Parts that a drive must have.
     needs: ClassVar[Needs] = ()
@@ -92,10 +92,10 @@ class Effect(ABC):
 
     @abstractmethod
     def begin(self, window: Window, now: int) -> None:
-        """Put it in force.  Raises :class:`ConfigError`, with nothing changed, when this drive cannot do it."""
+        """Begin. Raises :class:`ConfigError`, with nothing changed, when this drive cannot do it."""
 
     def check(self, now: int) -> None:
-        """Something may have happened; sets ``finished`` once nothing more will."""
+        """Something may have happened; sets ``finished`` once nothing more can."""
         del now
 
     def end(self, now: int) -> None:
@@ -103,9 +103,9 @@ class Effect(ABC):
         del now
 
     def evidence(self) -> Evidence:
-        """What it did until now, or did."""
+        """The evidence so far, or at its end."""
         return NOTHING
 
     def next_deadline(self) -> int | None:
-        """When :meth:`check` is wanted."""
+        """When :meth:`check` is due."""
         return None

@@ -11,7 +11,7 @@ __all__ = ["InjectionBegan", "InjectionEnded"]
 
 @dataclass(frozen=True, slots=True)
 class InjectionBegan(Event):
-    """An injection came in force on a drive."""
+    """An injection took effect on a drive."""
 
     TEXT = "fault injected"
     LEVEL = "warning"
@@ -21,7 +21,7 @@ class InjectionBegan(Event):
 
 @dataclass(frozen=True, slots=True)
 class InjectionEnded(Event):
-    """An injection is over on a drive, and what was counted of it.
+    """An injection ended on a drive, with its evidence.
 
     ``reason``: ``count``, ``time``, ``cleared``, or why it failed.
     """

@@ -1,4 +1,4 @@
-"""What an injection did."""
+"""The counted evidence of an injection."""
 
 from __future__ import annotations
 

@@ -25,8 +25,8 @@ __all__ = ["Frames", "FramesEffect"]
 class Frames:
     """Rows of the engine and a rule of the gate that act together on one drive's frames.
 
-    ``cyclic`` is what happens to cyclic frames (:mod:`pnfarm.table.impairment`, None: nothing), ``acyclic`` the classes
-    of those that are lost (None: none).
+    ``cyclic`` is the action on cyclic frames (:mod:`pnfarm.table.impairment`, None: none), ``acyclic`` the classes of
+    lost acyclic frames (None: none).
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Frames:
         return sum(self._wire.impairment(row).activations for row in self._rows)
 
     def _gate_lost(self) -> None:
-        """An acyclic frame was lost: so much less is left for the cyclic ones."""
+        """An acyclic frame was lost: take it from what the cyclic ones have left of ``count``."""
         if self._spec.count and self._rule is not None:
             for number in self._rows:
                 self._wire.set_limit(number, self._spec.count - self._rule.evidence().activations)
@@ -117,14 +117,14 @@ class Frames:
 
     @property
     def remaining(self) -> int:
-        """Occurrences that are left of ``count``; 1 while there is no such limit."""
+        """Occurrences left of ``count``; 1 without such a limit."""
         if self._spec.count is None:
             return 1
         return self._spec.count - self.evidence().activations
 
 
 class FramesEffect(Effect):
-    """Frames lost or changed, from the begin to the end."""
+    """Frames are lost or changed from begin to end."""
 
     needs: ClassVar[Needs] = (WIRE, CONNECTION)
     #: As for :class:`Frames`.

@@ -1,7 +1,7 @@
 """The gate between the stations and their link: acyclic frames pass it, rules lose some of them or hold them back.
 
-Cyclic frames do not come by here; the engine acts on them (:mod:`pnfarm.engine.impair`).  The gate reads no frame: the
-drive's bus tells of which class it is.  Directions are seen from the drive.
+Cyclic frames do not pass here; the engine acts on them (:mod:`pnfarm.engine.impair`). The gate parses no frame: the
+drive's bus classifies it. Directions are seen from the drive.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["EVERY_FRAME", "DelayRule", "FrameClass", "FrameClasses", "GateRule", "GatedLink", "LateRule"]
 
-#: Tells of which class a frame is, as the drive's bus has them: ``rpc``, ``dcp`` ...
+#: Classifies a frame; the classes are the bus's: ``rpc``, ``dcp`` ...
 FrameClass = Callable[[bytes], str]
 #: Classes that a rule acts on.
 FrameClasses = Container[str]
@@ -39,20 +39,20 @@ EVERY_FRAME: FrameClasses = _Every()
 
 
 class LateRule(Protocol):
-    """Says how late something that the drive has to say leaves."""
+    """Decides how late a frame or answer of the drive leaves."""
 
     def asked(self, now: int) -> int:
-        """Nanoseconds for the one at hand; 0: in time."""
+        """Delay of the present one, ns; 0: in time."""
         ...
 
     def left(self, *, sent: bool) -> None:
-        """One that this rule made late has left, or (``sent`` False) never will."""
+        """A delayed one has left, or (``sent`` False) never will."""
         ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DelayRule:
-    """Holds back frames of ``classes``, for as long as ``late`` says."""
+    """Holds back frames of ``classes`` for the time that ``late`` gives."""
 
     classes: FrameClasses
     late: LateRule
@@ -73,8 +73,8 @@ class GateRule:
     """Loses frames of ``classes`` in each of ``directions``, or lets something pass ``instead`` of them.
 
     ``probability`` of each, ``count`` (0: no limit) altogether, of which ``spent()`` happened elsewhere; not before
-    ``armed()`` says so, and none at or after ``stop_ns`` (0: no end).  ``lost()`` is told each loss.  Each direction
-    has a random sequence of its own, so that one does not depend on the other.
+    ``armed()`` says so, and none at or after ``stop_ns`` (0: no end).  ``lost()`` is called for each loss. Each
+    direction has its own random sequence, so that they are independent.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class GateRule:
         self._evidence = dict.fromkeys(directions, Evidence())
 
     def loses(self, direction: Direction, frame_class: str, now: int) -> bool:
-        """Is a frame of this class lost, or another passed instead?  Counts the evidence."""
+        """Whether a frame of this class is lost, or another one passed instead. Counts the evidence."""
         seen = self._evidence.get(direction)
         if seen is None or (self._stop_ns and now >= self._stop_ns):
             return False
@@ -116,7 +116,7 @@ class GateRule:
         return lost
 
     def evidence(self, direction: Direction | None = None) -> Evidence:
-        """Of one direction, or of all."""
+        """Evidence of one direction, or of both."""
         if direction is not None:
             return self._evidence[direction]
         return sum(self._evidence.values(), Evidence())
@@ -130,8 +130,8 @@ class GateRule:
 class GatedLink:
     """A link around ``inner``; ``clock`` stamps what is sent, received frames bring their time.
 
-    What a port sends and a rule delays stays in order: nothing overtakes a frame that is held back.  Whoever runs the
-    farm calls :meth:`handle_timeout` when :meth:`next_deadline` says so.
+    What a port sends and a rule delays stays in order: nothing overtakes a frame that is held back.  The farm's
+    runtime calls :meth:`handle_timeout` at :meth:`next_deadline`.
     """
 
     def __init__(self, inner: Link, clock: Clock) -> None:
@@ -144,7 +144,7 @@ class GatedLink:
         self._classes: dict[int, FrameClass] = {}
 
     def know(self, port: int, frame_class: FrameClass) -> None:
-        """Whose port this is tells the classes of its frames; until then they are of none."""
+        """Set the port's classifier; until then its frames have no class."""
         self._classes[port] = frame_class
 
     def _class_of(self, port: int, frame: bytes) -> str:
@@ -166,8 +166,8 @@ class GatedLink:
             self._rules.pop(port, None)
 
     def _passed(self, port: int, direction: Direction, frame: bytes, now: int) -> bytes | None:
-        """What the rules leave of a frame; None when it is lost."""
-        # every rule looks at every frame, so that each one's sequence does not depend on the others
+        """The frame after all rules; None when it is lost."""
+        # every rule sees every frame, so that its sequence does not depend on the other rules
         frame_class = self._class_of(port, frame)
         acting = [rule for rule in self._rules.get(port, ()) if rule.loses(direction, frame_class, now)]
         left: bytes | None = frame
@@ -181,7 +181,7 @@ class GatedLink:
         self._delays[port] = [*self._delays.get(port, ()), rule]
 
     def undelay(self, port: int, rule: DelayRule) -> None:
-        """Take a rule back; with the last one gone, what is held back leaves at once."""
+        """Remove a rule; after the last one, frames held back leave at once."""
         remaining = [other for other in self._delays.get(port, ()) if other is not rule]
         if remaining:
             self._delays[port] = remaining
@@ -191,7 +191,7 @@ class GatedLink:
             self._let_go(port, held)
 
     def forget(self, port: int) -> None:
-        """Whatever is held back never leaves: its sender has lost its supply."""
+        """Drop what is held back: its sender has lost its supply."""
         for held in self._held.pop(port, ()):
             held.left(sent=False)
 
@@ -211,7 +211,7 @@ class GatedLink:
         held.left(sent=True)
 
     def _hold(self, port: int, frame: bytes, now: int) -> bool:
-        """Is this frame held back?"""
+        """Whether this frame is held back."""
         frame_class = self._class_of(port, frame)
         waits = [(rule.late, rule.late.asked(now)) for rule in self._delays[port] if frame_class in rule.classes]
         queue = self._held.get(port)

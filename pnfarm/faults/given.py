@@ -1,4 +1,4 @@
-"""What an effect reads of the injection that it carries out: the fields of :class:`pnfarm.faults.plan.InjectionSpec`.
+"""The fields of an injection that its effect reads: the fields of :class:`pnfarm.faults.plan.InjectionSpec`.
 
 Why a type of its own: a kind names its effect, and an injection its kind; so an effect must not need the injection's
 class.
@@ -41,7 +41,7 @@ class GivenInjection(Protocol):
         ...
 
     def without(self, *fields: str) -> Self:
-        """The same, as if these fields had been left out."""
+        """A copy without these fields."""
         ...
 
     def values(self) -> dict[str, Any]:

@@ -1,11 +1,11 @@
-"""What a kind of injection is: its words, its parameters, the common fields that it takes, its effect.
+"""Kinds of injections: texts, parameters, accepted common fields, effect. Each kind has its own file,
 
-Each kind stands in a file of its own, those of any drive in :mod:`pnfarm.faults.kinds`, those of a bus with the bus.
-Such a file has the effect, if it is not another kind's, and ``KINDS``, a tuple of what it declares (mostly one).
+those of any drive in :mod:`pnfarm.faults.kinds`, those of a bus with the bus.
+Such a file has the effect, if it is not another kind's, and ``KINDS``, a tuple of the declared kinds (mostly one).
 
 Common fields, as far as a kind takes them: ``probability`` (of each occurrence) with ``seed``; ``direction``, seen from
 the drive; a start ``after`` a time or ``after_cycles`` healthy cycles of the connection; an end after ``count``
-occurrences, ``for`` a time or ``cycles`` of the connection.  What an occurrence is, each kind says.
+occurrences, ``for`` a time or ``cycles`` of the connection.  Each kind defines what an occurrence is.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = ["EACH", "EVERY_DIRECTION", "FRAMES", "HELD", "OCTET", "WORD", "Inject
 
 ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets"]
 
-#: Common fields of kinds that act on frames, on one occurrence after the other, or that stand until they end.
+#: Common fields of kinds that act on frames, on one occurrence after the other, or that last until they end.
 FRAMES = frozenset({"probability", "seed", "count", "for", "cycles"})
 EACH = frozenset({"probability", "seed", "count", "for"})
 HELD = frozenset({"for", "cycles"})
@@ -58,7 +58,7 @@ class ParamSpec:
 
     @property
     def allowed(self) -> str:
-        """What a user may write, in words."""
+        """What a user may write, for messages."""
         match self.type:
             case "yes or no":
                 return "true or false"
@@ -127,7 +127,7 @@ class ParamSpec:
             raise Problem(f"is {shown(value)}", self.allowed)
         low = float("-inf") if self.low is None else self.low
         high = float("inf") if self.high is None else self.high
-        # written so that "not a number" fails as well
+        # written so that NaN fails as well
         if not low <= value <= high:
             raise Problem(f"is {shown(value)}", self.allowed)
         return value
@@ -157,9 +157,9 @@ class InjectionKind:
     """One kind.  ``effect`` carries it out on one drive; it gets the ``preset`` parameters beside the given ones.
 
     ``directions`` is empty for a kind that has none; its first entry is the default.  ``takes`` are the common
-    fields that mean something for it, besides ``after`` and ``after_cycles``, which all take.  ``misfits`` tells which
-    fields do not go together.  ``place`` says where it stands among those of its family, for readers; kinds of the same
-    place stand by their names.
+    fields that it accepts, besides ``after`` and ``after_cycles``, which all take.  ``misfits`` reports
+    fields that exclude each other. ``place`` is its position in the list of its family; kinds with the same place are
+    sorted by name.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Effects that let leave late what a drive says."""
+"""Effects that delay what a drive sends."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ if TYPE_CHECKING:
 __all__ = ["LATE_PARAMS", "LateEffect"]
 
 LATE_PARAMS = {
-    "delay": ParamSpec("duration", "How late, at least.", default="500ms"),
-    "jitter": ParamSpec("duration", "Up to so much later still, at random.", default="0ms"),
+    "delay": ParamSpec("duration", "Minimum delay.", default="500ms"),
+    "jitter": ParamSpec("duration", "Random additional delay, at most.", default="0ms"),
 }
 
 
 class LateEffect(Effect):
-    """A :class:`~pnfarm.faults.gate.LateRule`: late by a fixed time, and up to ``jitter`` more."""
+    """A :class:`~pnfarm.faults.gate.LateRule`: a fixed delay and up to ``jitter`` more."""
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._chance = Chance(spec, drive, spec.count)
         self._delay: int = self.values["delay"]
         self._jitter: int = self.values["jitter"]
-        # another sequence than that of the probability
+        # a different sequence from the probability's
         self._random = SplitMix64(seed_of(spec, drive.name) + 1)
         self._held = 0
         self._due: int | None = None
@@ -49,7 +49,7 @@ class LateEffect(Effect):
             self._chance.tally.confirm()
 
     def check(self, now: int) -> None:
-        # ending earlier would let the last one go in time
+        # ending earlier would let the last one leave in time
         self.finished = self._chance.exhausted and not self._held
         self._due = now + POLL_NS if self._chance.exhausted and self._held else None
 

@@ -1,8 +1,8 @@
 """Puts injections in force, ends them, keeps their evidence.
 
-One :class:`InjectionManager` serves a farm.  It knows no clock: whoever runs the farm tells it the time and calls
-:meth:`~InjectionManager.handle_timeout` when :meth:`~InjectionManager.next_deadline` says so.  An injection on several
-drives runs on each of them by itself, through the states of :data:`TRANSITIONS`:
+One :class:`InjectionManager` serves a farm.  It knows no clock: the farm's runtime passes the time and calls
+:meth:`~InjectionManager.handle_timeout` at :meth:`~InjectionManager.next_deadline`.  An injection on several
+drives runs on each of them independently, through the states of :data:`TRANSITIONS`:
 
 ========  ====================================================================================
 WAITING   for its start: a time, healthy cycles, a connection whose cycles are to be counted
@@ -47,14 +47,14 @@ __all__ = [
     "RunState",
 ]
 
-#: Ended injections whose evidence can still be asked for.
+#: Number of ended injections whose evidence is kept.
 KEPT = 1024
-#: The longest time between two looks at an injection that waits for a connection or for healthy cycles.
+#: Longest interval between two checks of an injection that waits for a connection or for healthy cycles.
 WAIT_NS = 50_000_000
 
 
 class RunState(StrEnum):
-    """Of an injection on one drive."""
+    """State of an injection on one drive."""
 
     WAITING = "waiting"
     ACTIVE = "active"
@@ -69,7 +69,7 @@ class _Happening(StrEnum):
     FAILED = "failed"
 
 
-#: (state, what happened) -> state.  What is not here does not happen.
+#: (state, what happened) -> state.  Other transitions do not occur.
 TRANSITIONS: Mapping[tuple[RunState, _Happening], RunState] = {
     (RunState.WAITING, _Happening.DUE): RunState.ACTIVE,
     (RunState.WAITING, _Happening.CLEARED): RunState.ENDED,
@@ -112,7 +112,7 @@ class DriveRun:
 
 @dataclass(slots=True, eq=False)
 class Injection:
-    """One injection as it was asked for, with a run for each of its drives."""
+    """One injection as requested, with a run for each of its drives."""
 
     id: str
     spec: InjectionSpec
@@ -133,7 +133,7 @@ class Injection:
         return next(state for state in (RunState.ACTIVE, RunState.WAITING, RunState.ENDED) if state in states)
 
     def evidence(self, drive: str | None = None) -> Evidence:
-        """Of one drive, or summed up; confirmed in the sum means on every drive."""
+        """Evidence of one drive, or the sum; confirmed in the sum means on every drive."""
         if drive is not None:
             return self.runs[drive].evidence()
         parts = [run.evidence() for run in self.runs.values()]
@@ -177,9 +177,9 @@ def _evidence_dict(seen: Evidence) -> dict[str, Any]:
 
 
 class InjectionManager:
-    """See the module's head.
+    """See the module's
 
-    ``catalogue`` has the kinds; ``drives`` every drive of the farm by its name; ``gate`` holds frames back.
+    docstring. ``catalogue`` has the kinds; ``drives`` are the farm's drives by name; ``gate`` holds frames back.
     """
 
     def __init__(self, catalogue: Catalogue, drives: Mapping[str, InjectedDrive], gate: GatedLink) -> None:
@@ -197,20 +197,20 @@ class InjectionManager:
         self._numbers = 0
         self._keys = 0
 
-    # what users ask for
+    # requests of users
 
     def inject(self, fields: Mapping[str, Any], now: int) -> Injection:
-        """:meth:`add` what plain values say, as in a scenario's ``fault:`` step."""
+        """:meth:`add` from plain values, as in a scenario's ``fault:`` step."""
         return self.add(self.catalogue.parse(fields), now)
 
     def add(self, spec: InjectionSpec, now: int) -> Injection:
         """Put an injection in force, or let it wait for its start.
 
-        Raises :class:`ConfigError`, with nothing changed on any drive, when no drive is meant, when one of them cannot
+        Raises :class:`ConfigError`, with nothing changed on any drive, when no drive matches, when one of them cannot
         do it, or when its name is taken.
         """
         if spec.seed is None and "seed" in spec.kind.takes:
-            # kept in the spec, so that the run can be had again
+            # kept in the spec, so that the run can be repeated
             spec = spec.model_copy(update={"seed": secrets.randbits(53)})
         names = matching(spec.on, {name: (d.names, d.models) for name, d in self._drives.items()})
         for name in names:
@@ -235,7 +235,7 @@ class InjectionManager:
         return injection
 
     def clear(self, injection_id: str | None, now: int) -> list[Injection]:
-        """End one, or with None all of them; what was ended.  Raises :class:`ConfigError` for an unknown id."""
+        """End one, or with None all; returns those that ended.  Raises :class:`ConfigError` for an unknown id."""
         if injection_id is None:
             chosen = list(self._injections.values())
         else:
@@ -257,20 +257,20 @@ class InjectionManager:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Every kind that can be put in force."""
+        """Every kind that can be injected."""
         return tuple(self.catalogue)
 
     def of_drive(self, name: str) -> list[Injection]:
-        """What waits or is in force on one drive."""
+        """Injections that wait or are in force on one drive."""
         return [injection for injection, _ in self._by_drive.get(name, ())]
 
     def drive(self, name: str) -> InjectedDrive:
-        """One drive of the farm, by the name in its file."""
+        """One drive of the farm, by its name in the farm file."""
         return self._drives[name]
 
     @property
     def scheduled(self) -> tuple[int, int]:
-        """Runs that are to be looked at, and the entries that are kept for them."""
+        """Runs that are to be checked, and the entries kept for them."""
         return len(self._due), len(self._heap)
 
     def activations(self) -> dict[tuple[str, str], int]:
@@ -291,36 +291,36 @@ class InjectionManager:
         )
         return dict(Counter(states))
 
-    # what the farm tells
+    # calls from the farm
 
     def refresh(self, name: str, now: int) -> None:
-        """A frame is about to be given to this drive, which may have rebooted."""
+        """A frame is about to be passed to this drive, which may have rebooted."""
         if name in self._by_drive:
             self._drives[name].refresh(now)
 
     def poke(self, name: str, now: int) -> None:
-        """Something happened on this drive, and is settled: look at its injections."""
+        """Something happened on this drive and is settled: check its injections."""
         self.refresh(name, now)
         for injection, run in list(self._by_drive.get(name, ())):
             self._look(injection, run, now)
 
     def touch(self, name: str) -> None:
-        """Something happens on this drive: look at its injections at the next :meth:`handle_timeout`."""
+        """Something happens on this drive: check its injections at the next :meth:`handle_timeout`."""
         if name in self._by_drive:
             self._dirty[name] = None
 
     def next_deadline(self) -> int | None:
-        """When :meth:`handle_timeout` is wanted."""
+        """When :meth:`handle_timeout` is due."""
         return min((due for due in (self._first_due(), self._gate.next_deadline()) if due is not None), default=None)
 
     def _first_due(self) -> int | None:
-        """When the next injection is to be looked at."""
+        """When the next injection is to be checked."""
         while self._heap and self._due.get(self._heap[0][1], (0,))[0] != self._heap[0][0]:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
     def handle_timeout(self, now: int) -> None:
-        """Let frames go that were held back; look at the drives that were touched, and at every run that is due."""
+        """Release frames that were held back; check the drives that were touched, and every run that is due."""
         self._gate.handle_timeout(now)
         dirty, self._dirty = self._dirty, {}
         for name in dirty:
@@ -331,7 +331,7 @@ class InjectionManager:
             self._look(injection, run, now)
 
     def events(self) -> list[Happened]:
-        """What started and ended since the last call."""
+        """Injections that started and ended since the last call."""
         drained, self._events = self._events, []
         return drained
 
@@ -359,7 +359,7 @@ class InjectionManager:
         return injection
 
     def _look(self, injection: Injection, run: DriveRun, now: int) -> None:
-        """As :meth:`_advance`, when nobody is there to be told that it cannot be done."""
+        """As :meth:`_advance`, where no caller can be told that it cannot be done."""
         try:
             self._advance(injection, run, now)
         except ConfigError as exc:
@@ -367,7 +367,7 @@ class InjectionManager:
         self._retire(injection)
 
     def _advance(self, injection: Injection, run: DriveRun, now: int) -> None:
-        """Start, look at, or end one run; note when it is to be looked at again."""
+        """Start, check, or end one run; note when it is to be checked again."""
         if run.state is RunState.WAITING:
             window = self._window(injection.spec, run, now)
             if window is not None:
@@ -384,7 +384,7 @@ class InjectionManager:
         self._schedule(injection, run, now)
 
     def _window(self, spec: InjectionSpec, run: DriveRun, now: int) -> Window | None:
-        """When the injection is in force, or None as long as its start cannot be told."""
+        """When the injection is in force, or None as long as its start is not known."""
         if now < run.not_before:
             return None
         connection = _connection(run.injected)
@@ -443,7 +443,7 @@ class InjectionManager:
             self._ended.append(injection)
 
     def _withdraw(self, injection: Injection, now: int) -> None:
-        """An injection that one of its drives cannot do: undo what the others did."""
+        """One of the drives cannot do the injection: undo it on the others."""
         for run in injection.runs.values():
             self._happen(injection, run, _Happening.CLEARED, now)
         del self._injections[injection.id]
@@ -462,7 +462,7 @@ class InjectionManager:
         if due is None:
             self._due.pop(run.key, None)
             return
-        # never in the past: what is due now was looked at just now
+        # never in the past: what is due now was just checked
         due = max(due, now + 1)
         if self._due.get(run.key, (None,))[0] != due:
             heapq.heappush(self._heap, (due, run.key))
@@ -477,7 +477,7 @@ class InjectionManager:
         missing = spec.after_cycles - (_cycles(run.injected) - run.cycles_before)
         return now + max(1, missing) * connection.cycle_ns
 
-    # last, because the name hides the type in the annotations behind it
+    # last, because the name hides the type in the annotations after it
     def list(self) -> list[Injection]:
         """Injections that wait or are in force, oldest first."""
         return list(self._injections.values())

@@ -1,8 +1,8 @@
-"""A drive as injections see it: parts, each of which offers what can be done to it and what can be watched.
+"""A drive as injections see it: parts, each with its actions and what can be observed.
 
 Why parts: what can be injected depends on the bus.  A drive on any bus has a servo, a wire and a connection; other
 parts, such as modules in slots, only drives on one bus have.  So an effect names the parts that it needs, a bus gives
-its drives the parts that they have, and neither asks for the other's name.  Every method of a part that changes
+its drives the parts that they have, and neither knows the other's name.  Every method of a part that changes
 something has one that undoes it, and both may be called by several injections at once.
 """
 
@@ -21,7 +21,7 @@ P = TypeVar("P")
 
 
 class Part(Generic[P]):
-    """The name of a part; ``words`` are what a drive lacks that does not have it, such as ``alarms``."""
+    """The name of a part; ``words`` name it in messages about drives that lack it, such as ``alarms``."""
 
     __slots__ = ("words",)
 
@@ -33,26 +33,26 @@ class Part(Generic[P]):
 
 
 class DrivePart:
-    """What every part does when the drive boots."""
+    """Base of all parts: what happens when the drive boots."""
 
     def refresh(self, now: int) -> None:
-        """The drive is about to be given a frame, or was switched on.  ``now`` holds until the next call."""
+        """The drive is about to get a frame, or was switched on.  ``now`` holds until the next call."""
         del now
 
     def rebooted(self, now: int) -> None:
-        """The drive has new machines, without a trace of what was in force: put it into them."""
+        """The drive has new machines, which know nothing of what is in force: apply it to them."""
         del now
 
     def in_force(self) -> list[Any]:
-        """What injections have put here and not taken back."""
+        """What injections have applied here and not undone."""
         return []
 
 
 class InjectedDrive:
     """One drive.
 
-    ``names`` are the one in the farm file and the one that its bus gave; ``models`` the model's name and aliases.
-    ``machines`` gives an object that is another one after each boot.
+    ``names`` are that of the farm file and that of its bus; ``models`` the model's name and aliases.
+    ``machines`` returns a new object after each boot.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class InjectedDrive:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names that it answers to."""
+        """Names by which it is found."""
         return self._names()
 
     def find(self, part: Part[P]) -> P | None:
@@ -84,11 +84,11 @@ class InjectedDrive:
         """A part that the effect named in ``needs``."""
         found = self.find(part)
         if found is None:
-            raise InternalError(f"an effect asks {self.name} for its {part.words} without having named them as needed")
+            raise InternalError(f"an effect uses {part.words} of {self.name} without naming them in `needs`")
         return found
 
     def refresh(self, now: int) -> None:
-        """The drive may have booted since: put everything that is in force into its machines."""
+        """The drive may have booted since: apply everything that is in force to its machines."""
         parts = dict.fromkeys(self._parts.values())
         if self._known is not (machines := self._machines()):
             self._known = machines
@@ -98,5 +98,5 @@ class InjectedDrive:
             part.refresh(now)
 
     def in_force(self) -> dict[str, list[Any]]:
-        """What injections have put on each part and not taken back."""
+        """What injections have applied to each part and not undone."""
         return {part.words: left for part, found in self._parts.items() if (left := found.in_force())}

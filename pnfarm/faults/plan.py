@@ -1,7 +1,7 @@
-"""An injection as somebody asks for it: kind, drives, parameters, start and end.
+"""An injection as requested: kind, drives, parameters, start and end.
 
-:meth:`.Catalogue.parse` takes the dict that a scenario step, an API body or the command line makes; whatever is wrong
-in it is told field by field.
+:meth:`.Catalogue.parse` takes the dict that a scenario step, an API body or the command line makes; errors are
+reported field by field.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ _ALLOWED = {
     "cycles": "a whole number from 1 to 2^32 - 1",
     "as": "a name: a-z, 0-9, -, _ and ., at most 64 characters",
 }
-#: Most fields of an injection, and most of its parameters: more cannot be meant, and each wrong one would be told.
+#: Most fields of an injection, and most of its parameters: more make no sense, and each wrong one would be reported.
 MAX_FIELDS = 64
-#: So many of the longest cycle are a time that the table holds.
+#: With the longest cycle, this many still fit the table's time.
 _COUNT_END = 1 << 32
 
 
@@ -65,7 +65,7 @@ def _kind(value: Any, info: ValidationInfo) -> InjectionKind:
 if TYPE_CHECKING:
     Kind = InjectionKind
 else:
-    # as Any, because pydantic would look into the dataclass for a schema of its own
+    # as Any, because pydantic would derive its own schema from the dataclass
     Kind = Annotated[
         Any,
         PlainValidator(_kind),
@@ -90,7 +90,7 @@ Params = Annotated[
 
 
 class InjectionSpec(BaseModel):
-    """See the module's head.  Times are nanoseconds here and durations such as ``500ms`` outside."""
+    """See the module's docstring. Times are nanoseconds here and durations such as ``500ms`` outside."""
 
     # the title is what the API's description calls it
     model_config = ConfigDict(title="FaultSpec", extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
@@ -114,7 +114,7 @@ class InjectionSpec(BaseModel):
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], kinds: Mapping[str, InjectionKind]) -> Self:
-        """From plain values; raises :class:`InjectionError` that names every wrong field and what is allowed."""
+        """From plain values; raises :class:`InjectionError` naming every wrong field and what is allowed."""
         for field, entries in (("fault", data), ("params", data.get("params"))):
             if isinstance(entries, dict) and len(entries) > MAX_FIELDS:
                 raise InjectionError([(field, f"has {len(entries)} fields", f"at most {MAX_FIELDS}")])
@@ -138,7 +138,7 @@ class InjectionSpec(BaseModel):
         return self
 
     def without(self, *fields: str) -> Self:
-        """The same, as if these fields had been left out; of those that are None then."""
+        """A copy without these fields."""
         return self.model_copy(update=dict.fromkeys(fields))
 
     def values(self) -> dict[str, Any]:
@@ -206,7 +206,7 @@ def _misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
 
 
 def _issues(error: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """One of pydantic's errors as (field, what is wrong, what is allowed); our own one about the kind tells several."""
+    """One of pydantic's errors as (field, what is wrong, what is allowed); our own one about the kind gives several."""
     return error["ctx"]["misfits"] if error["type"] == "pnfarm-kind" else [_issue(error)]
 
 
@@ -224,9 +224,9 @@ def _issue(error: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def matching(globs: Iterable[str], drives: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> list[str]:
-    """The drives that the globs mean, in their order; ``drives``: name -> (names it answers to, names of its model).
+    """The drives that the globs match, in their order; ``drives``: name -> (its names, names of its model).
 
-    Raises :class:`InjectionError` for a glob that means none.
+    Raises :class:`InjectionError` for a glob that matches none.
     """
     chosen: set[str] = set()
     answering: dict[str, list[str]] = {}

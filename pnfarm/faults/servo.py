@@ -1,6 +1,6 @@
-"""A drive's servo, as injections see it: its supply and its faults, and the machine around it.
+"""A drive's servo, as injections see it: its supply, its faults, and the mechanics around it.
 
-What belongs to the machine (limit switches, inputs, enable, load) does not change with the drive's control supply.
+What is outside of the drive (limit switches, inputs, enable, load) does not change with its control supply.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _LACKS = {"enable": LACKS_ENABLE, "supply": LACKS_SUPPLY}
 
 
 class ServoStation(Protocol):
-    """What a servo is in, whatever its bus."""
+    """Host of a servo, whatever its bus."""
 
     @property
     def configured_name(self) -> str:
@@ -61,7 +61,7 @@ class ServoStation(Protocol):
 
     @property
     def fault_counts(self) -> Mapping[int, int]:
-        """How often each fault began a situation."""
+        """How often each fault began a fault situation."""
         ...
 
     def power_off(self, now: int) -> None: ...
@@ -72,8 +72,8 @@ class ServoStation(Protocol):
 class Servo(DrivePart):
     """Every call counts, so that two injections may ask for the same.
 
-    ``settle(now)`` lets the station finish what a change of its supply began; ``goes_off()`` and ``came_on(now)`` tell
-    the other parts of it.
+    ``settle(now)`` lets the station finish what a change of its supply began; ``goes_off()`` and ``came_on(now)``
+    notify the other parts.
     """
 
     def __init__(
@@ -115,7 +115,7 @@ class Servo(DrivePart):
         return self._station.powered
 
     def power_off(self, now: int) -> None:
-        """Off until everyone who switched off has switched on."""
+        """Off until every caller that switched off has switched on."""
         self._off += 1
         if self._station.powered:
             self._goes_off()
@@ -142,11 +142,11 @@ class Servo(DrivePart):
             raise InjectionError([("params.fault", f"{self._station.configured_name}: {exc}", "")]) from exc
 
     def raise_fault(self, fault: Fault) -> None:
-        """Its cause is gone at once; it stands until it is acknowledged."""
+        """Its cause is gone at once; it stays until it is acknowledged."""
         self._command(CMD_RAISE_FAULT, fault.code)
 
     def hold_fault(self, fault: Fault) -> None:
-        """Its cause stays until everyone who held it has released it."""
+        """Its cause stays until every caller that held it has released it."""
         if fault.number not in self._held and len(self._held) == FAULT_SLOTS:
             raise ConfigError(
                 f"{self._station.configured_name} holds {FAULT_SLOTS} faults already, as many as one situation has; "
@@ -163,7 +163,7 @@ class Servo(DrivePart):
             return
         del self._held[fault.number]
         try:
-            # the drive was off all the while and need not hear of it
+            # the drive was off all the time and needs no command
             self._commands.remove((CMD_HOLD_FAULT, fault.code))
         except ValueError:
             self._command(CMD_RELEASE_FAULT, fault.number)
@@ -201,7 +201,7 @@ class Servo(DrivePart):
         return any(fault.cause == f"limit-switch-{side}" for fault in self._station.model.faults.values())
 
     def _command(self, code: int, argument: int) -> None:
-        """To the firmware in this order; what it cannot take now waits for :meth:`refresh`."""
+        """Send commands to the firmware in this order; those that it cannot take now wait for :meth:`refresh`."""
         self._commands.append((code, argument))
         self._flush()
 
@@ -214,10 +214,10 @@ class Servo(DrivePart):
                 return
             self._commands.popleft()
 
-    # the machine around it
+    # the mechanics around it
 
     def reach_limit(self, side: str) -> None:
-        """The axis stands on this limit of its travel, until each caller has called :meth:`leave_limit`."""
+        """The axis is on this limit of its travel, until each caller has called :meth:`leave_limit`."""
         self._limits[side] += 1
         self._put_limits()
 
@@ -227,7 +227,7 @@ class Servo(DrivePart):
         self._put_limits()
 
     def _put_limits(self) -> None:
-        """The switches belong to the machine: the drive's supply changes nothing of them."""
+        """The switches are outside of the drive: its supply does not change them."""
         reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
         self._station.handle.axis.machine.settings.fault_limits = reached
 
@@ -246,7 +246,7 @@ class Servo(DrivePart):
         self._station.handle.axis.drive.settings.interlocks = missing
 
     def switch_input(self, number: int) -> None:
-        """Put a digital input of the drive on, until each caller has called :meth:`release_input`."""
+        """Switch a digital input of the drive on, until each caller has called :meth:`release_input`."""
         self._inputs[number] += 1
         self._put_inputs()
 
@@ -261,17 +261,17 @@ class Servo(DrivePart):
         )
 
     def put_load(self, torque: float, inertia: float, friction: float) -> None:
-        """Put so much more on the shaft, N m, kg m^2, N m; the loads that are there add up."""
+        """Put more load on the shaft, N m, kg m^2, N m; loads add up."""
         self._loads.append((torque, inertia, friction))
         self._put_loads()
 
     def take_load(self, torque: float, inertia: float, friction: float) -> None:
-        """Undo one :meth:`put_load` of the same numbers; without any nothing at all is left."""
+        """Undo one :meth:`put_load` of the same numbers; after the last one nothing is left."""
         self._loads.remove((torque, inertia, friction))
         self._put_loads()
 
     def _put_loads(self) -> None:
-        """Summed anew each time: a running sum of floats would keep a remainder of what is gone."""
+        """Summed anew each time: a running sum of floats would keep rounding errors."""
         axis = self._station.handle.axis
         axis.load.settings.added_torque = math.fsum(torque for torque, _, _ in self._loads)
         axis.load.settings.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)

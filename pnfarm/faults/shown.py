@@ -20,7 +20,7 @@ __all__ = ["ShownEffect", "StandingEffect"]
 
 
 class ShownEffect(Effect):
-    """What a cyclic frame that left since confirms; if there is a ``status``, one that says so."""
+    """Confirmed by a cyclic frame that left since; if there is a ``status``, by one that reports it."""
 
     needs: ClassVar[Needs] = (SERVO, CONNECTION)
     status: Status | None = None
@@ -39,11 +39,11 @@ class ShownEffect(Effect):
         self._look(now)
 
     def _look(self, now: int) -> None:
-        """Was it seen on the wire?  Ask again a cycle later if not."""
+        """Check whether it was seen on the wire; if not, check again a cycle later."""
         self._due = None
         if self._look_since is None:
             return
-        # a frame of the very instant was filled before the drive took the fault
+        # a frame of the same instant was filled before the drive took the fault
         since = self._look_since + 1
         if self.status is None:
             seen = self._connection.sent_data(since)
@@ -65,7 +65,7 @@ class ShownEffect(Effect):
 
 
 class StandingEffect(ShownEffect):
-    """What is put on the drive once and stands there until the injection ends."""
+    """Applied to the drive once; stays until the injection ends."""
 
     _stands = False
 

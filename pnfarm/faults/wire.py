@@ -22,7 +22,7 @@ __all__ = ["WIRE", "Wire"]
 class Wire(DrivePart):
     """``station`` is the drive's row of the table, ``port`` its port of the link.
 
-    ``carrier_changed(up)`` tells the drive of its cable.
+    ``carrier_changed(up)`` notifies the drive.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Wire(DrivePart):
         self.forget()
 
     def forget(self) -> None:
-        """The drive lost its supply: what is held back never leaves."""
+        """The drive lost its supply: drop what is held back."""
         self._gate.forget(self._port)
 
     def in_force(self) -> list[Any]:
@@ -95,25 +95,25 @@ class Wire(DrivePart):
         self._impairments.share_limit(one, other)
 
     def set_limit(self, number: int, count: int) -> None:
-        """What is left of an impairment's ``count``; 0 or less: nothing."""
+        """Occurrences left of an impairment's ``count``; 0 or less: none."""
         self._impairments.set_limit(number, count)
 
     def impairment(self, number: int) -> Evidence:
-        """What it did until now."""
+        """Its evidence so far."""
         return _evidence(self._impairments.evidence(number))
 
     def unimpair(self, number: int) -> Evidence:
-        """Take it back; what it did."""
+        """Remove it; returns its evidence."""
         return _evidence(self._impairments.remove(number))
 
     # acyclic frames
 
     def gate(self, rule: GateRule) -> None:
-        """Let ``rule`` look at every acyclic frame."""
+        """Apply ``rule`` to every acyclic frame."""
         self._gate.add(self._port, rule)
 
     def ungate(self, rule: GateRule) -> None:
-        """Take it back."""
+        """Remove it."""
         self._gate.remove(self._port, rule)
 
     def delay(self, rule: DelayRule) -> None:
@@ -121,13 +121,13 @@ class Wire(DrivePart):
         self._gate.delay(self._port, rule)
 
     def undelay(self, rule: DelayRule) -> None:
-        """Take it back; what no other rule holds back leaves at once."""
+        """Remove it; frames that no other rule holds back leave at once."""
         self._gate.undelay(self._port, rule)
 
     # the cable
 
     def pull_cable(self) -> None:
-        """No carrier until everyone who pulled has plugged."""
+        """No carrier until every caller that pulled has plugged."""
         self._carriers.pull(self._port, self._drive)
         self._carrier_changed(False)
 

@@ -1,4 +1,4 @@
-"""What a link is: the ports of a farm on one medium, and the frames that pass them.
+"""Links: the ports of a farm on one medium, and the frames that pass them.
 
 A link carries the *acyclic* frames (DCP, ARP, IPv4, alarms, LLDP) between the protocol machines and
 the wire.  Cyclic frames do not pass here: on Linux interfaces the compiled engine reads and writes its
@@ -48,7 +48,7 @@ Clock: TypeAlias = Callable[[], int]
 
 @dataclass(frozen=True, slots=True)
 class PortSpec:
-    """What a station asks for.  ``mac`` has 6 octets; an :class:`~pnfarm.links.interface.InterfaceLink` ignores it."""
+    """A requested port.  ``mac`` has 6 octets; an :class:`~pnfarm.links.interface.InterfaceLink` ignores it."""
 
     station: str
     mac: bytes
@@ -91,12 +91,12 @@ class Link(Protocol):
 
     @property
     def kind(self) -> str:
-        """Word of the farm file: ``macvlan``, ``veth``, ``tap``, ``memory``, ``interface``."""
+        """Keyword of the farm file: ``macvlan``, ``veth``, ``tap``, ``memory``, ``interface``."""
         ...
 
     @property
     def counters(self) -> LinkCounters:
-        """A view of the counters as they are now."""
+        """Snapshot of the counters."""
         ...
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
@@ -107,15 +107,15 @@ class Link(Protocol):
         ...
 
     async def close(self) -> None:
-        """Remove what :meth:`open` made.  Closing twice, or what was never opened, does nothing."""
+        """Remove what :meth:`open` made.  Closing twice, or closing a link that was never opened, does nothing."""
         ...
 
     def send(self, port_index: int, frame: bytes) -> None:
-        """Hand one whole frame to the port; never blocks, never raises: what cannot go is counted."""
+        """Hand one whole frame to the port; never blocks, never raises: frames that cannot be sent are counted."""
         ...
 
     def set_receiver(self, receiver: Receiver) -> None:
-        """Who gets each received frame; called in the event loop."""
+        """Set the receiver of all frames; it is called in the event loop."""
         ...
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
@@ -129,7 +129,7 @@ class Link(Protocol):
 
 @runtime_checkable
 class EngineLink(Link, Protocol):
-    """A link whose cyclic frames the engine exchanges through a packet socket of its own."""
+    """A link whose cyclic frames the engine exchanges through its own packet socket."""
 
     def engine_socket(self) -> socket.socket:
         """A non-blocking AF_PACKET socket of all ports: it receives cyclic frames (0x8892, frame id < 0xFC00) only.

@@ -1,7 +1,7 @@
-"""Socket filters (classic BPF) that keep other people's frames out of the farm's sockets.
+"""Socket filters (classic BPF) that keep foreign frames out of the farm's sockets.
 
-The kernel runs such a program on each frame before it is copied or queued, so a frame that is not
-ours costs next to nothing.  A program is a list of :class:`Instruction` with symbolic jump targets
+The kernel runs such a program on each frame before it is copied or queued, so a foreign frame
+costs next to nothing.  A program is a list of :class:`Instruction` with symbolic jump targets
 (:func:`assemble` lays them out); registers: ``A`` only.  Offsets count from the destination address.
 
 Sources: linux/filter.h (ancillary loads), Documentation/networking/filter.rst.
@@ -48,7 +48,7 @@ _ANCILLARY_IFINDEX = _ANCILLARY + 8
 _ANCILLARY_MARK = _ANCILLARY + 20
 
 # linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.  A frame with a VLAN id other than 0 is
-# another host's to the kernel, whoever it is addressed to; a PROFINET controller may ask for such frames.
+# another host's to the kernel, whatever its destination; a PROFINET controller may request such frames.
 _LAST_PACKET_TYPE_FOR_US = 2
 _OTHER_HOST = 3
 
@@ -113,7 +113,7 @@ def ethertype_filter(lowest: int, highest: int, *, mark: int = 0) -> bytes:
 def acyclic_filter(lowest: int, highest: int) -> bytes:
     """For a 0x8892 socket: alarms and DCP (frame id from 0xFC00).  A frame too short for a frame id is dropped.
 
-    Alarms pass with any VLAN id: whoever reads them looks at the address that they are for.
+    Alarms pass with any VLAN id: the reader checks the destination address.
     """
     return assemble(
         [
@@ -132,7 +132,7 @@ def acyclic_filter(lowest: int, highest: int) -> bytes:
 def cyclic_filter(lowest: int, highest: int) -> bytes:
     """For the engine's 0x8892 socket: the other half, frame ids below 0xFC00.
 
-    With any VLAN id: the engine looks at the address that a frame is for.
+    With any VLAN id: the engine checks the destination address.
     """
     return assemble(
         [

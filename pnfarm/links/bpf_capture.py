@@ -1,7 +1,7 @@
 """The socket filter of a capture: which interfaces, which kinds of frames.  It runs in the kernel, before any copy.
 
-Kinds are words of the command line.  Sent frames may still carry their VLAN tag where received ones lost it, so every
-test stands twice, for a frame with and without a tag.
+Kinds are keywords of the command line.  Sent frames may still carry their VLAN tag where received ones lost it, so
+every test is made twice, for a frame with and without a tag.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["ATOMS", "KINDS", "atoms_of", "capture_filter"]
 
 #: Kinds that a frame can be, each exactly one.
 ATOMS = ("cyclic", "dcp", "alarm", "rpc", "snmp", "arp", "icmp", "lldp", "ptcp", "other")
-#: Words of the command line: the kinds, and ``acyclic`` for all of them but ``cyclic``.
+#: Keywords of the command line: the kinds, and ``acyclic`` for all of them but ``cyclic``.
 KINDS: dict[str, frozenset[str]] = {
     **{atom: frozenset({atom}) for atom in ATOMS},
     "acyclic": frozenset(ATOMS) - {"cyclic"},
@@ -58,7 +58,7 @@ class _Op(NamedTuple):
 
 
 def atoms_of(kinds: Iterable[str]) -> frozenset[str]:
-    """The kinds that these words mean, all for none; :class:`KeyError` for an unknown word."""
+    """The kinds that these keywords mean; all kinds for an empty list; :class:`KeyError` for an unknown word."""
     found = frozenset[str]().union(*(KINDS[kind] for kind in kinds))
     return found or frozenset(ATOMS)
 
@@ -76,8 +76,8 @@ def _runs(indexes: Collection[int]) -> list[tuple[int, int]]:
 def capture_filter(indexes: Collection[int], atoms: Collection[str], *, others: bool = False) -> bytes:
     """Frames at the interfaces ``indexes`` of the kinds ``atoms``, in both directions.
 
-    ``others`` keeps frames for other hosts too.  Very scattered indexes let all between the first and the last
-    through.  A frame too short for its kind is dropped.
+    ``others`` keeps frames for other hosts too.  Where the indexes are too scattered, all interfaces between
+    the first and the last pass.  A frame too short for its kind is dropped.
     """
     program = [_Op(_LD_WORD, _IFINDEX)]
     for number, (lowest, highest) in enumerate(_runs(indexes)):
@@ -102,7 +102,7 @@ def capture_filter(indexes: Collection[int], atoms: Collection[str], *, others: 
 
 
 def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
-    """The decision for a frame whose EtherType stands at ``base``."""
+    """The decision for a frame whose EtherType is at offset ``base``."""
     to = {atom: "yes" if atom in atoms else "no" for atom in ATOMS}
     network = base + 2
     return [
@@ -134,7 +134,7 @@ def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
         *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
         _Op(_LD_HALF_INDEXED, network + 2),
         *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
-        # calls come from any port and go to any; each begins with the protocol's version
+        # calls use any port; each begins with the protocol's version
         _Op(_LD_BYTE_INDEXED, network + _UDP_HEAD),
         _Op(_JUMP_EQUAL, _RPC_VERSION, to["rpc"], to["other"]),
     ]

@@ -1,4 +1,4 @@
-"""What a link's receiver raises, raised where somebody waits for what it was to do."""
+"""Exceptions of a link's receiver, raised where a caller waits for the receiver's work."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["raise_of_callbacks"]
 
 @asynccontextmanager
 async def raise_of_callbacks() -> AsyncIterator[None]:
-    """End the block with the first exception that a callback of the loop raised; asyncio would only tell of it.
+    """End the block with the first exception that a callback of the loop raised; asyncio would only log it.
 
-    Whoever waits inside for what the callback was to do would wait for ever.
+    A block that waits for the callback's work would otherwise wait for ever.
     """
     loop = asyncio.get_running_loop()
     failed: list[BaseException] = []

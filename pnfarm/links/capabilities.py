@@ -11,8 +11,8 @@ __all__ = ["NET_ADMIN", "NET_RAW", "SYS_ADMIN", "effective", "has", "remedy", "r
 
 NET_ADMIN, NET_RAW, SYS_ADMIN = 12, 13, 21
 _NAMES = {NET_ADMIN: "CAP_NET_ADMIN", NET_RAW: "CAP_NET_RAW"}
-_REASONS = {NET_ADMIN: "it makes network interfaces", NET_RAW: "it speaks raw Ethernet"}
-#: Kind of link -> what it needs.  Kinds that are not named need nothing of the kernel.
+_REASONS = {NET_ADMIN: "it makes network interfaces", NET_RAW: "it sends raw Ethernet frames"}
+#: Kind of link -> what it needs.  Kinds that are not named need no capability.
 _NEEDS = {
     "macvlan": (NET_ADMIN, NET_RAW),
     "veth": (NET_ADMIN, NET_RAW),
@@ -26,7 +26,7 @@ _SETPRIV = (
 
 
 def effective() -> int:
-    """The effective capabilities of this thread, as a mask; 0 where /proc does not tell."""
+    """The effective capabilities of this thread, as a mask; 0 where /proc does not report them."""
     try:
         text = Path("/proc/thread-self/status").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -43,8 +43,8 @@ def has(number: int) -> bool:
 def remedy() -> str:
     """How to run with what is missing, without giving it to anything else.
 
-    A file capability on an interpreter gives it to every script that anybody runs with it, so it is no way for one
-    that several programs share; a copy in an environment of its own, which only its owner may run, is.
+    A file capability on an interpreter gives it to every script that anybody runs with it, so it must not be used
+    for one that several programs share; a copy in its own environment, which only its owner may run, is fine.
     """
     python = Path(sys.executable)
     own = f"{python.parent}/python3" if python.is_symlink() else str(python)
@@ -65,5 +65,5 @@ def require_for_link(kind: str, owner: str) -> None:
     if missing:
         lacks = " and ".join(f"{_NAMES[number]} ({_REASONS[number]})" for number in missing)
         raise EnvironmentError_(
-            f"{owner} lacks {lacks}: run it with sudo; `pnfarm doctor` tells other ways, `pnfarm demo` needs neither"
+            f"{owner} lacks {lacks}: run it with sudo; `pnfarm doctor` shows other ways, `pnfarm demo` needs neither"
         )

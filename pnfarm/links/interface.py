@@ -1,4 +1,4 @@
-"""An existing interface used as it is: a NIC, a veth end, a macvlan that somebody made.
+"""An existing interface used as it is: a NIC, a veth end, a macvlan made by others.
 
 For the built-in controller (``interface: eth1``) and for a single drive in a container. Nothing about the
 interface is changed: its address is the port's address, its kernel addresses stay, and it is there when the

@@ -44,7 +44,7 @@ _T = TypeVar("_T")
 _IFF_UP = 0x1
 _IFF_LOOPBACK = 0x8
 _ARPHRD_ETHER = 1
-#: LLDP passes an own bridge: IEEE 802.1D would have it swallow 01:80:C2:00:00:0E.
+#: A bridge of ours passes LLDP: IEEE 802.1D would have it drop 01:80:C2:00:00:0E.
 _FORWARD_LLDP = 0x4000
 
 _NEEDS_NET_ADMIN = (
@@ -59,7 +59,7 @@ def mac_text(mac: bytes) -> str:
 
 @dataclass(frozen=True, slots=True)
 class InterfaceFacts:
-    """What the kernel says of an interface.  ``kind`` is empty for a NIC; ``master`` is a bridge's index or 0."""
+    """An interface as the kernel reports it.  ``kind`` is empty for a NIC; ``master`` is a bridge's index or 0."""
 
     index: int
     name: str
@@ -146,7 +146,7 @@ class Interfaces:
         facts = self.find(name, what)
         if not facts.is_ethernet:
             raise EnvironmentError_(
-                f"{what} {name} is no Ethernet interface: name a NIC, a veth end, a bridge or a bond"
+                f"{what} {name} is not an Ethernet interface: name a NIC, a veth end, a bridge or a bond"
             )
         if not facts.is_up:
             raise EnvironmentError_(f"{what} {name} is down: bring it up with `ip link set {name} up`")
@@ -279,15 +279,15 @@ class Interfaces:
     # -- removing
 
     def remove(self, farm: str, only: Collection[int] | None = None) -> list[str]:
-        """Remove a farm's interfaces (those with an index in ``only``, or all); the names of those removed.
+        """Remove a farm's interfaces (those with an index in ``only``, or all); returns the names of those
 
-        What no farm of this name made stays untouched, whatever its index.
+        removed. Interfaces that no farm of this name made stay untouched, whatever their index.
         """
         own = [facts for facts in self.owned(farm) if only is None or facts.index in only]
         doomed = doomed_group_of(farm)
         wanted = {facts.index for facts in own}
         if len(own) > 1 and all(facts.index in wanted for facts in self.everything() if facts.group == doomed):
-            with contextlib.suppress(NetlinkError):  # what is still there afterwards goes one by one
+            with contextlib.suppress(NetlinkError):  # what is left afterwards is removed one by one
                 for facts in own:
                     self._route.link("set", index=facts.index, group=doomed)
                 self._route.link("del", group=doomed)
@@ -297,7 +297,7 @@ class Interfaces:
             try:
                 self._route.link("del", index=facts.index)
             except NetlinkError as exc:
-                # a veth's far end goes with the near one
+                # a veth's far end is removed with the near one
                 if exc.code != errno.ENODEV:
                     raise EnvironmentError_(f"interface {facts.name} cannot be removed: {_why(exc)}") from exc
         return sorted(facts.name for facts in own)
@@ -383,7 +383,7 @@ def _why(error: NetlinkError) -> str:
 
 
 def _refusal(what: str, options: dict[str, Any], error: NetlinkError) -> Exception:
-    """The kernel's number as a sentence."""
+    """The kernel's error number as a sentence."""
     kind = options["kind"]
     match error.code:
         case errno.EPERM | errno.EACCES:
@@ -394,13 +394,13 @@ def _refusal(what: str, options: dict[str, Any], error: NetlinkError) -> Excepti
             )
         case errno.EBUSY:
             return EnvironmentError_(
-                f"{what}: the parent is in other hands (port of a bridge or bond, or has a macvlan of another mode), "
+                f"{what}: the parent is in use (port of a bridge or bond, or has a macvlan of another mode), "
                 "name the bridge as the parent or take the NIC out of it"
             )
         case errno.EADDRNOTAVAIL:
             address = options.get("address")
             return ConfigError(
-                f"{what}: {address} is no address for a station, its first octet must be even and not all zero"
+                f"{what}: {address} is not a station address, its first octet must be even and not all zero"
             )
         case errno.EADDRINUSE:
             return ConfigError(
@@ -417,7 +417,7 @@ def remove_leftovers_now(farm: str) -> list[str]:
 
 
 async def remove_leftovers(farm: str) -> list[str]:
-    """Remove what an earlier, killed run of this farm left in this network namespace; the names of what went.
+    """Remove what an earlier, killed run of this farm left in this network namespace; the names of those removed.
 
     Take the :class:`~pnfarm.links.ownership.FarmLock` first: a running farm's interfaces carry the same marks.
     """

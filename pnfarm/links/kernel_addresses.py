@@ -1,4 +1,4 @@
-"""IPv4 addresses that the kernel has as well: which one an interface has, and ports of one kept from the kernel."""
+"""IPv4 addresses that the kernel has as well: finding an interface's address, and keeping its UDP ports reserved."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SIOCGIFADDR, _SIOCGIFNETMASK = 0x8915, 0x891B
 
 
 def kernel_address(interface: str) -> IPv4Interface:
-    """The first address that the kernel has on the interface.  Raises :class:`ConfigError` where it has none."""
+    """The kernel's first address on the interface.  Raises :class:`ConfigError` where it has none."""
     asked = struct.pack("256s", interface.encode()[:15])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         try:

@@ -39,7 +39,7 @@ class PacketLink(ABC):
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         if self._touched:
-            raise InternalError(f"this {self.kind} link is open already")
+            raise InternalError(f"this {self.kind} link is already open")
         if not wanted:
             return []
         self._touched = True
@@ -60,9 +60,9 @@ class PacketLink(ABC):
             self._touched = False
 
     def check(self, count: int = 16) -> None:
-        """Look whether ``count`` of the interfaces, the next ones each time, are still there.
+        """Check whether the next ``count`` interfaces still exist, in turn.
 
-        Raises :class:`~pnfarm.errors.EnvironmentError_` for one that somebody removed, or whose parent went.
+        Raises :class:`~pnfarm.errors.EnvironmentError_` for one that was removed, or whose parent was.
         """
         indexes = list(self._ports)
         for step in range(min(count, len(indexes))):

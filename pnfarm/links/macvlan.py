@@ -1,8 +1,8 @@
 """One macvlan per drive on a NIC: each drive has its own MAC address on the real network.
 
-Mode ``bridge``: drives of one farm hear each other, and the NIC's own traffic goes on as before.  The parent
-itself (an address that this host has on the NIC) and the drives do not hear each other: a controller on this
-host takes a macvlan of its own on the same parent.  The parent is never changed; it hears LLDP for all drives.
+Mode ``bridge``: drives of one farm receive each other's frames, and the NIC's own traffic goes on as before.  The
+parent itself (an address that this host has on the NIC) and the drives do not receive each other's frames: a controller
+on this host uses another macvlan on the same parent.  The parent is never changed; it receives LLDP for all drives.
 """
 
 from __future__ import annotations

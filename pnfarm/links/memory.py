@@ -1,7 +1,7 @@
 """A switch in memory: whole farms in one process and in virtual time.
 
 Ports know their addresses, so nothing is learnt: a unicast frame goes to the ports with that address, a
-broadcast or multicast to all others, or where a link says whom it concerns (:meth:`MemoryLink.set_audience`) to
+broadcast or multicast to all others, or where a link knows whom it concerns (:meth:`MemoryLink.set_audience`) to
 those; only LLDP, which no switch forwards, crosses from one link to another and not between the ports of one, as if
 each link were a cable. A frame is handed over at the time it was sent plus the switch's latency, in the order of
 sending, when :meth:`MemorySwitch.deliver` is called for that time; frames sent while frames are delivered belong to
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Audience", "MemoryLink", "MemorySwitch"]
 
-#: Of a link's ports, those that a broadcast or multicast frame can mean anything to; None for all.
+#: The ports of a link that a broadcast or multicast frame concerns; None for all.
 Audience: TypeAlias = "Callable[[bytes], Collection[int] | None]"
 
-#: Frames that one :meth:`MemorySwitch.deliver` takes at most: two stations may answer each other for ever.
+#: Frames that one :meth:`MemorySwitch.deliver` takes at most: two stations may answer each other endlessly.
 MAX_DELIVERIES = 1_000_000
 
 
@@ -107,7 +107,7 @@ class MemorySwitch:
         return self._under_way[0][0] if self._under_way else None
 
     def deliver(self, now: int) -> int:
-        """Hand over every frame that is due; how many were handed to a port.
+        """Hand over every frame that is due; returns how many were handed to a port.
 
         Raises :class:`~pnfarm.errors.InternalError` when stations keep answering each other within one instant.
         """
@@ -119,7 +119,7 @@ class MemorySwitch:
             destination = frame[:6]
             to_all = bool(destination and destination[0] & 1)
             sender = self._sockets.get(source_port) if destination == MULTICAST_LLDP else None
-            for index in self._hearers(frame) if to_all else list(self._by_mac.get(destination, ())):
+            for index in self._group_receivers(frame) if to_all else list(self._by_mac.get(destination, ())):
                 # a receiver earlier in this round may have taken the port away
                 socket = self._sockets.get(index)
                 if socket is None or index == source_port:
@@ -134,7 +134,7 @@ class MemorySwitch:
                 if socket.receiver is not None:
                     socket.receiver(index, frame, due)
         raise InternalError(
-            f"stations exchanged {MAX_DELIVERIES} frames in one instant: do two of them answer each other for ever?"
+            f"stations exchanged {MAX_DELIVERIES} frames in one instant: do two of them answer each other endlessly?"
         )
 
     def set_audience(self, ports: Collection[int], audience: Audience | None) -> None:
@@ -143,7 +143,7 @@ class MemorySwitch:
         if audience is not None:
             self._audiences.append((frozenset(ports), audience))
 
-    def _hearers(self, frame: bytes) -> list[int]:
+    def _group_receivers(self, frame: bytes) -> list[int]:
         """The ports that a group-addressed frame goes to, in the order in which they were attached."""
         if not self._audiences:
             return list(self._sockets)
@@ -177,7 +177,7 @@ class MemoryLink:
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         if self._indexes:
-            raise InternalError("this memory link is open already")
+            raise InternalError("this memory link is already open")
         ports = [
             self._switch.attach(spec.mac, self._receive, name=spec.station, counters=self._counters) for spec in wanted
         ]
@@ -204,7 +204,7 @@ class MemoryLink:
         self._receiver = receiver
 
     def set_audience(self, audience: Audience) -> None:
-        """Say which ports a broadcast or multicast frame can concern, so that the others get no copy."""
+        """Set which ports a broadcast or multicast frame can concern; the others get no copy."""
         self._switch.set_audience(self._indexes, audience)
 
     async def set_carrier(self, port_index: int, up: bool) -> None:

@@ -1,4 +1,4 @@
-"""What keeps a process from a namespace of its own on this machine, and the command that changes it.
+"""Settings of this machine that forbid a process its own namespace, and the command that changes them.
 
 Sources: namespaces(7), user_namespaces(7) for the limits under /proc/sys/user; the settings of Debian's and Ubuntu's
 kernels besides.

@@ -1,8 +1,8 @@
-"""Whose interface is it: names and tags of what a farm makes, and the lock that keeps a farm single.
+"""Ownership of interfaces: names and tags of those that a farm makes, and the lock that lets a farm run only once.
 
 An interface is the farm's when its name has the farm's prefix *and* it carries the farm's tag as its
 alias (``ip link`` shows it).  The tag is set a moment after the interface is made; for a run killed in
-between, the interface group, which is set *with* the making, stands for it.  Everything else is never touched.
+between, the interface group, which is set on creation, marks it.  Other interfaces are never touched.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class FarmLock:
         sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             sock.bind(name)
-            sock.listen(128)  # never accepted from: a peer's connect() alone tells it our process id
+            sock.listen(128)  # never accepted from: connect() alone gives a peer our process id
         except OSError as exc:
             sock.close()
             raise self._refused(_pid_behind(name)) from exc
@@ -132,7 +132,7 @@ class FarmLock:
         )
 
     def release(self) -> None:
-        """Give both locks back; harmless when none is held."""
+        """Release both locks; harmless when none is held."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -151,13 +151,13 @@ class FarmLock:
 
 
 def _pid_behind(name: bytes) -> int | None:
-    """Process id of whoever listens at an abstract address, if it can be told."""
+    """Process id of the listener at an abstract address, if it is known."""
     with contextlib.closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as sock:
         sock.setblocking(False)
         try:
             sock.connect(name)
             credentials = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
-        except OSError:  # gone in the meantime, or its queue is full of others who asked
+        except OSError:  # gone in the meantime, or its queue is full
             return None
     pid, _uid, _gid = struct.unpack("iII", credentials)
     return int(pid) or None

@@ -5,11 +5,11 @@ their filter (:mod:`pnfarm.links.bpf`) keeps the farm's interfaces, and the inde
 ``sockaddr_ll`` says which drive a frame is for.  One ``recvmmsg`` takes a batch; the batch is bounded, so that a
 storm on one ethertype does not starve the event loop: what is left waits in the kernel's queue.
 
-A macvlan hears multicast only where somebody asked for it: the memberships are held by a socket here, and go with it.
+A macvlan receives only multicast addresses that were joined: the memberships are held by a socket here, and go with it.
 
 LLDP is between two ends of one cable.  Drives that share an interface (macvlans on a NIC) have one cable together: its
-LLDP is received once, on that interface, and handed to each of them; among themselves they hear nothing, as behind a
-real switch.  Drives with cables of their own (veth) hear what comes through, but not each other where a bridge forwards
+LLDP is received once, on that interface, and handed to each of them; they do not receive each other's, as behind a
+real switch.  Drives with their own cables (veth) receive what comes through, but not each other where a bridge forwards
 LLDP: the filter drops what carries the sending socket's mark, and what lost it on its way is dropped by its address.
 """
 
@@ -50,7 +50,7 @@ _SO_MARK = 36
 BATCH = 64
 #: Octets of receive queue per socket: a DCP Identify reaches each of 1,024 drives as a copy of its own, 800 octets.
 RECEIVE_BUFFER = 16 * 1024 * 1024
-#: What every port of a link hears; LLDP has rules of its own.
+#: The multicast address that every port joins; LLDP is handled apart.
 MULTICAST_GROUPS = (MULTICAST_DCP_IDENTIFY,)
 
 _SLOT = 2048
@@ -95,7 +95,8 @@ def open_packet_socket(
 ) -> socket.socket:
     """A non-blocking raw socket that receives ``ethertype`` through ``filter_code``.
 
-    ``index`` is the only interface that it hears, 0 for all, which costs every frame of the namespace a look.
+    ``index`` is the only interface that it receives from; 0 means all, which costs time for every frame of the
+    namespace.
 
     It is bound only after the filter is in place, so no foreign frame ever enters its queue.
     Raises :class:`~pnfarm.errors.EnvironmentError_` without CAP_NET_RAW.
@@ -221,7 +222,7 @@ class PacketSockets:
         mark = 0
         if len(self._names) > 1:
             wanted = int.from_bytes(os.urandom(4), "little") | 1
-            with contextlib.suppress(OSError):  # without CAP_NET_ADMIN siblings are told apart by their addresses only
+            with contextlib.suppress(OSError):  # without CAP_NET_ADMIN siblings are distinguished by address only
                 sender.setsockopt(socket.SOL_SOCKET, _SO_MARK, struct.pack("=I", wanted))
                 mark = wanted
         code = bpf.ethertype_filter(min(self._names), max(self._names), mark=mark)
@@ -275,14 +276,14 @@ class PacketSockets:
                 self._hand_over(index, frame, now)
 
     def set_pulled(self, index: int, pulled: bool) -> None:
-        """A port without carrier hears no LLDP of a shared cable; everything else the kernel keeps from it."""
+        """A port without carrier gets no LLDP of a shared cable; the kernel withholds all other frames."""
         if pulled:
             self._pulled.add(index)
         else:
             self._pulled.discard(index)
 
     def set_mac(self, index: int, mac: bytes) -> None:
-        """The port's address is this now."""
+        """Set the port's address."""
         self._macs[index] = mac
 
     def has_interface(self, index: int) -> bool:
@@ -292,7 +293,7 @@ class PacketSockets:
         try:
             fcntl.ioctl(self._sender, _SIOCGIFNAME, struct.pack("16si20x", b"", index))
         except OSError as exc:
-            # whatever else the kernel is short of, it says nothing about the interface
+            # other shortages of the kernel say nothing about the interface
             return exc.errno not in {errno.ENODEV, errno.ENXIO}
         return True
 
@@ -315,7 +316,7 @@ class PacketSockets:
             raise InternalError("the engine's socket can be opened only after the link's ports are up")
         filter_code = bpf.cyclic_filter(min(self._names), max(self._names))
         sock = open_packet_socket(ETHERTYPE_PROFINET, filter_code, index=self._only_port)
-        with contextlib.suppress(OSError):  # without fanout both sockets look at each frame: right, and dearer
+        with contextlib.suppress(OSError):  # without fanout both sockets filter each frame: correct, but slower
             bpf.join_fanout(self._profinet, sock)
         return sock
 

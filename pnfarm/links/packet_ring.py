@@ -2,8 +2,8 @@
 
 TPACKET_V3 (Documentation/networking/packet_mmap.rst): the kernel copies each frame that the filter lets through, with
 its stamp, interface, direction and VLAN tag, into blocks of a ring; a block is handed over when it is full or
-after :data:`RETIRE_MS`.  No system call and no wake-up per frame; what finds no room is counted and costs the sender
-nothing.  Offsets of the block's and the frame's header are those of linux/if_packet.h.
+after :data:`RETIRE_MS`.  No system call and no wake-up per frame; frames without room are counted and cost the
+sender nothing.  Offsets of the block's and the frame's header are those of linux/if_packet.h.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _PACKET_VERSION = 10
 _TPACKET_V3 = 2
 _ETH_P_ALL = 0x0003
 _SOCKADDR_LL = struct.Struct("=HHiHBB8s")
-#: Place of block_status in a block's header.
+#: Offset of block_status in a block's header.
 _STATUS = 8
 _STATUS_USER = 1
 
@@ -80,13 +80,13 @@ class PacketRing:
         self._poll.register(self._socket.fileno(), select.POLLIN | select.POLLERR)
 
     def wait(self, milliseconds: int) -> None:
-        """Until a block is ready, at most so long."""
+        """Wait until a block is ready, at most the timeout."""
         self._poll.poll(milliseconds)
 
     def take(self) -> Iterator[int]:
-        """Where each block that is ready begins in the memory; it goes back to the kernel when the next is asked for.
+        """Offset of each ready block in the memory; it returns to the kernel when the next one is requested.
 
-        At most one round of the ring, so that whoever takes slowly still comes to look at other things.
+        At most one round of the ring, so that a slow consumer still gets to other work.
         """
         for _ in range(self.blocks):
             start = self._next * BLOCK
@@ -100,7 +100,7 @@ class PacketRing:
                 self._next = (self._next + 1) % self.blocks
 
     def lost(self) -> int:
-        """Frames that found no room since the last call."""
+        """Frames dropped for lack of room since the last call."""
         _seen, lost, _frozen = struct.unpack("3I", self._socket.getsockopt(_SOL_PACKET, _PACKET_STATISTICS, 12))
         return int(lost)
 

@@ -60,7 +60,7 @@ def _option(code: int, value: bytes) -> bytes:
 
 
 def _text(code: int, text: str) -> bytes:
-    """A text option, none for no text; an option's length has 16 bits."""
+    """A text option, empty for no text; an option's length has 16 bits."""
     return _option(code, text.encode()[:0xFFFC]) if text else b""
 
 
@@ -92,7 +92,7 @@ def packet_block(interface: int, frame: bytes, wall_ns: int, direction: Directio
 
 
 def interface_statistics(interface: int, wall_ns: int, *, written: int, lost: int | None = None) -> bytes:
-    """What became of an interface's frames: ``written`` to the file, ``lost`` by the kernel (None: not told here)."""
+    """Frame counts of an interface: ``written`` to the file, ``lost`` by the kernel (None: not known here)."""
     body = struct.pack("<III", interface, wall_ns >> 32, wall_ns & 0xFFFFFFFF)
     body += _option(_ISB_IFRECV, struct.pack("<Q", written + (lost or 0)))
     if lost is not None:
@@ -148,8 +148,8 @@ class PcapngWriter:
 class PcapLink:
     """Wraps ``inner`` and records to ``path``.
 
-    ``clock`` is the farm's; ``epoch_ns`` is the date of its zero (default: such that now is now).
-    When the disk is full, recording ends, ``failed`` says why, and the frames still pass.
+    ``clock`` is the farm's; ``epoch_ns`` is the date of its zero (default: such that the clock's now is the present
+    time). When the disk is full, recording ends, ``failed`` says why, and the frames still pass.
     """
 
     def __init__(

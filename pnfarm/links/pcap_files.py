@@ -1,7 +1,7 @@
 """The file, or the ring of files, that a capture goes to.
 
-Names of a ring are dumpcap's: ``OUT_00001_20261121120000.pcapng``.  Whole blocks are written, unbuffered: whoever opens
-a file that is being written finds whole packets.
+Names of a ring are dumpcap's: ``OUT_00001_20261121120000.pcapng``.  Whole blocks are written, unbuffered: a reader that
+opens a file that is being written finds whole packets.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Tries, in a namespace that vanishes again, what a farm needs of the kernel: ``python -m pnfarm.links.probe``.
 
-Run as a process of its own so that nothing it tries stays with the caller. Prints one JSON object: name of
+Runs in a separate process, so that its trials leave no traces in the caller. Prints one JSON object: name of
 the trial -> null when it worked, else the reason.
 """
 
@@ -93,7 +93,7 @@ async def _open_and_close(link: object) -> None:
 
 
 def try_everything() -> dict[str, str | None]:
-    """Run every trial in this process, which ends up in a namespace of its own; for a throw-away process only."""
+    """Run every trial in this process, which ends up in its own namespace; for a throw-away process only."""
     steps: dict[str, Callable[[], None]] = {
         "scheduler": _scheduler,
         "mlock": _mlock,

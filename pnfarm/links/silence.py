@@ -1,6 +1,6 @@
 """Keeps the kernel's own IP stack off a drive's interface.
 
-A drive answers ARP, ICMP and UDP itself (:mod:`pnfarm.protocols.ip`).  The kernel must not speak with
+A drive answers ARP, ICMP and UDP itself (:mod:`pnfarm.protocols.ip`).  The kernel must not answer with
 its address beside it, so on each interface: no ARP (``IFF_NOARP``; else Linux answers for every address
 of the host), no IPv6 address and no neighbour discovery, no forwarding (a host that routes, as every container
 host does, would send a drive's datagrams on), no gratuitous ARP.
@@ -78,7 +78,7 @@ def silence(interfaces: Sequence[Marked]) -> None:
     except OSError as exc:
         raise EnvironmentError_(f"the kernel refused to silence the farm's interfaces: {exc.strerror}") from exc
     for interface in interfaces:
-        # With no address generated IPv6 is mute already; where /proc/sys can be written it is off altogether.
+        # With no address generated IPv6 sends nothing already; where /proc/sys can be written it is off altogether.
         with contextlib.suppress(OSError):
             Path(f"/proc/sys/net/ipv6/conf/{interface.name}/disable_ipv6").write_text("1", encoding="utf-8")
 

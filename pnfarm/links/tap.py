@@ -78,7 +78,7 @@ class TapLink:
 
     ``bridge`` names an existing bridge for the kernel's ends; without it they stay free.  ``persistent`` keeps
     the interfaces over a crash (until ``pnfarm down`` or the next start).  The drive's address is
-    the spec's; the kernel's end has an address of its own.
+    the spec's; the kernel's end has another address.
     """
 
     kind = "tap"
@@ -187,7 +187,7 @@ class TapLink:
         elif frame is None:
             counters.dropped["other-vlan"] += 1
         elif frame[:6] == MULTICAST_LLDP and frame[6:12] in self._macs.values():
-            # a bridge that forwards LLDP: behind a real switch drives do not hear each other
+            # a bridge that forwards LLDP: behind a real switch drives do not receive each other's LLDP
             counters.dropped["own-lldp"] += 1
         elif not frame[0] & 1 and frame[:6] != self._macs[index]:
             counters.dropped["other-address"] += 1

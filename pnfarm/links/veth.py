@@ -1,4 +1,4 @@
-"""One veth pair per drive: a cable whose other end joins a bridge, or stays free for whoever wants it."""
+"""One veth pair per drive: a cable whose other end joins a bridge, or stays free."""
 
 from __future__ import annotations
 

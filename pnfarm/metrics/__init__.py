@@ -1,4 +1,4 @@
-"""The farm's metrics for Prometheus: read from the table when they are asked for, never pushed."""
+"""The farm's metrics for Prometheus: read from the table on each scrape, never pushed."""
 
 from pnfarm.metrics.collector import FarmCollector, Scrape
 from pnfarm.metrics.families import CONTENT_TYPE

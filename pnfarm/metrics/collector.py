@@ -1,6 +1,6 @@
 """Every metric of a farm, gathered from the table's columns at the time of the scrape.
 
-Gathering is short and belongs into the event loop, where the stations live; writing the text is long and may run in
+Gathering is short and runs in the event loop, where the stations are; writing the text is long and may run in
 another thread (:meth:`Scrape.text`).  :class:`FarmCollector` is also a collector for prometheus_client's registries.
 """
 
@@ -43,7 +43,7 @@ def connection_numbers(bus_name: str) -> dict[str, int]:
 
 
 class Scrape:
-    """One look at the farm."""
+    """One snapshot of the farm."""
 
     def __init__(self, parts: list[tuple[Family, Values]], lock: threading.Lock) -> None:
         self._parts = parts
@@ -76,10 +76,10 @@ class FarmCollector(Collector):
         ProcessCollector(registry=self.process)
 
     def close(self) -> None:
-        """Take nothing in any more."""
+        """Stop listening to events."""
         self._recovery.close()
 
-    # -- what there is -----------------------------------------------------------------------------------------------
+    # -- families ----------------------------------------------------------------------------------------------------
 
     def _per_drive(self, name: str, kind: str, documentation: str) -> Family:
         family = Family(f"pnfarm_{name}", kind, documentation, ("drive",))
@@ -115,8 +115,8 @@ class FarmCollector(Collector):
                 ),
                 ("torque_newton_metres", "motor.torque", "Torque of the motor."),
                 ("bus_volts", "supply.voltage", "Voltage of the DC link (VBUS.VALUE)."),
-                ("thermal_load_ratio", "motor.thermal_load", "Heat of the motor, 1 = as much as it bears (I2t)."),
-                ("setpoint_rpm", "ramp.setpoint", "Velocity that the controller asks for (NSOLL_A)."),
+                ("thermal_load_ratio", "motor.thermal_load", "Thermal load of the motor, 1 = its limit (I2t)."),
+                ("setpoint_rpm", "ramp.setpoint", "Velocity that the controller requests (NSOLL_A)."),
                 ("stw1", "profidrive.stw1", "Control word 1 in force (STW1) as a number."),
                 ("zsw1", "profidrive.zsw1", "Status word 1 (ZSW1) as a number."),
                 ("state", "drive.state", "PROFIdrive state: 1..5 for S1..S5, 0 while the drive boots."),
@@ -186,7 +186,7 @@ class FarmCollector(Collector):
             for name in self._names:
                 self._activations.add(kind, name)
 
-    # -- what it is now ----------------------------------------------------------------------------------------------
+    # -- current values --------------------------------------------------------------------------------------------
 
     def gather(self) -> Scrape:
         """Read everything; call it in the thread of the stations."""

@@ -1,4 +1,4 @@
-"""Metrics as text, fast: a family of series whose names are written once and whose values change.
+"""Fast rendering of metrics: the text around a family's values is built once, only the values change.
 
 A farm of a thousand drives has some hundred thousand series, and each scrape wants all of them while the drives go
 on; so a family keeps the text around its values and fills in the values only (Prometheus exposition format, text

@@ -2,9 +2,9 @@
 
 *Reaction* is the time from a fault to the withdrawal of the enable (the engine's FAULT_REACTED).
 
-*Reconnect* is the time for which a drive was out of work.  It begins when a drive that has a controller raises a
+*Reconnect* is the time for which a drive was out of service.  It begins when a drive that has a controller raises a
 fault, loses its connection or its supply, and ends when it exchanges data again, without a fault, and in S4 if it
-was there when it began.  A connection that the controller releases is no loss.
+was there when it began.  A connection that the controller releases is not a loss.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ OPERATION = 4
 
 @dataclass(slots=True)
 class _Drive:
-    """What the events told of one drive."""
+    """What the events say about one drive."""
 
     connected: bool
     faulted: bool
@@ -71,7 +71,7 @@ class Recovery:
         self._unsubscribe = core.log.subscribe(self._take)
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._unsubscribe()
 
     @staticmethod
@@ -117,7 +117,7 @@ class Recovery:
                 if self._ended(drive, station):
                     self._begin(drive, when)
             case ConnectionReleased():
-                # no loss: the controller meant it
+                # not a loss: the controller meant it
                 self._ended(drive, station)
             case _:
                 pass
@@ -138,7 +138,7 @@ class Recovery:
     def _begin(drive: _Drive, when: int) -> None:
         if drive.lost_ns is None:
             drive.lost_ns = when
-            # the firmware tells of the state it left before it tells of the fault, both in one step
+            # the firmware reports the state that it left before it reports the fault, both in one step
             drive.wants_operation = drive.state == OPERATION or drive.left_operation_ns == when
 
     def _judge(self, index: int, drive: _Drive, when: int) -> None:

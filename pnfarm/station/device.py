@@ -20,7 +20,7 @@ class KeptValueError(EnvironmentError_):
 
 @dataclass(frozen=True, slots=True)
 class ConnectionView:
-    """The connection that carries a drive's cyclic data, or the one that is nearest to it.
+    """The connection that carries a drive's cyclic data, or the one that is closest to being established.
 
     ``state`` is the bus's own word for how far it is.  A connection without channels has nothing else.
     ``exchanging``: it is all set up.
@@ -58,7 +58,7 @@ class Device(Protocol):
         ...
 
     def commission(self, kept: Mapping[str, Any]) -> None:
-        """The store has its memory and not yet the farm file's parameters: what the bus's settings say of it."""
+        """The store has its memory but not yet the farm file's parameters: apply the bus's settings to it."""
         ...
 
     def build(self, kept: dict[str, Any]) -> None:
@@ -74,7 +74,7 @@ class Device(Protocol):
         ...
 
     def leave(self, now: int) -> None:
-        """The farm stops: tell every controller that the drive goes."""
+        """The farm stops: end every connection in order."""
         ...
 
     # -- time and frames, only while the drive is on the wire
@@ -110,7 +110,7 @@ class Device(Protocol):
         ...
 
     def fault_raised(self, number: int) -> None:
-        """The drive raised a fault: tell it in the bus's own way (a diagnosis, an attribute)."""
+        """The drive raised a fault: report it in the bus's own way (a diagnosis, an attribute)."""
         ...
 
     def faults_cleared(self) -> None:

@@ -1,6 +1,6 @@
 """What happened in a farm: one line for every change of a connection, a state, a fault.
 
-The log keeps the last entries of the whole farm and of each drive, tells subscribers (the API's event stream)
+The log keeps the last entries of the whole farm and of each drive, notifies subscribers (the API's event stream)
 and writes structlog events.  It alone makes words of the events.
 """
 
@@ -71,7 +71,7 @@ class EventLog:
         self._subscribers: list[Callable[[LogEntry], None]] = []
 
     def record(self, now: int, drive: str, event: Event) -> LogEntry:
-        """Append one entry, and tell everyone who subscribed."""
+        """Append one entry and notify the subscribers."""
         self._sequence += 1
         entry = LogEntry(self._sequence, now, time.time(), drive, event)
         self._farm.append(entry)

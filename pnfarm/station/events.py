@@ -1,7 +1,7 @@
-"""What happens to a drive, as types: whoever has to know subscribes to the log and asks for the class.
+"""What happens to a drive, as types: subscribers of the log select events by class.
 
 An event holds facts, no sentence.  ``text`` is what the log and the API's event stream call it, a few lower-case words
-that rigs may search for; :meth:`Event.details` are the plain values that stand beside it.  What only one bus knows
+that rigs may search for; :meth:`Event.details` are the plain values beside it.  What only one bus knows
 of is declared in that bus's room, as a subclass of what it is for everyone: an AR that was established is a
 :class:`ConnectionEstablished`.
 """
@@ -46,19 +46,19 @@ def seconds(ns: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """See the module's head."""
+    """Base of all events; see the module's docstring."""
 
     TEXT: ClassVar[str] = ""
     LEVEL: ClassVar[Level] = "info"
 
     @property
     def text(self) -> str:
-        """What the log calls it."""
+        """Its text in the log."""
         return self.TEXT
 
     @property
     def level(self) -> Level:
-        """How much it matters to whoever reads the log."""
+        """Severity in the log."""
         return self.LEVEL
 
     def details(self) -> dict[str, Any]:
@@ -85,7 +85,7 @@ class PowerReturned(Event):
 
 @dataclass(frozen=True, slots=True)
 class Booted(Event):
-    """The drive hears and speaks, so long after it was switched on."""
+    """The drive receives and sends; ``after_ns`` from power-on."""
 
     TEXT = "booted"
     after_ns: int
@@ -99,14 +99,14 @@ class Booted(Event):
 
 @dataclass(frozen=True, slots=True)
 class ConnectionOpened(Event):
-    """A controller asked for a connection and has it; data may flow."""
+    """A controller requested a connection and got it; data may flow."""
 
     TEXT = "connection opened"
 
 
 @dataclass(frozen=True, slots=True)
 class ConnectionRefused(Event):
-    """A controller asked for a connection that the drive does not give."""
+    """A controller requested a connection that the drive refused."""
 
     TEXT = "connection refused"
     LEVEL = "warning"
@@ -162,7 +162,7 @@ class ControllerModeChanged(Event):
 
 @dataclass(frozen=True, slots=True)
 class OutputsChanged(Event):
-    """The set points that come in are valid, or not."""
+    """The received set points became valid, or invalid."""
 
     good: bool
 
@@ -200,7 +200,7 @@ class FaultRaised(Event):
 
 @dataclass(frozen=True, slots=True)
 class FaultReacted(Event):
-    """The controller withdrew the enable, so long after the drive raised a fault."""
+    """The controller withdrew the enable; ``after_ns`` from the fault."""
 
     TEXT = "controller reacted to fault"
     after_ns: int
@@ -211,7 +211,7 @@ class FaultReacted(Event):
 
 @dataclass(frozen=True, slots=True)
 class FaultsCleared(Event):
-    """Every fault was acknowledged, so long after the first was raised."""
+    """Every fault was acknowledged; ``after_ns`` from the first fault."""
 
     TEXT = "fault acknowledged"
     after_ns: int
@@ -240,7 +240,7 @@ class ParametersSaved(Event):
 
 @dataclass(frozen=True, slots=True)
 class MemoryNotTaken(Event):
-    """What non-volatile memory holds does not fit the drive any more; ``first`` of ``count`` entries."""
+    """Contents of non-volatile memory do not fit the drive any more; ``first`` of ``count`` entries."""
 
     TEXT = "memory not taken"
     LEVEL = "warning"

@@ -19,7 +19,7 @@ PLACES = FAULT_SITUATIONS * FAULT_SLOTS
 
 
 def history_of(axis: Any) -> list[int]:
-    """The buffer as it is to be kept, without empty places behind the last fault."""
+    """The buffer as it is stored, without empty entries after the last fault."""
     numbers = fault_numbers(axis)
     while numbers and not numbers[-1]:
         numbers.pop()
@@ -27,7 +27,7 @@ def history_of(axis: Any) -> list[int]:
 
 
 def active_of(axis: Any) -> list[int]:
-    """The situation that is not acknowledged: what is kept of a buffer whose history is deleted."""
+    """The fault situation that is not acknowledged: what remains of a buffer whose history is deleted."""
     return active_faults(axis)[: int(axis.faults.settings.places) or FAULT_SLOTS]
 
 

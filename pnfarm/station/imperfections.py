@@ -19,7 +19,7 @@ _SEEDS = 1 << 47
 
 @dataclass(frozen=True, slots=True)
 class Imperfections:
-    """Of one drive; 0 is not at all.  Noise is in the axis record's units, ``drift`` a share: 1e-6 is 1 ppm."""
+    """Imperfections of one drive, 0 for none. Noise in the axis record's units; ``drift`` is a ratio, 1e-6 is 1 ppm."""
 
     velocity_noise: float = 0.0
     current_noise: float = 0.0
@@ -31,7 +31,7 @@ class Imperfections:
     seed: int = 0
 
     def apply(self, axis: Any) -> None:
-        """Into an axis record, over what its model has."""
+        """Write them into an axis record, over the model's values."""
         axis.measurement.settings.velocity_noise = self.velocity_noise
         axis.measurement.settings.current_noise = self.current_noise
         axis.measurement.settings.position_noise = self.position_noise
@@ -41,7 +41,7 @@ class Imperfections:
             axis.boot_time_ns = self.ready_ns
 
     def latency(self) -> Callable[[], int] | None:
-        """How long the drive works on each request, one after the other, ns; None for no time at all."""
+        """How long the drive works on each request in turn, ns; None for no latency."""
         least, most = self.latency_ns
         if not most:
             return None
@@ -49,7 +49,7 @@ class Imperfections:
         return lambda: least + int(random.uniform() * (most - least + 1))
 
     def shown(self) -> dict[str, float | list[float]]:
-        """What there is of it, for people."""
+        """The imperfections that are set, for display."""
         found: dict[str, float | list[float]] = {
             "velocity_noise_rpm": self.velocity_noise,
             "current_noise_amperes": self.current_noise,

@@ -1,4 +1,4 @@
-"""A small seeded generator, so that the same seed breaks the same things."""
+"""A small seeded generator, so that the same seed gives the same run."""
 
 from __future__ import annotations
 

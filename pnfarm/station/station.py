@@ -4,7 +4,7 @@ A station is bytes and ``now`` in, frames out, like the machines of its bus's de
 frames.  What it decides itself is what lies between the drive and the bus:
 
 * non-volatile memory is read at power-on, and what a drive saves is written through;
-* a drive that takes its time to boot hears and says nothing until it is over;
+* a drive with a boot time neither receives nor sends until it has booted;
 * what the drive itself orders (save, reboot, another telegram, the lamp) is carried out.
 """
 
@@ -60,7 +60,7 @@ class StationPort(Protocol):
 
 
 class StationConfig(Protocol):
-    """What the farm file says of any drive; its bus's device reads more of it."""
+    """Settings of the farm file that any drive has; the bus's device reads further ones."""
 
     @property
     def name(self) -> str: ...
@@ -92,11 +92,11 @@ class Station:
         self.index = index
         self.port = port
         self.handle = handle
-        #: What makes it less than ideal, and how long it works on a parameter request.
+        #: Its imperfections, and its latency for parameter requests.
         self.flaws = flaws
         self.latency = flaws.latency()
         self.fault_counts: dict[int, int] = {}
-        #: When somebody last made its lamp flash.
+        #: When its lamp was last made to flash.
         self.signalled_ns: int | None = None
         #: What non-volatile memory holds; :meth:`save` writes it.
         self.kept: dict[str, Any] = {}
@@ -143,7 +143,7 @@ class Station:
 
     @property
     def on_the_wire(self) -> bool:
-        """Whether it hears and speaks: powered, and done with booting."""
+        """Whether it receives and sends: powered, and booted."""
         return self.powered and self._answers_ns is None
 
     @property
@@ -152,7 +152,7 @@ class Station:
         return int(self.handle.axis.boot_ns) if self._booted_ns is None else self._booted_ns
 
     def boot(self, now: int) -> None:
-        """The drive was powered on: it comes on the wire at once, or when it is done with booting."""
+        """The drive was powered on: it comes on the wire at once, or when it has booted."""
         if self.flaws.answer_ns:
             self._answers_ns = now + self.flaws.answer_ns
         else:
@@ -176,7 +176,7 @@ class Station:
         """Boot with what non-volatile memory holds."""
         self._booted_ns = now
         self._build()
-        # what parameters wrote of set points is gone, too, and why those of a controller ended
+        # set points written by parameters are gone, too, and so is the reason why a controller's ended
         self.handle.image.received[:] = 0
         self.handle.image.lost = LOST_NEVER
         self.handle.axis.powered = 1
@@ -207,7 +207,7 @@ class Station:
         return self.device.next_deadline() if self._answers_ns is None else self._answers_ns
 
     def handle_timeout(self, now: int) -> None:
-        """Whatever is due by now."""
+        """Handle what is due by now."""
         if not self.powered:
             return
         if self._answers_ns is not None:
@@ -218,7 +218,7 @@ class Station:
         self.device.handle_timeout(now)
 
     def pump_drive(self, now: int) -> bool:
-        """Carry out what the drive itself ordered; whether there was anything.  Its device calls this in its turn."""
+        """Carry out what the drive itself ordered; returns whether there was anything. Called by its device."""
         ordered = self.store.events()
         for event in ordered:
             match event:
@@ -241,7 +241,7 @@ class Station:
     # -- faults ------------------------------------------------------------------------------------------------------
 
     def fault_raised(self, number: int, now: int) -> None:
-        """The drive raised a fault: count it, keep it, tell it on the bus."""
+        """The drive raised a fault: count it, store it, report it on the bus."""
         self.fault_counts[number] = self.fault_counts.get(number, 0) + 1
         self.device.fault_raised(number)
         self._keep_faults(now)

@@ -1,1 +1,1 @@
-"""The words of a user, read and said in one way wherever they stand: farm file, command line, API."""
+"""What users write, read and printed alike everywhere: farm file, command line, API."""

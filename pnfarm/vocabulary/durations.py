@@ -1,4 +1,4 @@
-"""Durations as people write them: ``500ms``, ``2 s``, ``31.25us``; everywhere the same words."""
+"""Durations as people write them: ``500ms``, ``2 s``, ``31.25us``; the same syntax everywhere."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ALLOWED = "a number with a unit, such as 500ms, 2s or 31.25us"
 
 
 def parse_duration(text: str) -> int:
-    """``31.25us``, ``2 s``, ``1.5min`` in nanoseconds.  Raises ValueError with what would be right."""
+    """``31.25us``, ``2 s``, ``1.5min`` in nanoseconds.  Raises ValueError with what is allowed."""
     match = _DURATION.fullmatch(text)
     if match is None:
         raise ValueError(_ALLOWED)
@@ -49,7 +49,7 @@ def read_duration(value: object) -> int:
     try:
         return parse_duration(value)
     except ValueError as error:
-        raise Problem(f"{shown(value)} is no duration", str(error)) from error
+        raise Problem(f"{shown(value)} is not a duration", str(error)) from error
 
 
 def format_duration(duration_ns: int) -> str:

@@ -1,6 +1,6 @@
 """Lists of drives as people write them: names, globs over names, ``model:NAME``, ``all``.
 
-How many globs, and how long ones, a list may hold is bounded, so that nobody's list stops the farm's event loop.
+Number and length of the globs in a list are bounded, so that no list can block the farm's event loop.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["GLOBS", "GLOBS_SCHEMA", "MAX_GLOB", "MAX_PATTERNS", "is_pattern", "means", "read_globs"]
 
-#: What is allowed, in words.
+#: What is allowed, for error messages.
 GLOBS = "a glob over drive names such as axis-*, model:NAME, all, or a list of them"
 GLOBS_SCHEMA: dict[str, Any] = {
     "anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}, "minItems": 1}]
@@ -42,7 +42,7 @@ def read_globs(value: object) -> list[str]:
 
 
 def _bound(globs: Sequence[str]) -> None:
-    """Raises :class:`Problem` where a list of globs costs more time than any farm needs."""
+    """Raises :class:`Problem` for a list whose matching would take longer than any farm needs."""
     if (longest := max(map(len, globs))) > MAX_GLOB:
         raise Problem(f"has a glob of {longest} characters", f"at most {MAX_GLOB}: a station name has at most 240")
     if (patterns := sum(map(is_pattern, globs))) > MAX_PATTERNS:
@@ -56,7 +56,7 @@ def is_pattern(glob: str) -> bool:
 
 
 def means(glob: str, names: Iterable[str], models: Iterable[str] = ()) -> bool:
-    """Whether a glob means the drive of these names, whose model has those."""
+    """Whether a glob matches the drive with these names and these names of its model."""
     if glob.startswith(_MODEL) and glob != _MODEL:
         return any(fnmatchcase(model, glob.removeprefix(_MODEL)) for model in models)
     return glob == "all" or any(fnmatchcase(name, glob) for name in names)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FarmFileError", "FileIssue", "Location", "Report", "field_path"]
 
-#: Where a value stands in a file: keys and list indexes from the root.
+#: Path of a value in a file: keys and list indexes from the root.
 Location = tuple[str | int, ...]
 #: Says that something is wrong: where, what, and what is allowed.
 Report = Callable[[Location, str, str], None]
@@ -21,7 +21,7 @@ Report = Callable[[Location, str, str], None]
 
 @dataclass(frozen=True, slots=True)
 class FileIssue:
-    """One thing wrong: ``line`` and ``column`` count from 1; 0 means the whole file, or a setting from outside it."""
+    """One error: ``line`` and ``column`` count from 1; 0 means the whole file, or a setting from outside it."""
 
     path: str
     line: int
@@ -38,7 +38,7 @@ class FileIssue:
 
 
 class FarmFileError(ConfigError):
-    """A farm file, and the files that it names, with everything that is wrong, file by file, one line each."""
+    """All errors of a farm file and of the files that it names, file by file, one line each."""
 
     def __init__(self, issues: Iterable[FileIssue]) -> None:
         found = list(issues)
@@ -50,7 +50,7 @@ class FarmFileError(ConfigError):
 
 
 def field_path(location: Location) -> str:
-    """``("drives", 0, "load")`` as a person writes it: ``drives[0].load``."""
+    """``("drives", 0, "load")`` as people write it: ``drives[0].load``."""
     text = ""
     for step in location:
         if isinstance(step, int):

@@ -1,14 +1,14 @@
-"""One value that cannot be, in the form of all messages: ``is 3; allowed: a duration such as 2s``."""
+"""A value that is not allowed, in the form of all messages: ``is 3; allowed: a duration such as 2s``."""
 
 from __future__ import annotations
 
 __all__ = ["Problem"]
 
 
-class Problem(ValueError):  # noqa: N818 - a finding about one value; who reads the file or body makes an error of it
+class Problem(ValueError):  # noqa: N818 - a finding about one value; the reader of the file makes an error of it
     """What is wrong with a value, and what is allowed.
 
-    Validators of pydantic raise it, too: what explains their errors finds it in the error's context.
+    Validators of pydantic raise it, too; it is then in the context of pydantic's error.
     """
 
     def __init__(self, what: str, allowed: str = "") -> None:

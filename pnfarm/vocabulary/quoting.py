@@ -1,4 +1,4 @@
-"""A user's words as messages quote them, and the known word that a wrong one is near to."""
+"""How messages quote a user's input, and the known word that is closest to a misspelt one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["did_you_mean", "few_hints", "shown"]
 
 #: A value longer than this is cut when a message quotes it.
 _SHOWN = 60
-#: A longer word resembles nothing known: the comparison costs its length times that of every known word.
+#: Longer words are not compared: a comparison costs the word's length times that of every known word.
 _WORD = 80
 #: How many more words are compared with the known ones; None: no bound.
 _hints: ContextVar[list[int] | None] = ContextVar("hints", default=None)
@@ -22,7 +22,7 @@ _hints: ContextVar[list[int] | None] = ContextVar("hints", default=None)
 
 @contextmanager
 def few_hints(most: int = 100) -> Iterator[None]:
-    """Inside, so many words are compared with the known ones: a file of 10,000 unknown words is told in a second."""
+    """Bounds how many words are compared with the known ones: 10,000 unknown words are reported in a second."""
     token = _hints.set([most])
     try:
         yield

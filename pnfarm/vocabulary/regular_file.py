@@ -1,4 +1,4 @@
-"""Files that a user names: read whole, bounded, and never waited for."""
+"""Reading files that a user names: whole, bounded, without blocking."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _KINDS = {
 def read_regular(path: Path, most: int) -> bytes:
     """The first ``most`` octets of a regular file.
 
-    Anything else (a pipe that nobody writes to would be waited for, for ever) is an :class:`OSError` whose
+    Anything else (opening a pipe without a writer would block for ever) is an :class:`OSError` whose
     ``strerror`` says what it is.
     """
     # without O_NONBLOCK the opening of a pipe waits for a writer
@@ -32,7 +32,7 @@ def read_regular(path: Path, most: int) -> bytes:
     try:
         mode = os.fstat(fd).st_mode
         if not stat.S_ISREG(mode):
-            what = _KINDS.get(stat.S_IFMT(mode), "it is no file")
+            what = _KINDS.get(stat.S_IFMT(mode), "it is not a file")
             raise OSError(errno.EINVAL, f"{what}, no regular file", str(path))
         with os.fdopen(fd, "rb", closefd=False) as file:
             return file.read(most)

@@ -1,9 +1,9 @@
-"""YAML with positions: what a value is, and in which line and column it stands.
+"""YAML with positions: each value with its line and column.
 
 A user's file is read as a stream of YAML events and built into :class:`Node` trees here, so that every
-later complaint can name its line, and so that nothing in the file can cost more than its size:
+later error can name its line, and so that nothing in the file can cost more than its size:
 
-* scalars follow the YAML 1.2 core schema: ``on`` and ``off`` are words, ``10:20:30`` is no number,
+* scalars follow the YAML 1.2 core schema: ``on`` and ``off`` are strings, ``10:20:30`` is not a number,
   ``2e4`` is one; keys are always text (``947.3`` stays ``947.3``);
 * a duplicate key is an error, as YAML 1.2 clause 3.2.1.1 says;
 * anchors, aliases and ``<<`` merges work, but the *expanded* document has a bound;
@@ -51,7 +51,7 @@ _MERGE_KEY = "<<"
 
 @dataclass(frozen=True, slots=True)
 class YamlProblem:
-    """One thing wrong with the text; line and column count from 1, 0 where the whole file is meant."""
+    """One error in the text; line and column count from 1, 0 means the whole file."""
 
     line: int
     column: int
@@ -61,7 +61,7 @@ class YamlProblem:
 
 
 class YamlError(Exception):
-    """The text is no usable YAML; nothing can be read from it."""
+    """The text is not valid YAML; nothing can be read from it."""
 
     def __init__(self, problem: YamlProblem) -> None:
         super().__init__(problem.what)
@@ -113,7 +113,7 @@ class Document:
 
 
 def parse_yaml(data: bytes | str) -> Document:
-    """Read one YAML document.  Raises :class:`YamlError`, and nothing else, when there is none."""
+    """Read one YAML document.  Raises :class:`YamlError`, and nothing else, when the text is not valid."""
     text = _decode(data)
     try:
         return _Builder(text).build()
@@ -121,7 +121,7 @@ def parse_yaml(data: bytes | str) -> Document:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
         what = " ".join(part for part in (error.context, error.problem) if part)
-        raise YamlError(YamlProblem(line, column, "", f"is no YAML here: {what}", "YAML 1.2")) from error
+        raise YamlError(YamlProblem(line, column, "", f"is not valid YAML here: {what}", "YAML 1.2")) from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1 if isinstance(error.position, int) else 0
         what = f"holds a character that YAML forbids: {error.reason}"
@@ -138,7 +138,7 @@ def _decode(data: bytes | str) -> str:
             text = data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
             line = data.count(b"\n", 0, error.start) + 1
-            what = f"is no UTF-8 text: octet 0x{data[error.start]:02x} at offset {error.start}"
+            what = f"is not UTF-8 text: octet 0x{data[error.start]:02x} at offset {error.start}"
             raise YamlError(YamlProblem(line, 0, "", what, "UTF-8")) from error
     # libyaml would stop silently at the first of these
     nul = text.find("\0")
@@ -220,7 +220,7 @@ class _Builder:
         merged: list[Node] = []
         while not isinstance(key := next(self.events), yaml.MappingEndEvent):
             if not isinstance(key, yaml.ScalarEvent):
-                self._refuse(key, "has a key that is no word", "keys are words", path)
+                self._refuse(key, "has a key that is not a word", "keys are words", path)
             name = key.value
             if len(name) > MAX_KEY:
                 self._refuse(key, "has a key that is too long", f"at most {MAX_KEY} characters", path)
@@ -230,7 +230,7 @@ class _Builder:
             if name == _MERGE_KEY and key.implicit[0]:
                 merged += self._merge_sources(key, value, path)
             elif name in entries:
-                what = f"stands twice; it is already in line {entries[name][0].line}"
+                what = f"is given twice; it is already in line {entries[name][0].line}"
                 self.problems.append(YamlProblem(place.line, place.column, child, what, "each key once"))
             else:
                 entries[name] = (place, value)
@@ -245,7 +245,7 @@ class _Builder:
         sources = value.content if isinstance(value.content, list) else [value]
         for source in sources:
             if not isinstance(source.content, dict):
-                self._refuse(event, "<< merges something that is no mapping", "a mapping, or a list of them", path)
+                self._refuse(event, "<< merges something that is not a mapping", "a mapping, or a list of them", path)
             self._count(event, source.size)
         return sources
 

@@ -1,4 +1,4 @@
-"""Where a frame goes, as the drive sees it: ``in`` comes from its controller, ``out`` goes there."""
+"""Direction of a frame, seen from the drive: ``in`` comes from the controller, ``out`` goes to it."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from typing import Literal
 __all__ = ["Direction", "Directions"]
 
 Direction = Literal["in", "out"]
-#: What a user chooses.
+#: The directions that a user chooses from.
 Directions = Literal["in", "out", "both"]

@@ -32,7 +32,7 @@ ETHERTYPE_LLDP = 0x88CC
 
 HEADER_LENGTH = 14
 TAG_LENGTH = 4
-#: Octets that a frame has at least, without its check sequence (64 with it).
+#: Minimum frame length in octets, without the check sequence (64 with it).
 MINIMUM_LENGTH = 60
 
 

@@ -1,6 +1,6 @@
 """ICMP messages with the shape of echo (RFC 792): type, code, identifier, sequence, data.
 
-Other types carry something else in the place of identifier and sequence; they parse all the same.
+Other types have other contents in place of identifier and sequence; they are parsed, too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class IcmpMessage:
 
 
 def parse_icmp(data: bytes | bytearray | memoryview, *, verify_checksum: bool = False) -> IcmpMessage:
-    """Message from an IPv4 payload; reasons ``short``, and ``bad-checksum`` when it is asked for."""
+    """Message from an IPv4 payload; reasons ``short``, and ``bad-checksum`` when it is to be checked."""
     reader = Reader(data)
     message_type, code = reader.u8(), reader.u8()
     reader.skip(2)

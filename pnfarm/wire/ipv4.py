@@ -1,6 +1,6 @@
 """IPv4 headers (RFC 791) and the internet checksum (RFC 1071).
 
-Options are stepped over when they arrive and never sent.
+Options are skipped on reception and never sent.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def internet_checksum(data: bytes | bytearray | memoryview) -> int:
 def parse_ipv4(data: bytes | bytearray | memoryview, *, verify_checksum: bool = False) -> Ipv4Packet:
     """Packet from an Ethernet payload, padding cut off.
 
-    Reasons: ``short``, ``bad-version``, ``bad-length``, and ``bad-checksum`` when it is asked for.
+    Reasons: ``short``, ``bad-version``, ``bad-length``, and ``bad-checksum`` when it is to be checked.
     """
     view = memoryview(data)
     reader = Reader(view)

@@ -26,9 +26,9 @@ _TEXT = re.compile(r"[0-9A-Fa-f]{2}(?:(:[0-9A-Fa-f]{2}){5}|(-[0-9A-Fa-f]{2}){5})
 
 
 def parse_mac(text: str) -> bytes:
-    """Six octets from six pairs of hexadecimal digits, parted by ``:`` or by ``-``.
+    """Six octets from six pairs of hexadecimal digits, separated by ``:`` or by ``-``.
 
-    Raises :class:`ValueError` with a sentence for the person who wrote it.
+    Raises :class:`ValueError` with a message for the user.
     """
     if not _TEXT.fullmatch(text):
         raise ValueError(f"{text!r} is not a MAC address: six pairs of hexadecimal digits like 02:00:00:00:00:01")
@@ -58,5 +58,5 @@ def is_group(mac: bytes) -> bool:
 
 
 def is_local(mac: bytes) -> bool:
-    """Locally administered: free to choose, never a maker's."""
+    """Locally administered: free to choose, never assigned to a manufacturer."""
     return bool(mac[0] & _LOCAL_BIT)

@@ -28,7 +28,7 @@ class Reader:
 
     @property
     def remaining(self) -> int:
-        """Octets not read yet."""
+        """Number of octets not read yet."""
         return self._end - self._pos
 
     @property

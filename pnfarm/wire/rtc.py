@@ -1,4 +1,4 @@
-"""What cyclic frames count in, and which frame ids they have (IEC 61158-6-10, coding of FrameID)."""
+"""Time base and frame ids of cyclic frames (IEC 61158-6-10, coding of FrameID)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = [
 #: The unit of send clocks and of the cycle counter: 31.25 us.
 SEND_CLOCK_NS = 31_250
 
-#: Below lie the sync frames of PTCP (0x0020 ... 0x0081) and what the standard keeps for later.
+#: Lower ids are PTCP sync frames (0x0020 ... 0x0081) or reserved.
 FIRST_CYCLIC_FRAME_ID = 0x0100
-#: Cyclic RT frames lie below, alarms and DCP (0xFEFC ...) above.
+#: Lower ids are cyclic RT frames; alarms and DCP (0xFEFC ...) are above.
 FIRST_ACYCLIC_FRAME_ID = 0xFC00
 ALARM_HIGH = 0xFC01
 ALARM_LOW = 0xFE01

@@ -1,8 +1,8 @@
 """UDP datagrams over IPv4 (RFC 768).
 
-Parsing never looks at the checksum: a sender on the same machine hands a datagram over before its checksum
-is finished (the network card would have done it).  :func:`udp_checksum` tells the cases apart for whoever
-wants to drop damaged datagrams.
+Parsing ignores the checksum: a sender on the same machine hands a datagram over before its checksum
+is finished (the network card would have done it).  :func:`udp_checksum` distinguishes the cases, so that
+a caller can drop damaged datagrams.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class ChecksumState(Enum):
 
     ABSENT = "absent"
     GOOD = "good"
-    #: Only the pseudo header is summed up: left to a network card that was never passed.
+    #: Only the pseudo header is summed: the rest was left to a network card that the datagram never passed.
     UNFINISHED = "unfinished"
     BAD = "bad"
 
@@ -43,7 +43,7 @@ class UdpDatagram:
 
 
 def parse_udp(data: bytes | bytearray | memoryview) -> UdpDatagram:
-    """Datagram from an IPv4 payload; reasons ``short`` and ``bad-length``. The checksum is not looked at."""
+    """Datagram from an IPv4 payload; reasons ``short`` and ``bad-length``. The checksum is not checked."""
     reader = Reader(data)
     source_port, destination_port = reader.u16(), reader.u16()
     length = reader.u16()

@@ -201,7 +201,7 @@ WRONG = [
     ("impair: []", "impair: [{}]", 15, "drives[0].impair[0].kind", "is missing", "loss"),
     ("impair: []", "impair: {kind: loss}", 15, "drives[0].impair", "is a mapping", "a list"),
     ("impair: []", "impair: [{kind: loss, after: 3}]", 15, "drives[0].impair[0].after", "has no unit", "500ms"),
-    ("impair: []", "impair: [{kind: loss, for: 3 days}]", 15, "drives[0].impair[0].for", "is no duration", "500ms"),
+    ("impair: []", "impair: [{kind: loss, for: 3 days}]", 15, "drives[0].impair[0].for", "is not a duration", "500ms"),
     ("impair: []", "impair: [{kind: loss, on: []}]", 15, "drives[0].impair[0].on", "is []", "glob"),
     ("impair: []", "impair: [{kind: loss, probability: 2}]", 15, "drives[0].impair[0].probability", "is 2", "to 1"),
     ("impair: []", "telegram: 9", 15, "drives[0].telegram", "akd-profinet has no telegram 9", "1, 7"),

@@ -136,7 +136,7 @@ def test_a_drive_without_a_connection_cannot_count_its_cycles():
 
 def test_an_effect_that_asks_for_a_part_without_having_named_it_is_an_error_of_the_house():
     drive = InjectedDrive("axis-07", lambda: ("axis-07",), (), {}, lambda: None)
-    with pytest.raises(InternalError, match="asks axis-07 for its servo"):
+    with pytest.raises(InternalError, match="uses servo of axis-07"):
         drive.part(SERVO)
 
 

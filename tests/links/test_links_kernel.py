@@ -347,7 +347,7 @@ async def test_a_link_opens_once_and_wants_known_ports(link_on_wire):
     with pytest.raises(InternalError, match="after the link's ports are up"):
         link.engine_socket()
     async with opened(link, specs(1)):
-        with pytest.raises(InternalError, match="open already"):
+        with pytest.raises(InternalError, match="already open"):
             await link.open(specs(1))
         with pytest.raises(InternalError, match="no port 99999"):
             await link.set_carrier(99999, False)
@@ -413,7 +413,7 @@ async def test_256_macvlans_are_up_in_time(cable, ip, capsys):
     ("parent", "sentence"),
     [
         ("eth77", r"parent interface eth77 does not exist on this machine: Ethernet interfaces here are nic0, plc0"),
-        ("lo", r"lo is no Ethernet interface"),
+        ("lo", r"lo is not an Ethernet interface"),
         ("nic0", r"nic0 is down: bring it up with `ip link set nic0 up`"),
     ],
 )
@@ -427,7 +427,7 @@ async def test_an_unusable_parent_is_named_with_what_would_be_right(cable, ip, p
 async def test_a_parent_that_is_a_bridges_port_is_refused_in_words(cable, ip):
     ip("link", "add", "br0", "type", "bridge")
     ip("link", "set", "nic0", "master", "br0")
-    with pytest.raises(EnvironmentError_, match="parent is in other hands"):
+    with pytest.raises(EnvironmentError_, match="parent is in use"):
         await MacvlanLink("line-1", "nic0").open(specs(1))
 
 

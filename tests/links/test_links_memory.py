@@ -161,7 +161,7 @@ async def _two_links_on_one_switch():
     farm.send(first.index, frame(C, A))
     await farm.set_mac(second.index, bytes(6))
     assert farm.counters.as_dict() == {"received": 2, "sent": 0, "dropped_cable-pulled": 1, "dropped_unknown-port": 1}
-    with pytest.raises(InternalError, match="open already"):
+    with pytest.raises(InternalError, match="already open"):
         await farm.open([])
     await farm.close()
     plc.send(controller.index, frame(DCP, C))

@@ -91,9 +91,9 @@ def test_every_spelling_of_a_duration_is_read_in_every_place(place, text, durati
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("5 parsec", "'5 parsec' is no duration; allowed: a number with a unit, such as 500ms, 2s or 31.25us"),
-        ("1.5ns", "'1.5ns' is no duration; allowed: whole nanoseconds"),
-        ("400000h", "'400000h' is no duration; allowed: at most a year"),
+        ("5 parsec", "'5 parsec' is not a duration; allowed: a number with a unit, such as 500ms, 2s or 31.25us"),
+        ("1.5ns", "'1.5ns' is not a duration; allowed: whole nanoseconds"),
+        ("400000h", "'400000h' is not a duration; allowed: at most a year"),
     ],
 )
 def test_a_wrong_duration_is_told_in_the_same_words_in_every_place(place, text, told):

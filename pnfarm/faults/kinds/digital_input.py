@@ -9,7 +9,7 @@ __all__ = ["KINDS"]
 
 
 class DigitalInput(StandingEffect):
-    """On until it ends."""
+    """The input is on until the injection ends."""
 
     def put(self) -> None:
         self._servo.switch_input(int(self.values["input"]))

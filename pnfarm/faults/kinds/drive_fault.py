@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 __all__ = ["HOLD", "KINDS", "DriveFault", "stays_or_comes_again"]
 
-#: How often a drive without supply is looked at.
+#: How often a drive without supply is checked.
 LOOK_NS = 50_000_000
 
 HOLD = ParamSpec("yes or no", "The cause stays: the fault cannot be acknowledged until this is cleared.", default=False)
 
 
 class DriveFault(ShownEffect):
-    """Raised once, or ``count`` times; or held, as its cause is."""
+    """Raised once or ``count`` times, or held with its cause."""
 
     status = Status.FAULT
 
@@ -58,7 +58,7 @@ class DriveFault(ShownEffect):
             self._raise(now)
 
     def _raise(self, now: int) -> None:
-        """Once; a drive without supply has none until it is back."""
+        """Raised once; on a drive without supply when it is back."""
         if not self._servo.powered:
             self._due = now + LOOK_NS
             return
@@ -78,7 +78,7 @@ class DriveFault(ShownEffect):
         elif stands:
             self._stood = True
         elif self._servo.ignores_fault(self._fault):
-            # nothing comes of it
+            # without effect
             self.finished = True
         elif self._stood or self._servo.fault_count(self._fault) > self._count:
             if seen >= (self.spec.count or 1):
@@ -95,7 +95,7 @@ class DriveFault(ShownEffect):
 
 
 def stays_or_comes_again(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
-    """A cause that stays gives the fault no chance to come again."""
+    """While its cause stays, the fault cannot come again."""
     stays = spec.params.get("hold") is True or spec.for_ns is not None or spec.cycles is not None
     if spec.count is not None and stays:
         yield "count", Problem("does not go with a cause that stays", "either count, or one of hold, for and cycles")
@@ -106,7 +106,7 @@ KINDS = (
         "drive-fault",
         "drive",
         "The drive has a fault: ZSW1.3, its reaction, its entry in the fault buffer.  With `for` or `cycles` its cause "
-        "stays so long.",
+        "stays for that time.",
         "the fault; with `count` it comes again once it was acknowledged",
         DriveFault,
         {"fault": ParamSpec("fault", "Which fault.", required=True), "hold": HOLD},

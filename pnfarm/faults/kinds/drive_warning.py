@@ -17,7 +17,7 @@ __all__ = ["KINDS"]
 
 
 class DriveWarning(StandingEffect):
-    """In front of the warnings that the drive has."""
+    """Shown before the drive's own warnings."""
 
     status = Status.WARNING
 

@@ -1,4 +1,4 @@
-"""limit-switch: the axis stands on a limit of its travel."""
+"""limit-switch: the axis is on a limit of its travel."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ KINDS = (
     InjectionKind(
         "limit-switch",
         "drive",
-        "The axis stands on a limit of its travel: no task goes further that way, and the drive warns if its manual "
+        "The axis is on a limit of its travel: no task goes further that way, and the drive warns if its manual "
         "names a warning.",
         "reaching the limit",
         LimitSwitch,

@@ -10,7 +10,7 @@ __all__ = ["KINDS"]
 
 
 class LinkDown(CableEffect):
-    """Once; looked at until the link has confirmed it."""
+    """Once; checked until the link has confirmed it."""
 
     def begin(self, window: Window, now: int) -> None:
         super().begin(window, now)

@@ -1,4 +1,4 @@
-"""link-flap: the cable is pulled and plugged again and again."""
+"""link-flap: the cable is pulled and plugged repeatedly."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
     try:
         period, down = spec.values()["period"], spec.values()["down"]
     except Problem:
-        # the parameter's own error is told already
+        # the parameter's own error is already reported
         return
     if period < 2:
         yield "params.period", Problem(f"is {shown(spec.params['period'])}", "a duration above zero")
@@ -64,7 +64,7 @@ KINDS = (
     InjectionKind(
         "link-flap",
         "link",
-        "The cable is pulled and plugged again and again.",
+        "The cable is pulled and plugged repeatedly.",
         "pulling the cable",
         LinkFlap,
         {

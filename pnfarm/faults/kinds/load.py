@@ -17,7 +17,7 @@ _ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
 
 
 class AddedLoad(StandingEffect):
-    """Torque, inertia and friction beside those that are there."""
+    """Torque, inertia and friction in addition to the present ones."""
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)

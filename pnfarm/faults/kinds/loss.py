@@ -14,7 +14,7 @@ __all__ = ["KINDS"]
 
 
 class Loss(FramesEffect):
-    """All frames, or those of one sort."""
+    """All frames, or those of one class."""
 
     def acts_on(self) -> tuple[int | None, FrameClasses | None]:
         frames = self.values["frames"]
@@ -25,7 +25,7 @@ KINDS = (
     InjectionKind(
         "loss",
         "frames",
-        "Frames are lost at random, each for itself.",
+        "Frames are lost at random, independently.",
         "a frame that is lost; `count` holds for each direction",
         Loss,
         {

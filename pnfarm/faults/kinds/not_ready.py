@@ -10,7 +10,7 @@ __all__ = ["KINDS"]
 
 
 class NotReady(StandingEffect):
-    """No fault, but the drive cannot be switched on."""
+    """Without a fault, the drive cannot be switched on."""
 
     status = Status.INHIBITED
 
@@ -25,7 +25,7 @@ KINDS = (
     InjectionKind(
         "not-ready",
         "drive",
-        "Something that the drive needs is taken away, and nothing is broken: it coasts, and cannot be switched on "
+        "Something that the drive needs is taken away, without a fault: it coasts, and cannot be switched on "
         "before this ends.",
         "taking it away",
         NotReady,

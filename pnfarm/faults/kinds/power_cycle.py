@@ -18,7 +18,7 @@ __all__ = ["KINDS"]
 
 
 class PowerCycle(Effect):
-    """Off now; further ones when the drive is connected again."""
+    """Off at once; further times when the drive is connected again."""
 
     needs = (SERVO, CONNECTION)
 
@@ -70,7 +70,7 @@ KINDS = (
     InjectionKind(
         "power-cycle",
         "drive",
-        "The control supply goes off and comes back; the drive boots with what its memory kept.",
+        "The control supply goes off and comes back; the drive boots with its non-volatile memory.",
         "one interruption; with `count` the next one follows when the drive is connected again",
         PowerCycle,
         {"off": ParamSpec("duration", "How long the supply is off.", default="1s")},

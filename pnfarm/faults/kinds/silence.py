@@ -11,7 +11,7 @@ KINDS = (
     InjectionKind(
         "silence",
         "link",
-        "The drive is powered but mute: nothing that it sends arrives, cyclic or not.  It still hears.",
+        "The drive is powered but mute: nothing that it sends arrives, cyclic or not.  It still receives.",
         "a frame that is lost; `count` holds for each direction",
         FramesEffect,
         directions=("out", "in", "both"),

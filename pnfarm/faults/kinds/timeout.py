@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 __all__ = ["KINDS"]
 
-#: Cycles of silence beyond the watchdog time: the controller looks once a cycle, and its frame travels.
+#: Cycles of silence beyond the watchdog time: the controller checks once a cycle, and its frame takes time.
 MARGIN_CYCLES = 2
 
 
 class Timeout(Effect):
-    """Mute until the controller's watchdog has expired and the connection is gone; then, perhaps, again."""
+    """Mute until the controller's watchdog has expired and the connection is gone; then repeated as ``count`` says."""
 
     needs = (WIRE, CONNECTION)
 
@@ -86,7 +86,7 @@ KINDS = (
     InjectionKind(
         "timeout",
         "link",
-        "The drive is mute until the controller's watchdog has expired and the connection broke, then it speaks again.",
+        "The drive is mute until the controller's watchdog has expired and the connection broke, then it sends again.",
         "one broken connection; without `count` and `for` it happens once",
         Timeout,
         {

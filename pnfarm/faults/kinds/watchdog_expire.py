@@ -1,4 +1,4 @@
-"""watchdog-expire: the drive gives its controller up."""
+"""watchdog-expire: the drive's watchdog expires."""
 
 from __future__ import annotations
 

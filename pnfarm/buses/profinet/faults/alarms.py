@@ -1,4 +1,4 @@
-"""Alarms of a PROFINET drive that it would not send by itself."""
+"""Alarms that a PROFINET drive would not send by itself."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ALARMS", "Alarms", "OwnAlarm"]
 
-#: Alarms from which a controller takes that a submodule is gone, or that it waits for parameters.
+#: Alarms that tell a controller that a submodule is gone, or that it waits for parameters.
 _MOVES = frozenset({
     AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG, AlarmType.PLUG_WRONG_SUBMODULE,
     AlarmType.CONTROLLED_BY_SUPERVISOR, AlarmType.RELEASED,
@@ -40,7 +40,7 @@ class OwnAlarm:
 
 
 class Alarms(DrivePart):
-    """What the alarm channel is made to say, and what the controllers acknowledge."""
+    """Sends alarms, and watches what the controllers acknowledge."""
 
     def __init__(
         self, station: ProfinetDevice, impairments: ImpairmentTable, keys: ArKeys, settle: Callable[[int], None]
@@ -50,20 +50,20 @@ class Alarms(DrivePart):
         self._keys = keys
         self._settle = settle
         self._hooks: list[Callable[[AlarmConfirmed, int], None]] = []
-        #: ARs that such an alarm told that a submodule came or went.
+        #: ARs that got an alarm about a submodule that came or went.
         self._misled: dict[ExpectedKey, set[int]] = {}
 
     def in_force(self) -> list[Any]:
         return [*self._hooks, *self._misled]
 
     def listen(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
-        """Tell ``hook`` of each AlarmAck of a controller's."""
+        """Call ``hook`` for each AlarmAck of a controller."""
         self._hooks.append(hook)
         if self._hear not in self._station.connections.listeners:
             self._station.connections.listeners.append(self._hear)
 
     def unlisten(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
-        """Take it back."""
+        """Remove it."""
         self._hooks.remove(hook)
         if not self._hooks:
             self._station.connections.listeners.remove(self._hear)
@@ -79,7 +79,7 @@ class Alarms(DrivePart):
         return self._station.cm.alarms.last_number
 
     def send(self, alarm: OwnAlarm, now: int) -> tuple[int, ...] | None:
-        """To each AR that owns the place; the alarms' numbers, None when no AR there could be told."""
+        """To each AR that owns the place; the alarms' numbers, None when no AR could get one."""
         cm = self._station.cm
         if not any(alarm.place in ar.owned and ar.alarm_cr is not None for ar in cm.ars):
             return None
@@ -92,7 +92,7 @@ class Alarms(DrivePart):
         return told
 
     def make_good(self, alarm: OwnAlarm, now: int) -> None:
-        """Undo :meth:`send`: who was told that the submodule came or went is told by a plug how it is."""
+        """Undo :meth:`send`: ARs that were told of a coming or going submodule get a plug alarm with its true state."""
         misled = self._misled.pop(alarm.place, set())
         for ar in self._station.cm.ars:
             if self._keys.unique(ar.key) in misled:
@@ -100,10 +100,10 @@ class Alarms(DrivePart):
         self._settle(now)
 
     def return_of_submodules(self, last_ns: int, now: int) -> int:
-        """Tell that the IOPS of the submodules with data are GOOD again; how many alarms.
+        """Send return alarms: the IOPS of the submodules with data are GOOD again; returns how many.
 
-        ``last_ns``: the last frame in which they were BAD.  None go to connections that came later, nor while an
-        impairment makes them BAD still.
+        ``last_ns``: the last frame in which they were BAD.  Later connections get none, and none are sent while
+        an impairment still makes the IOPS BAD.
         """
         if self._impairments.has(self._station.index, "out", IOPS_BAD):
             return 0

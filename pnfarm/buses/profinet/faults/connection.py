@@ -21,7 +21,7 @@ _ZSW1_BITS = {Status.FAULT: 3, Status.INHIBITED: 6, Status.WARNING: 7}
 
 
 class ArKeys:
-    """Keys of a drive's ARs, other than that of any AR before: a drive that boots begins its keys anew."""
+    """Unique keys of a drive's ARs: a drive that boots restarts its own keys."""
 
     def __init__(self, station: ProfinetDevice) -> None:
         self._station = station
@@ -54,7 +54,7 @@ class ProfinetConnection(ConnectionPart):
             keys=frozenset(map(self._keys.unique, cyclic)),
             established=any(ar.established for ar in cyclic.values()),
             cycle_ns=min(cr.cycle_ns for cr in crs),
-            # which of the two a controller takes is its own affair; they are equal in practice
+            # a controller may use either of the two; they are equal in practice
             watchdog_ns=max(cr.cycle_ns * max(cr.watchdog_factor, cr.data_hold_factor) for cr in crs),
             next_ns=min((int(row.next_ns) for row in rows if row.state != IDLE), default=0),
         )
@@ -76,7 +76,7 @@ class ProfinetConnection(ConnectionPart):
         for key, ar in list(self._station.ars.items()):
             if ar.established and ar.consumers:
                 row, cr = ar.consumers[0]
-                # what the drive would say: silence for as long as its timer takes
+                # as the drive would report it: silence for the time of its timer
                 self._station.connections.expired(row, cr.data_hold_ns, now)
                 ended += key not in {a.key for a in self._station.cm.ars}
         self._settle(now)
@@ -97,7 +97,7 @@ class ProfinetConnection(ConnectionPart):
 
 
 def _status_word(provider: Any, frame: Any) -> int:
-    """ZSW1 as it stands in a provider's frame; 0 when the telegram has none."""
+    """ZSW1 in a provider's frame; 0 when the telegram has none."""
     for i in range(int(provider.words)):
         code = int(provider.word_code[i])
         if code != WORD_NONE and code >> 2 == ZSW1 and code & 3 != PART_HIGH:

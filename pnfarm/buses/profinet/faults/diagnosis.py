@@ -17,7 +17,7 @@ __all__ = ["DIAGNOSES", "Diagnoses"]
 
 
 class Diagnoses(DrivePart):
-    """Of entries with one key the latest holds; one whose submodule is not there waits for it."""
+    """Of entries with the same key the latest counts; one whose submodule is missing waits for it."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
         self._station = station
@@ -26,7 +26,7 @@ class Diagnoses(DrivePart):
 
     def refresh(self, now: int) -> None:
         del now
-        # hands may have plugged a submodule that a diagnosis waited for
+        # a user may have plugged a submodule that a diagnosis waited for
         self.put()
 
     def in_force(self) -> list[Any]:
@@ -37,14 +37,14 @@ class Diagnoses(DrivePart):
         store = self._station.cm.diagnosis
         if len({e.key for e in (*store, *self._entries, entry)}) > store.maximum:
             raise ConfigError(
-                f"{self._station.configured_name} holds {store.maximum} diagnoses, and no more; clear one"
+                f"{self._station.configured_name} holds {store.maximum} diagnoses, its maximum; clear one"
             )
         self._entries.append(entry)
         self.put()
         self._settle(now)
 
     def undiagnose(self, entry: DiagnosisEntry, now: int) -> None:
-        """Take it back."""
+        """Remove it."""
         self._entries.remove(entry)
         if any(other.key == entry.key for other in self._entries):
             self.put()
@@ -53,7 +53,7 @@ class Diagnoses(DrivePart):
         self._settle(now)
 
     def put(self) -> None:
-        """What is in force, into the store that the drive has now; nothing changes where it stands already."""
+        """Write what is in force into the drive's present store; entries that are there already stay."""
         cm = self._station.cm
         for entry in {entry.key: entry for entry in self._entries}.values():
             if cm.plugged.submodule(*entry.place) is not None:

@@ -1,4 +1,4 @@
-"""Classes of a PROFINET drive's acyclic frames, as injections ask for them."""
+"""Classes of a PROFINET drive's acyclic frames, as injections select them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _RTA: dict[int, str] = {RtaType.DATA: ALARM, RtaType.ACK: ALARM_ACK, RtaType.NAC
 
 
 def frame_class(frame: bytes) -> str:
-    """One of the classes above; any bytes are of one."""
+    """The class of a frame; any bytes have one."""
     ethertype, payload = _payload(frame)
     if ethertype == ETHERTYPE_IPV4:
         return RPC if _is_rpc(payload) else OTHER

@@ -19,7 +19,7 @@ PROFINET_FRAMES: Part[Wire] = Part("frames of PROFINET")
 
 
 class ProfinetFramesEffect(FramesEffect):
-    """Frames of one of these classes are lost, or every cyclic frame says something else of itself."""
+    """Frames of one of these classes are lost, or the status of every cyclic frame is changed."""
 
     needs: ClassVar[Needs] = (*FramesEffect.needs, PROFINET_FRAMES)
     cyclic: ClassVar[int | None] = None

@@ -1,6 +1,7 @@
-"""The modules of a PROFINET drive: what stands in its slots, several changes of it at once.
+"""The modules of a PROFINET drive: what is in its slots, with several changes at once.
 
-What is in force is put into whatever machines the station has: a drive that boots has new ones, without a trace of it.
+Changes in force are applied to the station's present machines: a drive that boots has new ones, which know nothing of
+them.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _DIAGNOSIS_BITS = 0x0078
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModuleChange:
-    """What stands in a slot instead: nothing (``missing``), or something else; with ``subslot`` of one submodule.
+    """What is in a slot instead: nothing (``missing``), or something else; with ``subslot`` of one submodule.
 
     Without ``telegram`` and ``ident`` it is an ident that the drive does not have.
     """
@@ -45,7 +46,7 @@ class ModuleChange:
 
 
 class Modules(DrivePart):
-    """Changes of slots in force.  ``changed()`` hears of each, before the station settles."""
+    """Changes of slots in force.  ``changed()`` is called for each, before the station settles."""
 
     def __init__(
         self, station: ProfinetDevice, keys: ArKeys, settle: Callable[[int], None], changed: Callable[[], None]
@@ -68,14 +69,14 @@ class Modules(DrivePart):
         return _place_of(self._station, slot, subslot)
 
     def change(self, change: ModuleChange, now: int) -> None:
-        """Put ``change`` in force; the latest one holds.  Raises :class:`ConfigError` when the slot cannot have it."""
+        """Put ``change`` in force; the latest one counts.  Raises :class:`ConfigError` when the slot cannot have it."""
         self._changes.check(change)
         self._changes.add(change, now)
         self._changed()
         self._settle(now)
 
     def unchange(self, change: ModuleChange, now: int) -> None:
-        """Take it back: what the changes in force make of the slot as it was."""
+        """Remove it: the slot becomes its base with the remaining changes."""
         self._changes.remove(change, now)
         self._changed()
         self._settle(now)
@@ -83,7 +84,7 @@ class Modules(DrivePart):
     def told_at_connect(
         self, slot: int, subslot: int | None, standing: frozenset[int], *, diagnosis: bool = False
     ) -> bool:
-        """Whether an AR in DATA, other than those of the keys ``standing``, has a ModuleDiffBlock with the place.
+        """Whether an AR in DATA, other than those with the keys ``standing``, has a ModuleDiffBlock with the place.
 
         With ``diagnosis`` it must name a diagnosis of the submodule.
         """
@@ -124,9 +125,9 @@ def _place_of(station: ProfinetDevice, slot: int | None, subslot: int | None) ->
 
 
 class _SlotChanges:
-    """Changes of slots in force.  The latest one holds; what a slot is without any of them is kept as its base.
+    """Changes of slots in force.  The latest one counts; the slot without them is kept as its base. A user's
 
-    Hands that pull or plug meanwhile have the last word until the next change comes or goes, and are the new base.
+    pull or plug in between takes precedence until the next change comes or goes, and is the new base.
     """
 
     def __init__(self, station: ProfinetDevice) -> None:
@@ -137,7 +138,7 @@ class _SlotChanges:
         self._plugged = station.cm.plugged
 
     def check(self, change: ModuleChange) -> None:
-        """Raises :class:`ConfigError` when the slot cannot have that."""
+        """Raises :class:`ConfigError` when the slot cannot have it."""
         station, slot = self._station, change.slot
         if slot == station.description.dap.slot:
             allowed = ", ".join(str(s) for s in station.description.slots if s != slot)
@@ -221,7 +222,7 @@ class _SlotChanges:
 
 
 def _unknown(idents: list[int]) -> int:
-    """An ident that is none of these."""
+    """An ident that differs from these."""
     return next(ident for ident in range(max(idents) + 1, max(idents) + 3) if ident <= 0xFFFF_FFFF)
 
 

@@ -1,4 +1,4 @@
-"""Alarms of an injection's own: their parameters, and the alarm that they describe."""
+"""Alarms that an injection raises: their parameters, and the alarm that they describe."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ERROR_TYPES", "EXT_TYPES", "NEVER_BY_ITSELF", "OWN_ALARM_PARAMS", "own_alarm"]
 
-#: Part of what such a kind says of itself.
+#: Part of the description of such a kind.
 NEVER_BY_ITSELF = (
     "No drive of the farm does so by itself, and manuals may deny alarms (AKD: 5.13, not implemented); this tests the "
     "controller."
@@ -31,7 +31,7 @@ NEVER_BY_ITSELF = (
 
 
 def _slugs(tables: Iterable[Mapping[int, str]]) -> dict[str, int]:
-    """The words for codes as a user writes them: ``wire-break``."""
+    """Names of codes as a user writes them: ``wire-break``."""
     found: dict[str, int] = {}
     for table in tables:
         for code, words in table.items():
@@ -63,7 +63,7 @@ OWN_ALARM_PARAMS = {
 
 
 def own_alarm(values: dict[str, Any], modules: Modules) -> OwnAlarm:
-    """What the parameters of a kind that raises alarms say."""
+    """The alarm that the parameters of such a kind describe."""
     alarm_type, priority = values["type"], values["priority"]
     items: tuple[AlarmItem, ...] = ()
     if values["error"] is not None:

@@ -21,10 +21,7 @@ _RECORDS = frozenset({Opnum.READ, Opnum.WRITE, Opnum.READ_IMPLICIT})
 
 
 class Records(DrivePart):
-    """What is in force is put into the handler and the RPC server that the drive has now.
-
-    It is the :class:`~.rpc_events.LateAnswers` of that server.
-    """
+    """Applies what is in force to the drive's present handler and RPC server (:class:`~.rpc_events.LateAnswers`)."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
         self._station = station
@@ -36,7 +33,7 @@ class Records(DrivePart):
 
     def rebooted(self, now: int) -> None:
         del now
-        # what was kept back never leaves
+        # what was held back never leaves
         kept, self._kept = self._kept, {}
         for rules in kept.values():
             for rule in rules:
@@ -51,12 +48,12 @@ class Records(DrivePart):
     # refusals
 
     def refuse_records(self, error: RecordError) -> None:
-        """Refuse the drive's own records with ``error``; its ``status`` is asked at each refusal.  The latest holds."""
+        """Refuse the drive's own records with ``error``; its ``status`` is read at each refusal. The latest counts."""
         self._errors.append(error)
         self._put()
 
     def allow_records(self, error: RecordError) -> None:
-        """Take it back."""
+        """Remove it."""
         self._errors = [other for other in self._errors if other is not error]
         self._put()
 
@@ -68,7 +65,7 @@ class Records(DrivePart):
         self._put()
 
     def let_responses(self, hook: Callable[[int], bool]) -> None:
-        """Take it back."""
+        """Remove it."""
         self._hooks.remove(hook)
         self._put()
 
@@ -78,18 +75,18 @@ class Records(DrivePart):
         records.withhold = self._holding if self._hooks else None
 
     def _holding(self, now: int) -> bool:
-        # every hook is asked, so that each one's sequence does not depend on the others
+        # every hook is called, so that its sequence does not depend on the others
         return any([hook(now) for hook in self._hooks])  # noqa: C419 - see above
 
     # answers to Read and Write
 
     def delay_answers(self, rule: LateRule) -> None:
-        """Ask ``rule`` about each answer to a Read or Write; what several rules say adds up."""
+        """Ask ``rule`` for the delay of each answer to a Read or Write; delays of several rules add up."""
         self._late.append(rule)
         self._station.rpc.late = self
 
     def answer_in_time(self, rule: LateRule, now: int) -> None:
-        """Take it back; when no other rule is left, the answers that are held back leave."""
+        """Remove it; after the last rule, answers held back leave."""
         self._late = [other for other in self._late if other is not rule]
         if not self._late:
             self._station.rpc.release_answers(now)

@@ -18,15 +18,15 @@ __all__ = ["SET_UP", "ReadyRule", "SetUp"]
 
 
 class ReadyRule(Protocol):
-    """Says whether a connection's ApplicationReady is held back."""
+    """Decides whether a connection's ApplicationReady is held back."""
 
     def decide(self) -> tuple[bool, int | None]:
-        """(whether this rule acts on the connection at hand, nanoseconds or None for never)."""
+        """(whether this rule acts on the present connection, nanoseconds or None for never)."""
         ...
 
 
 class SetUp(DrivePart):
-    """Rules on each AR with cyclic data, from the moment when a controller asks for it."""
+    """Rules on each AR with cyclic data, from its Connect request on."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
         self._station = station
@@ -49,7 +49,7 @@ class SetUp(DrivePart):
         self._station.cm.refuse_connect = self._connecting
 
     def unhook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
-        """Take it back."""
+        """Remove it."""
         self._connect_hooks.remove(hook)
         self._unhook_if_idle()
 
@@ -75,7 +75,7 @@ class SetUp(DrivePart):
             self._decide_ready()
 
     def _decide_ready(self) -> None:
-        """For the connection that is being set up; the latest rule that acts on it holds."""
+        """For the connection that is being set up; the latest rule that acts on it counts."""
         delay: int | None = 0
         for rule in reversed(self._ready_rules):
             acts, wanted = rule.decide()
@@ -85,7 +85,7 @@ class SetUp(DrivePart):
         self._station.connections.ready_delay_ns = delay
 
     def unhold_ready(self, rule: ReadyRule, now: int) -> None:
-        """Take it back: connections that wait for nothing else get their ApplicationReady."""
+        """Remove it: connections that no other rule holds back get their ApplicationReady."""
         self._ready_rules.remove(rule)
         self._unhook_if_idle()
         if self._ready_rules:

@@ -1,11 +1,11 @@
-"""Effects that change what stands in a slot."""
+"""Effects that change what is in a slot."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.faults.modules import ModuleChange
-from pnfarm.buses.profinet.faults.told import ToldEffect
+from pnfarm.buses.profinet.faults.reported_effect import ReportedEffect
 from pnfarm.faults.kind import WORD, ParamSpec
 from pnfarm.protocols.profinet.wire.alarms import AlarmType
 
@@ -24,8 +24,8 @@ ONE_SUBSLOT = ParamSpec("whole number", "One submodule; left out, the whole modu
 _GONE = frozenset({AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG_WRONG_SUBMODULE})
 
 
-class SlotEffect(ToldEffect):
-    """Confirmed by the alarms that say that a submodule is gone or wrong."""
+class SlotEffect(ReportedEffect):
+    """Confirmed by the alarms for a submodule that is gone or wrong."""
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)

@@ -353,7 +353,7 @@ def test_a_diagnosis_outlives_a_reboot_as_long_as_its_fault_is_in_force(line):
 def test_a_drive_with_as_many_diagnoses_as_it_holds_takes_no_more(line):
     for error in range(1, station(line).device.cm.diagnosis.maximum + 1):
         line.add("diagnosis", params={"error": error})
-    with pytest.raises(ConfigError, match="axis-01 holds 64 diagnoses, and no more"):
+    with pytest.raises(ConfigError, match="axis-01 holds 64 diagnoses, its maximum"):
         line.add("diagnosis", params={"error": 100})
     line.add("diagnosis", params={"error": 1, "severity": "maintenance-required"})
     assert line.clear()

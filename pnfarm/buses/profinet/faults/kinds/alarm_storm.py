@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["KINDS"]
 
-#: More than ten thousand alarms a second are no test of a controller; in virtual time, time would stand still.
+#: More than ten thousand alarms a second test nothing more; in virtual time, time would stop.
 SHORTEST_INTERVAL_NS = 100_000
 
 
@@ -61,7 +61,7 @@ class AlarmStorm(Effect):
         self._due = None
         count = self.spec.count
         if count is not None and self._tally.seen.activations >= count:
-            # its last alarms are answered as the others were
+            # its last alarms are answered like the others
             self.finished = not self._unanswered or not self._connected()
             self._due = None if self.finished else now + POLL_NS
             return
@@ -79,7 +79,7 @@ class AlarmStorm(Effect):
         self._due = self._next
 
     def _connected(self) -> bool:
-        """The AlarmAcks of a connection that went never come."""
+        """The AlarmAcks of an ended connection never come."""
         connection = self._connection.now()
         keys = connection.keys if connection is not None and connection.established else frozenset()
         if keys != self._keys:
@@ -102,8 +102,8 @@ KINDS = (
     InjectionKind(
         "alarm-storm",
         "alarms",
-        "The drive sends one alarm after the other, as fast as the controller acknowledges them, or at a rate.  A "
-        "submodule that they said came or went is told by a plug when this ends.  " + NEVER_BY_ITSELF,
+        "The drive sends one alarm after the other, as fast as the controller acknowledges them, or at a rate.  "
+        "When this ends, a plug alarm corrects what they said about submodules.  " + NEVER_BY_ITSELF,
         "an alarm; one that finds the alarm queue full is a check without an activation",
         AlarmStorm,
         {

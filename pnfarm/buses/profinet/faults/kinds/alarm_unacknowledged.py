@@ -23,7 +23,7 @@ __all__ = ["KINDS"]
 
 
 class AlarmUnacknowledged(Effect):
-    """Answers are lost until the connection ended; then, perhaps, again."""
+    """Answers are lost until the connection ends; then repeated as ``count`` says."""
 
     needs = (CONNECTION, PROFINET_FRAMES, ALARMS, MODULES)
 
@@ -70,7 +70,7 @@ class AlarmUnacknowledged(Effect):
         return GateRule(("in",), frozenset({ALARM, ALARM_ACK}), instead=acknowledging_nothing)
 
     def _hear_again(self) -> None:
-        """Answers pass; those that were lost are the proof that the controller gave some."""
+        """Answers pass again; the lost ones prove that the controller sent some."""
         if self._rule is not None:
             self._wire.ungate(self._rule)
             if self._rule.evidence().confirmed:
@@ -100,9 +100,9 @@ KINDS = (
         "one broken connection; without `count` and `for` it happens once",
         AlarmUnacknowledged,
         {
-            "what": ParamSpec("word", "Who misses an acknowledgement.", "no-ack", words={"no-ack": 0, "repeat": 1}),
+            "what": ParamSpec("word", "Which side gets no answer.", "no-ack", words={"no-ack": 0, "repeat": 1}),
             "raise": ParamSpec(
-                "yes or no", "An alarm of its own begins it; otherwise the next one that comes.", default=True
+                "yes or no", "Begin with an alarm of its own; otherwise with the drive's next one.", default=True
             ),
             **OWN_ALARM_PARAMS,
         },

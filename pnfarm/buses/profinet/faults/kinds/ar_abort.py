@@ -1,4 +1,4 @@
-"""ar-abort: the drive breaks the connection off."""
+"""ar-abort: the drive aborts the connection."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ KINDS = (
     InjectionKind(
         "ar-abort",
         "connection",
-        "The drive breaks the connection off with an alarm frame (ERR-RTA-PDU, RTA_ERR_CLS_PROTOCOL).",
+        "The drive aborts the connection with an alarm frame (ERR-RTA-PDU, RTA_ERR_CLS_PROTOCOL).",
         "one broken connection; without `count` and `for` it happens once",
         ArAbort,
         {
             "code": ParamSpec(
                 "whole number",
-                "ErrorCode2 that the controller is told.",
+                "ErrorCode2 of the abort.",
                 default="abort-request",
                 words=words_of(RtaError),
                 **OCTET,

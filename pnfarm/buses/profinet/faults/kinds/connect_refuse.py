@@ -1,4 +1,4 @@
-"""connect-refuse: the drive refuses to be connected."""
+"""connect-refuse: the drive refuses connections."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["KINDS"]
 
 
 class ConnectRefuse(Effect):
-    """Each Connect that asks for cyclic data."""
+    """Each Connect that requests cyclic data."""
 
     needs = (SET_UP,)
 
@@ -53,13 +53,13 @@ KINDS = (
     InjectionKind(
         "connect-refuse",
         "connection",
-        "The drive refuses to be connected (PNIOStatus DB 81 and two codes).",
+        "The drive refuses connections (PNIOStatus DB 81 and two codes).",
         "a Connect request that is refused",
         ConnectRefuse,
         {
             "code1": ParamSpec(
                 "whole number",
-                "ErrorCode1: the block or machine.",
+                "ErrorCode1: the block or protocol machine.",
                 default="cmrpc",
                 words=words_of(ConnectFault),
                 **OCTET,

@@ -19,7 +19,7 @@ KINDS = (
     InjectionKind(
         "data-invalid",
         "cyclic",
-        "The data status says that the drive's data is not valid; controllers throw such frames away.",
+        "The data status says that the drive's data is not valid; controllers discard such frames.",
         "a cyclic frame that is changed",
         DataInvalid,
         directions=("out",),

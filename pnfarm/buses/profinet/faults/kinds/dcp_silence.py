@@ -10,7 +10,7 @@ __all__ = ["KINDS"]
 
 
 class DcpSilence(ProfinetFramesEffect):
-    """In both directions, if not otherwise asked for."""
+    """In both directions unless given otherwise."""
 
     acyclic = frozenset({DCP})
 
@@ -19,7 +19,7 @@ KINDS = (
     InjectionKind(
         "dcp-silence",
         "connection",
-        "The drive neither hears nor answers DCP: it is not found, named or addressed.",
+        "The drive neither receives nor answers DCP: it is not found, named or addressed.",
         "a DCP frame that is lost; `count` holds for each direction",
         DcpSilence,
         directions=EVERY_DIRECTION,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.faults.diagnosis import DIAGNOSES
 from pnfarm.buses.profinet.faults.own_alarm import ERROR_TYPES, EXT_TYPES, NEVER_BY_ITSELF
+from pnfarm.buses.profinet.faults.reported_effect import ReportedEffect
 from pnfarm.buses.profinet.faults.slot_effect import SLOT, SUBSLOT
-from pnfarm.buses.profinet.faults.told import ToldEffect
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, WORD, InjectionKind, ParamSpec
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
@@ -40,10 +40,10 @@ _QUALIFIERS = {
 }
 
 
-class Diagnosis(ToldEffect):
-    """Confirmed by any alarm on the submodule but that of a disappearance."""
+class Diagnosis(ReportedEffect):
+    """Confirmed by any alarm on the submodule except a disappearance."""
 
-    needs = (*ToldEffect.needs, DIAGNOSES)
+    needs = (*ReportedEffect.needs, DIAGNOSES)
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
@@ -76,7 +76,7 @@ class Diagnosis(ToldEffect):
 
 
 def _entry(values: dict[str, Any], place: ExpectedKey) -> DiagnosisEntry:
-    """The diagnosis that the parameters describe; raises :class:`InjectionError` for what no coding can say."""
+    """The diagnosis that the parameters describe; raises :class:`InjectionError` for what no coding can express."""
     severity, coding = values["severity"], values["coding"]
     if severity == "advice" and coding != "qualified":
         raise InjectionError(
@@ -134,10 +134,8 @@ KINDS = (
             ),
             "slot": SLOT,
             "subslot": SUBSLOT,
-            "severity": ParamSpec(
-                "word", "How bad it is; advice only in the qualified coding.", "fault", words=_SEVERITIES
-            ),
-            "coding": ParamSpec("word", "How it is told.", "channel", words=_CODINGS),
+            "severity": ParamSpec("word", "Severity; advice only in the qualified coding.", "fault", words=_SEVERITIES),
+            "coding": ParamSpec("word", "Coding of the diagnosis.", "channel", words=_CODINGS),
             "usi": ParamSpec(
                 "whole number",
                 "UserStructureIdentifier of the manufacturer's coding.",
@@ -145,7 +143,7 @@ KINDS = (
                 low=0,
                 high=Usi.MANUFACTURER_LAST,
             ),
-            "data": ParamSpec("octets", "What the manufacturer's coding carries.", default="", high=128),
+            "data": ParamSpec("octets", "Data of the manufacturer's coding.", default="", high=128),
         },
         takes=HELD,
         place=30,

@@ -17,7 +17,7 @@ __all__ = ["KINDS"]
 
 
 class IopsBad(ProfinetFramesEffect):
-    """Ending it on the connection that saw it is a return of the submodules (alarm 0x000B)."""
+    """When it ends on the same connection, the submodules return (alarm 0x000B)."""
 
     needs = (*ProfinetFramesEffect.needs, ALARMS)
     cyclic = IOPS_BAD
@@ -37,8 +37,8 @@ KINDS = (
     InjectionKind(
         "iops-bad",
         "cyclic",
-        "The drive's provider status (IOPS) is BAD.  When it is GOOD again while the connection stands, the alarm "
-        "'return of submodule' tells the controller.",
+        "The drive's provider status (IOPS) is BAD.  When it is GOOD again during the connection,"
+        " the drive sends the alarm 'return of submodule'.",
         "a cyclic frame that is changed",
         IopsBad,
         directions=("out",),

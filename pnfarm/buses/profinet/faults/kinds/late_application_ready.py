@@ -1,4 +1,4 @@
-"""late-application-ready: the drive says late that its application is ready."""
+"""late-application-ready: the drive sends ApplicationReady late."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class LateReady(Effect):
         self._set_up.hold_ready(self)
 
     def decide(self) -> tuple[bool, int | None]:
-        """For one connection that is being set up."""
+        """The rule for one connection that is being set up."""
         self._acts = not self.finished and self._chance.falls()
         self._decided = True
         return self._acts, self._delay
@@ -47,7 +47,7 @@ class LateReady(Effect):
             self._chance.tally.note(now, happened=self._acts, confirmed=self._acts)
             if self._acts:
                 self._held |= waiting
-        # ending earlier would hand the ApplicationReady to the very connection that shall not get it
+        # ending earlier would send ApplicationReady to the connection that must not get it
         self._held &= waiting
         self.finished = self._chance.exhausted and not self._held
 
@@ -62,7 +62,7 @@ KINDS = (
     InjectionKind(
         "late-application-ready",
         "connection",
-        "After parametrisation the drive says late that its application is ready.",
+        "After parametrisation the drive sends ApplicationReady late.",
         "a connection whose ApplicationReady is late",
         LateReady,
         {"delay": ParamSpec("duration", "From the end of parametrisation to ApplicationReady.", default="5s")},

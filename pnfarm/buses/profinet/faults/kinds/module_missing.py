@@ -11,8 +11,9 @@ KINDS = (
     InjectionKind(
         "module-missing",
         "connection",
-        "A module, or one submodule of it, is not there.  A controller that is connected gets a pull alarm and BAD "
-        "data, one that connects finds it in the ModuleDiffBlock.  A plug alarm tells of its return.",
+        "A module, or one submodule of it, is not there.  "
+        "A connected controller gets a pull alarm and BAD data; one that connects finds it in the ModuleDiffBlock.  "
+        "A plug alarm reports its return.",
         "pulling the module",
         SlotEffect,
         {"slot": SLOT, "subslot": ONE_SUBSLOT},

@@ -1,4 +1,4 @@
-"""module-wrong: another module stands in the slot than the controller expects."""
+"""module-wrong: the slot has another module than the controller expects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ KINDS = (
     InjectionKind(
         "module-wrong",
         "connection",
-        "Another module, or submodule, stands in the slot than the controller expects.  One that is connected gets "
+        "The slot has another module, or submodule, than the controller expects. A connected controller gets "
         "the alarm 'wrong submodule plugged' and BAD data, one that connects finds it in the ModuleDiffBlock.",
         "plugging the wrong module",
         SlotEffect,
@@ -25,9 +25,7 @@ KINDS = (
                 low=1,
                 high=0xFFFF_FFFF,
             ),
-            "substitute": ParamSpec(
-                "yes or no", "It works in the place of what the controller expects.", default=False
-            ),
+            "substitute": ParamSpec("yes or no", "It works in place of the expected one.", default=False),
         },
         takes=HELD,
         preset={"missing": False},

@@ -1,4 +1,4 @@
-"""no-application-ready: the drive never says that its application is ready."""
+"""no-application-ready: the drive never sends ApplicationReady."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ KINDS = (
     InjectionKind(
         "no-application-ready",
         "connection",
-        "After parametrisation the drive never says that its application is ready.",
+        "After parametrisation the drive never sends ApplicationReady.",
         "a connection whose ApplicationReady is withheld",
         LateReady,
         takes=EACH,

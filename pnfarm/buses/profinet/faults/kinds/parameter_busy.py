@@ -17,7 +17,7 @@ __all__ = ["KINDS"]
 
 
 class ParameterBusy(Effect):
-    """Each read of a response that is there."""
+    """Each read of a response that is ready."""
 
     needs = (RECORDS,)
 
@@ -50,7 +50,7 @@ KINDS = (
     InjectionKind(
         "parameter-busy",
         "records",
-        "The drive still works on a parameter request: reading the response meets a state conflict (B5).",
+        "The drive still works on a parameter request: reading the response gets a state conflict (B5).",
         "a response that is held back",
         ParameterBusy,
         takes=EACH,

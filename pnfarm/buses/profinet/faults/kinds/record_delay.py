@@ -37,7 +37,7 @@ KINDS = (
     InjectionKind(
         "record-delay",
         "records",
-        "The drive takes long over a Read or Write; when it is asked again meanwhile, it says that it works on it.",
+        "The drive answers Read and Write late; to a repeated call it answers meanwhile that it is working.",
         "an answer that is late",
         RecordDelay,
         LATE_PARAMS,

@@ -22,7 +22,7 @@ __all__ = ["KINDS"]
 
 @dataclass(frozen=True, slots=True)
 class _CountedError(RecordError):
-    """A refusal that tells when it is given out."""
+    """An error code that counts its uses."""
 
     given: Callable[[], None] = field(kw_only=True)
 

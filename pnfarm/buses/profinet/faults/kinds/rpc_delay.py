@@ -19,7 +19,7 @@ __all__ = ["KINDS"]
 
 
 class RpcDelay(LateEffect):
-    """On their way to the link."""
+    """Delayed on the way to the link."""
 
     needs = (PROFINET_FRAMES,)
 
@@ -41,7 +41,7 @@ KINDS = (
     InjectionKind(
         "rpc-delay",
         "connection",
-        "What the drive sends over UDP for connections, parameters and control (RPC) leaves late, in order.",
+        "RPC datagrams of the drive (connections, parameters, control) leave late, in order.",
         "a datagram that is late",
         RpcDelay,
         LATE_PARAMS,

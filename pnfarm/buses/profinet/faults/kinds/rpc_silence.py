@@ -10,7 +10,7 @@ __all__ = ["KINDS"]
 
 
 class RpcSilence(ProfinetFramesEffect):
-    """In both directions, if not otherwise asked for."""
+    """In both directions unless given otherwise."""
 
     acyclic = frozenset({RPC})
 

@@ -1,4 +1,4 @@
-"""Effects of which a controller is told: by an alarm, or when it connects."""
+"""Effects that the controller is informed of: by an alarm, or when it connects."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.protocols.profinet.events import AlarmConfirmed
 
-__all__ = ["ToldEffect"]
+__all__ = ["ReportedEffect"]
 
 
-class ToldEffect(Effect):
+class ReportedEffect(Effect):
     """Confirmed by the AlarmAck of an alarm that came after its begin, or by a later AR's ModuleDiffBlock."""
 
     needs: ClassVar[Needs] = (CONNECTION, ALARMS, MODULES)
@@ -37,7 +37,7 @@ class ToldEffect(Effect):
         self._listening = False
 
     def _watch(self) -> None:
-        """Call it before the drive does what is to be told."""
+        """Call it before the drive does what the alarm reports."""
         connection = self._connection.now()
         self._standing = connection.keys if connection is not None else frozenset()
         self._mark = self._alarms.last_number
@@ -45,18 +45,18 @@ class ToldEffect(Effect):
         self._listening = True
 
     def _hear(self, event: AlarmConfirmed, now: int) -> None:
-        # a drive that booted counts its alarms anew; what it tells then is about what stands, too
+        # a drive that booted restarts its alarm numbers; its alarms then are about this injection, too
         if (event.number > self._mark or self._alarms.last_number < self._mark) and self._is_about(event):
             self._confirm()
         del now
 
     @abstractmethod
     def _is_about(self, event: AlarmConfirmed) -> bool:
-        """Whether this alarm told of it."""
+        """Whether this alarm reports it."""
 
     @abstractmethod
     def _stands_in_diff(self) -> bool:
-        """Whether a ModuleDiffBlock tells of it."""
+        """Whether a ModuleDiffBlock reports it."""
 
     def _confirm(self) -> None:
         self._tally.confirm()
