@@ -111,7 +111,7 @@ class TapLink:
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         if self._fds:
-            raise InternalError("this tap link is open already")
+            raise InternalError("this tap link is already open")
         try:
             ports = await to_its_end(self._create, list(wanted))
             self._loop = asyncio.get_running_loop()

@@ -104,7 +104,7 @@ WRONG_CONTROLLER = [
     ("records: [{slot: 1, subslot: 2, index: 1, data: xyz}]", "controller.records[0].data", "is no hexadecimal"),
     ("records: [{slot: 1, subslot: 2, data: ''}]", "controller.records[0].index", "is missing"),
     ("reconnect: 7", "controller.reconnect", "is 7"),
-    ("reconnect: {after: 0.5ns}", "controller.reconnect.after", "is no duration"),
+    ("reconnect: {after: 0.5ns}", "controller.reconnect.after", "is not a duration"),
 ]
 
 
