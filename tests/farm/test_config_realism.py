@@ -181,7 +181,7 @@ def test_drives_of_a_group_have_seeds_of_their_own_by_name():
         ("{parameter_latency: 11s}", "realism.parameter_latency: is 11s; allowed: a duration to 10s"),
         ("{parameter_latency: [1ms]}", "realism.parameter_latency: has 1 entries; allowed: a list of two"),
         ("{parameter_latency: [9ms, 1ms]}", "realism.parameter_latency: begins above its end; allowed: the least"),
-        ("{parameter_latency: [1ms, on]}", "realism.parameter_latency: 'on' is not a duration; allowed: a number with a"),
+        ("{parameter_latency: [1ms, on]}", "realism.parameter_latency: 'on' is not a duration; allowed: a number with"),
         ("{parameter_latency: [1ms, 20]}", "realism.parameter_latency: is 20; allowed: a duration to 10s"),
         ("{boot_time: 3}", "realism.boot_time: is 3; allowed: a duration such as 8s, on, off, or a mapping"),
         ("{boot_time: 11min}", "realism.boot_time: is 11min; allowed: a duration to 600s"),
