@@ -144,12 +144,6 @@ class DeviceAlarms:
                 self._notify(line, number, alarm, now)
         line.waiting = still
 
-    def forget_waiting(self, ar_key: int) -> None:
-        """What waits is told otherwise: by the ModuleDiffBlock of an ApplicationReady."""
-        line = self._lines.get(ar_key)
-        if line is not None:
-            line.waiting.clear()
-
     def end(self, ar_key: int, status: PnioStatus) -> None:
         """Say by ERR-RTA that the AR ends."""
         line = self._lines.get(ar_key)
