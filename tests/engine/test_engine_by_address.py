@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import llvmlite.binding
 import numba
-import pytest
 
 from pnfarm.engine import tick
 from pnfarm.engine.columns import allocate
@@ -24,9 +23,10 @@ def test_the_loops_share_one_machine_code_of_a_drives_step():
     assert columns.axis[0].last_ns == 5_000_000
 
 
-@pytest.mark.skipif(not IS_COMPILED or bool(numba.config.BOUNDSCHECK), reason="they call it directly")
-def test_a_step_is_linked_once():
-    allocate(stations=1)
-    first = llvmlite.binding.address_of_symbol("pnfarm_step")
-    allocate(stations=2)
-    assert llvmlite.binding.address_of_symbol("pnfarm_step") == first
+if IS_COMPILED and not numba.config.BOUNDSCHECK:
+
+    def test_a_step_is_linked_once():
+        allocate(stations=1)
+        first = llvmlite.binding.address_of_symbol("pnfarm_step")
+        allocate(stations=2)
+        assert llvmlite.binding.address_of_symbol("pnfarm_step") == first
