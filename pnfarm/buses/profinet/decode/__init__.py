@@ -1,4 +1,4 @@
-"""PROFINET's frames in words: frames are read by the wire codecs, telegrams and parameters by the models.
+"""PROFINET frames as text: the wire codecs parse the frames, the models name telegrams and parameters.
 
-One file for each family of PDUs; :mod:`decoder` is their table.
+One file for each family of PDUs; :mod:`decoder` has their table.
 """

@@ -1,4 +1,4 @@
-"""RTA-PDUs in words: the end of an AR, alarms, their acknowledgements, and the transport's own."""
+"""RTA-PDUs as text: the end of an AR, alarms, their acknowledgements, and transport PDUs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _RTA_TYPES = {1: "DATA", 2: "NACK", 3: "ACK", 4: "ERR"}
 
 
 def alarm(packet: Packet, shared: Shared) -> Iterator[Description]:
-    """An RTA-PDU: the end of an AR with its reason, an alarm, its acknowledgement, or the transport's."""
+    """An RTA-PDU: the end of an AR with its reason, an alarm, its acknowledgement, or a transport PDU."""
     pdu = parse_rta(packet.payload)
     priority = "high" if pdu.frame_id == ALARM_HIGH else "low"
     if pdu.type == RtaType.ERR:
@@ -52,7 +52,7 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Description]:
 
 
 def _silence(packet: Packet, shared: Shared) -> str:
-    """How long ago the other end was heard last: what ended the connection, where its frames stayed away."""
+    """Time since the other end's last cyclic frame: the cause of the abort if its frames stopped."""
     for (to, source, _), channel in shared.channels.items():
         if (to, source) == (packet.source, packet.destination) and channel.begun:
             ago = (packet.time_ns - channel.last_ns) / 1e6

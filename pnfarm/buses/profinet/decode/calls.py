@@ -1,7 +1,7 @@
-"""Remote procedure calls in words: Connect, Write, Read, Control, Release and what carries them.
+"""Remote procedure calls as text: Connect, Write, Read, Control, Release and the RPC PDUs that carry them.
 
-A response names neither its service nor its record, so every request is remembered by activity and sequence number, a
-bounded number of them.  Fragments are put together first.
+A response names neither its service nor its record, so requests are remembered by activity and sequence number, up to
+a limit.  Fragments are reassembled first.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ __all__ = ["is_call", "rpc"]
 
 _RPC_VERSION = 4
 _RPC_HEAD = 80
-#: The last eight octets of a call's interface UUID are alike in either data representation.
+#: The last eight octets of a call's interface UUID are the same in both data representations.
 _INTERFACE_TAIL = slice(32, 40)
 _INTERFACE_TAILS = frozenset({UUID_PNIO_DEVICE.bytes[8:], UUID_EPM.bytes[8:]})
 _SERVICES = {
@@ -87,9 +87,9 @@ _RESPONSE_BIT = 0x8000
 
 
 def is_call(source_port: int, destination_port: int, data: bytes) -> bool:
-    """Whether a datagram is a remote procedure call of PROFINET's: by its head, wherever it goes.
+    """Whether a datagram is a PROFINET remote procedure call: by its header, whatever its port.
 
-    What comes to the port of calls and begins as one does is one, however it goes on.
+    A datagram to the RPC port that begins like a call counts as one, even if the rest is malformed.
     """
     if not data or data[0] != _RPC_VERSION:
         return False
@@ -99,7 +99,7 @@ def is_call(source_port: int, destination_port: int, data: bytes) -> bool:
 
 
 def rpc(packet: Packet, shared: Shared) -> Iterator[Description]:
-    """One UDP datagram; :class:`DecodeError` where it is no call."""
+    """One UDP datagram; raises :class:`DecodeError` if it is not a call."""
     ip = ip_packet(packet, shared.capture)
     if ip is None:
         return
@@ -108,7 +108,7 @@ def rpc(packet: Packet, shared: Shared) -> Iterator[Description]:
         return
     datagram = parse_udp(ip.payload)
     if not is_call(datagram.source_port, datagram.destination_port, datagram.data):
-        # fragments: only the whole datagram tells
+        # fragments: only the whole datagram can be classified
         yield replace(udp_words(datagram), family="other")
         return
     pdu = parse_rpc(datagram.data)
@@ -184,7 +184,7 @@ def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Share
 
 
 def _with_wrong(description: Description, wrong: tuple[str, ...]) -> Description:
-    """What a call says, and which of its blocks cannot be read."""
+    """The text of a call, and which of its blocks are malformed."""
     if not wrong:
         return description
     text = f"{description.text}; malformed {'; malformed '.join(wrong[:MOST_RECORDS])}"
@@ -207,7 +207,7 @@ def _record(header: IodWriteReqHeader, data: bytes, device: bytes, shared: Share
 
 
 def _content(data: bytes) -> str:
-    """A record's blocks in words, or its first octets."""
+    """A record's blocks as text, or its first octets."""
     if not data:
         return "0 octets"
     shown = blocks_in_line(data) or data[:16].hex(" ") + (" ..." if len(data) > 16 else "")

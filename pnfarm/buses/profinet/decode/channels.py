@@ -1,4 +1,4 @@
-"""Cyclic channels as a capture's Connect, or a farm file, lays them out, and what is known of each so far."""
+"""Layouts of cyclic channels from a capture's Connect or a farm file, and the state of each channel so far."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class Template:
 
     @property
     def control(self) -> int | None:
-        """Where STW1 or ZSW1 stands."""
+        """Octet of STW1 or ZSW1."""
         return next((offset for name, offset, _ in self.words if name in {"STW1", "ZSW1"}), None)
 
     @property
     def second(self) -> tuple[str, int] | None:
-        """Name and place of STW2 or ZSW2."""
+        """Name and octet of STW2 or ZSW2."""
         return next(((name, offset) for name, offset, _ in self.words if name in {"STW2", "ZSW2"}), None)
 
 
@@ -63,7 +63,7 @@ class Channel:
         self.cycle_ns = layout.cycle_ns if layout is not None else 0
         self.hold_ns = layout.data_hold_ns if layout is not None else 0
         self.step = self.cycle_ns // SEND_CLOCK_NS
-        #: None while it is not known, because the Connect is not in the capture.
+        #: None while unknown: the Connect is not in the capture.
         self.sent_by_device: bool | None = layout.iocr_type == IocrType.INPUT if layout is not None else None
         self.partner: Channel | None = None
         self.begun = False
@@ -86,7 +86,7 @@ class Channel:
         self.told: dict[str, int] = {}
 
     def inherit(self, before: Channel) -> None:
-        """Go on with the sums of the channel that had these addresses and this frame id in an earlier connection."""
+        """Continue the sums of an earlier connection's channel with the same addresses and frame id."""
         for name in (
             "frames", "interval_count", "total_ns", "shortest_ns", "longest_ns", "gaps", "gap_ns", "missing", "jumps",
             "watchdogs",
@@ -99,7 +99,7 @@ class Channel:
 
 
 def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegram | None:
-    """The telegram whose module a Connect expects of a drive of this model."""
+    """The telegram of the module that a Connect expects of a drive of this model."""
     if model is None:
         return None
     found = (model.profidrive.telegram_by_module(api.module_ident) for api in expected)
@@ -107,7 +107,7 @@ def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegra
 
 
 def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | None = None) -> Template:
-    """Names for the places of ``layout``; without a telegram only what PROFIdrive says of every one."""
+    """Names for the words of ``layout``; without a telegram only those that PROFIdrive defines for all telegrams."""
     words: list[tuple[str, int, int]] = []
     is_input = layout.is_input
     first = "ZSW1" if is_input else "STW1"
@@ -134,7 +134,7 @@ def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | 
 
 
 def _words(names: Iterable[str], offset: int) -> Iterable[tuple[str, int, int]]:
-    """Consecutive words of one name are one double word."""
+    """Consecutive words with the same name are one double word."""
     found: list[tuple[str, int, int]] = []
     for name in names:
         if found and name and found[-1][0] == name and found[-1][2] == 2:

@@ -1,4 +1,4 @@
-"""Connect in words, and what it says of the frames that follow it: their layout, their cycle, their watchdog."""
+"""Connect as text, and what it determines for the cyclic frames: their layout, cycle and watchdog."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ _DIRECTIONS = {IocrType.INPUT: "input", IocrType.OUTPUT: "output"}
 
 
 def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shared: Shared) -> Description:
-    """What the controller wants.
+    """The controller's request.
 
-    A device may send cyclic data before its answer: the layouts that were asked for are at hand from here on.
+    A device may send cyclic data before its response, so the requested layouts are kept from here on.
     """
     _ask(blocks, packet, shared)
     ar = next((b for b in blocks if isinstance(b, ArBlockReq)), None)
@@ -75,18 +75,18 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
 
 
 def _ask(blocks: tuple[Block, ...], packet: Packet, shared: Shared) -> None:
-    """Channels whose frame id stands in the request."""
+    """Channels whose frame id is in the request."""
     expected = expected_submodules(_apis(blocks))
     layouts = []
     for iocr in (b for b in blocks if isinstance(b, IocrBlockReq) and b.frame_id != FRAME_ID_ASSIGN):
-        with suppress(LayoutError):  # told with the answer
+        with suppress(LayoutError):  # reported with the response
             layouts.append(compute_layout(iocr, expected))
     for key, channel in _channels(layouts, _apis(blocks), packet.source, packet.destination, shared):
         shared.asked[key] = channel
 
 
 def forget_asked(request: tuple[Block, ...], controller: bytes, device: bytes, shared: Shared) -> None:
-    """The Connect was refused: none of its channels will be."""
+    """The Connect was refused: forget its channels."""
     for iocr in (b for b in request if isinstance(b, IocrBlockReq)):
         for ends in ((controller, device), (device, controller)):
             shared.asked.pop((*ends, iocr.frame_id), None)
@@ -115,7 +115,7 @@ def _expected(apis: tuple[ExpectedApi, ...], device: bytes, shared: Shared) -> s
 def connect_response(
     request: tuple[Block, ...], answer: tuple[Block, ...], controller: bytes, device: bytes, shared: Shared
 ) -> Description:
-    """What the device grants; from here on the cyclic frames can be read."""
+    """The device's response; from here on the cyclic frames can be decoded."""
     texts = ["OK"]
     for block in answer:
         match block:
@@ -134,7 +134,7 @@ def connect_response(
         try:
             layouts.append(compute_layout(iocr, expected, given.get(iocr.iocr_reference)))
         except LayoutError as exc:
-            problems.append(f"layout of CR {iocr.iocr_reference} cannot be: {exc.detail}")
+            problems.append(f"layout of CR {iocr.iocr_reference} is impossible: {exc.detail}")
     texts += [f"{_DIRECTIONS[IocrType(c.iocr_type)]} frame id 0x{c.frame_id:04X}" for c in layouts]
     _open(layouts, _apis(request), controller, device, shared)
     return Description("Connect.res", ", ".join([*texts, *problems]))
@@ -147,7 +147,7 @@ def _open(
     for key, channel in _channels(layouts, apis, controller, device, shared):
         before = shared.channels.get(key)
         asked = shared.asked.pop(key, None)
-        # frames that came before the answer have begun it
+        # frames before the response have already started it
         if before is not None and before is asked:
             channel = before
         elif before is not None:

@@ -1,8 +1,8 @@
-"""Cyclic frames: only what changes is worth a line, unless every frame is wanted.
+"""Cyclic frames: only changes give a line, unless every frame is requested.
 
-Worth a line: the first frame, bits of STW1 and ZSW1 with the drive's state (PROFIdrive 4.x, general state machine; bits
-8 and 10 of ZSW1 follow the speed and are left out), provider and consumer status, data status, a silence longer than so
-many cycles, a cycle counter that does not go on.  Sums for the summary are kept in the channel.
+Lines are given for the first frame, bits of STW1 and ZSW1 with the drive's state (PROFIdrive 4.x, general state
+machine; bits 8 and 10 of ZSW1 follow the speed and are left out), provider and consumer status, data status, a silence
+longer than a given number of cycles, and a wrong step of the cycle counter.  The channel keeps sums for the summary.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ if TYPE_CHECKING:
 
 __all__ = ["cyclic", "drive_state", "status_words"]
 
-#: Bits of ZSW1 that are worth a line, and of STW2 and ZSW2, whose upper four count the sign of life.
+#: Reported bits of ZSW1, and of STW2 and ZSW2, whose upper four are the sign of life.
 ZSW1_MASK = 0x02FF
 SECOND_MASK = 0x0FFF
 STATE_MASK = 0x0047
 FAULT_PRESENT = 0x0008
-#: How the names of words begin that are bits, numbers of tasks or codes, and not quantities.
+#: Prefixes of the names of words that hold bits, task numbers or codes instead of quantities.
 BIT_WORDS = (
     "STW", "ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "MELDW", "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE",
     "WARN_CODE", "DRIVE_INPUTS", "DRIVE_MOTION_STATUS", "E_DIGITAL", "A_DIGITAL", "word",
 )  # fmt: skip
-#: Lines of one kind for one channel; what comes after them is counted only.
+#: Lines of one kind for one channel; further ones are only counted.
 MOST_LINES = 50
-#: The cycle counter goes round in this time, so that a longer silence leaves it anywhere.
+#: The cycle counter wraps in this time, so that it says nothing after a longer silence.
 COUNTER_ROUND_NS = 65_536 * SEND_CLOCK_NS
 
 _STATES = {
@@ -69,7 +69,7 @@ _IOXS = {
 
 
 def drive_state(zsw1: int, stw1: int | None) -> str:
-    """The drive's state; S5 looks like S3 or S4 in ZSW1 and is told by its cause, the control word or a fault."""
+    """The drive's state; S5 looks like S3 or S4 in ZSW1 and is recognised by its cause, the control word or a fault."""
     state = _STATES.get(zsw1 & STATE_MASK, "")
     stopping = bool(zsw1 & FAULT_PRESENT) or (stw1 is not None and stw1 & 0x05 != 0x05)
     if zsw1 & 0x03 == 0x03 and stopping:
@@ -78,10 +78,10 @@ def drive_state(zsw1: int, stw1: int | None) -> str:
 
 
 def status_words(status: int, before: int | None = None) -> str:
-    """The data status in words; with ``before`` only what changed."""
+    """The data status as text; with ``before`` only the changes."""
     if before is None and status == DataStatus.GOOD:
         return "data good"
-    # bits that are clear in normal operation go without saying
+    # bits in their normal state are not named
     quiet = 0 if before is not None else ~status & (DataStatus.REDUNDANCY | DataStatus.IGNORE)
     changed = (0xFF if before is None else status ^ before) & ~quiet
     return ", ".join(yes if status & bit else no for bit, yes, no in _STATUS_BITS if changed & bit)
@@ -92,7 +92,7 @@ def _ioxs(value: int) -> str:
 
 
 def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
-    """One cyclic frame; most say nothing."""
+    """One cyclic frame; most give no line."""
     payload = packet.payload
     frame_id = payload[0] << 8 | payload[1]
     if len(payload) < 2 + STATUS_LENGTH:
@@ -106,7 +106,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     template = channel.template
     size = template.layout.data_length if template is not None else len(payload) - 2 - STATUS_LENGTH
     if len(payload) < 2 + size + STATUS_LENGTH:
-        yield from _limited(channel, "wrong length", f"{len(payload) - 2} octets where {size + STATUS_LENGTH} belong")
+        yield from _limited(channel, "wrong length", f"{len(payload) - 2} octets, {size + STATUS_LENGTH} expected")
         return
     data = payload[2 : 2 + size]
     counter = payload[2 + size] << 8 | payload[3 + size]
@@ -134,7 +134,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
 
 
 def _foreign(packet: Packet, frame_id: int, shared: Shared) -> Channel:
-    """A channel that no Connect has granted: one may have asked for it, or the farm file may know its layout."""
+    """A channel without a Connect response: its layout may come from a Connect request or the farm file."""
     asked = shared.asked.get((packet.destination, packet.source, frame_id))
     if (
         asked is not None
@@ -198,7 +198,7 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
         channel.total_ns += passed
         channel.interval_count += 1
     if not channel.step:
-        # without a Connect: two equal steps of the counter give the cycle
+        # without a Connect the cycle follows from two equal steps of the counter
         if ahead and ahead == channel.received:
             channel.step, channel.cycle_ns = ahead, ahead * SEND_CLOCK_NS
         channel.received = ahead
@@ -238,7 +238,7 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
 
 
 def _slack(channel: Channel) -> int:
-    """How far frames may come from where their counter says: a late sender, and frames of a burst after it."""
+    """Tolerance between a frame's time and its counter: for a late sender, and the frames of a burst after it."""
     return max(20 * channel.cycle_ns, 100_000_000)
 
 

@@ -1,4 +1,4 @@
-"""DCP in words: who is sought, who answered what, what was set."""
+"""DCP as text: Identify, Get, Set and Hello with their blocks."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ _OPTIONS = {
     blocks.DeviceInitiativeBlock.ID: "device initiative",
     blocks.AllSelectorBlock.ID: "all",
 }
-#: Settings to which the qualifier's first bit says whether they outlive a power cycle.
+#: Settings for which the qualifier's first bit tells whether they are permanent.
 _KEPT = (blocks.NameBlock, blocks.IpParameterBlock, blocks.FullIpSuiteBlock)
 
 
 def dcp(packet: Packet, shared: Shared) -> Iterator[Description]:
-    """One DCP frame; :class:`DecodeError` where it is none."""
+    """One DCP frame; raises :class:`DecodeError` if it is not one."""
     pdu = parse_dcp(packet.payload)
     service = _SERVICES.get(pdu.service_id, f"service {pdu.service_id}")
     request = pdu.service_type == TYPE_REQUEST

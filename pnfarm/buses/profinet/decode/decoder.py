@@ -1,4 +1,4 @@
-"""PROFINET's part of a capture's decoder: the table of its families, and the layouts that a farm file gives.
+"""PROFINET's part of the capture decoder: the table of its families, and the layouts from a farm file.
 
 A family is one function ``(packet, shared) -> descriptions``.
 """
@@ -43,12 +43,12 @@ __all__ = ["FAMILIES", "ProfinetDecoder", "family_of"]
 
 
 def _unknown(packet: Packet, _: Shared) -> Iterator[Description]:
-    """A frame id that is no family's."""
+    """A frame id of no known family."""
     frame_id = int.from_bytes(packet.payload[:2], "big")
     yield Description(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)
 
 
-#: Family of frames -> who puts it into words.
+#: Family of frames -> its describing function.
 FAMILIES: Mapping[str, Callable[[Packet, Shared], Iterator[Description]]] = MappingProxyType(
     {
         "cyclic": cyclic,
@@ -62,12 +62,12 @@ FAMILIES: Mapping[str, Callable[[Packet, Shared], Iterator[Description]]] = Mapp
     }
 )
 _SNMP_PORTS = frozenset({161, 162})
-#: Fragment offset of an IP packet, and whether more follow; octets of a datagram's head.
+#: Mask of an IP packet's fragment offset, and flag of more fragments; octets of a datagram's header.
 _OFFSET, _MORE, _UDP_HEAD = 0x1FFF, 0x2000, 8
 
 
 def family_of(ethertype: int, payload: bytes) -> str | None:
-    """The family of a frame by its EtherType and what follows it; None for what is not PROFINET's."""
+    """The family of a frame by its EtherType and payload; None for frames that are not PROFINET's."""
     if ethertype == ETHERTYPE_PROFINET and len(payload) >= 2:
         frame_id = payload[0] << 8 | payload[1]
         if frame_id in PTCP_NAMES:
@@ -82,7 +82,7 @@ def family_of(ethertype: int, payload: bytes) -> str | None:
     if ethertype == ETHERTYPE_IPV4 and len(payload) >= 20 and payload[9] == PROTOCOL_UDP:
         fragment = payload[6] << 8 | payload[7]
         if fragment & _OFFSET:
-            return "rpc"  # only calls are longer than a frame; the whole datagram tells if it is none
+            return "rpc"  # only calls are longer than a frame; if this is not one, the whole datagram shows it
         at = (payload[0] & 0x0F) * 4
         source, destination = (int.from_bytes(payload[place : place + 2], "big") for place in (at, at + 2))
         if {source, destination} & _SNMP_PORTS:

@@ -1,4 +1,4 @@
-"""The model of a station by the numbers that it tells of itself."""
+"""The model of a station by its VendorID and DeviceID."""
 
 from __future__ import annotations
 

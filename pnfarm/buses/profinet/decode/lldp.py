@@ -1,4 +1,4 @@
-"""LLDP in words."""
+"""LLDP as text."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["lldp"]
 
 
 def lldp(packet: Packet, shared: Shared) -> Iterator[Description]:
-    """A neighbour tells itself."""
+    """An announcement of a neighbour."""
     pdu = parse_lldp(packet.payload)
     port, station = peer_names(pdu.chassis, pdu.port)
     shared.stations.guess(packet.source, station)

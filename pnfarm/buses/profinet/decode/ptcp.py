@@ -1,4 +1,4 @@
-"""PTCP in words."""
+"""PTCP as text."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ __all__ = ["ptcp"]
 
 
 def ptcp(packet: Packet, shared: Shared) -> Iterator[Description]:
-    """Neighbours measure the cable several times a second: the first of each kind is worth a line, and another master.
+    """Neighbours measure the cable delay several times a second: the first of each kind and a new master count.
 
-    Every frame where every one is wanted.
+    Every frame gets a line if every frame is requested.
     """
     pdu = parse_ptcp(packet.payload)
     key = packet.source, pdu.frame_id

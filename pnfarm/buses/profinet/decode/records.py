@@ -1,4 +1,4 @@
-"""Records in words: what an index is, and what a parameter request asks or answers."""
+"""Records as text: names of indexes, parameter requests and responses."""
 
 from __future__ import annotations
 
@@ -85,11 +85,11 @@ def _joined(texts: list[str]) -> str:
 
 
 def parameter_request(data: bytes, model: Model | None) -> str:
-    """What a written parameter request wants."""
+    """The text of a written parameter request."""
     try:
         request = parse_request(data)
     except DecodeError as exc:
-        return f"no parameter request ({exc})"
+        return f"not a parameter request ({exc})"
     if request.fault is not None:
         return f"parameter request with a fault: {request.fault.detail}"
     addresses = [_parameter(address, model) for address in request.addresses]
@@ -100,11 +100,11 @@ def parameter_request(data: bytes, model: Model | None) -> str:
 
 
 def parameter_response(data: bytes, request: bytes | None, model: Model | None) -> str:
-    """What a read response says; ``request`` is the one written before, to tell which parameters it is about."""
+    """The text of a read response; ``request`` is the one written before, which names the parameters."""
     try:
         response = parse_response(data)
     except DecodeError as exc:
-        return f"no parameter response ({exc})"
+        return f"not a parameter response ({exc})"
     names: list[str] = []
     if request is not None:
         try:

@@ -1,4 +1,4 @@
-"""What the families of PDUs know of the capture so far."""
+"""State of the capture that the families of PDUs share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["Call", "Shared"]
 
 @dataclass(slots=True)
 class Call:
-    """A request and what its response needs to be understood.  ``client`` and ``server`` are addresses."""
+    """A request with what is needed to decode its response.  ``client`` and ``server`` are addresses."""
 
     service: str
     opnum: int
@@ -34,7 +34,7 @@ class Call:
 
 
 class Shared:
-    """``capture`` is what the buses share; the rest is PROFINET's."""
+    """``capture`` is shared by the buses; the rest is PROFINET's."""
 
     def __init__(self, capture: Capture) -> None:
         self.capture = capture
@@ -45,9 +45,9 @@ class Shared:
         self.channels: Bounded[tuple[bytes, bytes, int], Channel] = Bounded()
         #: Layouts of a farm file, by the drive's address and whether the drive sends.
         self.templates: dict[tuple[bytes, bool], Template] = {}
-        #: Channels that a Connect asked for and that are not granted yet, keyed as the others.
+        #: Channels that a Connect requests and that are not confirmed yet, with the same keys.
         self.asked: Bounded[tuple[bytes, bytes, int], Channel] = Bounded(1024)
-        #: The last PTCP frame of a station that was told, by its address and frame id: master and domain.
+        #: The last PTCP frame of a station that got a line, by its address and frame id: master and domain.
         self.clocks: Bounded[tuple[bytes, int], object] = Bounded()
         self.calls: Bounded[tuple[UUID, int], Call] = Bounded(1024)
         #: Transaction of a DCP request -> its sender's Set blocks.

@@ -1,4 +1,4 @@
-"""SNMP in words."""
+"""SNMP as text."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SNMP_WORDS = {GET: "Get", GET_NEXT: "GetNext", GET_BULK: "GetBulk", SET: "Set",
 
 
 def snmp(packet: Packet, shared: Shared) -> Iterator[Description]:
-    """A question or an answer of network management."""
+    """An SNMP message."""
     ip = ip_packet(packet, shared.capture)
     if ip is None:
         return

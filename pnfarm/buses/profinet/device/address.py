@@ -1,7 +1,7 @@
 """Name and address of one drive: DCP and ARP on one side, non-volatile memory and the event log on the other.
 
-What DCP set is carried to the IP host and into the memory; what ARP found out of a conflict is carried to DCP, which
-shows it.  Every address is asked for before it is announced, be it from the memory, the farm file or DCP.
+What DCP sets goes to the IP host and into the memory; an address conflict that ARP detects goes to DCP, which reports
+it.  Every address is probed before it is announced, whether from the memory, the farm file or DCP.
 """
 
 from __future__ import annotations
@@ -71,19 +71,19 @@ class StationAddress:
         self.dcp = DcpDevice(mac, identity, name=name, address=address, gateway=gateway, dns=dns)
         self.dcp.hello_settings = _hello(kept.get("hello"), on=config.hello)
         self.ip = IpHost(mac)
-        #: Who else uses the address, None for nobody.
+        #: MAC address of another user of the address, or None.
         self.conflict_mac: bytes | None = None
         self.ip.own_address(address, gateway)
         self._own(address)
 
     def link_up(self, now: int) -> None:
-        """Ask whether another station has the address before it is announced; it is used meanwhile."""
+        """Probe for another user of the address before announcing it; it is used meanwhile."""
         if self.ip.wanted is not None:
             self.ip.claim_address(self.ip.wanted, self.ip.gateway, now)
         self.dcp.link_up(now)
 
     def set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None, now: int) -> None:
-        """Use an address, or none; other stations are asked for it."""
+        """Use an address, or none; it is probed on the segment first."""
         if address is None:
             self.ip.set_address(address, gateway)
         else:
@@ -92,7 +92,7 @@ class StationAddress:
 
     def _own(self, address: IPv4Interface | None) -> None:
         self._no_conflict()
-        #: The address as in an ARP packet, empty for none: looked at for every broadcast.
+        #: The address as in an ARP packet, empty for none: compared for every broadcast.
         self.own_ip = address.ip.packed if address is not None else b""
 
     def _no_conflict(self) -> None:
@@ -101,7 +101,7 @@ class StationAddress:
     # -- DCP ---------------------------------------------------------------------------------------------------------
 
     def take_dcp(self, event: DcpDeviceEvent, now: int) -> None:
-        """What an event of DCP's means for address, memory and log; the rest of it is the station's."""
+        """Apply a DCP event to address, memory and log; the station does the rest."""
         match event:
             case NameSet(name, permanent):
                 self._keep(now, "name", name if permanent else "")
@@ -121,7 +121,7 @@ class StationAddress:
                 pass
 
     def record_written(self, index: int, data: bytes, now: int) -> None:
-        """A record of the interface was accepted: the one for fast start-up says whether Hello is sent from now on."""
+        """A record of the interface was accepted: that of fast start-up decides whether Hello is sent from now on."""
         if index != FSU_DATA_ADJUST_INDEX:
             return
         try:
@@ -136,13 +136,13 @@ class StationAddress:
             self._note(now, events.HelloSet(self.dcp.hello_settings.mode.name.lower().replace("_", " ")))
 
     def forget_records(self, *, on: bool) -> None:
-        """The interface's records are gone: Hello is as the farm file says (``on``)."""
+        """The interface's records were cleared: Hello is as in the farm file (``on``)."""
         self.dcp.hello_settings = _hello(None, on=on)
 
     # -- ARP ---------------------------------------------------------------------------------------------------------
 
     def take_ip(self, event: IpEvent, now: int) -> None:
-        """What ARP found out."""
+        """Apply an ARP event."""
         match event:
             case AddressConflict(ip, mac) if mac != self.conflict_mac:
                 self.dcp.ip_conflict, self.conflict_mac = True, mac
@@ -165,7 +165,7 @@ def _dns(kept: list[str] | None) -> Dns:
 
 
 def _hello(kept: list[int] | None, *, on: bool) -> HelloSettings:
-    """From FSHelloMode, interval, retry and delay (ms); without them as the farm file says."""
+    """From FSHelloMode, interval, retry and delay (ms); without them as in the farm file."""
     if kept is None:
         settings = HelloSettings()
         return settings if on else replace(settings, mode=HelloMode.OFF)

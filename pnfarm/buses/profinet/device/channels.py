@@ -26,13 +26,13 @@ __all__ = ["ArChannels", "StationChannels", "channel_rows"]
 
 
 def channel_rows(io_controllers: int) -> int:
-    """Rows of each channel table that a drive has for itself: one for each AR with IO data, one for an AR that goes."""
+    """Rows that a drive owns in each channel table: one for each AR with IO data, and one for an AR that is closing."""
     return io_controllers + MAX_SUPERVISOR_ARS + 1
 
 
 @dataclass(slots=True)
 class ArChannels:
-    """The rows of one AR, and who is behind it."""
+    """The rows of one AR, and its controller."""
 
     initiator: str
     ip: IPv4Address
@@ -44,16 +44,16 @@ class ArChannels:
     consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
     expected: frozenset[ExpectedKey] = frozenset()
     unusable: frozenset[ExpectedKey] = frozenset()
-    #: The application was ready once; until then all data are bad.
+    #: The application has been ready; until then all data are BAD.
     ready: bool = False
-    #: The drive's set points come from here.
+    #: The drive's set points come from this AR.
     feeds: bool = False
     established: bool = False
     connected_ns: int = 0
 
     @property
     def bad(self) -> frozenset[ExpectedKey]:
-        """Submodules whose data cannot be used, either way."""
+        """Submodules whose data cannot be used, in either direction."""
         return self.unusable if self.ready else self.expected
 
 
@@ -64,8 +64,8 @@ def _feeds(ar: ArChannels, set_points: Container[tuple[int, int]]) -> bool:
 class StationChannels:
     """Opens and closes the rows of a station's ARs.
 
-    ``index`` is its process image, ``rows`` its share of each table, ``drift`` that of the drive's clock; ``closed`` is
-    what went before.
+    ``index`` is its process image, ``rows`` its share of each table, ``drift`` the drift of the drive's clock;
+    ``closed`` holds the sums of closed rows.
     """
 
     def __init__(
@@ -92,12 +92,12 @@ class StationChannels:
         return any(ar.providers for ar in self.ars.values())
 
     def room(self) -> bool:
-        """Whether one more AR has rows; those of an AR that went are had again after the engine's next tick."""
+        """Whether there are rows for one more AR; those of a closed AR are free again after the engine's next tick."""
         standing = sum(bool(ar.providers) for ar in self.ars.values())
         return standing + self._channels.resting(self._index) < self._rows
 
     def of_consumer(self, row: int) -> int | None:
-        """The key of the AR that consumes in this row."""
+        """The key of the AR whose consumer has this row."""
         return next((key for key, ar in self.ars.items() if any(r == row for r, _ in ar.consumers)), None)
 
     def open(
@@ -108,7 +108,7 @@ class StationChannels:
         set_points: Container[tuple[int, int]],
         now: int,
     ) -> ArChannels:
-        """Rows for every CR of an AR that was connected; the words are the telegram's, in its order.
+        """Open rows for every CR of a connected AR; the words are the telegram's, in its order.
 
         ``set_points``: (slot, subslot) of the submodules whose owner feeds the drive.
         """
@@ -150,7 +150,7 @@ class StationChannels:
                 words=layout.words,
                 iops=layout.iops,
                 constants=layout.constants,
-                # a controller that leaves every phase at 1 has its drives' frames spread all the same
+                # a controller that leaves every phase at 1 gets its drives' frames spread nevertheless
                 phase=cr.phase - 1 if cr.phase > 1 else self._index,
                 tag=cr.tag_header,
                 drift=self._drift,
@@ -183,7 +183,7 @@ class StationChannels:
         self._impairments.channel_opened(self._index, "in", row)
 
     def rewrite(self, input_words: Sequence[int], output_words: Sequence[int]) -> None:
-        """A new mapping: other words in the open channels, in place."""
+        """Apply a new mapping to the open channels, in place."""
         for ar in self.ars.values():
             for row, cr in ar.providers:
                 self._channels.rewrite_words("ppm", row, channel_layout(cr, input_words, ar.bad).words)
@@ -200,7 +200,7 @@ class StationChannels:
         *,
         ready: bool,
     ) -> None:
-        """Submodules came or went, or the application is ``ready``: lay an AR's open channels anew, in place."""
+        """Submodules came or went, or the application is ``ready``: recompute an AR's open channels, in place."""
         ar = self.ars.get(key)
         if ar is None:
             return
@@ -215,13 +215,13 @@ class StationChannels:
             self._channels.relayout_consumer(row, layout.words, layout.iops, feeds=ar.feeds)
 
     def problem(self, key: int, *, there: bool) -> None:
-        """Say in the DataStatus of an AR's frames whether the station has a problem."""
+        """Set or clear the problem indicator in the DataStatus of an AR's frames."""
         status = STATUS_GOOD & ~STATUS_NO_PROBLEM if there else STATUS_GOOD
         for row, _ in self.ars[key].providers:
             self._channels.columns.ppm[row].data_status = status
 
     def close(self, key: int) -> ArChannels | None:
-        """Close the rows of one AR; what they counted is kept in :attr:`closed`."""
+        """Close the rows of one AR; their counters are added to :attr:`closed`."""
         ar = self.ars.pop(key, None)
         if ar is None:
             return None
@@ -236,7 +236,7 @@ class StationChannels:
         return ar
 
     def io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:
-        """One submodule's cyclic data as it is on the wire, for the records that show it."""
+        """One submodule's cyclic data as on the wire, for the records that return it."""
         for ar in self.ars.values():
             consumer_iocs = {(c.slot, c.subslot): c.iocs_offset for _, cr in ar.providers for c in cr.iocs}
             for row, cr in ar.consumers if output else ar.providers:
@@ -245,7 +245,7 @@ class StationChannels:
                     continue
                 octets = self._channels.consumed(row) if output else self._channels.provided(row)
                 data = octets[place.data_offset : place.data_offset + place.data_length]
-                # a status that no frame carries is good
+                # a status that no frame carries is GOOD
                 iops = IOXS_GOOD if place.iops_offset is None else octets[place.iops_offset]
                 where = consumer_iocs.get((slot, subslot)) if output and ar.providers else None
                 iocs = IOXS_GOOD if where is None else self._channels.provided(ar.providers[0][0])[where]

@@ -1,4 +1,4 @@
-"""What a device has to know of its farm file."""
+"""A device's settings from the farm file."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ __all__ = ["DeviceConfig"]
 
 
 class DeviceConfig(Protocol):
-    """One drive's settings; the farm's own record of a drive has them all.
+    """One drive's settings; the farm's own record of a drive includes them.
 
-    ``ip`` and ``name`` are those of a drive whose memory is empty, ``telegram`` None is the model's own, ``hello`` says
-    whether the drive announces itself, ``strict`` whether it keeps to its model's limits.
+    ``ip`` and ``name`` apply while the memory has none, ``telegram`` None is the model's default, ``hello``: the drive
+    announces itself with DCP Hello, ``strict``: it keeps to its model's limits.
     """
 
     @property

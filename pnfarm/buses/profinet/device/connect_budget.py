@@ -1,8 +1,8 @@
-"""How often one station may ask a drive for a connection before the drive stops listening to it for a while.
+"""Limits how often one station may send Connect to a drive before the drive ignores it for a while.
 
-A Connect is the dearest thing that a stranger can ask of a drive.  No controller needs one many times a second; who
-sends more is a flood, and its further datagrams cost next to nothing: they are not even parsed.  Each station has a
-budget of its own, so that the controller gets in at once however loud another one is.
+Connect is the most expensive request that any station can send.  No controller needs many of them a second; beyond
+the limit, a station's datagrams are dropped before they are parsed.  Each station has its own budget, so that a flood
+from one does not delay the Connect of another.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from pnfarm.wire.ethernet import ETHERTYPE_IPV4
 
 __all__ = ["CONNECTS", "SOURCES", "WINDOW_NS", "ConnectBudget"]
 
-#: Connects of one station in one window, which are served.
+#: Connects of one station that are served in one window.
 CONNECTS = 20
 WINDOW_NS = 1_000_000_000
-#: Stations that are counted in one window; further ones are served.
+#: Stations that are counted in one window; further ones are always served.
 SOURCES = 64
 
 _IPV4 = ETHERTYPE_IPV4.to_bytes(2, "big")
@@ -27,20 +27,20 @@ _PLAIN_HEAD = 0x45
 
 
 class ConnectBudget:
-    """Of one drive."""
+    """The budget of one drive."""
 
     def __init__(self) -> None:
         self._began_ns = 0
         self._counts: dict[bytes, int] = {}
 
     def note(self, mac: bytes, now: int) -> None:
-        """A Connect came from this station."""
+        """Count a Connect of this station."""
         self._turn(now)
         if mac in self._counts or len(self._counts) < SOURCES:
             self._counts[mac] = self._counts.get(mac, 0) + 1
 
     def passes(self, frame: bytes, now: int) -> bool:
-        """Whether the frame is to be looked at: false for a call of a station that asked too often."""
+        """Whether to process the frame: false for a call of a station that used up its budget."""
         if self._counts.get(frame[6:12], 0) <= CONNECTS:
             return True
         self._turn(now)
@@ -53,7 +53,7 @@ class ConnectBudget:
 
 
 def _is_call(frame: bytes) -> bool:
-    """Whether the frame is a datagram for the port of calls."""
+    """Whether the frame is a datagram for the RPC port."""
     return (
         len(frame) >= _DESTINATION.stop
         and frame[12:14] == _IPV4

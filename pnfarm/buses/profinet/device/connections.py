@@ -1,10 +1,10 @@
-"""The connections of one drive, as its station lives through them: from the events of context management to rows of the
-channel tables, to the drive's own fault, and to the log.
+"""The connections of one drive: turns the events of context management into rows of the channel tables, the drive's own
+fault, and log entries.
 
-* an AR that was connected opens rows, one that ended closes them;
-* a submodule that comes, goes or changes hands has its AR's rows laid anew;
-* the engine's word that a data hold timer ran out aborts the AR;
-* an established connection that is lost is the drive's fault, if it fed the drive.
+* a connected AR opens rows, an ended one closes them;
+* a submodule that is plugged, pulled or changes its owner recomputes the rows of its AR;
+* an expired data hold timer, reported by the engine, aborts the AR;
+* losing an established connection that fed the drive raises a fault of the drive.
 """
 
 from __future__ import annotations
@@ -39,36 +39,36 @@ if TYPE_CHECKING:
 
 __all__ = ["SLOWEST_STEP_NS", "StationConnections"]
 
-#: Channels step four times a cycle, but not faster than the engine's usual tick of 1 ms.  A tick may come a little
-#: early after a late one and counts all the same, hence the quarter less.
+#: Channels step four times a cycle, but not faster than the engine's usual tick of 1 ms.  After a late tick the next
+#: may come slightly early and still counts, hence a quarter less.
 FASTEST_STEP_NS = 750_000
 SLOWEST_STEP_NS = 4_000_000
 
 
 def _step_ns(cycle_ns: int) -> int:
-    """How long the firmware rests at most: never over a whole cycle, so that it sees every frame of set points."""
+    """Longest interval between two firmware steps: less than a cycle, so that it sees every frame of set points."""
     return min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, cycle_ns // 4), cycle_ns * 3 // 4)
 
 
 class StationConnections:
-    """See the module's head.  What is counted here outlives a power cycle."""
+    """See the module's docstring.  The counters survive a power cycle."""
 
     def __init__(self, station: DeviceParts) -> None:
         self._station = station
         self.connects = 0
-        #: How often ARs were aborted, by ErrorCode1 and ErrorCode2 of the ERR-RTA.
+        #: Number of aborted ARs by ErrorCode1 and ErrorCode2 of the ERR-RTA.
         self.aborts: Counter[tuple[int, int]] = Counter()
         self.watchdog_expirations = 0
-        #: Fault kinds on the connection: hold ApplicationReady back (``None``: not at all).
+        #: For injections on the connection: how to hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
-        #: Called with (event, now) for each event of context management, after the station took it.
+        #: Called with (event, now) for each event of context management, after the station has handled it.
         self.listeners: list[Callable[[CmEvent, int], None]] = []
         self._ready_due: list[tuple[int, int, int | None]] = []
 
     # -- time --------------------------------------------------------------------------------------------------------
 
     def next_deadline(self) -> int | None:
-        """When an ApplicationReady that was held back is due."""
+        """When an ApplicationReady that is held back is due."""
         return min((entry[0] for entry in self._ready_due), default=None)
 
     def handle_timeout(self, now: int) -> None:
@@ -77,7 +77,7 @@ class StationConnections:
             self._station.cm.application_ready(entry[1], now, entry[2])
 
     def forget(self) -> None:
-        """The supply went: nobody waits any more."""
+        """The supply is off: forget what was held back."""
         self._ready_due.clear()
 
     # -- events of context management --------------------------------------------------------------------------------
@@ -145,14 +145,14 @@ class StationConnections:
         )
 
     def _follow_telegram(self) -> None:
-        """The module that is plugged says which telegram the frames carry."""
+        """The plugged module determines the telegram of the frames."""
         module = self._station.cm.plugged.module(self._station.description.modules[0].slot)
         telegram = self._station.model.profidrive.telegram_by_module(module.module_ident) if module else None
         if module is not None and telegram is not None:
             self._station.store.plug_telegram(telegram.number, module.module_ident)
 
     def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
-        """In the log in words; a fault also shows in the DataStatus of the frames ("problem")."""
+        """Log a diagnosis as text; a fault also sets the problem indicator in the DataStatus of the frames."""
         entry = change.entry
         for key in self._station.ars:
             self._tell_problem(key)
@@ -160,7 +160,7 @@ class StationConnections:
         self._station.note(now, happened.DiagnosisAppeared(entry) if appears else happened.DiagnosisDisappeared(entry))
 
     def _tell_problem(self, key: int) -> None:
-        """In the DataStatus: is there a fault in one of the AR's submodules?"""
+        """DataStatus: whether one of the AR's submodules has a fault."""
         ar = self._station.cm.ar(key)
         if ar is not None and key in self._station.ars:
             self._station.channels.problem(key, there=self._station.cm.diagnosis.has_fault(ar.owned))
@@ -173,7 +173,7 @@ class StationConnections:
         return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
 
     def _submodules_changed(self, event: SubmodulesChanged, now: int) -> None:
-        """The application is ready, or something was pulled, plugged, taken over or released: data are bad, or good."""
+        """The application is ready, or a submodule was pulled, plugged, taken over or released: update GOOD and BAD."""
         key, unusable = event.ar_key, event.unusable
         self._follow_telegram()
         words = self._station.store.input_words(), self._station.store.output_words()
@@ -182,7 +182,7 @@ class StationConnections:
         if ar is not None and ar.feeds:
             self._station.store.watchdog_ns = ar.watchdog_ns
             self._station.handle.axis.interpolation.settings.cycle_ns = ar.set_point_cycle_ns
-        # the diagnosis of what was pulled went with it
+        # pulling a submodule removed its diagnosis
         self._tell_problem(key)
         if event.starting and not unusable:
             return
@@ -203,14 +203,14 @@ class StationConnections:
             self._station.handle.axis.step_ns = SLOWEST_STEP_NS
 
     def _lost(self, key: int) -> None:
-        """An established connection ended without a release: the drive's own fault, unless it has it already."""
+        """An established connection ended without a release: raise the drive's own fault unless it is active."""
         ar = self._station.ars.get(key)
         self.close(key)
         if ar is None:
             return
         code = int(self._station.handle.axis.faults.settings.loss_fault)
-        # with two controllers on one drive, only the loss of the one that feeds it is the drive's; a drive that waits
-        # for telegrams for a time of its own finds out by itself
+        # with two controllers on one drive, only the loss of the one that feeds it is a fault; a drive with its own
+        # telegram monitoring time detects it by itself
         if ar.established and code and ar.feeds and not int(self._station.handle.axis.faults.settings.loss_delay_ns):
             self._station.handle.push_command(CMD_RAISE_FAULT, code)
 

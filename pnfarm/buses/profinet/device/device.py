@@ -1,12 +1,12 @@
-"""One virtual drive on the wire: its protocol machines, its parameters, its row of the table, joined.
+"""One virtual drive on the wire: joins its protocol machines, its parameters and its row of the table.
 
-A station is bytes and ``now`` in, frames out, like the machines that it is made of; the farm's runtime carries
-the frames.  What it decides itself is what lies between the machines:
+A station takes bytes and ``now`` and returns frames, like the machines that it consists of; the farm's runtime carries
+the frames.  The station itself connects the machines:
 
-* an address that DCP set goes to the IP host and into non-volatile memory;
-* an AR that was connected opens rows of the channel tables, one that ended closes them;
-* the engine's word that a data hold timer ran out aborts the AR;
-* a drive that takes its time to boot hears and says nothing until it is over.
+* an address set by DCP goes to the IP host and into non-volatile memory;
+* a connected AR opens rows of the channel tables, an ended one closes them;
+* an expired data hold timer, reported by the engine, aborts the AR;
+* a drive that is still booting neither receives nor sends.
 """
 
 from __future__ import annotations
@@ -90,16 +90,16 @@ __all__ = ["ProfinetDevice"]
 
 #: The ethertype as in a frame.
 LLDP = ETHERTYPE_LLDP.to_bytes(2, "big")
-#: UDP port from which a device calls its controller (any free one will do; the answer comes back to it).
+#: UDP port from which a device calls its controller (any free one; the response comes back to it).
 CALL_PORT = 49_152
-#: Reason under which cyclic frames of no connection are counted.
+#: Drop reason of cyclic frames that belong to no connection.
 STRAY = "unknown-frame-id"
-#: Octets that an answer of the controller may have.
+#: Longest response of the controller, octets.
 ARGS_MAXIMUM = 16_384
 
 
 class ProfinetDevice:
-    """See the module's head; :class:`pnfarm.station.device.Device` says what is asked of it."""
+    """See the module's docstring; :class:`pnfarm.station.device.Device` defines the interface."""
 
     def __init__(self, station: Station, services: DeviceServices) -> None:
         self.station = station
@@ -112,7 +112,7 @@ class ProfinetDevice:
         rows = channel_rows(self.model.limits.io_controllers)
         drift = station.flaws.drift
         self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
-        #: A reset that restarts the drive was ordered, and its answer is still to go out.
+        #: A reset that restarts the drive was requested, and its response is still to be sent.
         self._reboot_due = False
         self.connections = StationConnections(self)
         self.budget = ConnectBudget()
@@ -128,14 +128,14 @@ class ProfinetDevice:
         check_kept(kept)
 
     def commission(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`: an address of the farm file is as if a tool had set it."""
+        """See :class:`pnfarm.station.device.Device`: an address of the farm file counts as set by a tool."""
         if self.config.ip is not None and "ip" not in kept:
             self.store.commission_address()
 
     def build(self, kept: dict[str, Any]) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         if self._built:
-            # the machines are made anew; what they dropped stays counted
+            # the machines are recreated; their drop counters are kept
             self.dropped = self.discards()
             self.connections.forget()
             self._calls.clear()
@@ -206,14 +206,14 @@ class ProfinetDevice:
         )
         self.cm.has_room = self.channels.room
         self.fault_diagnosis = FaultDiagnosis(self.store, self.records.diagnosis)
-        #: What managers wrote; survives a power cycle.
+        #: Texts that SNMP managers wrote; they survive a power cycle.
         self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
         self.neighbour_rows = NeighbourRows()
         self.snmp = SnmpAgent(lambda now: snmp_view(self, now))
         self.traffic = PortTraffic(self._services.channels, self.channels, self.discards())
 
     def _take_written_name(self, kept: dict[str, Any]) -> None:
-        """A station name that a parameter brought is the station's from now on, as one that DCP set for good."""
+        """A station name set by a parameter is used from now on, like one that DCP set permanently."""
         name = self.store.take_name()
         if name is None:
             return
@@ -227,22 +227,22 @@ class ProfinetDevice:
 
     @property
     def config(self) -> DeviceConfig:
-        """What the farm file says of this drive."""
+        """This drive's settings in the farm file."""
         return cast("DeviceConfig", self.station.config)
 
     @property
     def store(self) -> ParameterStore:
-        """The drive's parameters; made anew at each power-on."""
+        """The drive's parameters; recreated at each power-on."""
         return self.station.store
 
     @property
     def ars(self) -> dict[int, ArChannels]:
-        """The connections that stand, by the key of their AR."""
+        """The present connections, by the key of their AR."""
         return self.channels.ars
 
     @property
     def name(self) -> str:
-        """Station name now: DCP may have changed it."""
+        """The present station name: DCP may have changed it."""
         return self.dcp.name
 
     @property
@@ -251,7 +251,7 @@ class ProfinetDevice:
 
     @property
     def connects(self) -> int:
-        """Connections that came to data exchange since the farm started."""
+        """Connections that reached data exchange since the farm started."""
         return self.connections.connects
 
     @property
@@ -261,7 +261,7 @@ class ProfinetDevice:
 
     @property
     def watchdog_expirations(self) -> int:
-        """Data hold timers that ran out."""
+        """Number of expired data hold timers."""
         return self.connections.watchdog_expirations
 
     @property
@@ -271,12 +271,12 @@ class ProfinetDevice:
 
     @property
     def booted_ns(self) -> int:
-        """When it was powered on last."""
+        """Time of the last power-on."""
         return self.station.booted_ns
 
     @property
     def configured_name(self) -> str:
-        """As the farm file has it."""
+        """The name in the farm file."""
         return self.station.configured_name
 
     @property
@@ -290,7 +290,7 @@ class ProfinetDevice:
         return self.neighbours.pdev.restore(records_of(self.station.kept.get("pdev")), now)
 
     def leave(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`: an ERR-RTA for each connection, and LLDP's farewell."""
+        """See :class:`pnfarm.station.device.Device`: an ERR-RTA for each connection, and an LLDP shutdown frame."""
         self.cm.abort_all(RtaError.DEVICE_DEACTIVATED, now)
         self.neighbours.lldp.shut_down(now)
 
@@ -306,7 +306,7 @@ class ProfinetDevice:
     def receive(self, data: bytes, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         if data[12:14] == LLDP:
-            # the segment took it already
+            # already handled by the segment
             return
         self.traffic.frame_received(data)
         try:
@@ -331,11 +331,11 @@ class ProfinetDevice:
             self.cm.receive_rta(frame.payload, frame.source, now)
 
     def hear_neighbour(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
-        """An LLDP frame that was parsed once for all drives, or why it is none; whether anything is to be done now."""
+        """Take an LLDP frame that was parsed once for all drives, or its decode error; whether more is to be done."""
         return self.station.on_the_wire and self.neighbours.hear(frame, parsed, now)
 
     def passed_over(self, reason: str) -> bool:
-        """Count a frame that was for others; always False."""
+        """Count a frame that is not for this drive; always False."""
         self._drop(reason)
         return False
 
@@ -343,7 +343,7 @@ class ProfinetDevice:
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def discards(self) -> dict[str, int]:
-        """Every frame and PDU that was dropped, by reason, over all machines."""
+        """Dropped frames and PDUs by reason, over all machines."""
         total = dict(self.dropped)
         for machine in self._machines:
             for reason, count in machine.dropped.items():
@@ -370,8 +370,8 @@ class ProfinetDevice:
         self.parameter_words.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
-        """See :class:`pnfarm.station.device.Device`: carries events between the machines until nothing moves."""
-        # what is due becomes events here, and not only when the frames are fetched, behind the loop
+        """See :class:`pnfarm.station.device.Device`: passes events between the machines until none is left."""
+        # due timers must raise their events here: fetching the frames after the loop would be too late
         self.dcp.handle_timeout(now)
         self.ip.handle_timeout(now)
         moved = True
@@ -394,7 +394,7 @@ class ProfinetDevice:
             for f in self.cm.rta_to_send()
         ]
         if self._reboot_due:
-            # the answer to the reset is among the frames; what the new machines say follows at once
+            # the response to the reset is among the frames; those of the new machines follow at once
             self._reboot_due = False
             self.station.power_cycle(now)
             frames += self.station.pump(now)
@@ -427,7 +427,7 @@ class ProfinetDevice:
         return bool(events)
 
     def _factory_reset(self, reset: FactoryReset, now: int) -> None:
-        """Forget what the reset's mode names, in the memory and in the machines; name and address have events."""
+        """Clear what the reset's mode names, in memory and machines; name and address have events of their own."""
         clear_memory(self.station.kept, reset.clears)
         self.station.save()
         if Stored.APPLICATION in reset.clears:
@@ -492,7 +492,7 @@ class ProfinetDevice:
         responses = self.cm.responses()
         for call, status, payload in responses:
             if not isinstance(call, CallKey):
-                raise InternalError(f"{call!r} is no call of the RPC server's")
+                raise InternalError(f"{call!r} is not a call of the RPC server")
             self.rpc.respond(call, status, payload, now)
         calls = self.cm.calls()
         for call in calls:
@@ -515,7 +515,7 @@ class ProfinetDevice:
             for listener in self.connections.listeners:
                 listener(event, now)
         for call_id in [call_id for call_id, token in self._calls.items() if not self.cm.awaits(token)]:
-            # its connection ended: a controller that comes back would take it for the new one's
+            # its connection ended: a controller that reconnects would take it for one of the new connection
             self.client.forget(call_id, now)
             del self._calls[call_id]
         texts = self.records.im.events()
@@ -549,12 +549,12 @@ class ProfinetDevice:
         """See :class:`pnfarm.station.device.Device`."""
         self.channels.rewrite(self.store.input_words(), self.store.output_words())
 
-    # -- the engine's word -------------------------------------------------------------------------------------------
+    # -- events of the engine ----------------------------------------------------------------------------------------
 
     def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
         """See :class:`pnfarm.station.device.Device`."""
         consumer = self._services.channels.columns.cpm[row]
-        # the connection went while the event waited, and another may have the row by now
+        # the connection ended while the event waited, and another may have the row by now
         seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
         if self.channels.of_consumer(row) is None or not seen:
             return False
@@ -590,7 +590,7 @@ class ProfinetDevice:
         """See :class:`pnfarm.station.device.Device`."""
         self.parameter_words.take(value, now)
 
-    # -- what there is to see ----------------------------------------------------------------------------------------
+    # -- state for observers -----------------------------------------------------------------------------------------
 
     @property
     def connected(self) -> bool:

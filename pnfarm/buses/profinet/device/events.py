@@ -1,4 +1,4 @@
-"""What happens to a PROFINET device, as types (:mod:`pnfarm.station.events`)."""
+"""Event types of a PROFINET device (:mod:`pnfarm.station.events`)."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class ArConnected(ConnectionOpened):
-    """An AR with cyclic data was connected; it is still to be parametrised."""
+    """An AR with cyclic data was connected; parametrisation follows."""
 
     TEXT = "ar connected"
     controller: str
@@ -87,7 +87,7 @@ class ArConnected(ConnectionOpened):
 
 @dataclass(frozen=True, slots=True)
 class ArEstablished(ConnectionEstablished):
-    """ApplicationReady was confirmed and valid data came."""
+    """ApplicationReady was confirmed and valid data arrived."""
 
     TEXT = "ar established"
     controller: str
@@ -99,7 +99,7 @@ class ArEstablished(ConnectionEstablished):
 
 @dataclass(frozen=True, slots=True)
 class ArAborted(ConnectionLost):
-    """An AR ended with an ERR-RTA, ours or the controller's; ``reason`` is what the machine says of it."""
+    """An AR ended with an ERR-RTA, ours or the controller's; ``reason`` is the machine's text."""
 
     TEXT = "ar aborted"
     reason: str
@@ -110,14 +110,14 @@ class ArAborted(ConnectionLost):
 
 @dataclass(frozen=True, slots=True)
 class ArReleased(ConnectionReleased):
-    """The controller's Release."""
+    """The controller sent Release."""
 
     TEXT = "ar released"
 
 
 @dataclass(frozen=True, slots=True)
 class ConnectRefused(ConnectionRefused):
-    """A Connect got a negative answer."""
+    """A Connect got a negative response."""
 
     TEXT = "connect refused"
     ip: IPv4Address
@@ -130,14 +130,14 @@ class ConnectRefused(ConnectionRefused):
 
 @dataclass(frozen=True, slots=True)
 class ApplicationReadyWithheld(Event):
-    """An injection holds ApplicationReady back for good."""
+    """An injection suppresses ApplicationReady for this connection."""
 
     TEXT = "application ready withheld"
 
 
 @dataclass(frozen=True, slots=True)
 class SubmodulesChanged(Event):
-    """Submodules of an AR came, went or changed hands; ``unusable`` are those that it cannot use now."""
+    """Submodules of an AR were plugged, pulled or changed owner; ``unusable`` are those that it cannot use now."""
 
     TEXT = "submodules changed"
     unusable: frozenset[ExpectedKey]
@@ -187,7 +187,7 @@ class RecordWritten(Event):
 
 @dataclass(frozen=True, slots=True)
 class ModulePulled(Event):
-    """A module, or one submodule of it, was taken out."""
+    """A module, or one submodule of it, was pulled."""
 
     TEXT = "module pulled"
     slot: int
@@ -196,7 +196,7 @@ class ModulePulled(Event):
 
 @dataclass(frozen=True, slots=True)
 class ModulePlugged(Event):
-    """A module was put in."""
+    """A module was plugged."""
 
     TEXT = "module plugged"
     slot: int
@@ -209,7 +209,7 @@ class ModulePlugged(Event):
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisEvent(Event):
-    """Something about a diagnosis of a submodule."""
+    """Base of events about a submodule's diagnosis."""
 
     entry: DiagnosisEntry
 
@@ -227,7 +227,7 @@ class DiagnosisEvent(Event):
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisAppeared(DiagnosisEvent):
-    """A diagnosis of a submodule came."""
+    """A diagnosis of a submodule appeared."""
 
     TEXT = "diagnosis appears"
     LEVEL = "warning"
@@ -235,7 +235,7 @@ class DiagnosisAppeared(DiagnosisEvent):
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisDisappeared(DiagnosisEvent):
-    """A diagnosis of a submodule went."""
+    """A diagnosis of a submodule disappeared."""
 
     TEXT = "diagnosis disappears"
 
@@ -245,7 +245,7 @@ class DiagnosisDisappeared(DiagnosisEvent):
 
 @dataclass(frozen=True, slots=True)
 class NameSet(Event):
-    """DCP gave the station its name."""
+    """DCP set the station's name."""
 
     TEXT = "name set"
     name: str
@@ -254,7 +254,7 @@ class NameSet(Event):
 
 @dataclass(frozen=True, slots=True)
 class AddressSet(Event):
-    """DCP gave the station its address, or took it."""
+    """DCP set the station's address, or cleared it."""
 
     TEXT = "address set"
     interface: IPv4Interface | None
@@ -273,14 +273,14 @@ class SignalBegan(Event):
 
 @dataclass(frozen=True, slots=True)
 class SignalEnded(Event):
-    """The drive's lamp flashes no more."""
+    """The drive's lamp stops flashing."""
 
     TEXT = "signal ends"
 
 
 @dataclass(frozen=True, slots=True)
 class FactoryResetDone(Event):
-    """DCP ResetToFactory: what was cleared."""
+    """DCP ResetToFactory, with what was cleared."""
 
     TEXT = "factory reset"
     mode: str
@@ -292,7 +292,7 @@ class FactoryResetDone(Event):
 
 @dataclass(frozen=True, slots=True)
 class HelloSet(Event):
-    """The record for fast start-up said whether Hello is sent."""
+    """The record for fast start-up enabled or disabled Hello."""
 
     TEXT = "hello set"
     mode: str
@@ -300,7 +300,7 @@ class HelloSet(Event):
 
 @dataclass(frozen=True, slots=True)
 class FastStartUpNotUnderstood(Event):
-    """The record for fast start-up was accepted and cannot be read."""
+    """The record for fast start-up was accepted but cannot be parsed."""
 
     TEXT = "fast start-up record not understood"
     LEVEL = "warning"
@@ -322,14 +322,14 @@ class AddressConflict(Event):
 
 @dataclass(frozen=True, slots=True)
 class AddressNotUsed(AddressConflict):
-    """Another station had the address before the drive took it."""
+    """Another station had the address before the drive did."""
 
     TEXT = "address not used"
 
 
 @dataclass(frozen=True, slots=True)
 class AddressConflictOver(Event):
-    """The drive has its address for itself again."""
+    """No other station uses the drive's address any more."""
 
     TEXT = "address conflict over"
     ip: IPv4Address
@@ -359,7 +359,7 @@ class NeighbourEvent(Event):
 
 @dataclass(frozen=True, slots=True)
 class NeighbourLost(Event):
-    """LLDP does not hear a neighbour any more."""
+    """LLDP receives no frames of a neighbour any more."""
 
     TEXT = "neighbour gone"
     port: str
@@ -381,7 +381,7 @@ def _neighbour(port: str, neighbour: Neighbour) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class PortCheckPassed(Event):
-    """A port is again as its controller wants it."""
+    """A port again matches what its controller expects."""
 
     TEXT = "port check passed"
     check: CheckPassed | CheckFailed
@@ -396,7 +396,7 @@ class PortCheckPassed(Event):
 
 @dataclass(frozen=True, slots=True)
 class PortCheckFailed(PortCheckPassed):
-    """A port is not as its controller wants it."""
+    """A port does not match what its controller expects."""
 
     TEXT = "port check failed"
     LEVEL = "warning"

@@ -1,4 +1,4 @@
-"""What a reset to factory settings writes into a drive's non-volatile memory: the one table of its keys."""
+"""Reset to factory settings: which keys of a drive's non-volatile memory it clears, in one table."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 
 __all__ = ["MEMORY_AFTER_RESET", "clear_memory"]
 
-#: Each key of the memory (:mod:`pnfarm.farm.state`) by the kind of data it holds, with what stands there after a reset.
-#: None: the key goes.  Name and address stay as "", because without the key those of the farm file would hold.
+#: Each key of the memory (:mod:`pnfarm.farm.state`) by its kind of data, with its value after a reset.  None removes
+#: the key.  Name and address become "", because without the key those of the farm file would apply.
 MEMORY_AFTER_RESET: dict[Stored, dict[str, Any]] = {
     Stored.APPLICATION: {"drive": None},
     Stored.IDENTIFICATION: {"im": None},

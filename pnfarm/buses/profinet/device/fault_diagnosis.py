@@ -1,9 +1,9 @@
-"""A drive's own faults as diagnosis: raised by the firmware, told to the controller, gone when they are acknowledged.
+"""A drive's own faults as diagnosis: raised by the firmware, reported to the controller, removed when acknowledged.
 
-Which faults, as what, and in which form is data of the model: ``diagnosis`` names the ChannelErrorType of a fault,
-``diagnosis_coding`` the parameter that picks the form (Moog MSD manual 9.5.2, table 9.22).  A model without forms of
-its own has the plain one: ChannelDiagnosis of the parameter access point.  Of a situation as many faults are told as
-the error memory keeps (Moog MSD manual 10.9: one).
+The model's data say which faults are reported and how: ``diagnosis`` gives the ChannelErrorType of a fault,
+``diagnosis_coding`` the parameter that selects the format (Moog MSD manual 9.5.2, table 9.22).  A model without its own
+formats uses ChannelDiagnosis of the parameter access point.  Of a fault situation, as many faults are reported as the
+fault memory keeps (Moog MSD manual 10.9: one).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ __all__ = ["FaultDiagnosis", "fault_entry"]
 
 
 def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
-    """What this drive tells of a fault now, None for nothing."""
+    """The diagnosis that this drive reports for a fault now, or None."""
     model = store.model
     error_type = model.diagnoses.get(number)
     if not model.limits.alarms or error_type is None:
@@ -45,7 +45,7 @@ def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
         case "extended":
             return entry(usi=Usi.EXT_CHANNEL, error_type=error_type, ext_add_value=number)
         case "manufacturer":
-            assert coding is not None  # the plain form is another one
+            assert coding is not None  # this format differs from the plain one
             warning = int(store.handle.axis.warnings.code)
             data = number.to_bytes(4, "big") + warning.to_bytes(4, "big")
             return entry(usi=coding.user_structure, data=data)
@@ -54,7 +54,7 @@ def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
 
 
 class FaultDiagnosis:
-    """What one drive's faults have put into its diagnosis."""
+    """Diagnosis entries of one drive's faults."""
 
     __slots__ = ("_count", "_diagnosis", "_entries", "_store")
 
@@ -62,7 +62,7 @@ class FaultDiagnosis:
         self._store = store
         self._diagnosis = diagnosis
         self._entries: dict[int, DiagnosisEntry] = {}
-        #: Faults of the active situation.
+        #: Faults of the active fault situation.
         self._count = 0
 
     def raised(self, number: int) -> None:
@@ -75,7 +75,7 @@ class FaultDiagnosis:
             self._entries[number] = entry
 
     def cleared(self) -> None:
-        """Every fault is acknowledged."""
+        """All faults were acknowledged."""
         for entry in self._entries.values():
             self._diagnosis.remove(entry)
         self._entries.clear()

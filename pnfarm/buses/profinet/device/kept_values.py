@@ -1,8 +1,7 @@
-"""What a drive's non-volatile memory may hold: the shape of each value, checked before a drive boots with it.
+"""The format of each value in a drive's non-volatile memory, checked before a drive boots with it.
 
-A memory of another shape was written by something else, or by hand.  It is refused as a whole and left as it is: a
-drive that booted with half of it would write the other half away with its next save.  Keys that are not known here are
-kept as they are.
+A memory in another format was written by another program, or by hand.  It is refused as a whole and left unchanged: a
+drive that booted with half of it would overwrite the other half with its next save.  Unknown keys are kept unchanged.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _RECORD_PARTS = 3
 #: DNS servers of DCP's full IP suite; FSHelloMode, interval, retry and delay.
 _DNS_SERVERS, _HELLO_PARTS = 4, 4
 
-#: Whether a value has its shape.
+#: Tells whether a value has the right format.
 _Check = Callable[[Any], bool]
 
 
@@ -99,7 +98,7 @@ def _is_raw(value: Any) -> bool:
     return all(_is_number(number, _U32, -(1 << 31)) for number in numbers)
 
 
-#: Key of the memory -> its check, and what stands there.
+#: Key of the memory -> its check, and a description of the value.
 _SHAPES: Mapping[str, tuple[_Check, str]] = {
     "name": (_is_name, "a station name, or an empty text"),
     "ip": (_is_own_address, "an address such as 10.77.0.11/24, or an empty text"),
@@ -132,13 +131,13 @@ _SHAPES: Mapping[str, tuple[_Check, str]] = {
         ),
         f"up to {FAULT_SITUATIONS * FAULT_SLOTS} fault numbers",
     ),
-    "drive": (_is_drive, "`parameters`, numbers by PNU, and perhaps `motion_tasks`"),
+    "drive": (_is_drive, "`parameters`, numbers by PNU, and optionally `motion_tasks`"),
 }
 
 
 def check_kept(values: Mapping[str, Any]) -> None:
-    """Raises :class:`KeptValueError` that names the first key of another shape and what stands there."""
+    """Raises :class:`KeptValueError` that names the first key with a wrong value, and that value."""
     for key, value in values.items():
         shape = _SHAPES.get(key)
         if shape is not None and not shape[0](value):
-            raise KeptValueError(f"{key!r} is {shown(value)}, and not {shape[1]}")
+            raise KeptValueError(f"{key!r} is {shown(value)}, not {shape[1]}")

@@ -1,4 +1,4 @@
-"""The modules of one drive: what stands in its slots, and hands that pull and plug them while controllers watch."""
+"""The modules in one drive's slots, and pulling and plugging them while controllers are connected."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["module_of_ident", "module_of_telegram", "modules_view", "plug_module
 
 
 def modules_view(station: ProfinetDevice) -> list[dict[str, Any]]:
-    """Every slot with its module, its submodules, and who owns them; plain JSON values."""
+    """Every slot with its module, its submodules and their owners; plain JSON values."""
     plugged = station.cm.plugged
     return [
         {
@@ -63,11 +63,11 @@ def _slot(station: ProfinetDevice, slot: int) -> None:
 
 
 def pull_module(station: ProfinetDevice, slot: int, subslot: int | None, now: int) -> None:
-    """Take a module, or one submodule of it, out.  Raises :class:`ConfigError`."""
+    """Pull a module, or one submodule of it.  Raises :class:`ConfigError`."""
     _slot(station, slot)
     module = station.cm.plugged.module(slot)
     if module is None:
-        raise ConfigError(f"slot {slot} of {station.configured_name} is empty already")
+        raise ConfigError(f"slot {slot} of {station.configured_name} is already empty")
     if subslot is not None and module.submodule(subslot) is None:
         allowed = ", ".join(f"0x{s.subslot:04X}" for s in module.submodules) or "none"
         raise ConfigError(
@@ -86,10 +86,10 @@ def plug_module(
     ident: int | None = None,
     substitute: bool = False,
 ) -> bool:
-    """Put a module in: the one that was pulled, one of the model's telegrams, or one of any ident (a wrong one).
+    """Plug a module: the one that was pulled, one of the model's telegrams, or one with any (wrong) ident.
 
-    A made-up ident gets the shape of the module that stands there, or would.  A ``substitute`` works in the place of
-    what the controller expects.  False when the module was there already.  Raises :class:`ConfigError`.
+    A made-up ident gets the submodules of the slot's present or default module.  A ``substitute`` works in place of
+    the expected module.  False when the module was already plugged.  Raises :class:`ConfigError`.
     """
     _slot(station, slot)
     if telegram is not None and ident is not None:
@@ -106,7 +106,7 @@ def plug_module(
     if module is None and before.module is not None and not before.held:
         return False
     if module is not None and (module, substitute) == (before.module, before.substitute):
-        # from now on the slot does not follow its controller; nobody is to be told of that
+        # the slot no longer follows its controller; this needs no event
         plugged.plug(slot, module, substitute=substitute)
         return False
     station.cm.plug(slot, module, now, substitute=substitute)
@@ -129,9 +129,9 @@ def module_of_telegram(station: ProfinetDevice, slot: int, number: int) -> Modul
 def module_of_ident(
     station: ProfinetDevice, slot: int, ident: int, shape: ModuleDescription | None
 ) -> ModuleDescription:
-    """A module of the model's, or a made-up one in the shape of another; raises :class:`ConfigError`."""
+    """A module of the model, or a made-up one with the submodules of another; raises :class:`ConfigError`."""
     if not 1 <= ident <= 0xFFFFFFFF:
-        raise ConfigError(f"{ident} is no module ident; allowed: 1 to 0xFFFFFFFF")
+        raise ConfigError(f"{ident} is not a module ident; allowed: 1 to 0xFFFFFFFF")
     known = station.description.module(slot, ident)
     if known is not None:
         return known

@@ -1,6 +1,6 @@
-"""A drive's ports: its LLDP agent and its physical device, joined.
+"""A drive's ports: joins its LLDP agent and its physical device (PDev).
 
-The cable is at the first port of the drive's interface; further ports of a model have no link.
+The cable is connected to the first port of the drive's interface; a model's further ports have no link.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _PORTS = range(_FIRST_PORT, 0x8100)
 
 
 def system_identification(description: DeviceDescription) -> str:
-    """What the device is, in fields of fixed width (IEC 61158-6-10, LLDP: SystemIdentification)."""
+    """The device's identity in fields of fixed width (IEC 61158-6-10, LLDP: SystemIdentification)."""
     im0 = description.im0
     prefix, *numbers = im0.software_revision
     version = f"{prefix}{numbers[0]:3}{numbers[1]:3}{numbers[2]:3}"
@@ -52,19 +52,19 @@ def system_identification(description: DeviceDescription) -> str:
 
 
 def port_numbers(description: DeviceDescription) -> list[int]:
-    """The numbers of a station's ports: one, if its description has none."""
+    """The port numbers of a station: port 1 if its description has none."""
     return sorted(s.subslot - _INTERFACE for s in description.dap.submodules if s.subslot in _PORTS) or [1]
 
 
 class StationNeighbours:
-    """``index`` spreads the drives of a farm; without ``enabled`` the drive neither sends nor hears LLDP.
+    """``index`` spreads the drives of a farm; without ``enabled`` the drive neither sends nor receives LLDP.
 
-    What the agent says follows :meth:`update`; what the controller wrote into the PDev records takes effect in
+    The agent sends what :meth:`update` gave it; what the controller wrote into the PDev records takes effect in
     :meth:`pump`.
     """
 
     def __init__(self, mac: bytes, index: int, description: DeviceDescription, *, enabled: bool = True) -> None:
-        # the management address belongs to the interface, which stands behind the ports
+        # the management address belongs to the interface, which is numbered after the ports
         interface = port_numbers(description)[-1] + 1
         system = LocalSystem(mac, description=system_identification(description), interface_number=interface)
         name = next((f"port {s.subslot & 0xFF}" for s in description.dap.submodules if s.subslot == _FIRST_PORT), "")
@@ -76,7 +76,7 @@ class StationNeighbours:
         self.pdev = PhysicalDevice(description.dap.submodules, lambda: self._facts, self._port, self._neighbours_at)
         self._checked: list[CheckFailed | CheckPassed] = []
 
-    # -- what the physical device asks -------------------------------------------------------------------------------
+    # -- calls of the physical device --------------------------------------------------------------------------------
 
     def _port(self, subslot: int) -> PortFacts:
         return PortFacts(link_up=self._link_up and subslot == _FIRST_PORT)
@@ -84,23 +84,23 @@ class StationNeighbours:
     def _neighbours_at(self, subslot: int) -> tuple[Neighbour, ...]:
         return self.lldp.neighbours if subslot == _FIRST_PORT else ()
 
-    # -- what the station says ---------------------------------------------------------------------------------------
+    # -- calls of the station ----------------------------------------------------------------------------------------
 
     def update(self, name: str, address: IPv4Interface | None, gateway: IPv4Address | None, now: int) -> None:
-        """Name and address are these now."""
+        """Set name and address."""
         self._facts = replace(self._facts, name=name, address=address, gateway=gateway)
         ip = address.ip if address is not None and int(address.ip) else None
         self.lldp.update(replace(self.lldp.system, name=name, address=ip), now)
 
     def set_link(self, *, up: bool) -> None:
-        """The cable was pulled or plugged; the next :meth:`pump` sees what follows."""
+        """The cable was pulled or plugged; the next :meth:`pump` handles the consequences."""
         self._link_changed = self._link_changed or up != self._link_up
         self._link_up = up
         if not up:
             self.lldp.link_down()
 
     def hear(self, frame: bytes, parsed: Lldpdu | str, now: int) -> bool:
-        """An LLDP frame, parsed, or the reason why it is none; whether it changed anything."""
+        """Take a parsed LLDP frame, or its decode error; whether it changed anything."""
         if not self.enabled:
             return False
         if isinstance(parsed, str):
@@ -110,7 +110,7 @@ class StationNeighbours:
 
     @property
     def aliases(self) -> frozenset[str]:
-        """What DCP's alias filter may ask for: a drive is found by the port that it hangs on."""
+        """Names for DCP's alias filter: a drive is found by the neighbour's port that it is connected to."""
         return frozenset(neighbour.alias for neighbour in self.lldp.neighbours)
 
     # -- the machine -------------------------------------------------------------------------------------------------
@@ -131,7 +131,7 @@ class StationNeighbours:
         return self.lldp.to_send(now) if self.enabled else []
 
     def pump(self, now: int) -> list[Event]:
-        """Carry what happened between the two; what is worth noting."""
+        """Pass events between agent and physical device; returns those for the log."""
         mode = self.pdev.name_mode
         if mode is not self.lldp.system.name_mode:
             self.lldp.update(replace(self.lldp.system, name_mode=mode), now)
@@ -146,7 +146,7 @@ class StationNeighbours:
         return notes + [_check_note(event) for event in checked]
 
     def checks(self) -> list[CheckFailed | CheckPassed]:
-        """What the checks of the ports found since the last call: diagnoses that appear and disappear."""
+        """Results of the port checks since the last call: diagnoses that appear and disappear."""
         checked, self._checked = self._checked, []
         return checked
 
@@ -164,7 +164,7 @@ def _check_note(event: CheckFailed | CheckPassed) -> Event:
 
 
 def port_diagnosis(check: CheckFailed | CheckPassed) -> DiagnosisEntry:
-    """The diagnosis of a port that is not as its controller wants it (ExtChannelDiagnosis of the whole submodule)."""
+    """The diagnosis of a port that fails its controller's check (ExtChannelDiagnosis of the whole submodule)."""
     return DiagnosisEntry(
         0,
         check.slot,

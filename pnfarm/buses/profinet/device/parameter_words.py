@@ -1,4 +1,4 @@
-"""The cyclic parameter channel (PKW) of one drive: from the engine's word of a task to the answer in its image."""
+"""The cyclic parameter channel (PKW) of one drive: takes tasks from the engine, writes responses into the image."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ __all__ = ["StationParameterWords"]
 
 
 class StationParameterWords:
-    """Answers the tasks that the engine tells of; a drive without such a channel is never told of one.
+    """Answers the tasks that the engine reports; it reports none for a drive without such a channel.
 
-    In the image the eight octets are one number with a sign, so that the engine sees all of an answer or nothing.
+    In the image the eight octets are one signed integer, so that the engine sees a response whole or not at all.
 
-    ``latency`` gives the time that the drive works on a new task, ns, None for no time.  Until it is over the answer is
+    ``latency`` gives the processing time of a new task, ns, None for no time.  Until it is over the response is
     "no response" (Moog MSD manual, table 8.18, identifier 0; that the drive sends it meanwhile is assumed), and the
-    engine tells of no other task.
+    engine reports no other task.
     """
 
     def __init__(self, store: ParameterStore, latency: Callable[[], int] | None = None) -> None:
@@ -34,28 +34,28 @@ class StationParameterWords:
         self.reset()
 
     def reset(self) -> None:
-        """The connection is gone, or the drive was switched on: nothing is answered yet."""
+        """The connection ended, or the drive was switched on: no task is pending."""
         self._working = None
         if self._channel is not None:
             self._channel.reset()
             self._image.parameter_answer = 0
             self._image.parameter_repeats = 0
-            # the engine waits for no answer to what was told before
+            # the engine waits for no response to earlier tasks
             self._image.parameter_answered = self._image.parameter_task
 
     def next_deadline(self) -> int | None:
-        """When the task at hand is to be carried out."""
+        """When the pending task is to be carried out."""
         return None if self._working is None else self._working[0]
 
     def handle_timeout(self, now: int) -> None:
-        """Carry out the task whose time is over."""
+        """Carry out the pending task when it is due."""
         if self._working is not None and self._working[0] <= now:
             _, task = self._working
             self._working = None
             self._answer(task)
 
     def take(self, task: int, now: int) -> None:
-        """A task as it stands in the set points, new or once more."""
+        """A task from the set points, new or repeated."""
         if self._channel is None or self._working is not None:
             return
         new = task != int(self._image.parameter_answered)

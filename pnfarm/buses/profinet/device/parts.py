@@ -1,4 +1,4 @@
-"""A device as its own helpers see it: the machines and the drive that they read, and the two things they may do."""
+"""A device as its own helpers see it: the machines and the drive that they read, and the two calls they may make."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ __all__ = ["DeviceParts"]
 
 
 class DeviceParts(Protocol):
-    """See the module's head; the machines are made anew at each power-on."""
+    """See the module's docstring; the machines are recreated at each power-on."""
 
     model: Model
     port: Port
@@ -53,7 +53,7 @@ class DeviceParts(Protocol):
 
     @property
     def name(self) -> str:
-        """The station's name now."""
+        """The present station name."""
         ...
 
     @property
@@ -63,12 +63,12 @@ class DeviceParts(Protocol):
 
     @property
     def booted_ns(self) -> int:
-        """When it was powered on last."""
+        """Time of the last power-on."""
         ...
 
     @property
     def ars(self) -> Mapping[int, ArChannels]:
-        """The connections that stand, by the key of their AR."""
+        """The present connections, by the key of their AR."""
         ...
 
     @property

@@ -1,4 +1,4 @@
-"""Records in non-volatile memory: its keys are words."""
+"""Records in non-volatile memory, with text keys."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ __all__ = ["record_word", "records_of"]
 
 
 def record_word(key: tuple[int, int, int]) -> str:
-    """(slot, subslot, index) as the memory has it."""
+    """(slot, subslot, index) as a key of the memory."""
     return ".".join(map(str, key))
 
 
 def records_of(kept: dict[str, bytes] | None) -> dict[tuple[int, int, int], bytes]:
-    """Records by (slot, subslot, index), out of the memory; None is none."""
+    """Records by (slot, subslot, index) from the memory; None means no records."""
     found = {}
     for word, data in (kept or {}).items():
         slot, subslot, index = map(int, word.split("."))

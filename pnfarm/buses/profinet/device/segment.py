@@ -1,8 +1,8 @@
-"""The drives of a farm on one PROFINET segment: what comes for all of them is parsed once, for whom it concerns.
+"""The drives of a farm on one PROFINET segment: group-addressed frames are parsed once, for the drives they concern.
 
-A wire delivers each group-addressed frame to every drive: a thousand drives that are sought by name are a million
-copies.  So an Identify is parsed once for all of them, an ARP for somebody else or a Hello goes no further, and drives
-that share a cable hear the same LLDP frame, which mostly says nothing new.
+A wire delivers each group-addressed frame to every drive: finding a thousand drives by name takes a million copies.
+So an Identify is parsed once for all of them, an ARP for another station or a Hello is dropped early, and drives
+that share a cable receive the same LLDP frame, which mostly repeats the last one.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ DCP_HELLO = bytes.fromhex("8892fefc")
 
 
 class ProfinetSegment:
-    """See the module's head; :class:`pnfarm.buses.bus.Segment` says what is asked of it."""
+    """See the module's docstring; :class:`pnfarm.buses.bus.Segment` defines the interface."""
 
     def __init__(self, stations: Sequence[ProfinetDevice]) -> None:
         self._by_port = {station.port.index: station for station in stations}
-        #: The last Identify, what it says, and the name if it asks for one only.
+        #: The last Identify, its PDU, and the name if that is its only filter.
         self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
-        #: The last LLDP frame and what it says, or why it says nothing.
+        #: The last LLDP frame and its PDU, or its decode error.
         self._lldp: tuple[bytes, Lldpdu | str] = (b"", "short")
         #: Ports by their station's address as in an ARP packet, and the address that each is listed under.
         self._by_ip: dict[bytes, list[int]] = {}
@@ -47,7 +47,7 @@ class ProfinetSegment:
             self.settled(port)
 
     def admits(self, port: int, frame: bytes, now: int) -> bool:
-        """See :class:`pnfarm.buses.bus.Segment`; an LLDP frame is taken here already."""
+        """See :class:`pnfarm.buses.bus.Segment`; LLDP frames are handled here."""
         station = self._by_port[port]
         if frame[12:14] == LLDP:
             if frame is not self._lldp[0] and frame != self._lldp[0]:
@@ -58,7 +58,7 @@ class ProfinetSegment:
         return station.budget.passes(frame, now) or station.passed_over("connect-flood")
 
     def _concerns(self, station: ProfinetDevice, frame: bytes) -> bool:
-        """Whether a group-addressed frame can mean anything to this station."""
+        """Whether a group-addressed frame can concern this station."""
         if frame[12:14] == ARP:
             own = station.own_ip
             if own and own in {frame[28:32], frame[38:42]}:
@@ -101,7 +101,7 @@ class ProfinetSegment:
 
 
 def _read_identify(frame: bytes) -> tuple[DcpPdu | None, str | None]:
-    """The PDU of an Identify request, None if it is none; and the name, if that is its one filter."""
+    """The PDU of an Identify request, or None; and the name, if that is its only filter."""
     try:
         pdu = parse_dcp(frame[14:])
     except DecodeError:

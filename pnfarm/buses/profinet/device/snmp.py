@@ -1,9 +1,9 @@
-"""What a station shows to SNMP managers: its identity, its interfaces with their counters, its LLDP data.
+"""A station's data for SNMP managers: its identity, its interfaces with their counters, its LLDP data.
 
-The interfaces are numbered as PROFINET managers are used to: port *n* is interface *n*, as in its LLDP frames, and the
-device's own interface, with the IP address, comes behind the ports (assumed: the standard leaves the numbers to the
-device).  One cable leads to a virtual drive, at port 1; further ports have no link.  Ports have the interface's MAC
-address (assumed: the numbers behind it may be the next drive's).
+The interfaces are numbered as PROFINET managers expect: port *n* is interface *n*, as in its LLDP frames, and the
+device's own interface, with the IP address, follows the ports (assumed: the standard leaves the numbers to the
+device).  A virtual drive has one cable, at port 1; further ports have no link.  Ports have the interface's MAC
+address (assumed: the next MAC addresses may belong to the next drive).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _INTERFACE = 0x8000
 def snmp_view(station: DeviceParts, now: int) -> SnmpView:
     """The station at ``now``; it is powered.  Without LLDP its ports are shown as disabled.
 
-    What LLDP-MIB tells of the station itself is what its frames say.
+    LLDP-MIB's local system data match its frames.
     """
     agent = station.neighbours
     im0 = station.description.im0

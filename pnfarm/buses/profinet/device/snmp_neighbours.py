@@ -1,4 +1,4 @@
-"""What a station's LLDP agent knows, in the words of LLDP-MIB."""
+"""The data of a station's LLDP agent as rows of LLDP-MIB."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["NeighbourRows", "management_view"]
 
 
 class NeighbourRows:
-    """Rows of lldpRemTable: a neighbour keeps its number as long as it is there."""
+    """Rows of lldpRemTable: a neighbour keeps its index as long as it is present."""
 
     def __init__(self) -> None:
         self._numbers: dict[Hashable, int] = {}
@@ -66,13 +66,13 @@ def _view(neighbour: Neighbour, port: int, index: int, booted_ns: int) -> Neighb
 
 
 def management_view(sent: SentAddress) -> ManagementAddress:
-    """A management address as its TLV has it."""
+    """A management address as in its TLV."""
     object_id: Oid = (0, 0)
     if sent.oid:
         try:
             object_id = parse_oid(sent.oid)
         except DecodeError:
-            # what a neighbour sends need not be an object identifier; a manager must get one
+            # a neighbour may send something else than an object identifier; a manager must get one
             object_id = (0, 0)
     return ManagementAddress(
         sent.address, sent.interface_number, sent.subtype, sent.interface_subtype, object_id=object_id

@@ -1,7 +1,7 @@
 """Frames and octets of a station's port, as ifTable counts them.
 
-Counters start at power-on and count what reached the station: frames that the farm passed over for all drives alike,
-such as an Identify for another one, are not among them.
+Counters start at power-on and count what reached the station: frames that the farm dropped for all drives at once,
+such as an Identify for another station, are not included.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
 
 __all__ = ["PortTraffic"]
 
-#: Octets of the shortest frame, and of the frame check sequence that no counter here has seen.
+#: Octets of the shortest frame, and of the frame check sequence, which the farm never sees.
 _SHORTEST, _FCS = 60, 4
 #: Octets of a cyclic frame around its IO data: addresses and EtherType, frame id, APDU status.
 _CYCLIC_ENVELOPE = 14 + 2 + 4
 
-# Reasons of the device's discards, in the words of ifTable; what stands in none of these is ifInDiscards.
-#: For somebody else: a network controller would not have passed it on.
+# The device's drop reasons by counter of ifTable; a reason in none of these counts as ifInDiscards.
+#: For another station: a network controller would not have passed it on.
 _NOT_OURS = frozenset(
     {"other-destination", "other-address", "arp-for-another", "identify-for-another", "filter", "hello", "no-address"}
 )
 _UNKNOWN_PROTOCOL = frozenset({"other-protocol", "ipv4-protocol"})
 _NOT_SENT = frozenset({"no-route", "unresolved", "queue-full", "address-changed"})
-#: Ends of the reasons of malformed frames.
+#: Suffixes of the reasons of malformed frames.
 _ERRORS = ("short", "-length", "-checksum", "trailing")
 
 
 class PortTraffic:
-    """Frames and octets of one station's port since power-on; see the module's head."""
+    """Frames and octets of one station's port since power-on; see the module's docstring."""
 
     def __init__(self, table: ChannelTable, channels: StationChannels, discards: dict[str, int]) -> None:
         self._columns = table.columns
@@ -55,7 +55,7 @@ class PortTraffic:
         self.sent_octets += max(len(frame), _SHORTEST) + _FCS
 
     def channels_closed(self, ar: ArChannels) -> None:
-        """Take over what the rows of an AR counted, before others use them."""
+        """Add the counters of an AR's rows before the rows are reused."""
         received, received_octets, sent, sent_octets = self._cyclic(ar)
         self.received[0] += received
         self.received_octets += received_octets
@@ -63,7 +63,7 @@ class PortTraffic:
         self.sent_octets += sent_octets
 
     def counters(self, discards: dict[str, int]) -> InterfaceCounters:
-        """All counters now; ``discards`` are the station's, those of cyclic frames are read here."""
+        """All counters; ``discards`` are the station's, those of cyclic frames are read here."""
         received, received_octets = self.received[0], self.received_octets
         sent, sent_octets = self.sent[0], self.sent_octets
         for ar in self._channels.ars.values():
@@ -102,7 +102,7 @@ class PortTraffic:
         return received, received_octets, sent, sent_octets
 
     def _with_cyclic(self, discards: dict[str, int]) -> dict[str, int]:
-        """The discards with those of cyclic frames; what a fault took on the line did not come to the port."""
+        """The discards with those of cyclic frames; what an injection dropped on the line never reached the port."""
         total = discards.copy()
         cyclic = self._channels.closed.discarded.copy()
         for ar in self._channels.ars.values():

@@ -1,4 +1,4 @@
-"""What a PROFINET device shows of itself to metrics and snapshots; nothing here writes."""
+"""A PROFINET device's state for metrics and snapshots; read-only."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 __all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "losses_in_words", "losses_of", "view_of"]
 
-#: States of a connection in the order of their numbers in ``pnfarm_ar_state``, the first is 1.
+#: States of a connection in the order of their numbers in ``pnfarm_ar_state``, from 1.
 CONNECTION_STATES = tuple(state.value for state in CmdevState)
-#: Why a drive usually loses its connection.
+#: The usual reason for losing a connection.
 USUAL_LOSSES = ("consumer-dht-expired", "cmi-timeout", "re-run-aborts-existing", "abort-request")
 
 
 def _with_data(station: DeviceParts) -> tuple[int, ArChannels] | None:
-    """Key and channels of the AR that carries IO data, or of any other; None while there is none."""
+    """Key and channels of the AR that carries IO data, else of any AR; None without an AR."""
     for key, ar in station.ars.items():
         if ar.providers:
             return key, ar
@@ -33,7 +33,7 @@ def _with_data(station: DeviceParts) -> tuple[int, ArChannels] | None:
 def connection_of(station: DeviceParts) -> ConnectionView | None:
     """The AR with IO data, or the only other one.
 
-    An AR without channels (device access, or one that is being connected) has a state and nothing else.
+    An AR without channels (device access, or one that is being connected) has only a state.
     """
     found = _with_data(station)
     machine = station.cm.ar(found[0]) if found is not None else None
@@ -58,17 +58,17 @@ def connection_of(station: DeviceParts) -> ConnectionView | None:
 
 
 def losses_of(station: DeviceParts) -> Counter[str]:
-    """Aborted ARs by the ERR-RTA's code."""
+    """Aborted ARs by the ERR-RTA's codes."""
     return Counter({abort_label(*codes): count for codes, count in station.aborts.items()})
 
 
 def losses_in_words(station: DeviceParts) -> dict[str, int]:
-    """The same, in words."""
+    """The same, as text."""
     return {describe_status(abort_status(*codes)): count for codes, count in station.aborts.items()}
 
 
 def view_of(station: DeviceParts, now: int) -> dict[str, Any]:
-    """Name, address, neighbours: what only PROFINET knows of a drive."""
+    """Name, address, neighbours: a drive's data that only PROFINET has."""
     address, conflict = station.dcp.address, station.addressing.conflict_mac
     return {
         "station_name": station.name,
@@ -81,7 +81,7 @@ def view_of(station: DeviceParts, now: int) -> dict[str, Any]:
 
 
 def _neighbours(station: DeviceParts, now: int) -> list[dict[str, Any]]:
-    """Who is at the other end of the drive's cable, as LLDP says it."""
+    """The neighbour at the other end of the drive's cable, from LLDP."""
     return [
         {
             "port": neighbour.port,
