@@ -1,7 +1,7 @@
-"""Command parameters that the firmware carries out: the code of each, and when a drive takes it.
+"""Command parameters that the firmware carries out: the code of each, and when a drive accepts it.
 
-As the Kollmorgen AKD has them (PROFINET manual 5.6, 5.10.3; its parameter reference).  The control word alone enables
-the drive and gives velocity set points, and so these commands start and end what runs beside it.
+As in the Kollmorgen AKD (PROFINET manual 5.6, 5.10.3; its parameter reference).  Only the control word enables the
+drive and gives velocity set points; these commands start and end everything else.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = ["AXIS_COMMANDS", "command_axis"]
 
 #: DRV.OPMODE.
 VELOCITY_MODE, POSITION_MODE = 1, 2
-#: ``command:<name>`` and what the firmware is told, None for nothing.
+#: ``command:<name>`` -> code for the firmware, None for no code.
 AXIS_COMMANDS = {
     "acknowledge": CMD_ACKNOWLEDGE,
     "set-position": CMD_SET_POSITION,
@@ -47,7 +47,7 @@ AXIS_COMMANDS = {
 
 
 def command_axis(handle: AxisHandle, parameter: Parameter, value: int) -> None:
-    """Hand the command of ``parameter`` to the firmware; raises :class:`ParameterError` when the drive cannot take it.
+    """Pass the command of ``parameter`` to the firmware; raises :class:`ParameterError` if the drive cannot accept it.
 
     A drive that is off has nothing to disable or to stop.
     """

@@ -59,7 +59,7 @@ _REFERENCE = 0x4000
 _PARAMETER_FIELDS = tuple((key, field.default) for key, field in AXIS.fields.items() if field.writer == "parameter")
 #: Fields that are positions of the shaft; their parameters count from the home position.
 SHAFT_POSITIONS = frozenset({"motor.position", "profile.position"})
-#: Fields that hold the fault of a cause that the firmware itself sees.
+#: Fields that hold the fault number of a cause that the firmware itself detects.
 _FAULT_OF_CAUSE = {
     "encoder-error": "sensor.fault",
     "overvoltage": "supply.overvoltage_fault",
@@ -90,7 +90,7 @@ class AxisFields:
         self._values = values
         self._selection = selection
         self._handle = handle
-        #: Raw numbers that were rounded when the unit changed: PNU -> that number, and the exact position, rev.
+        #: Raw numbers that were rounded when the unit changed: PNU -> the rounded number, and the exact position, rev.
         self._positions: dict[int, tuple[int, float]] = {}
         #: Set points that were written by their PNU: slot -> raw number.
         self._written: dict[int, int] = {}
@@ -136,7 +136,7 @@ class AxisFields:
         self.apply_telegram()
 
     def apply_written(self, parameter: Parameter) -> None:
-        """One parameter was changed: write what follows from it."""
+        """One parameter was changed: write the fields that depend on it."""
         model = self._values.model
         if parameter.backing is Backing.FIELD and parameter.is_for(linear=model.pitch > 0.0):
             self._apply(parameter)
@@ -185,7 +185,7 @@ class AxisFields:
         )
 
     def _apply_shown(self) -> None:
-        """Mapped words that are not actual values: set points sent back as they came, and stored parameters."""
+        """Mapped words that are not actual values: set points echoed as received, and stored parameters."""
         axis, values = self._handle.axis, self._values
         shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
         stored = [signal for signal in shown if signal.stored]
@@ -196,15 +196,15 @@ class AxisFields:
             axis.profidrive.settings.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
 
     def fallback(self, slot: int) -> int:
-        """The set point that was written as a parameter and counts while the telegram's word is 0; 0 for none."""
+        """The set point that was written as a parameter and applies while the telegram's word is 0; 0 for none."""
         return self._written.get(slot, 0) if self.falls_back(slot) else 0
 
     def falls_back(self, slot: int) -> bool:
-        """Whether the telegram in force leaves this set point to its parameter where its own word is 0."""
+        """Whether, in the telegram in force, this set point's parameter applies while the telegram's word is 0."""
         return any(SETPOINT_SLOTS[name] == slot for name in self._selection.telegram.falls_back)
 
     def set_point_written(self, slot: int, raw: int) -> None:
-        """A set point was written by its PNU: where no telegram brings it, it counts from now on."""
+        """A set point was written by its PNU: if the telegram does not have it, it applies from now on."""
         axis = self._handle.axis
         self._written[slot] = raw
         axis.profidrive.settings.spare_acceleration = self.fallback(MDI_ACC)
@@ -215,7 +215,7 @@ class AxisFields:
     def store_signal_values(self, *, ended: bool = False) -> None:
         """Store what signals of the telegram changed in the parameters that they change (AKD PROFINET manual 5.8).
 
-        With ``ended`` the telegram comes no more, and the parameters count again.
+        With ``ended`` the telegram is no longer received, and the parameters apply again.
         """
         mapped = self._mapped_slots()
         for parameter in self._values.model.axis_parameters:
@@ -232,7 +232,7 @@ class AxisFields:
                 self._apply(parameter)
 
     def _override_signal(self, parameter: Parameter) -> None:
-        """A parameter was written whose signal was written as a parameter, too: the last one written counts."""
+        """A parameter was written whose signal was also written as a parameter: the last one written applies."""
         slot = _CHANGED_BY.get(parameter.argument)
         if slot is None or slot in self._mapped_slots():
             return
@@ -241,7 +241,7 @@ class AxisFields:
         self._handle.image.received[slot] = 0
 
     def _mapped_slots(self) -> set[int]:
-        """The slots of the set points that the telegram in force brings."""
+        """The slots of the set points that the telegram in force contains."""
         return {signal.slot for signal in self._selection.mapping(setpoint=True) if signal is not None}
 
     def physical(self, parameter: Parameter, raw: int) -> float:
@@ -298,10 +298,10 @@ class AxisFields:
         found = [number for pnu, number in self._values.model.fault_actions.items() if raw(pnu)]
         self._handle.axis.faults.settings.ignored[:] = found + [0] * (FAULT_ACTIONS - len(found))
 
-    # and back
+    # from field to parameter
 
     def shown(self, parameter: Parameter) -> int:
-        """A field as the raw number of the parameter that shows it."""
+        """A field as the raw number of the parameter that reads it."""
         field = AXIS.read(self._handle.axis, parameter.argument)
         physical = float(field[parameter.index] if parameter.index >= 0 else field)
         physical += deviation(self._handle.axis, parameter.argument)
@@ -332,7 +332,7 @@ class AxisFields:
     def _homing_signal(self, parameter: Parameter, slot: int, value: int) -> int | None:
         """HOME_MODE or HOME_DIST in its parameter's number, None where it does not count.
 
-        While the data of a telegram are not valid, what it sent last stays.
+        While the data of a telegram are not valid, the last valid value stays.
         """
         axis, bit = self._handle.axis, _HOME_SIGNALS[slot]
         if not int(axis.profidrive.settings.home_signals) & bit:
@@ -345,7 +345,7 @@ class AxisFields:
         return value & 0xFFFF if slot == HOME_MODE else self.scaled(parameter, distance)
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
-        """A physical value as the parameter's raw number: positions wrap at its bits, others stop at its range."""
+        """A physical value as the parameter's raw number: positions wrap at its width, others saturate at its range."""
         if parameter.scale.startswith("float32"):
             return float_bits(physical / parameter.factor)
         if not isfinite(physical):
@@ -363,7 +363,7 @@ class AxisFields:
     def convert_positions(self, units: float, *, written: bool = True) -> None:
         """The unit of positions changed from ``units`` to the revolution: positions stay, raw numbers are converted.
 
-        With ``written`` false, written values and tasks are left alone: they have the unit already.
+        With ``written`` false, written values and tasks stay unchanged: they already have the unit.
         AKD PROFINET manual 6.2: a PNU's value is the parameter's value divided by PN.POSSCALE.
         """
         now = self.position_units()

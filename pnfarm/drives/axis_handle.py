@@ -1,4 +1,4 @@
-"""The rows of one drive in the tables, as the event loop holds them."""
+"""The rows of one drive in the tables, for the event loop."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["AxisHandle", "CommandRingFullError"]
 
 
 class CommandRingFullError(PnfarmError):
-    """The firmware has not taken the last commands: the engine stands still or the drive is off."""
+    """The firmware has not taken the last commands: the engine does not run or the drive is off."""
 
     exit_code = 3
 
@@ -30,7 +30,7 @@ class AxisHandle:
         self.image = image
 
     def push_command(self, code: int, argument: int = 0) -> None:
-        """Hand ``code`` (``CMD_*``) to the firmware; raises :class:`CommandRingFullError`.
+        """Pass ``code`` (``CMD_*``) to the firmware; raises :class:`CommandRingFullError`.
 
         The entry is written before the head moves, so that the engine never takes a half-written one.
         """

@@ -1,4 +1,4 @@
-"""What a drive is on any bus, from its sections: limits of its axis, motion tasks, units, what it watches."""
+"""A drive's properties on any bus, from its sections: limits of its axis, motion tasks, units, monitoring."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _Watched = TypeVar("_Watched", SignOfLife, FollowingError)
 
 
 def wants_stored(section: Section, key: str, parameters: Mapping[int, Parameter]) -> Parameter:
-    """The plain parameter that a key names, whose value is kept; raises :class:`ConfigError` for another."""
+    """The plain stored parameter that a key names; raises :class:`ConfigError` for any other."""
     parameter = parameters.get(section[key].value)
     if parameter is None or parameter.backing is not Backing.STORED or parameter.elements:
         raise ConfigError(f"{section.where(key)}: {section[key].value} is not a plain parameter that is stored")
@@ -54,7 +54,7 @@ def read_limits(section: Section) -> Limits:
         raise ConfigError(f"{section.where('alarms')}: {limits.alarms!r} is neither true nor false")
     if not limits.send_clocks or set(limits.send_clocks) - set(SEND_CLOCKS):
         where = section.where("send_clocks")
-        raise ConfigError(f"{where}: {list(limits.send_clocks)} are not some of {list(SEND_CLOCKS)}")
+        raise ConfigError(f"{where}: {list(limits.send_clocks)} are not all among {list(SEND_CLOCKS)}")
     if limits.max_cycle_ns and limits.max_cycle_ns < limits.min_cycle_ns:
         where = section.where("max_cycle_ns")
         raise ConfigError(f"{where}: {limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
@@ -65,7 +65,7 @@ def read_limits(section: Section) -> Limits:
 
 
 def read_watched(kind: type[_Watched], section: Section, faults: Mapping[int, Fault]) -> _Watched | None:
-    """Something that a drive watches, and the fault that it raises."""
+    """A condition that a drive monitors, and the fault that it raises."""
     if not section:
         return None
     watched: _Watched = section.build(kind)
@@ -76,7 +76,7 @@ def read_watched(kind: type[_Watched], section: Section, faults: Mapping[int, Fa
 
 
 def read_motion_tasks(section: Section, parameters: Mapping[int, Parameter]) -> MotionTaskParameters | None:
-    """Of a drive that keeps motion tasks: plain stored parameters, each once."""
+    """The section of a drive that keeps motion tasks: plain stored parameters, each once."""
     if not section:
         return None
     numbers: MotionTaskParameters = section.build(MotionTaskParameters)
@@ -88,7 +88,7 @@ def read_motion_tasks(section: Section, parameters: Mapping[int, Parameter]) -> 
 
 
 def read_position_units(section: Section, parameters: Mapping[int, Parameter]) -> PositionUnits | None:
-    """Of a drive whose positions come in units to be chosen: plain stored parameters, and a value for each unit."""
+    """The section of a drive with selectable position units: plain stored parameters, and a value for each unit."""
     if not section:
         scaled = next((parameter.pnu for parameter in parameters.values() if parameter.scale == "position"), None)
         if scaled is not None:

@@ -1,8 +1,8 @@
-"""Where a manual leaves open what its drive does: each point with its readings, of which a farm file chooses.
+"""Points that a manual leaves open, each with its readings, from which a farm file chooses.
 
-A point is an entry ``[[behaviour]]`` of a model's ``behaviour.toml``; its readings are data.  Each of them gives
+A point is an entry ``[[behaviour]]`` of a model's ``behaviour.toml``; its readings are data.  Each reading gives
 another value to the same fields of the axis record, defaults of parameters or keys of the model's own sections, so that
-no code asks for a reading by its name:
+no code checks for a reading by its name:
 
 * ``firmware``: fields of writer ``parameter`` that neither a parameter nor the section ``firmware`` sets;
 * ``defaults``: PNU -> raw number, the default of a parameter that is not an array;
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SECTIONS", "read_behaviour", "with_behaviour"]
 
-#: Sections whose values a reading may set, and where the model has them.
+#: Sections whose values a reading may set, and their place in the model.
 SECTIONS = {
     "communication_loss": "communication_loss",
     "parameter_access": "access",
@@ -57,8 +57,8 @@ def read_behaviour(
 ) -> tuple[Point, ...]:
     """Check and build the points, none without the file; raises :class:`ConfigError` that names the entry.
 
-    ``fixed`` are the fields that other data of the model set; ``section_value`` gives the value of a section's key as
-    the model would have it, or raises.
+    ``fixed`` are the fields that other data of the model set; ``section_value`` converts the value of a section's key
+    to the model's form, or raises.
     """
     points: list[Point] = []
     owners: dict[object, str] = {}
@@ -121,9 +121,9 @@ def _reading(
 
 
 def _check_point(point: Point, fixed: AbstractSet[str], owners: dict[object, str], where: str) -> None:
-    """Readings that set the same keys to other values, which nothing else sets."""
+    """Check that all readings set the same keys, to different values, and that nothing else sets them."""
     if len(point.readings) < 2 or point.default not in point.readings:
-        raise ConfigError(f"{where}: must have two readings or more, and one of them as its default")
+        raise ConfigError(f"{where}: must have at least two readings, and one of them as its default")
     default = point.readings[point.default]
     for name, reading in point.readings.items():
         if not reading.keys or reading.keys != default.keys:

@@ -1,4 +1,4 @@
-"""What a drive is on a bus, from its sections: its identity, access to parameters, lost data, diagnosis, lamps."""
+"""A drive's properties on a bus, from its sections: identity, access to parameters, lost data, diagnosis, lamps."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def read_description_file(section: Section) -> DescriptionFile | None:
     try:
         datetime.strptime(str(file.date), "%Y%m%d")  # noqa: DTZ007  # a day, in no time zone
     except ValueError:
-        raise ConfigError(f"{section.where('date')}: {file.date!r} is not a day such as 20261121") from None
+        raise ConfigError(f"{section.where('date')}: {file.date!r} is not a date such as 20261121") from None
     for key, text in (("family", file.family), ("info_text", file.info_text)):
         if not isinstance(text, str) or not text:
             raise ConfigError(f"{section.where(key)}: {text!r} is not a text")
@@ -75,14 +75,14 @@ def read_communication_loss(
     loss: CommunicationLoss = section.build(CommunicationLoss)
     loss = replace(loss, fault=number_of_fault(str(loss.fault), partial(section.where, "fault")))
     if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
-        raise ConfigError(f"{section.where()}: names a fault or a parameter that is not there")
+        raise ConfigError(f"{section.where()}: names a fault or a parameter that does not exist")
     if type(loss.on_stop) is not bool or (loss.stop_parameter and "on_stop" in section):
         raise ConfigError(f"{section.where('on_stop')}: true or false, of a drive without stop_parameter")
     return loss
 
 
 def read_parameter_words(section: Section, telegrams: Iterable[Telegram]) -> ParameterWords | None:
-    """The section ``parameter_words``, which a drive with a cyclic parameter channel has."""
+    """The section ``parameter_words`` of a drive with a cyclic parameter channel."""
     if not section:
         if any(telegram.parameter_words for telegram in telegrams):
             raise ConfigError(f"{section.where()}: missing, and a telegram has a parameter channel")
@@ -91,7 +91,7 @@ def read_parameter_words(section: Section, telegrams: Iterable[Telegram]) -> Par
     unknown = set(words.tasks) - PARAMETER_TASKS if isinstance(words.tasks, tuple) else True
     if unknown or len(words.tasks) > 16:
         where = section.where("tasks")
-        raise ConfigError(f"{where}: each of at most 16 is one of {', '.join(sorted(PARAMETER_TASKS))}")
+        raise ConfigError(f"{where}: must be at most 16, each one of {', '.join(sorted(PARAMETER_TASKS))}")
     for key, value in section.values_by_key().items():
         if key != "tasks" and value not in range(1, 16):
             raise ConfigError(f"{section.where(key)}: {value!r} is not a response identifier from 1 to 15")
@@ -99,12 +99,12 @@ def read_parameter_words(section: Section, telegrams: Iterable[Telegram]) -> Par
 
 
 def read_access(section: Section, parameters: Mapping[int, Parameter]) -> ParameterAccess:
-    """How parameters are reached, and whether those that it names are there."""
+    """The section about access to parameters; checks that the named ones exist."""
     access: ParameterAccess = section.build(ParameterAccess)
     name = parameters.get(access.station_name)
     if access.station_name and (name is None or not name.text or not name.defaults):
         where = section.where("station_name")
-        raise ConfigError(f"{where}: {access.station_name} is not a String with a default")
+        raise ConfigError(f"{where}: {access.station_name} is not a parameter of type String with a default")
     for key, numbers in (("disabled_only", access.disabled_only), ("absent", access.absent)):
         if unknown := set(numbers) - parameters.keys():
             raise ConfigError(f"{section.where(key)}: there is no parameter {min(unknown)}")
@@ -122,7 +122,7 @@ def read_address_mode(section: Section, parameters: Mapping[int, Parameter]) -> 
     mode: AddressMode = section.build(AddressMode)
     parameter = wants_stored(section, "parameter", parameters)
     if not parameter.nonvolatile:
-        raise ConfigError(f"{section.where('parameter')}: {mode.parameter} does not outlive a power cycle")
+        raise ConfigError(f"{section.where('parameter')}: {mode.parameter} is not permanent")
     if not isinstance(mode.dcp, int) or not parameter.allows(mode.dcp):
         raise ConfigError(f"{section.where('dcp')}: {mode.dcp!r} is not a value of {parameter.name}")
     return mode
@@ -134,13 +134,13 @@ def read_lamps(section: Section) -> Lamps | None:
         return None
     lengths = {len(value) if isinstance(value, tuple) else 0 for value in section.values_by_key().values()}
     if 0 in lengths or len(lengths) > 1:
-        raise ConfigError(f"{section.where()}: each state has as many entries as there are names")
+        raise ConfigError(f"{section.where()}: each state needs as many entries as there are names")
     lamps: Lamps = section.build(Lamps)
     return lamps
 
 
 def read_diagnoses(section: Section, faults: Mapping[int, Fault], limits: Limits) -> dict[int, int]:
-    """Fault -> ChannelErrorType; of those that are a maker's or a profile's own (IEC 61158-6-10, ChannelErrorType)."""
+    """Fault -> ChannelErrorType, within the ranges of manufacturers and profiles (IEC 61158-6-10, ChannelErrorType)."""
     found: dict[int, int] = {}
     for key, value in section.values_by_key().items():
         number = number_of_fault(key, partial(section.where, key))
@@ -164,9 +164,9 @@ def read_diagnosis_coding(section: Section, parameters: Mapping[int, Parameter])
     unknown = set(coding.modes) - DIAGNOSIS_CODINGS
     if unknown or len(coding.modes) != len(coding.subslots):
         allowed = ", ".join(sorted(DIAGNOSIS_CODINGS))
-        raise ConfigError(f"{section.where('modes')}: each is one of {allowed}, and each has its place in subslots")
+        raise ConfigError(f"{section.where('modes')}: each is one of {allowed}, with a subslot for each in subslots")
     if not 1 <= coding.user_structure <= 0x7FFF:
         raise ConfigError(f"{section.where('user_structure')}: {coding.user_structure} is not within 1..0x7FFF")
     if len(coding.user_fields) != len(coding.user_octets) or set(coding.user_octets) - {1, 2, 4}:
-        raise ConfigError(f"{section.where('user_fields')}: each has its 1, 2 or 4 octets in user_octets")
+        raise ConfigError(f"{section.where('user_fields')}: each needs its 1, 2 or 4 octets in user_octets")
     return coding

@@ -1,4 +1,4 @@
-"""The drive models that come with pnfarm, and those of :data:`MODELS_VARIABLE`; each is read when first asked for."""
+"""The drive models that come with pnfarm, and those of :data:`MODELS_VARIABLE`; each is read on first use."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["MODELS_VARIABLE", "SHIPPED_FOLDER", "Entry", "model", "models"]
 SHIPPED_FOLDER = Path(__file__).resolve().parent / "models"
 #: Environment: further folders with a folder for each model, written as PATH is.
 MODELS_VARIABLE = "PNFARM_MODELS"
-#: Where a model's folder may lie: alone, as a bus of a product, as an edition of that.
+#: Places of a model's folder: alone, as a bus of a product, as an edition of that.
 _DEPTHS = tuple(f"{'*/' * depth}{MODEL_FILE}" for depth in (1, 2, 3))
 
 
@@ -67,7 +67,7 @@ def _entries(further: str) -> dict[str, Entry]:
         aliases = tuple(data.get("aliases", ()))
         for word in (name, *aliases):
             if word in owners:
-                raise ConfigError(f"{path}: {word!r} is a name of {owners[word]} already")
+                raise ConfigError(f"{path}: {word!r} is already a name of {owners[word]}")
             owners[word] = path
         texts = {key: str(data.get(key, "")) for key in ("title", "maker", "bus", "edition")}
         found[name] = Entry(name=name, aliases=aliases, **texts, folder=folder)
@@ -77,7 +77,7 @@ def _entries(further: str) -> dict[str, Entry]:
 
 
 def models() -> dict[str, Entry]:
-    """All models by name, those of a product beside each other.
+    """All models by name, those of a product next to each other.
 
     Raises :class:`ConfigError` when those of :data:`MODELS_VARIABLE` cannot be listed.
     """
@@ -90,7 +90,7 @@ def _loaded(folder: Path) -> Model:
 
 
 def model(name: str) -> Model:
-    """The model of this name or alias; raises :class:`ConfigError` that says which there are."""
+    """The model of this name or alias; raises :class:`ConfigError` that lists those there are."""
     entries = models()
     for entry in entries.values():
         if name == entry.name or name in entry.aliases:

@@ -1,4 +1,4 @@
-"""Parameters that are functions of the drive: identification, lists, fault buffer, states.
+"""Parameters computed from the drive: identification, lists, fault buffer, states.
 
 Each function takes the drive and the parameter's row and gives all elements (one for a plain parameter).  The names are
 those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing number there is ``parameter.index``.
@@ -39,23 +39,23 @@ FIRST_CLASS = 0x9000
 OTHER_FAULT = 0x9012
 #: PNU 980..989 do not list themselves (profile 4.1, 6.2.1.2).
 LISTS = range(980, 990)
-#: Bits of P-0953: the cyclic data ran out, the controller is in STOP or calls its data BAD (Moog MSD manual, table
-#: 15.1, which gives no places: assumed in its order); too many signs of life failed (8.3.2).
+#: Bits of P-0953: the cyclic data timed out, the controller is in STOP or marks its data BAD (Moog MSD manual, table
+#: 15.1, which gives no bit numbers: assumed in its order); too many signs of life failed (8.3.2).
 TIMEOUT_WARNING = 0x0001
 STOP_WARNING = 0x0002
 LIFE_WARNING = 0x0010
-#: PNU 979: version 1.1 of its structure, one encoder, five values for it; these hold, and of a linear one say so.
+#: PNU 979: version 1.1 of its structure, one encoder, five values for it; bits for "valid" and for a linear encoder.
 ENCODER_HEADER = 0x5111
 ENCODER_TYPE = 0x80000000
 ENCODER_LINEAR = 0x00000001
-#: Revolutions that an encoder says to know which never forgets one: those of a usual one of 12 bits.
+#: Revolutions of an absolute multi-turn encoder: a usual one has 12 bits.
 EVERY_REVOLUTION = 4096
 #: ``opmode``.
 VELOCITY_MODE = 1
 
 
 class DriveView(Protocol):
-    """What these functions look at of a drive: its :class:`~pnfarm.drives.store.ParameterStore`."""
+    """What these functions read of a drive: its :class:`~pnfarm.drives.store.ParameterStore`."""
 
     model: Model
     handle: AxisHandle
@@ -98,7 +98,7 @@ def _telegram(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 
 def _signal_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """PNU 923: at a signal's number the PNU that shows it; every signal with a PNU has its own number."""
+    """PNU 923: at a signal's number the PNU that reads it; every signal with a PNU has its own number."""
     parameters = drive.model.parameters
     return [
         number if number in drive.model.profidrive.signals and number in parameters else 0
@@ -111,13 +111,13 @@ def _fault_counter(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 
 def _kept_situations(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    """PNU 952 of a drive that keeps its fault buffer without power: what it kept, and what came since."""
+    """PNU 952 of a drive with a non-volatile fault buffer: the stored count plus the faults since power-on."""
     axis = drive.handle.axis
     return [int(axis.faults.kept) + fault_counter(axis) & 0xFFFF]
 
 
 def _fault_buffer(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """PNU 947; in two parts: error in the lower word, location in the upper one (Moog MSD manual 10.9, P-0949)."""
+    """PNU 947; in two parts: error in the low word, location in the high one (Moog MSD manual 10.9, P-0949)."""
     return [parameter.clamp(number) for number in fault_numbers(drive.handle.axis)[: parameter.elements]]
 
 
@@ -137,7 +137,7 @@ def _fault_scaling(_drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 
 def _operation_mode(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without; it has none for torque: 0."""
+    """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without; 0 for torque, not defined."""
     axis = drive.handle.axis
     if int(axis.drive.settings.opmode) != VELOCITY_MODE:
         return [int(axis.drive.settings.opmode)]
@@ -147,8 +147,8 @@ def _operation_mode(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 def _encoder_format(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 979 (profile 4.1, 6.3.4): header, then type, resolution, two shift factors and revolutions of encoder 1.
 
-    The resolution is in increments of a revolution, that of a linear encoder in nm of an increment, and that one has no
-    revolutions.  A drive without a sensor interface has the steps of its motor's encoder.
+    The resolution is increments per revolution; for a linear encoder it is nm per increment, without revolutions.  A
+    drive without a sensor interface reports the steps of its motor's encoder.
     """
     axis, pitch = drive.handle.axis, drive.model.pitch
     # one that keeps the home position without power is absolute
@@ -183,7 +183,7 @@ def _object_identification(drive: DriveView, parameter: Parameter) -> Sequence[i
 
 
 def _parameter_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """PNU 980 + index: defined parameters, rising; a list that is not the last ends with the next one's number."""
+    """PNU 980 + index: defined parameters in ascending order; each list but the last ends with the next list's PNU."""
     size = parameter.elements - 1
     numbers = [pnu for pnu in drive.model.parameters if pnu not in LISTS]
     part = numbers[size * parameter.index : size * (parameter.index + 1)]
@@ -209,14 +209,14 @@ def _actual_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 
 def _changed_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """PNU 990: parameters that differ from the factory's values, as many as there are places."""
+    """PNU 990: parameters that differ from the factory values, as many as fit."""
     return _fill(drive.changed_numbers()[: parameter.elements], parameter)
 
 
 def _fault_classes(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """The newest faults by the profile's classes: places in the list of P-0951 (Moog MSD manual, table 10.22).
+    """The newest faults by the profile's classes: indexes into the list of P-0951 (Moog MSD manual, table 10.22).
 
-    A fault's class is one more than its ChannelErrorType is above 0x9000; one without is among the others.
+    A fault's class is its ChannelErrorType - 0x9000 + 1; a fault without a type belongs to "other".
     """
     diagnoses = drive.model.diagnoses
     return [
@@ -226,20 +226,20 @@ def _fault_classes(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 
 def _fault(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """One of the faults at hand, oldest first; 0 for none."""
+    """One of the active faults, oldest first; 0 for none."""
     active = active_faults(drive.handle.axis)
     return [active[parameter.index] if parameter.index < len(active) else 0]
 
 
 def _warning(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """One of the warnings at hand, the first of which a word of warning shows; 0 for none."""
+    """One of the active warnings, the first of which the warning word shows; 0 for none."""
     return [int(drive.handle.axis.warnings.active[parameter.index])]
 
 
 def _bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """P-0953: each stays until cyclic data begin again (Moog MSD manual 8.3.2 says so of the sign of life)."""
     axis, lost = drive.handle.axis, int(drive.handle.image.lost)
-    # the drive's own watchdog may run out while the connection still stands, or after it was taken down
+    # the drive's own watchdog may expire while the connection still exists, or after it ended
     late = lost != LOST_NEVER and int(axis.faults.settings.loss_delay_ns) > 0 and int(axis.profidrive.telegram_ns) == 0
     word = LIFE_WARNING if int(axis.life.failed) != LIFE_GOOD else 0
     word |= TIMEOUT_WARNING if late or lost == LOST_EXPIRED else 0
@@ -266,9 +266,9 @@ def _controlled_stop(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 
 def _disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    """DRV.DISSOURCES (AKD parameter reference): what keeps the power stage off, or shall switch it off.
+    """DRV.DISSOURCES (AKD parameter reference): what keeps the power stage off, or requests switching it off.
 
-    Bit 0 software, 1 fault, 2 hardware, 3 no supply of power, 4 not started up yet, 5 an input for a controlled stop.
+    Bit 0 software, 1 fault, 2 hardware, 3 no power supply, 4 still starting up, 5 an input for a controlled stop.
     """
     axis = drive.handle.axis
     lacks = int(axis.drive.lacks)
@@ -305,7 +305,7 @@ def _measured(drive: DriveView, field: str) -> float:
 
 
 def _mechanical_position(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    """FB1.MECHPOS (AKD parameter reference): the angle of the shaft, 2^32 to the revolution."""
+    """FB1.MECHPOS (AKD parameter reference): the angle of the shaft, 2^32 per revolution."""
     return [int(_measured(drive, "motor.position") % 1.0 * 2**32) & 0xFFFFFFFF]
 
 
@@ -328,7 +328,7 @@ def _position_difference(drive: DriveView, _parameter: Parameter) -> Sequence[in
 
 
 def _speed_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    """What the speed controller sees, in speed units, as a float32 (table 10.13, P-0417)."""
+    """The input of the speed controller, in speed units, as a float32 (table 10.13, P-0417)."""
     axis = drive.handle.axis
     return [
         float_bits(
@@ -339,7 +339,7 @@ def _speed_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 
 def _foldback_level(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """IL.FOLDFTHRESH (AKD parameter reference): what was asked for, and the peak current at most."""
+    """IL.FOLDFTHRESH (AKD parameter reference): the written value, limited to the peak current."""
     axis = drive.handle.axis
     return [
         drive.scaled(parameter, min(float(axis.motor.settings.peak_current), float(axis.foldback.settings.fault_level)))
@@ -347,7 +347,7 @@ def _foldback_level(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 
 
 def _foldback_recovery(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """IL.MFOLDR: how long no current must flow for the peak to be there for IL.MFOLDD again (`firmware.foldback`)."""
+    """IL.MFOLDR: time without current until peak current is available for IL.MFOLDD again (`firmware.foldback`)."""
     axis = drive.handle.axis
     if not axis.motor.settings.continuous_current:
         return [0]
@@ -365,7 +365,7 @@ def _timeout(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
 
 
 def _station_name(drive: DriveView, parameter: Parameter) -> Sequence[int]:
-    """P-1289: a name that was written and waits for the next power-on, else the station's own."""
+    """P-1289: a written name that takes effect at the next power-on, else the present station name."""
     waiting = drive.waiting_name
     name = drive.network.name.encode("ascii", "replace") if waiting is None else waiting
     return _fill(list(name[: parameter.elements]), parameter) if name else parameter.defaults
@@ -446,7 +446,7 @@ COMPUTED: dict[str, _Function] = {
     "station-macs": _station_macs,
 }
 
-#: Those that always read the same on one drive: identification, lists, what the hardware gives.
+#: Those that are constant for one drive: identification, lists, properties of the hardware.
 CONSTANT_COMPUTED = frozenset({
     "actual-signals", "encoder-format", "fault-scaling", "foldback-recovery", "object-identification", "parameter-list",
     "setpoint-signals", "signal-list", "signals", "station-macs", "unit-identification",

@@ -1,4 +1,4 @@
-"""What writing one parameter does to another: ``[[consequence]]``, as the manual states it."""
+"""Effects of writing one parameter on another: ``[[consequence]]``, as the manual states them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Consequence:
     source: str
 
     def follows(self, pnu: int, subindex: int, values: Sequence[int]) -> bool:
-        """Whether writing ``values`` from ``subindex`` on brings it about."""
+        """Whether writing ``values`` from ``subindex`` on triggers it."""
         return pnu == self.pnu and any(
             value == self.value and subindex + offset in self.subindexes for offset, value in enumerate(values)
         )
@@ -60,7 +60,7 @@ def read_consequences(
         cause, effect = parameters.get(entry.pnu), parameters.get(entry.other)
         stored = {Backing.STORED, Backing.FIELD}
         if cause is None or cause.backing not in stored or effect is None or effect.backing not in stored:
-            raise ConfigError(f"{where}: names a parameter that is not there, or not stored")
+            raise ConfigError(f"{where}: names a parameter that does not exist or is not stored")
         if entry.other_subindex >= max(effect.elements, 1) or not effect.minimum <= entry.to <= effect.maximum:
             raise ConfigError(f"{where}: {entry.to} does not fit element {entry.other_subindex} of {entry.other}")
         found.append(entry)

@@ -1,7 +1,7 @@
 """Limits of speed and torque in percent of the motor's nominal values (Moog MSD manual, tables 10.12 and 10.13).
 
-How they act together is assumed: in each direction the lower of the common and the direction's own limit counts, the
-torque's times a scale.  A nominal value of zero is what motor and drive give at most.
+How they combine is assumed: in each direction the lower of the common and the direction's own limit applies, that of
+the torque times a scale.  A nominal value of zero means the maximum of motor and drive.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["apply_control_limits", "read_control_limits"]
 
 PERCENT = 0.01
-#: Bits of the greatest float32 that is a number.
+#: Bits of the largest finite float32.
 FINITE = 0x7F7FFFFF
 
 

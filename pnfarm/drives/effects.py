@@ -1,8 +1,8 @@
-"""What a parameter is to the drive that has it: whether it acts, reads what the drive is or does, or is only kept.
+"""The effect of each parameter: whether it acts, reads a state of the drive, or is only stored.
 
-It follows from what stands behind the parameter and from the model's own sections, which name further ones; where that
-would not be true, the section ``effects`` says otherwise, with the reason.  A parameter for another
-motor than the one at hand (``motor`` in its row) has the effect that it has with that one.
+It follows from the parameter's backing and from the model's sections that name parameters; exceptions are in the
+section ``effects``, with the reason.  A parameter for another motor than the present one (``motor`` in its row) has
+the effect that it has with its own motor.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ EFFECTS = {
 
 
 def _acting_parameters(model: Model) -> frozenset[int]:
-    """The PNUs of stored parameters that the model's sections name, so that their values act."""
+    """The PNUs of stored parameters that act because the model's sections name them."""
     numbers: set[int] = {model.communication_loss.action_parameter, model.communication_loss.stop_parameter}
     numbers.update(model.access.mapping_elements, (entry.pnu for entry in model.consequences), model.fault_actions)
     if model.motion_tasks is not None:
@@ -47,7 +47,7 @@ def _acting_parameters(model: Model) -> frozenset[int]:
 
 
 def effect_of(model: Model, parameter: Parameter) -> Effect:
-    """What a parameter of this model is to its drive."""
+    """The effect of a parameter of this model."""
     return model.effects.get(parameter.pnu) or _derived(model, model.canonical(parameter))
 
 
@@ -76,7 +76,7 @@ def _derived(model: Model, parameter: Parameter) -> Effect:
 
 
 def read_effects(model: Model, section: Section) -> dict[int, Effect]:
-    """The section ``effects``: PNU -> effect, where the data would say another; raises :class:`ConfigError`."""
+    """The section ``effects``: PNU -> effect that differs from the derived one; raises :class:`ConfigError`."""
     found: dict[int, Effect] = {}
     for key, fact in section.items():
         pnu = int(key)
@@ -86,10 +86,10 @@ def read_effects(model: Model, section: Section) -> dict[int, Effect]:
             effect = Effect(fact.value)
         except ValueError:
             known = ", ".join(each.value for each in Effect)
-            raise ConfigError(f"{section.where(key)}: {fact.value!r} is none of {known}") from None
+            raise ConfigError(f"{section.where(key)}: {fact.value!r} is not one of {known}") from None
         if effect is _derived(model, model.canonical(model.parameters[pnu])) or not fact.note:
             raise ConfigError(
-                f"{section.where(key)}: its row says the same without this entry, or the reason is missing"
+                f"{section.where(key)}: its row gives the same effect without this entry, or the reason is missing"
             )
         found[pnu] = effect
     return found

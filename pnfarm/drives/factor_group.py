@@ -1,4 +1,4 @@
-"""User units of positions, speeds, accelerations and torques by factors that parameters hold (Moog MSD manual 13).
+"""User units of positions, speeds, accelerations and torques, from factors in parameters (Moog MSD manual 13).
 
 One position unit is numerator / denominator revolutions, one speed unit the speed factor in rev/min, one acceleration
 unit the acceleration factor in rev/s2, one torque unit the torque factor in N m (assumed).  These factors are floats,
@@ -34,7 +34,7 @@ def float_of(bits: int) -> float:
 
 
 def float_bits(value: float) -> int:
-    """The bits of the nearest float32; what is beyond its range is infinite there."""
+    """The bits of the nearest float32; infinite beyond its range."""
     try:
         return int.from_bytes(struct.pack(">f", value), "big")
     except OverflowError:
@@ -42,7 +42,7 @@ def float_bits(value: float) -> int:
 
 
 def read_factor_group(section: Section, parameters: Mapping[int, Parameter]) -> FactorGroup | None:
-    """The section ``factor_group``: stored parameters above zero, because they divide; raises :class:`ConfigError`."""
+    """The section ``factor_group``: stored parameters above zero (they are divisors); raises :class:`ConfigError`."""
     if not section:
         return None
     group: FactorGroup = section.build(FactorGroup)
@@ -54,7 +54,7 @@ def read_factor_group(section: Section, parameters: Mapping[int, Parameter]) -> 
 
 
 def apply_factor_group(group: FactorGroup, values: StoredValues, axis: Any) -> None:
-    """Write what one unit is into the axis record."""
+    """Write the size of each unit into the axis record."""
     axis.travel.settings.position_step = values.raw(group.numerator) / values.raw(group.denominator)
     axis.profidrive.settings.velocity_step = axis.profidrive.settings.task_velocity_step = float_of(
         values.raw(group.speed)

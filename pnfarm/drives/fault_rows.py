@@ -23,11 +23,11 @@ FILE = "faults.csv"
 
 
 def number_of_fault(text: str, where: Where) -> int:
-    """A fault's number as its manual writes it; :class:`ConfigError` for something else."""
+    """A fault's number as its manual writes it; raises :class:`ConfigError` for other text."""
     try:
         return fault_number(text)
     except ValueError:
-        raise ConfigError(f"{place_of(where)}: {text!r} is not a number, nor two such as 32-1") from None
+        raise ConfigError(f"{place_of(where)}: {text!r} is not a number or a pair such as 32-1") from None
 
 
 def read_faults(
@@ -40,7 +40,7 @@ def read_faults(
         for where, row in rows(path):
             number = number_of_fault(row["number"], f"{where}, number")
             if number in here or not 0 < number < 1 << 24:
-                raise ConfigError(f"{where}, number: {number} stands twice or is not within 1..{(1 << 24) - 1}")
+                raise ConfigError(f"{where}, number: {number} is given twice or is not within 1..{(1 << 24) - 1}")
             here.add(number)
             found[number] = where, row
     for label in without:
@@ -60,7 +60,7 @@ def _fault(
     warning = row["kind"] == "warning"
     if row["reaction"] not in ({""} if warning else REACTIONS):
         raise ConfigError(
-            f"{where}, reaction: {row['reaction']!r} is none of {', '.join(REACTIONS)} (none for a warning)"
+            f"{where}, reaction: {row['reaction']!r} is not one of {', '.join(REACTIONS)} (empty for a warning)"
         )
     if not row["source"] or (row["source"] == "assumed" and not row["note"]):
         raise ConfigError(f"{where}, source: a fault needs its source, an assumed one its reason")
@@ -73,7 +73,7 @@ def _fault(
 
 
 def _action(row: Mapping[str, str], where: str, parameters: Mapping[int, Parameter], numbers: ParameterNumbers) -> int:
-    """The PNU of the parameter that says whether the fault is raised, 0 for none."""
+    """The PNU of the parameter that enables the fault, 0 for none."""
     if not row.get("action"):
         return 0
     action = numbers.of(row["action"], f"{where}, action")
@@ -81,5 +81,5 @@ def _action(row: Mapping[str, str], where: str, parameters: Mapping[int, Paramet
     if parameter is None or parameter.backing is not Backing.STORED or parameter.elements:
         raise ConfigError(f"{where}, action: {action} is not a plain parameter that is stored")
     if row["kind"] == "warning":
-        raise ConfigError(f"{where}, action: of a fault, not of a warning")
+        raise ConfigError(f"{where}, action: only a fault can have one, not a warning")
     return action

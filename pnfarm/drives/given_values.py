@@ -1,4 +1,4 @@
-"""Values that a user gives for parameters, as the drive takes them."""
+"""Values that a user gives for parameters, converted to raw numbers."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ __all__ = ["raw_number"]
 
 
 def raw_number(parameter: Parameter, value: float | str | bool) -> int | None:
-    """What a number of the farm file is to the drive, None for one that it cannot hold.
+    """The raw number for a number of the farm file, None if it does not fit.
 
-    Whole numbers are raw; a number with a point is that of a float parameter itself.
+    Whole numbers are raw; a number with a decimal point is the value of a float parameter.
     """
     if isinstance(value, int):
         return int(value)

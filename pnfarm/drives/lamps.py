@@ -9,10 +9,10 @@ __all__ = ["Lamps"]
 
 @dataclass(frozen=True, slots=True)
 class Lamps:
-    """``names``, and for each state one word per lamp, such as ``on``, ``off`` or how it flashes.
+    """``names``, and for each state one text per lamp, such as ``on``, ``off`` or how it flashes.
 
     ``boot``: the drive starts; ``ready``: no cyclic data; ``exchange``: cyclic data of RT class 1; ``signal``: a
-    controller makes the drive noticed (DCP).
+    tool makes the drive flash (DCP Signal).
     """
 
     names: tuple[str, ...]

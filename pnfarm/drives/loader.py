@@ -1,6 +1,6 @@
 """From a model's folder to a :class:`~pnfarm.drives.model.Model`.
 
-:mod:`~pnfarm.drives.model_files` says which files there are and how a product's and a bus's are joined.  Each kind of
+:mod:`~pnfarm.drives.model_files` describes the files and how those of product and bus are joined.  Each kind of
 data has its module: :mod:`~pnfarm.drives.sections`, :mod:`~pnfarm.drives.parameter_rows`,
 :mod:`~pnfarm.drives.fault_rows`, :mod:`~pnfarm.drives.telegram_tables`, :mod:`~pnfarm.drives.behaviour`.  Every mistake
 is a :class:`~pnfarm.errors.ConfigError` that names file, line and field.
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 __all__ = ["load_model"]
 
-#: What stands alone in ``model.toml`` or ``bus.toml``.
+#: Keys outside of sections in ``model.toml`` or ``bus.toml``.
 TEXTS = ("name", "title", "maker", "bus", "manual", "edition", "firmware_version")
 
 
@@ -115,7 +115,7 @@ def load_model(folder: Path) -> Model:
     fixed = written.union(described.firmware, *(kind.firmware for kind in described.motor_kinds.values()))
 
     def value_of(section: str, key: str, value: Any, where: str) -> Any:
-        """What a section's key is when a reading gives it this value; whatever checks the section checks it, too."""
+        """The value of a section's key under a reading that sets it; checked like the section itself."""
         changed = sections.section(section).with_value(key, value, where).numbered(numbers)
         return getattr(_part(changed, faults, parameters), key)
 
@@ -131,7 +131,7 @@ def _profidrive(
     numbers: ParameterNumbers,
     faults: Mapping[int, Fault],
 ) -> Profidrive:
-    """What the model has of the profile; nothing where it does not speak it."""
+    """The model's PROFIdrive data; empty for a model without the profile."""
     if sections.data.get("profile") != PROFIDRIVE:
         return Profidrive()
     signals, telegrams, bits = read_telegrams(files, sections.wanted("telegram_module"), parameters, numbers)

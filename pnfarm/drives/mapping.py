@@ -1,4 +1,4 @@
-"""A free mapping: what the numbers in PNU 915 and 916 make of a telegram's words."""
+"""A free mapping: the words of a telegram from the numbers in PNU 915 and 916."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def mapped_signals(
 ) -> tuple[Signal | None, ...]:
     """Signals of one direction by number, 0 for none; ``elements`` are those of stored arrays, word by word.
 
-    From the drive, a set point is shown as it came, and a stored parameter in one of the places that there are for
-    them; the element that stands with the second word of a double word does not count (Moog MSD manual 8.2.3).
+    From the drive, a set point is echoed as received, and a stored parameter takes one of the slots for
+    them; the element given for the second word of a double word is ignored (Moog MSD manual 8.2.3).
     Raises :class:`ParameterError` (value impermissible) with the index.
     """
     found: list[Signal | None] = []
@@ -57,7 +57,7 @@ def _is_second_word(found: Sequence[Signal | None], signal: Signal) -> bool:
 
 
 def _in_place(model: Model, signal: Signal, element: int, places: dict[tuple[int, int], Signal], index: int) -> Signal:
-    """The place where an element is shown, the one that it has already or the next one."""
+    """The slot of an element: the one that it already has, or the next free one."""
     if element >= max(model.parameters[signal.number].elements, 1):
         raise _impermissible(index, f"{signal.number} has no element {element}")
     key = (signal.number, element)

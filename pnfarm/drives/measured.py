@@ -1,4 +1,4 @@
-"""What a drive measures of its motor, for parameters that show it: the truth, and what noise adds.
+"""Measured values of the motor for parameters that read them: the true value plus noise.
 
 The firmware draws the noise (:mod:`pnfarm.firmware.measurement`); here it is only added.
 """
@@ -11,7 +11,7 @@ __all__ = ["deviation"]
 
 
 def deviation(axis: Any, field: str) -> float:
-    """Measured value minus true value of a field, in the field's unit; 0 for what is not measured."""
+    """Measured value minus true value of a field, in the field's unit; 0 for a field that is not measured."""
     match field:
         case "motor.velocity":
             return float(axis.measurement.velocity_deviation)

@@ -17,7 +17,7 @@ class NonVolatile(Protocol):
     """Keeps one dict of plain JSON values for each station."""
 
     def load(self, station: str) -> dict[str, Any] | None:
-        """What was saved last for this station name, None if nothing ever was."""
+        """The values saved last for this station name, None if there are none."""
         ...
 
     def save(self, station: str, values: dict[str, Any]) -> None:
@@ -25,7 +25,7 @@ class NonVolatile(Protocol):
         ...
 
     def damaged(self, detail: str) -> EnvironmentError_:
-        """What to raise for values that no drive wrote; names where they are kept."""
+        """The error to raise for values that no drive wrote; names their place of storage."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""A drive model: everything that is known about a product on one bus before a drive of it is switched on.
+"""A drive model: all data of a product on one bus.
 
 A model is immutable and shared by all drives of its kind.
 """
@@ -46,13 +46,13 @@ __all__ = ["Model"]
 
 
 def _is_number(text: str) -> bool:
-    """Whether these are digits, and not more than a number of the drive's has."""
+    """Whether the text is all digits, and not longer than the drive's numbers."""
     return text.isascii() and text.isdigit() and len(text) <= 20
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A product on a bus; see the module's head."""
+    """A product on a bus; see the module's docstring."""
 
     name: str
     aliases: tuple[str, ...]
@@ -83,14 +83,14 @@ class Model:
     realism: Realism
     motor: Mapping[str, float]
     firmware: Mapping[str, float]
-    #: What stands in slot 0 of a PROFINET device.
+    #: The module in slot 0 of a PROFINET device.
     dap: Module
     profidrive: Profidrive
-    #: What only the model's bus reads: the section of its files that is called as the bus.
+    #: Data that only the model's bus reads: the section named after the bus.
     bus_facts: Mapping[str, Fact]
     parameters: Mapping[int, Parameter]
     parameter_names: Mapping[str, int]
-    #: Names, in capitals, under which a parameter can only be read.
+    #: Names, in upper case, under which a parameter can only be read.
     read_only_names: frozenset[str]
     axis_parameters: tuple[Parameter, ...]
     faults: Mapping[int, Fault]
@@ -99,14 +99,14 @@ class Model:
     motor_kinds: Mapping[str, MotorKind]
     #: How the maker writes the numbers of parameters.
     numbering: Numbering = field(default_factory=Numbering)
-    #: PNU -> what it is to the drive, where its row would say otherwise.
+    #: PNU -> its effect, where that differs from the derived one.
     effects: Mapping[int, Effect] = field(default_factory=dict)
-    #: What the manual leaves open, and of that the readings that a farm file chose; the others have their defaults.
+    #: Points that the manual leaves open, and the readings that a farm file chose; all others have their defaults.
     behaviour: tuple[Point, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
-    #: Rows that with these readings are not parameters.
+    #: Rows that are not parameters with these readings.
     absent: Mapping[int, Parameter] = field(default_factory=dict)
-    #: Of a linear motor, mm that it moves in one revolution of the axis record; 0 for one that turns.
+    #: Travel of a linear motor in one revolution of the axis record, mm; 0 for a rotary motor.
     pitch: float = 0.0
 
     # parameters
@@ -114,7 +114,7 @@ class Model:
     def resolve(self, text: str | int) -> tuple[Parameter, int]:
         """The parameter and subindex that ``922``, ``"947.3"``, ``"0x2317"``, ``"DRV.OPMODE"`` or ``"VL.FB"`` names.
 
-        A name that stands twice in the manual gives its first row; a name is also found without its ``_32``.
+        A name that the manual uses twice gives its first row; a name is also found without its ``_32``.
         Raises :class:`ParameterError` (impermissible parameter number).
         """
         wanted = str(text).strip()
@@ -167,7 +167,7 @@ class Model:
 
     @property
     def fault_actions(self) -> Mapping[int, int]:
-        """The parameters that say whether a fault is raised: PNU -> the fault's number."""
+        """The parameters that enable a fault: PNU -> the fault's number."""
         return {fault.action: fault.number for fault in self.faults.values() if fault.action}
 
     # set-up

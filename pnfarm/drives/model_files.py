@@ -1,11 +1,11 @@
-"""The files of a model, and where in them a mistake is.
+"""The files of a model, and the places in them for error messages.
 
-A model is a product on a bus.  The product's folder holds ``axis.toml`` and whatever is the drive's own on any bus; a
-folder in it holds what one bus adds, and a folder in that one edition of the bus's manual, where there are several.
+A model is a product on a bus.  The product's folder holds ``axis.toml`` and the data that are the same on every bus; a
+subfolder holds what one bus adds, and a subfolder of that one edition of the bus's manual, if there are several.
 The model's own folder is the one with ``model.toml``.  A folder with ``model.toml`` and no product above it is a
 whole model.
 
-A file of the same name further in adds to the one above it, row by row and key by key; what it says counts.  Every
+A file of the same name in a subfolder adds to the one above it, row by row and key by key, and overrides it.  Every
 mistake is a :class:`~pnfarm.errors.ConfigError` that names file, line and field.
 """
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
-    #: A place in a file, or what finds it when there is an error to tell.
+    #: A place in a file, or a function that finds it for an error message.
     Where = str | Callable[[], str]
 
 __all__ = [
@@ -48,7 +48,7 @@ DEPTH = 2
 
 
 class ModelFiles:
-    """The folders that a model is made of, the product's first, its own last."""
+    """The folders of a model, the product's first, its own last."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -62,7 +62,7 @@ class ModelFiles:
         return [path for folder in self.folders if (path := folder / name).exists()]
 
     def tomls(self, name: str) -> list[tuple[Path, dict[str, Any]]]:
-        """As :meth:`named`, each file with what it says; a file is read once."""
+        """As :meth:`named`, each file with its content; a file is read once."""
         found = self.named(name)
         for path in found:
             if path not in self._tomls:
@@ -130,7 +130,7 @@ def required(table: Mapping[str, Any], key: str, where: str) -> Any:
 
 
 def line_of(path: Path, section: str, key: str = "") -> int:
-    """The line of a section's key, or of the section; 0 where it stands in another form."""
+    """The line of a section's key, or of the section; 0 if it is written in another form."""
     here = not section
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         if header := re.fullmatch(r"\[+([^\[\]]+)\]+\s*(#.*)?", line):
@@ -165,7 +165,7 @@ class Table(dict[str, Any]):
         self._places: dict[str, str] = {}
 
     def add(self, table: Mapping[str, Any], place: str) -> None:
-        """What another file says of the same entry."""
+        """Add another file's keys for the same entry."""
         self.update(table)
         self._places |= dict.fromkeys(table, place)
 
@@ -179,7 +179,7 @@ class Table(dict[str, Any]):
 
 
 def joined_tables(files: ModelFiles, file: str, name: str, key: str) -> dict[Any, Table]:
-    """The entries ``[[name]]`` of all files of this name by their ``key``; one that is there already gets more keys."""
+    """The entries ``[[name]]`` of all files of this name by their ``key``; later files add keys to an entry."""
     found: dict[Any, Table] = {}
     for path, data in files.tomls(file):
         here: set[Any] = set()
@@ -187,7 +187,7 @@ def joined_tables(files: ModelFiles, file: str, name: str, key: str) -> dict[Any
             identity = required(table, key, f"{path}, {name} {index}")
             place = f"{path}, {name} {identity}"
             if identity in here:
-                raise ConfigError(f"{place}, {key}: stands twice")
+                raise ConfigError(f"{place}, {key}: is given twice")
             here.add(identity)
             found.setdefault(identity, Table(place)).add(table, place)
     return found

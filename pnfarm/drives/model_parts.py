@@ -1,6 +1,6 @@
-"""What a drive model is made of: identity, limits, faults and the like, as plain data.
+"""The parts of a drive model: identity, limits, faults and the like, as plain data.
 
-Each value that can be doubted carries a :class:`Fact`: the manual's section, or ``assumed`` with the reason.
+Each value that needs a source carries a :class:`Fact`: the manual's section, or ``assumed`` with the reason.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ COMMANDS = frozenset({
     "acknowledge", "set-position", "save", "load", "factory-values", "blink", "reboot", "refuse", "home", "enable",
     "disable", "service", "stop", "task-clear", "task-continue", "task-load", "task-move", "task-set",
 })  # fmt: skip
-#: Causes of the warnings that MELDW.6 and 7 tell of (HIWIN E1 manual 3.16).
+#: Causes of the warnings that MELDW.6 and 7 report (HIWIN E1 manual 3.16).
 MESSAGE_CAUSES = ("motor-overload-warning", "i2t-warning")
 #: Causes of the warnings that a drive shows on its limit switches, the low and the high one.
 SWITCH_CAUSES = ("limit-switch-negative", "limit-switch-positive")
-#: How a fault may be told as diagnosis (:class:`DiagnosisCoding`).
+#: Formats of a fault as diagnosis (:class:`DiagnosisCoding`).
 DIAGNOSIS_CODINGS = frozenset({"none", "channel", "extended", "manufacturer"})
 #: A fault's number in two parts, error and location, is the error with the location above it.
 LOCATION_SHIFT = 16
@@ -76,7 +76,7 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What a PROFIdrive drive says that it is (DCP, I&M0, PNU 964 and 975)."""
+    """The identity that a PROFIdrive drive reports (DCP, I&M0, PNU 964 and 975)."""
 
     vendor_id: int
     device_id: int
@@ -92,19 +92,19 @@ class Identity:
     object_class: tuple[int, int, int]
 
 
-#: Of a drive that does not speak PROFIdrive.
+#: For a drive without PROFIdrive.
 NO_IDENTITY = Identity(0, 0, "", "", 0, "V", (0, 0, 0), 0, 0, 0, (0, 0), (0, 0, 0))
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What the manual denies: cycle in ns, counts, octets.
+    """Limits that the manual states: cycle in ns, counts, octets.
 
     ``max_cycle_ns`` 0 is no limit; ``motion_tasks`` is how many a drive keeps, numbered from 0.
 
     Of base mode parameter access: ``max_parameters`` and ``max_elements`` of a request, ``max_response`` octets.  Of
     PROFINET: ``io_controllers``, ``ports``, ``alarms`` (False is a drive that sends none), ``send_clocks`` (in
-    31.25 us; all that a description file can name for RT when left out).  0 where the drive has none of it.
+    31.25 us; all that a description file can name for RT when left out).  0 if the drive lacks the function.
     """
 
     min_cycle_ns: int
@@ -125,19 +125,19 @@ class ParameterAccess:
 
     * ``change_response_values``: a positive answer to a change has format 0 and no values behind its header.
     * ``multi_parameter``: a request may hold more than one parameter; else it is refused as a whole (0x23).
-    * ``zero_elements``: one value may be asked for with 0 elements; the subindex then does not matter.
+    * ``zero_elements``: one value may be requested with 0 elements; the subindex is then ignored.
     * ``typed_formats``: values are sent in the format of their data type, not as byte, word and double word.
-    * ``formats``: those that a change may use, empty for all that are known.
-    * ``error_subindex``: an error is followed by the subindex where the profile tells it.
+    * ``formats``: those that a change request may use, empty for all known ones.
+    * ``error_subindex``: an error is followed by the subindex where the profile defines it.
     * ``descriptions``: parameters describe themselves (attribute 0x20).
-    * ``unknown_service_id``: response id for a request id that is not known, 0 for that id with bit 7 set.
-    * ``saves_at_once``: what is written is permanent at once.
+    * ``unknown_service_id``: response id for an unknown request id, 0 for that id with bit 7 set.
+    * ``saves_at_once``: written values are permanent at once.
     * ``disabled_only``: PNUs that are written only while the power stage is off.
     * ``absent``: PNUs of the model's rows that the drive does not have.
     * ``station_name``: the PNU of the station's name, 0 without such a parameter.
     * ``mapping_elements``: the PNUs with the elements of what PNU 915 and 916 map, empty without such parameters.
-    * ``mapping_by_entry``: PNU 915 and 916 take a list that is not complete, whose half double words count for nothing;
-      a signal may stand there twice: it is sent twice, and of a set point the first counts.
+    * ``mapping_by_entry``: PNU 915 and 916 accept an incomplete list, in which half double words are ignored;
+      a signal may be listed twice: it is sent twice, and of a set point the first one applies.
     """
 
     record_indexes: tuple[int, ...] = ()
@@ -160,9 +160,9 @@ class ParameterAccess:
 
 @dataclass(frozen=True, slots=True)
 class DescriptionFile:
-    """What only the file for engineering tools says of a drive.
+    """Data of a drive that only the file for engineering tools contains.
 
-    ``date`` (yyyymmdd) is part of its name: a tool takes a file of the same name for the one that it has.
+    ``date`` (yyyymmdd) is part of its name: a tool treats a file of the same name as the one that it already has.
     """
 
     date: int
@@ -172,7 +172,7 @@ class DescriptionFile:
 
 @dataclass(frozen=True, slots=True)
 class CommunicationLoss:
-    """The fault on lost cyclic data, and the parameters that govern it; 0 is a drive without such a parameter.
+    """The fault on lost cyclic data, and the parameters that control it; 0 for a drive without such a parameter.
 
     Where the value of ``action_parameter`` is 0, no fault is raised; a fault with an ``action`` of its own needs no
     such parameter.  Without ``stop_parameter``, ``on_stop`` says whether the fault is also raised when the controller
@@ -188,7 +188,7 @@ class CommunicationLoss:
 
 @dataclass(frozen=True, slots=True)
 class AddressMode:
-    """The PNU that tells where the drive's address comes from, and its value once DCP has set one."""
+    """The PNU that selects the source of the drive's address, and its value once DCP has set one."""
 
     parameter: int
     dcp: int
@@ -203,7 +203,7 @@ class SignOfLife:
 
 @dataclass(frozen=True, slots=True)
 class MotionTaskParameters:
-    """The PNUs that a motion task is edited in: its number, and what it consists of."""
+    """The PNUs for editing a motion task: its number, and its values."""
 
     number: int
     position: int
@@ -216,7 +216,7 @@ class MotionTaskParameters:
 
     @property
     def contents(self) -> tuple[int, ...]:
-        """All but the number."""
+        """All except the number."""
         return (
             self.position, self.velocity, self.acceleration, self.deceleration, self.control, self.next, self.dwell,
         )  # fmt: skip
@@ -224,11 +224,11 @@ class MotionTaskParameters:
 
 @dataclass(frozen=True, slots=True)
 class PositionUnits:
-    """The PNUs that parameters with the scale ``position`` follow: so many units to a revolution.
+    """The PNUs that determine the scale ``position``: units per revolution.
 
-    The value of ``unit`` picks one of ``revolution``, units to a revolution, where 0 stands for ``numerator`` by
-    ``denominator``; ``multiple`` multiplies what was picked, ``scaling`` divides it.  The defaults of such parameters
-    stand in ``default`` numbers to the revolution.
+    The value of ``unit`` selects one of ``revolution``, units per revolution, where 0 means ``numerator`` by
+    ``denominator``; ``multiple`` multiplies the selected one, ``scaling`` divides it.  The defaults of such parameters
+    count ``default`` units per revolution.
     """
 
     scaling: int
@@ -283,7 +283,7 @@ class ControlLimits:
 
 @dataclass(frozen=True, slots=True)
 class MotorKind:
-    """What differs with this motor: fields of the axis record in its own units, and defaults of parameters by PNU.
+    """Differences of this motor: fields of the axis record in its own units, and defaults of parameters by PNU.
 
     ``pitch`` is the travel of one revolution in mm, 0 for a rotary motor.
     """
@@ -303,11 +303,11 @@ class FollowingError:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisCoding:
-    """How a drive's own faults are told to its controller.
+    """How a drive's own faults are reported to its controller.
 
-    The value of ``mode_parameter`` picks one of ``modes`` (:data:`DIAGNOSIS_CODINGS`; none beyond them) and the subslot
-    of the same place in ``subslots``; ``user_structure`` is the USI of the maker's own form, ``user_fields`` say what
-    its octets are, one after the other, with the length of the same place in ``user_octets``.
+    The value of ``mode_parameter`` selects one of ``modes`` (:data:`DIAGNOSIS_CODINGS`; beyond them, no diagnosis) and
+    the subslot at the same index of ``subslots``; ``user_structure`` is the USI of the maker's own format,
+    ``user_fields`` its fields in order, each with the length at the same index of ``user_octets``.
     """
 
     mode_parameter: int
@@ -322,8 +322,8 @@ class DiagnosisCoding:
 class Fault:
     """A fault or warning by its number (:func:`fault_number`).
 
-    ``cause`` is what a fault kind asks for, empty if none raises it.  ``action`` is the PNU of the parameter that says
-    whether it is raised, 0 for one that always is.
+    ``cause`` is the name by which fault kinds select it, empty if none raises it.  ``action`` is the PNU of the
+    parameter that enables it, 0 for one that is always enabled.
     """
 
     number: int
@@ -333,7 +333,7 @@ class Fault:
     cause: str
     source: str
     note: str
-    #: The word that PNU 945 and the signal FAULT_CODE show, 0 where the manual has none.
+    #: The code in PNU 945 and the signal FAULT_CODE, 0 where the manual has none.
     word: int = 0
     action: int = 0
 
@@ -352,9 +352,9 @@ class Effect(Enum):
     """The effect of a parameter; ``acts`` where writing it, or its value, changes what the drive does."""
 
     ACTS = "acts"
-    LIVE = "live"  # it reads what the drive is or does
+    LIVE = "live"  # it reads a state of the drive
     KEPT = "kept"  # it is stored and read back, and has no effect
-    CONSTANT = "constant"  # it always reads the same
+    CONSTANT = "constant"  # its value is constant
 
 
 @dataclass(frozen=True, slots=True)
@@ -375,13 +375,13 @@ class Reading:
 
     @property
     def values(self) -> tuple[Mapping[Any, Any], ...]:
-        """What distinguishes it from the other readings."""
+        """The values that differ between readings."""
         return self.firmware, self.defaults, self.model
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """What a manual leaves open; ``source`` is where, ``reason`` why the default is what it is."""
+    """A point that a manual leaves open; ``source`` is its section, ``reason`` the reason for the default."""
 
     name: str
     about: str

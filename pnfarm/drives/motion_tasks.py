@@ -1,8 +1,8 @@
-"""Motion tasks of a drive: one is put together in parameters, kept under a number, and started by that.
+"""Motion tasks of a drive: a task is edited in parameters, kept under a number, and started by its number.
 
-Kollmorgen AKD (PROFINET manual 5.10.1): MT.NUM and the other MT parameters are the task that is edited, MT.SET keeps
-it, MT.LOAD brings one back, MT.CLEAR forgets one or all; SATZANW or MT.MOVE starts one.  Like parameters they live in
-RAM until the drive saves them.  A commissioning tool may have left some in the drive, with or without such parameters.
+Kollmorgen AKD (PROFINET manual 5.10.1): MT.NUM and the other MT parameters are the task that is edited, MT.SET stores
+it, MT.LOAD reads one back, MT.CLEAR deletes one or all; SATZANW or MT.MOVE starts one.  Like parameters they are in
+RAM until the drive saves them.  A drive may also have tasks from a commissioning tool, with or without such parameters.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 __all__ = ["MotionTask", "MotionTasks"]
 
 # MT.CNTL, bits 0 to 3, 4 and 5 to 9 (AKD parameter reference).
-#: What the position is; the kinds without a row need a position from outside, which the model does not have.
+#: Kinds of position; the kinds without a row need an external position, which the model does not have.
 KINDS = {
     0b0000: 0,
     0b0001: TASK_RELATIVE | TASK_FROM_COMMAND,
@@ -41,7 +41,7 @@ KINDS = {
 KIND, CHAINED, FOLLOWS, FOLLOWS_SHIFT = 0x000F, 0x0010, 0x03E0, 5
 #: How the next task begins: at once, or after MT.TNEXT (also where an event from outside could shorten it).
 AT_ONCE, DELAYED, DELAYED_OR_EVENT = 0b00000, 0b00001, 0b00111
-#: At the target without a stop; the model changes velocity behind the target in both.
+#: At the target without a stop; in both the model changes velocity after the target.
 PASSING, PASSING_AT_NEXT_SPEED = 0b10000, 0b11000
 FOLLOWING = {AT_ONCE, DELAYED, DELAYED_OR_EVENT, PASSING, PASSING_AT_NEXT_SPEED}
 _MS = 1_000_000
@@ -51,7 +51,7 @@ _MS = 1_000_000
 class MotionTask:
     """One task: ``position`` in rev (a distance from the commanded position if ``relative``), rpm, rpm/s.
 
-    ``following`` is the task that begins ``dwell_ns`` behind it, None for none.
+    ``following`` is the task that begins ``dwell_ns`` after it, None for none.
     """
 
     number: int
@@ -71,9 +71,9 @@ class MotionTask:
 
 
 class MotionTasks:
-    """``numbers`` are the PNUs of what a task consists of; the tasks themselves stand in ``values``.
+    """``numbers`` are the PNUs of a task's values; the tasks themselves are in ``values``.
 
-    A drive without such parameters (``numbers`` None) has those tasks only that it was :meth:`given <give>`.
+    A drive without such parameters (``numbers`` None) has only the tasks that it was :meth:`given <give>`.
     """
 
     __slots__ = ("_fields", "_given", "_numbers", "_values")
@@ -89,13 +89,13 @@ class MotionTasks:
         self._given = {task.number: task for task in tasks}
 
     def power_on(self) -> None:
-        """Put the given tasks among the others."""
+        """Add the given tasks."""
         if self._numbers is not None:
             for number, task in self._given.items():
                 self._values.tasks[number] = self._raw(task, self._numbers)
 
     def _raw(self, task: MotionTask, numbers: MotionTaskParameters) -> dict[int, int]:
-        """The task in the drive's own numbers, as near as they come."""
+        """The task in the drive's raw numbers, rounded."""
 
         def number(pnu: int, physical: float) -> int:
             parameter = self._values.model.parameters[pnu]
@@ -112,7 +112,7 @@ class MotionTasks:
         }
 
     def keep(self) -> bool:
-        """The edited task becomes the one of its number; false for one that no drive could carry out."""
+        """Store the edited task under its number; false for a task that cannot be carried out."""
         raw, numbers = self._values.raw, self._edited
         number = raw(numbers.number)
         control = raw(numbers.control)
@@ -132,7 +132,7 @@ class MotionTasks:
         return True
 
     def clear(self, number: int) -> None:
-        """Forget one task, or all for a number below 0."""
+        """Delete one task, or all for a number below 0."""
         for known in list(self._values.tasks) if number < 0 else [number]:
             self._values.tasks.pop(known, None)
             self._apply(known)
@@ -150,7 +150,7 @@ class MotionTasks:
 
     def _apply(self, number: int) -> None:
         axis = self._fields.axis
-        # first, because the firmware may read the task while the rest changes
+        # first, because the firmware may read the task while the other fields change
         axis.motion_tasks.settings.kind[number] = 0
         if self._numbers is None:
             if number in self._given:

@@ -1,8 +1,8 @@
-"""Kinds of motors that one drive model can run: its usual rotary one, and those that a farm file may choose instead.
+"""Kinds of motors of one drive model: its default rotary one, and those that a farm file may choose instead.
 
 The axis record is that of a rotary motor: it counts revolutions, rpm and N m.  A linear motor moves by its pitch in one
-revolution of the record: its data are given in millimetres, newtons and kilograms and converted here.  What a kind does
-not give is as in the model's own sections.
+revolution of the record: its data are given in millimetres, newtons and kilograms and converted here.  Values that a
+kind does not give are those of the model's own sections.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def _metres_per_radian(pitch: float) -> float:
     return pitch / 1000.0 / (2.0 * pi)
 
 
-#: Unit in the axis record -> unit of a linear motor, and what one of the latter is in the former.
+#: Unit in the axis record -> unit of a linear motor, and the factor from the latter to the former.
 _LINEAR: dict[str, tuple[str, Callable[[float], float]]] = {
     "rev": ("mm", lambda pitch: 1.0 / pitch),
     "1/rev": ("1/mm", lambda pitch: pitch),
@@ -51,15 +51,15 @@ _LINEAR: dict[str, tuple[str, Callable[[float], float]]] = {
 
 
 def axis_value(name: str, value: float, pitch: float) -> float:
-    """A field of the axis record from a value in the units of a motor with this pitch; as it is for one that turns."""
+    """A field of the axis record from a value in the units of a motor with this pitch; unchanged for a rotary one."""
     linear = _LINEAR.get(AXIS.fields[name].unit)
     return value if pitch <= 0.0 or linear is None else value * linear[1](pitch)
 
 
 def with_motor(model: Model, name: str | None, pitch: float | None = None) -> Model:
-    """The model with a motor of this kind, None for its usual one; ``pitch`` in mm takes the place of a linear one's.
+    """The model with a motor of this kind, None for its default one; ``pitch`` in mm overrides that of a linear motor.
 
-    Raises :class:`ConfigError` for a kind that the model does not have, and a pitch for a motor that turns.
+    Raises :class:`ConfigError` for a kind that the model does not have, and a pitch for a rotary motor.
     """
     kind = MotorKind() if name in {None, ROTARY} else model.motor_kinds.get(str(name))
     if kind is None:
@@ -100,7 +100,7 @@ def read_motor_kinds(
     for name, parts in motors.items():
         for part, section in parts.items():
             if name == ROTARY:
-                raise ConfigError(f"{section.where()}: the usual motor stands in the sections motor and firmware")
+                raise ConfigError(f"{section.where()}: the default motor is in the sections motor and firmware")
             if part not in PARTS:
                 raise ConfigError(f"{section.where()}: not one of {', '.join(PARTS)}")
         pitch = parts["kind"]["pitch"].value if "pitch" in parts.get("kind", {}) else 0.0
@@ -121,7 +121,7 @@ def _values(section: Section, writer: str, pitch: float) -> dict[str, float]:
         unit = AXIS.fields[key].unit
         wanted = _LINEAR[unit][0] if pitch > 0.0 and unit in _LINEAR else unit
         if fact.unit != wanted:
-            raise ConfigError(f"{section.where(key)}, unit: {fact.unit!r}; of this motor it is {wanted!r}")
+            raise ConfigError(f"{section.where(key)}, unit: {fact.unit!r}; for this motor it is {wanted!r}")
     return values
 
 
@@ -130,7 +130,7 @@ def axis_values(section: Section, writer: str) -> dict[str, float]:
     for key in section:
         field = AXIS.fields.get(key)
         if field is None or field.writer != writer:
-            raise ConfigError(f"{section.where(key)}: the axis has no such field that the {writer} writes")
+            raise ConfigError(f"{section.where(key)}: the axis has no such field written by the {writer}")
     return section.values_by_key()
 
 

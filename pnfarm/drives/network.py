@@ -1,4 +1,4 @@
-"""What parameters show of the drive's name and addresses on the network."""
+"""The drive's name and addresses on the network, for parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Network(Protocol):
 
     @property
     def macs(self) -> tuple[bytes, ...]:
-        """Of the station, then port by port."""
+        """MAC address of the station, then of each port."""
         ...
 
     def allows(self, name: str) -> bool:

@@ -28,7 +28,7 @@ def read_number(text: str) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class Numbering:
-    """PNU ``base`` + n is written as ``prefix`` and n, with zeros in front up to ``digits``.
+    """PNU ``base`` + n is written as ``prefix`` and n, with leading zeros up to ``digits``.
 
     ``radix`` is 10 or 16, ``highest`` the largest n.  Without a prefix the maker writes the PNU itself.
     """
@@ -40,7 +40,7 @@ class Numbering:
     highest: int = HIGHEST_PNU
 
     def name(self, pnu: int) -> str:
-        """What the maker calls a PNU; empty for one without a number of the maker's."""
+        """The maker's number of a PNU; empty for a PNU without one."""
         number = pnu - self.base
         if not self.prefix or not 0 <= number <= self.highest:
             return ""
@@ -64,7 +64,7 @@ class Numbering:
 
 
 def read_numbering(section: Section) -> Numbering:
-    """The section ``numbering``: a product says how its maker writes numbers, a bus from which PNU they count.
+    """The section ``numbering``: the product gives the maker's notation, the bus the first PNU.
 
     Raises :class:`ConfigError`.
     """

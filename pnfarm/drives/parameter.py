@@ -60,7 +60,7 @@ class ParameterErrorNumber(IntEnum):
         return self in _WITH_SUBINDEX
 
 
-#: Of a float32; all its bits are set in what is infinite or no number.
+#: Exponent bits of a float32; all are set in infinities and NaN.
 FLOAT_EXPONENT = 0x7F800000
 FLOAT_HIGHEST = 0xFF7FFFFF
 _WORDS = {
@@ -127,7 +127,7 @@ class ParameterType(IntEnum):
 
 
 class Form(Enum):
-    """What the bits of a value are, where they are no integer."""
+    """The meaning of a value's bits that are not an integer."""
 
     INTEGER = "integer"
     FLOAT = "float"  # a double word: IEEE 754, single precision
@@ -135,7 +135,7 @@ class Form(Enum):
 
 
 class Backing(IntEnum):
-    """What stands behind a parameter."""
+    """What a parameter reads or writes."""
 
     STORED = 0  # a value of the drive's own store
     ALIAS = 1  # another parameter under a second number
@@ -177,11 +177,11 @@ class Parameter:
     values_source: str
     note: str
     after_power_on: bool = False
-    #: Every element's default, for an array that is stored or stands in the axis record.
+    #: Every element's default, for an array that is stored or in the axis record.
     defaults: tuple[int, ...] = ()
     #: With the scale ``a|b|...``: the values of the raw numbers 0, 1, ...
     choices: tuple[float, ...] = ()
-    #: The motors that it is for, ``rotary`` or ``linear``; empty for all.  With another one it has no effect.
+    #: The kind of motor that it is for, ``rotary`` or ``linear``; empty for all.  With another kind it has no effect.
     motor: str = ""
     form: Form = Form.INTEGER
     standardisation: float = 1.0
@@ -203,7 +203,7 @@ class Parameter:
         return self.type.octets
 
     def is_for(self, *, linear: bool) -> bool:
-        """Whether it has an effect with a linear motor, or with one that turns."""
+        """Whether it has an effect with a linear motor, or with a rotary one."""
         return not self.motor or (self.motor == "linear") == linear
 
     @property
@@ -219,7 +219,7 @@ class Parameter:
         return (1 << (8 * self.octets - (1 if self.signed else 0))) - 1
 
     def allows(self, value: int) -> bool:
-        """Whether it takes ``value``: within its limits, and of a float a number that is not infinite."""
+        """Whether it accepts ``value``: within its limits, and finite if it is a float."""
         if self.form is Form.FLOAT and value & FLOAT_EXPONENT == FLOAT_EXPONENT:
             return False
         return self.minimum <= value <= self.maximum
@@ -231,7 +231,7 @@ class Parameter:
         return value - (1 << bits) if self.signed and value >> (bits - 1) else value
 
     def clamp(self, value: int) -> int:
-        """``value`` held within the type's range."""
+        """``value`` limited to the type's range."""
         return min(max(value, self.lowest), self.highest)
 
 

@@ -1,9 +1,9 @@
 """A user's list of parameters that a model's manual does not describe: a CSV file named in the farm file.
 
-A manual may leave a drive's parameters to another book, as HIWIN's leaves most Pt parameters.  A user who has that book
-lists them: a header with the names of the columns, in any order, and a row for each parameter, or for a run of
-parameters that differ in nothing but their numbers.  Listed parameters are kept: stored within their limits and read
-back, without effect.
+A manual may describe a drive's parameters in another document, as HIWIN's does for most Pt parameters.  A user who has
+that document lists them: a header with the names of the columns, in any order, and a row for each parameter, or for a
+run of parameters that differ only in their numbers.  Listed parameters are stored within their limits and read back,
+without effect.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["COLUMNS", "MAX_PARAMETERS", "MAX_PROBLEMS", "ListProblem", "read_par
 
 #: Parameters that a list may add: every Pt parameter from Pt000 to PtFFF.
 MAX_PARAMETERS = 4096
-#: After so many problems the rest of a list is not read.
+#: After this many problems the rest of a list is not read.
 MAX_PROBLEMS = 100
 #: The columns and what a cell holds; the farm file's page of the documentation shows them.
 COLUMNS = {
@@ -154,7 +154,7 @@ class _Reader:
             if column and column not in COLUMNS:
                 self._problem(line, "", f"{header[place][:_SHOWN]!r} is not a column", allowed)
             elif column and column in columns[:place]:
-                self._problem(line, column, "stands twice", "each column once")
+                self._problem(line, column, "is given twice", "each column once")
         if "number" not in columns:
             self._problem(line, "", "has no column number", f"a header with number and any of {allowed}")
         return None if self.problems else columns
@@ -169,7 +169,7 @@ class _Reader:
             numbers = self._numbers(row)
             for number in numbers:
                 if number in self._lines:
-                    what = f"{self._written(number)} stands in line {self._lines[number]} already"
+                    what = f"{self._written(number)} is already given in line {self._lines[number]}"
                     raise _CellError("number", what, "each number once")
             if len(self.parameters) + len(numbers) > MAX_PARAMETERS:
                 raise _CellError("number", "makes the list too long", f"at most {MAX_PARAMETERS} parameters")
@@ -258,7 +258,7 @@ class _Reader:
 
 
 def _raw(parameter: Parameter, row: dict[str, str], column: str, usual: int) -> int:
-    """The cell of a column as the raw number of the parameter, ``usual`` for an empty one."""
+    """The cell of a column as a raw number of the parameter, ``usual`` for an empty cell."""
     text = row.get(column, "")
     if not text:
         return usual
@@ -275,7 +275,7 @@ def _raw(parameter: Parameter, row: dict[str, str], column: str, usual: int) -> 
 
 
 def _word(row: dict[str, str], column: str, words: dict[str, bool]) -> bool:
-    """What the word in a cell means; an empty one is the first of ``words``."""
+    """The meaning of the text in a cell; an empty cell means the first of ``words``."""
     text = row.get(column, "").lower() or next(iter(words))
     if text not in words:
         raise _CellError(column, f"is {row[column][:_SHOWN]!r}", " or ".join(words))

@@ -1,4 +1,4 @@
-"""A model's ``parameters.csv``, its product's and its bus's: one row a parameter, each checked alone and by others."""
+"""A model's ``parameters.csv``, its product's and its bus's: one row per parameter, with their checks."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ _TYPES = {
 _FORMS = {"Float": Form.FLOAT, "String": Form.TEXT}
 #: Scales that are not a plain factor: 2 to the minus n; times the axis's acceleration step; positions by the section
 #: ``position_units``.
-#: ``jog/n`` and ``reference/n`` are ramps in so many milliseconds to or from the first jogging velocity, or from the
+#: ``jog/n`` and ``reference/n`` are ramp times in ms, to or from the first jogging velocity, or from the
 #: velocity reference value; ``rated-torque`` is a percentage of it.
 #: ``torque-constant`` and ``-torque-constant`` are thousandths of an ampere times the motor's torque constant; the
-#: default of such a parameter leaves it to motor and drive.
+#: default of such a parameter means the limit of motor and drive.
 #: ``velocity`` is times the unit of NSOLL_A; with ``float32`` the raw number is the bits of a float.
-#: A factor in front of ``*`` makes the value in the parameter's unit; what is behind it makes the axis's field of that.
+#: The factor before ``*`` gives the value in the parameter's unit; the one after it converts that to the axis's field.
 #: A number followed by ``/n`` is divided by that value: a rate given for a time.
 _NAMED_SCALES = {
     "-torque-constant", "2^-n", "acceleration", "float32", "jog/n", "position", "rated-torque", "reference/n",
     "torque-constant", "velocity",
 }  # fmt: skip
-#: Behind a factor: divided by the pitch of the linear motor in use, so that the factor is given in mm.
+#: After a factor: divided by the pitch of the linear motor in use, so that the factor is given in mm.
 PER_PITCH = "/pitch"
 FLOAT = "float32"
 TIMES = "*"
 PER_VALUE = "/n"
-#: First column: what a product calls the parameter, which the bus gives its number, or the number on the bus.
+#: First column: the product's name of the parameter, to which the bus gives a number, or the number on the bus.
 _ID, _PNU = "id", "pnu"
 #: Second one; a product may leave it out where the name is the id.
 _NAME = "name"
@@ -59,12 +59,12 @@ _COLUMNS = (
     "type", "signed", "elements", "access", "min", "max", "default", "unit", "scale", "backed_by", "nv",
     "source", "values_source", "note",
 )  # fmt: skip
-#: A column that a file may have behind these: ``power-on`` for what takes effect with the next power cycle.
+#: An optional column after these: ``power-on`` for what takes effect with the next power cycle.
 _EFFECTIVE = "effective"
-#: Another one behind that: the motor that a parameter is for.
+#: An optional column after that one: the motor that a parameter is for.
 _MOTOR = "motor"
 _MORE = (_EFFECTIVE, _MOTOR)
-#: Columns: ``pnu``, ``id``, and any of ``parameters.csv`` whose cell, where it is not empty, counts on this bus.
+#: Columns: ``pnu``, ``id``, and any of ``parameters.csv`` whose cell, unless empty, applies on this bus.
 NUMBERS_FILE = "numbers.csv"
 #: A row and its place.
 Row = tuple[str, dict[str, str]]
@@ -78,7 +78,7 @@ def _choices(scale: str, maximum: int, where: str) -> tuple[float, ...]:
     try:
         choices = tuple(float(text) for text in scale.split("|"))
     except ValueError:
-        raise ConfigError(f"{where}, scale: {scale!r} must have a number between its bars") from None
+        raise ConfigError(f"{where}, scale: {scale!r} must have numbers between its bars") from None
     if len(choices) != maximum + 1:
         raise ConfigError(f"{where}, scale: {scale!r} must have a value for each of 0..{maximum}")
     return choices
@@ -150,7 +150,7 @@ def _backing(
     known = {Backing.COMPUTED: set(COMPUTED), Backing.COMMAND: COMMANDS}.get(kind, {""})
     if argument not in known:
         raise ConfigError(
-            f"{where}, backed_by: {text!r} is unknown; after the colon stands one of {', '.join(sorted(known))}"
+            f"{where}, backed_by: {text!r} is unknown; allowed after the colon: {', '.join(sorted(known))}"
         )
     return kind, argument, index
 
@@ -188,7 +188,7 @@ def _parameter(pnu: int, row: Mapping[str, str], where: str, numbers: ParameterN
         )
     if not lowest <= minimum <= default <= maximum <= highest:
         raise ConfigError(
-            f"{where}, min, default, max: {minimum}, {default}, {maximum} do not rise within {lowest}..{highest}"
+            f"{where}, min, default, max: {minimum}, {default}, {maximum} must ascend within {lowest}..{highest}"
         )
     if not 1 <= pnu <= 0xFFFF:
         raise ConfigError(f"{where}, pnu: {pnu} is not within 1..65535")
@@ -244,7 +244,7 @@ def read_parameters(files: ModelFiles, numbering: Numbering) -> tuple[dict[int, 
         _add_rows(path, own, found, by_name=bool(numbering.prefix or files.named(NUMBERS_FILE)))
     for number, name, (where, row) in _numbered_rows(files, own, numbering):
         if number in found:
-            raise ConfigError(f"{where}, pnu: {number} stands twice")
+            raise ConfigError(f"{where}, pnu: {number} is given twice")
         found[number] = where, row
         numbers.setdefault(name, number)
     known = ParameterNumbers(numbers)
@@ -282,7 +282,7 @@ def _add_rows(
             return
         key = row[_ID] if first == _ID else integer(row[_PNU], where, _PNU)
         if key in here:
-            raise ConfigError(f"{where}, {first}: {key} stands twice")
+            raise ConfigError(f"{where}, {first}: {key} is given twice")
         here.add(key)
         if isinstance(key, str):
             own[key] = where, {_NAME: key} | row
@@ -345,6 +345,6 @@ def read_only_names(extra: Mapping[str, Any]) -> frozenset[str]:
 
 
 def axis_parameters(parameters: Mapping[int, Parameter], *, linear: bool = False) -> tuple[Parameter, ...]:
-    """The parameters that write the axis record with this motor; those whose scale another one sets behind that one."""
+    """The parameters that write the axis record with this motor; one whose scale another sets comes after it."""
     found = [p for p in parameters.values() if p.backing is Backing.FIELD and p.writable and p.is_for(linear=linear)]
     return tuple(sorted(found, key=lambda p: p.scale in {"acceleration", "jog/n", "reference/n"}))

@@ -1,6 +1,6 @@
-"""How a real drive of a model departs from an ideal one: noise, slow answers, boot time, drift of its clock.
+"""How a real drive of a model differs from an ideal one: noise, response times, boot time, clock drift.
 
-A model gives what is known of it in its section ``realism``, each value with its source.
+A model gives the known figures in its section ``realism``, each with its source.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["BOUNDS", "RANGES", "Realism", "read_realism"]
 
 _SECOND = 1_000_000_000
 
-#: What each may be at most, in its own unit; a drift also backwards, all else from 0 on.
+#: Maximum of each figure in its own unit; a drift may also be negative, the others start at 0.
 BOUNDS: dict[str, float] = {
     "velocity_noise": 1_000.0,
     "current_noise": 100.0,
@@ -28,7 +28,7 @@ BOUNDS: dict[str, float] = {
     "ready_time_ns": 600 * _SECOND,
     "clock_drift": 1_000.0,
 }
-#: Those that are a range: each drive, or each request, has its own place in it.
+#: Figures that are ranges: each drive, or each request, has its own value in it.
 RANGES = frozenset({"parameter_latency_ns", "clock_drift"})
 _UNITS = {
     "velocity_noise": "rpm",
@@ -40,13 +40,13 @@ _UNITS = {
 
 @dataclass(frozen=True, slots=True)
 class Realism:
-    """See the module's head; 0 is not at all.
+    """See the module's docstring; 0 turns a figure off.
 
-    * ``velocity_noise`` (rpm), ``current_noise`` (A), ``position_noise`` (rev): effective values of what is added to
-      the measured ones.  Of a linear motor a revolution is its pitch.
-    * ``parameter_latency_ns``: the shortest and the longest time that the drive works on a parameter request.
+    * ``velocity_noise`` (rpm), ``current_noise`` (A), ``position_noise`` (rev): RMS of the noise added to
+      the measured values.  Of a linear motor a revolution is its pitch.
+    * ``parameter_latency_ns``: the shortest and the longest processing time of a parameter request.
     * ``answer_time_ns``, ``ready_time_ns``: from power-on until it answers on the network, and until S1.
-    * ``clock_drift``: between which bounds its clock is faster (or, below 0, slower) than the time, ppm.
+    * ``clock_drift``: bounds of how much its clock is faster (below 0: slower) than the time, ppm.
     """
 
     velocity_noise: float = 0.0
@@ -78,6 +78,6 @@ def read_realism(section: Section) -> Realism:
         if not all(_is_number(value) and least <= value <= BOUNDS[key] for value in values):
             raise ConfigError(f"{section.where(key)}: {fact.value!r} is not within {least}..{BOUNDS[key]}")
         if key in RANGES and values[0] > values[1]:
-            raise ConfigError(f"{section.where(key)}: {fact.value!r} has its lowest above its highest")
+            raise ConfigError(f"{section.where(key)}: {fact.value!r} has a lowest value above its highest")
         known = replace(known, **{key: fact.value})
     return known

@@ -1,7 +1,7 @@
 """The sections of a model's ``axis.toml``, ``bus.toml`` and ``model.toml``: values with their sources.
 
-What stands alone, such as the model's name, is in :attr:`Sections.data`, and so are sections that are no list of
-values with sources.
+Keys outside of sections, such as the model's name, are in :attr:`Sections.data`, and so are sections that are not lists
+of values with sources.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["NAMING_FILES", "Section", "Sections", "joined_data"]
 
-#: What the drive is on any bus, what one bus adds, what the model is called: in this order in each folder.
+#: Data for every bus, data that one bus adds, names of the model: read in this order in each folder.
 FILES = ("axis.toml", "bus.toml", MODEL_FILE)
-#: Those that say what the model is called.
+#: Those that hold the model's names.
 NAMING_FILES = FILES[1:]
 #: Sections that every model has, and those that one with this profile or on this bus has.
 REQUIRED = ("limits", "communication_loss", "motor", "firmware")
@@ -44,7 +44,7 @@ _NEEDED_KEYS = {
 _OF_THE_AXIS = frozenset({"motor", "firmware"})
 #: Other motors: sections ``motors.<kind>.<part>``.
 MOTORS = "motors"
-#: Dotted names of what the folders above have and this model has not.
+#: Key with the dotted names of what the folders above have and this model lacks.
 WITHOUT = "without"
 #: A fault in that list: ``faults.524``.
 FAULTS = "faults"
@@ -62,7 +62,7 @@ _KEYS_ARE_PARAMETERS = frozenset({"effects", "parameter_texts"})
 
 
 def joined_data(files: ModelFiles, names: Sequence[str] = FILES) -> tuple[dict[str, Any], dict[tuple[str, ...], Path]]:
-    """What the files say, from the product's to the model's own, and the file that says it, by the keys down to it."""
+    """Content of the files, from the product's to the model's own, and the file of each value by its path of keys."""
     data: dict[str, Any] = {}
     origins: dict[tuple[str, ...], Path] = {}
     for path in [path for folder in files.folders for name in names if (path := folder / name).exists()]:
@@ -98,11 +98,11 @@ class Section(dict[str, Fact]):
         return self._place(self.name, key)
 
     def values_by_key(self) -> dict[str, Any]:
-        """The values alone."""
+        """The values without their sources."""
         return {key: fact.value for key, fact in self.items()}
 
     def with_value(self, key: str, value: Any, where: str) -> Section:
-        """The section as a reading of ``behaviour.toml`` has it; errors name ``where`` that stands."""
+        """The section with the values of a reading of ``behaviour.toml``; errors name the place ``where``."""
         return Section(self.name, self | {key: Fact(value, "behaviour")}, lambda *_: where)
 
     def build(self, kind: Callable[..., Any]) -> Any:
@@ -159,22 +159,22 @@ class Sections:
 
     @property
     def without_faults(self) -> frozenset[str]:
-        """The faults of the product, as it writes their numbers, that this model has not."""
+        """The product's faults, by their numbers as written there, that this model lacks."""
         names = [name.partition(".") for name in self.data.get(WITHOUT, ())]
         return frozenset(number for section, _, number in names if section == FAULTS)
 
     def wanted(self, key: str) -> Any:
-        """What stands alone, or a section as it is in the files, that must be there."""
+        """The value of a required key outside of sections, or a required section as in the files."""
         if key not in self.data:
             raise ConfigError(f"{self._file}, {key}: missing")
         return self.data[key]
 
     def file(self, key: str) -> Path:
-        """The file that gives what stands alone, or a section."""
+        """The file of a key outside of sections, or of a section."""
         return self._origins.get((key,), self._file)
 
     def place(self, section: str, key: str = "") -> str:
-        """File, line and name of a section's key, or of the section; without a section of a key that stands alone."""
+        """File, line and name of a section's key, or of the section; without a section, of a key outside of them."""
         names = [*filter(None, section.split(".")), *filter(None, [key])]
         apart = (*section.split("."), *key.split("."))
         path = self._origins.get(tuple(names)) or self._origins.get(apart, self._file)
@@ -186,7 +186,7 @@ class Sections:
         return self._sections.get(name, Section(name, {}, self.place))
 
     def number(self, numbers: ParameterNumbers) -> None:
-        """From now on each parameter goes by its number on the bus."""
+        """Replace the names of parameters by their numbers on the bus."""
         self._sections = {name: section.numbered(numbers) for name, section in self._sections.items()}
 
     def _leave_out(self, name: str) -> None:

@@ -1,10 +1,10 @@
 """The parameters of one drive.
 
-The model holds what is common (defaults, limits, meaning); a :class:`ParameterStore` holds only what differs: the
-values written since, and those that the drive keeps over a power cycle.  A parameter's *backing* says what stands
-behind it (:class:`~pnfarm.drives.parameter.Backing`); values are raw integers as on the wire.
+The model holds what is common (defaults, limits, meaning); a :class:`ParameterStore` holds only the differences: the
+values written since, and those that the drive keeps over a power cycle.  A parameter's *backing* is what it reads and
+writes (:class:`~pnfarm.drives.parameter.Backing`); values are raw integers as on the wire.
 
-The store is how others read and write; behind it stand the values (:mod:`~pnfarm.drives.stored_values`), the telegram
+The store is the interface for access; it uses the values (:mod:`~pnfarm.drives.stored_values`), the telegram
 (:mod:`~pnfarm.drives.telegram_selection`) and the axis record (:mod:`~pnfarm.drives.axis_fields`).
 """
 
@@ -71,12 +71,12 @@ class RebootRequested:
 
 @dataclass(frozen=True, slots=True)
 class DisplayBlinkRequested:
-    """The drive shall blink its display, so that a person finds it."""
+    """The drive shall flash its display, so that a person finds it."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultHistoryCleared:
-    """The acknowledged fault situations are forgotten."""
+    """The acknowledged fault situations were deleted."""
 
 
 Event = (
@@ -182,14 +182,14 @@ class ParameterStore:
         self.write(parameter.pnu, subindex, [value])
 
     def changed(self, parameter: Parameter) -> bool:
-        """Whether a stored value differs from the model's default, as does the station's name, whoever gave it."""
+        """Whether a stored value differs from the model's default, including a station name from any source."""
         target = self.model.canonical(parameter)
         if target.pnu == self.model.access.station_name:
             return tuple(self.read(target.pnu, 0, target.elements)) != target.defaults
         return self._values.changed(target)
 
     def changed_numbers(self) -> list[int]:
-        """The PNUs of every stored value that differs from the model's default, rising."""
+        """The PNUs of every stored value that differs from the model's default, in ascending order."""
         parameters = self.model.parameters
         asked = {*self._values.current, self.model.access.station_name} & parameters.keys()
         return sorted(pnu for pnu in asked if self.changed(parameters[pnu]))
@@ -213,14 +213,14 @@ class ParameterStore:
 
     @property
     def parameter_words(self) -> int:
-        """Words in front of the frames that no mapping touches."""
+        """Number of words at the start of the frames that no mapping changes."""
         return self._selection.frame.parameter_words
 
     def plug_telegram(self, number: int | None, module_ident: int | None = None) -> None:
-        """The module in slot 1 brings telegram ``number``; None: no module is plugged, PNU 922 rules.  No event.
+        """The module in slot 1 sets telegram ``number``; None: no module is plugged, PNU 922 decides.  No event.
 
-        ``module_ident`` says which of the telegram's modules it is, its first if not given.  Another module than the
-        one before brings its settings with it.  Raises :class:`ConfigError` for a number that the model does not know.
+        ``module_ident`` selects one of the telegram's modules, default the first.  A module other than the
+        previous one applies its settings.  Raises :class:`ConfigError` for a number that the model does not know.
         """
         self._axis.store_signal_values(ended=True)
         if number is None:
@@ -232,7 +232,7 @@ class ParameterStore:
         self._axis.apply_telegram()
 
     def channels_closed(self) -> None:
-        """No controller sends a telegram any more: parameters keep what its signals changed."""
+        """No controller sends a telegram any more: parameters keep the values that its signals set."""
         self._axis.store_signal_values(ended=True)
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
@@ -240,7 +240,7 @@ class ParameterStore:
         return self._selection.mapping(setpoint=setpoint)
 
     def mapped_numbers(self, *, setpoint: bool) -> tuple[int, ...]:
-        """The signal numbers behind a parameter channel, word by word: what PNU 915 and 916 show."""
+        """The signal numbers after a parameter channel, word by word, as in PNU 915 and 916."""
         return self._selection.numbers(setpoint=setpoint)
 
     def output_words(self) -> tuple[int, ...]:
@@ -272,7 +272,7 @@ class ParameterStore:
         return None if name is None else name.decode("ascii")
 
     def address_set(self) -> None:
-        """DCP set the address: the parameter that tells where it comes from says so from now on, for good."""
+        """DCP set the address: set the parameter of the address's source accordingly, permanently."""
         mode = self.model.address_mode
         if mode is not None and self._values.keep_at_once(mode.parameter, mode.dcp):
             self._events.append(NonVolatileSaved())
@@ -284,7 +284,7 @@ class ParameterStore:
             self._events.append(NonVolatileSaved())
 
     def commission_address(self) -> None:
-        """An address of the farm file counts as one that DCP set, unless the parameter says otherwise."""
+        """An address of the farm file counts as set by DCP, unless the parameter has another value."""
         mode = self.model.address_mode
         if mode is not None:
             self._values.permanent.setdefault(mode.parameter, mode.dcp)
@@ -324,7 +324,7 @@ class ParameterStore:
         return self._values.raw(pnu, default)
 
     def scaled(self, parameter: Parameter, physical: float) -> int:
-        """A physical value as the parameter's raw number: positions wrap at its bits, all else stops at its range."""
+        """A physical value as the parameter's raw number: positions wrap at its width, others saturate at its range."""
         return self._axis.scaled(parameter, physical)
 
     # inside
@@ -367,7 +367,7 @@ class ParameterStore:
         return self.raw(target.pnu)
 
     def _mapped_setpoint(self, parameter: Parameter) -> Signal | None:
-        """The set point of the same number that the running cyclic channel brings: it is this parameter's value.
+        """The value of the set point with the same number in the active cyclic channel.
 
         Moog MSD manual 8.2.3, P-0915: process data are linked to parameters.
         """
@@ -377,7 +377,7 @@ class ParameterStore:
         return signal if signal in self.mapping(setpoint=True) else None
 
     def _clear_history(self, parameter: Parameter, value: int) -> None:
-        """PNU 952: zero forgets the fault buffer, nothing else may be written."""
+        """PNU 952: writing zero clears the fault buffer, other values are refused."""
         if value:
             raise refusal(ParameterErrorNumber.ONLY_RESET, parameter, 0)
         try:
@@ -387,12 +387,12 @@ class ParameterStore:
         self._events.append(FaultHistoryCleared())
 
     def _write_name(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
-        """Characters of a station name (P-1289), which is kept as others are and counts from the next power-on."""
+        """Characters of a station name (P-1289), which is stored like others and takes effect at the next power-on."""
         array = list(self.read(parameter.pnu, 0, parameter.elements))
         array[subindex : subindex + len(values)] = values
         text = bytes(array).partition(b"\0")[0]
         if tuple(text.ljust(parameter.elements, b"\0")) == parameter.defaults:
-            # the default is what a station without a name shows: not a name
+            # the default is the value of a station without a name: not a name
             text = b""
         if not text.isascii() or not self.network.allows(text.decode("ascii")):
             raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter, subindex)
@@ -408,7 +408,7 @@ class ParameterStore:
         self._axis.set_point_written(parameter.index, raw)
 
     def _write_telegram(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> None:
-        """What the telegram is (PNU 922, 915, 916, the elements of these): not while the axis is in operation.
+        """Change the telegram (PNU 922, 915, 916, the elements of these): not while the axis is in operation.
 
         A mapping only where the telegram has a free one.
         """
@@ -434,7 +434,7 @@ class ParameterStore:
     # commands
 
     def _execute(self, parameter: Parameter, value: int) -> None:
-        """Carry out a command parameter; its value does not matter, except that a reboot asks for one that is not 0."""
+        """Carry out a command parameter; its value is ignored, except that a reboot needs one other than 0."""
         name = parameter.argument
         if name in AXIS_COMMANDS:
             command_axis(self.handle, parameter, value)
@@ -469,7 +469,7 @@ class ParameterStore:
         self._events.append(NonVolatileSaved())
 
     def _load(self) -> None:
-        """What is permanent comes into RAM, motion tasks with it."""
+        """Load the permanent values into RAM, including motion tasks."""
         self._values.load()
         if self._tasks is not None:
             self._tasks.power_on()

@@ -1,6 +1,6 @@
-"""The values of one drive that differ from its model's: those in force, and those that outlive a power cycle.
+"""The values of one drive that differ from its model's: those in force, and the permanent ones.
 
-Written values live in RAM until DRV.NVSAVE makes them permanent (AKD EtherNet/IP manual 6.7, "Saving to
+Written values are in RAM until DRV.NVSAVE makes them permanent (AKD EtherNet/IP manual 6.7, "Saving to
 Non-volatile Memory"); a power cycle goes back to the permanent ones.
 """
 
@@ -32,7 +32,7 @@ def check_telegram(model: Model, parameter: Parameter, number: int) -> None:
 def mapping_numbers(
     model: Model, parameter: Parameter, numbers: Sequence[int], elements: Sequence[int] = ()
 ) -> tuple[int, ...]:
-    """The signals that PNU 915 or 916 shall map, if they can be; raises :class:`ParameterError`.
+    """The signals for PNU 915 or 916 to map, checked; raises :class:`ParameterError`.
 
     ``elements`` are those of stored arrays, word by word.
     """
@@ -84,7 +84,7 @@ class StoredValues:
         )
 
     def array(self, parameter: Parameter) -> tuple[int, ...]:
-        """The elements of an array that is stored or stands in the axis record."""
+        """The elements of an array that is stored or in the axis record."""
         stored = self.current.get(parameter.pnu)
         return stored if isinstance(stored, tuple) else parameter.defaults
 
@@ -114,12 +114,12 @@ class StoredValues:
 
     @property
     def waiting_name(self) -> bytes | None:
-        """The name that was written, None for none."""
+        """The written name, None for none."""
         written = self.current.get(self._name.pnu) if self._name is not None else None
         return bytes(written).partition(b"\0")[0] if isinstance(written, tuple) else None
 
     def take_name(self) -> bytes | None:
-        """The name that is permanent; it is forgotten here, because it is the station's from now on."""
+        """Take the permanent name out of the store: it is the station's from now on."""
         name = self.waiting_name
         if self._name is not None:
             self.current.pop(self._name.pnu, None)
@@ -129,7 +129,7 @@ class StoredValues:
     # non-volatile memory
 
     def keep_at_once(self, pnu: int, value: int | None) -> bool:
-        """One value, None for the default, in force and permanent; false when it was so already."""
+        """One value, None for the default, in force and permanent; false if nothing changed."""
         before = (self.current.get(pnu), self.permanent.get(pnu))
         for values in (self.current, self.permanent):
             if value is None:
@@ -139,18 +139,18 @@ class StoredValues:
         return before != (value, value)
 
     def save(self) -> None:
-        """What is in force becomes permanent, as far as the drive keeps it."""
+        """Make the values in force permanent, as far as the drive stores them."""
         parameters = self.model.parameters
         self.permanent = {pnu: value for pnu, value in self.current.items() if parameters[pnu].nonvolatile}
         self.permanent_tasks = {number: dict(task) for number, task in self.tasks.items()}
 
     def load(self) -> None:
-        """The permanent values are in force again."""
+        """Put the permanent values in force."""
         self.current = dict(self.permanent)
         self.tasks = {number: dict(task) for number, task in self.permanent_tasks.items()}
 
     def reset(self) -> None:
-        """The model's defaults are in force, and no motion tasks; what is permanent stays."""
+        """Put the model's defaults in force, without motion tasks; the permanent values stay."""
         self.current = {}
         self.tasks = {}
 

@@ -1,7 +1,7 @@
 """Signals, telegrams, and the words that the engine moves.
 
 A telegram has a list of words for each direction; a double word takes two consecutive ones, its upper half first.
-``output`` travels from the controller to the drive (set points), ``input`` back (actual values).
+``output`` goes from the controller to the drive (set points), ``input`` back (actual values).
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ __all__ = [
     "whole_signals",
 ]
 
-#: Words of a parameter channel, in front of all others.
+#: Number of words of a parameter channel, before all others.
 PARAMETER_WORDS = 4
 
 
 class MappingError(ConfigError):
-    """A list of signals cannot be a telegram; ``index`` is the entry to blame."""
+    """A list of signals is not a valid telegram; ``index`` is the wrong entry."""
 
     def __init__(self, index: int, sentence: str) -> None:
         super().__init__(f"word {index + 1}: {sentence}")
@@ -48,10 +48,10 @@ class MappingError(ConfigError):
 class Signal:
     """A signal by its number: ``bits`` is 16 or 32; ``setpoint`` tells set points from actual values.
 
-    A set point that is ``readable`` can be sent back as it came.  ``stored``: it is not an actual value but a stored
-    parameter of this number, of an array its ``element``.  ``shown_as``: no list names it by its own number, which it
-    has from the profile alone, but by that of its parameter; 0 for its own.  ``signed``: it is a number with a sign,
-    which need not be told where a parameter of the same name tells it.
+    A set point that is ``readable`` can be echoed as received.  ``stored``: it is not an actual value but a stored
+    parameter of this number, of an array its ``element``.  ``shown_as``: lists use the number of its parameter instead
+    of its own number, which only the profile defines; 0 for its own.  ``signed``: it is a signed number; this may be
+    left out if a parameter of the same name gives it.
     """
 
     number: int
@@ -80,7 +80,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Submodule:
-    """What is plugged in a subslot; data lengths in octets without IOPS and IOCS."""
+    """A submodule; data lengths in octets without IOPS and IOCS."""
 
     slot: int
     subslot: int
@@ -101,9 +101,9 @@ class Module:
     submodules: tuple[Submodule, ...]
     source: str = ""
     note: str = ""
-    #: What it is called beside others of the same telegram.
+    #: Its name among other modules of the same telegram.
     name: str = ""
-    #: Parameters that plugging it sets, where it differs from its telegram: PNU -> raw number.
+    #: Parameters that plugging it sets, if different from its telegram: PNU -> raw number.
     settings: Mapping[int, int] = field(default_factory=dict)
 
     @property
@@ -111,10 +111,10 @@ class Module:
         return self.submodules[0].slot
 
 
-#: Of a drive without modules.
+#: For a drive without modules.
 NO_MODULE = Module(0, ())
 
-#: How a telegram brings traversing tasks: names of ``TASKS_*``, by number.
+#: How a telegram selects traversing tasks: names of ``TASKS_*``, by number.
 TASK_FORMS = ("none", "mdi", "pos-stw", "target-position", "driving-set")
 
 
@@ -129,9 +129,9 @@ class Telegram:
     ``output`` and ``input`` name the signals, None for a word without one; ``output_words`` and ``input_words`` are the
     same as word codes (:func:`pnfarm.table.signals.word_code`).  With ``free_mapping`` the words are only the default.
     ``opmode`` is the axis's operation mode that comes with the telegram, None where a parameter sets it.
-    ``tasks`` says how it brings traversing tasks (``TASKS_*`` of the axis).
-    ``pulses_enabled`` is the bit of ZSW2 that says so in this telegram, None where none does.
-    ``falls_back`` names set points whose parameter counts where the telegram's word is 0.
+    ``tasks`` is how it selects traversing tasks (``TASKS_*`` of the axis).
+    ``pulses_enabled`` is the bit of ZSW2 for enabled pulses in this telegram, None without one.
+    ``falls_back`` names set points whose parameter applies while the telegram's word is 0.
     """
 
     number: int
@@ -158,7 +158,7 @@ class Telegram:
         return self.module, *self.others
 
 
-#: Of a drive whose profile has no telegrams.
+#: For a drive whose profile has no telegrams.
 NO_TELEGRAM = Telegram(0, "", False, (), (), (), (), NO_MODULE, "", "")
 
 
@@ -179,7 +179,7 @@ def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool, repeats: b
             wanted, given = ("set point", "an actual value") if setpoint else ("actual value", "a set point")
             raise MappingError(index, f"{signal.name} is {given}; this direction takes {wanted}s")
         if signal.name in seen and not repeats:
-            raise MappingError(index, f"{signal.name} stands twice")
+            raise MappingError(index, f"{signal.name} is given twice")
         seen.add(signal.name)
         if signal.bits == 16:
             codes.append(word_code(signal.slot, PART_WORD))
@@ -200,12 +200,12 @@ def parameter_signals(*, setpoint: bool) -> tuple[Signal, ...]:
 
 
 def signal_numbers(signals: Iterable[Signal | None]) -> tuple[int, ...]:
-    """The signal numbers word by word, 0 for none: what PNU 915 and 916 show."""
+    """The signal numbers word by word, 0 for none, as in PNU 915 and 916."""
     return tuple(signal.shown_as or signal.number if signal else 0 for signal in signals)
 
 
 def whole_signals(signals: Sequence[Signal | None], *, setpoint: bool) -> tuple[Signal | None, ...]:
-    """``signals`` without half double words and without set points that stand there for the second time."""
+    """``signals`` without half double words and without repeated set points."""
     found: list[Signal | None] = []
     seen: set[str] = set()
     while len(found) < len(signals):

@@ -1,4 +1,4 @@
-"""Which telegram a drive exchanges and what its words are: the module in slot 1, PNU 922, 915 and 916."""
+"""Selects a drive's telegram and its words: by the module in slot 1, PNU 922, 915 and 916."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TelegramSelection:
         self._plugged: int | None = None
         self._module: int | None = None
 
-    # which
+    # telegram
 
     @property
     def number(self) -> int:
@@ -53,7 +53,7 @@ class TelegramSelection:
 
     @property
     def frame(self) -> Telegram:
-        """The telegram whose module fixes the length of the frames."""
+        """The telegram whose module determines the length of the frames."""
         return self.telegram if self._plugged is None else self._telegram(self._plugged)
 
     def _telegram(self, number: int) -> Telegram:
@@ -63,7 +63,7 @@ class TelegramSelection:
     def plug(self, number: int, module_ident: int | None = None) -> dict[int, int]:
         """A module of telegram ``number`` is in slot 1, its first if ``module_ident`` is none of its modules.
 
-        Returns the settings that it brings, PNU -> raw number: none if it is the module that was there before.
+        Returns the settings that it applies, PNU -> raw number: none if it is the previous module.
         Raises :class:`ConfigError` for a number that the model does not know.
         """
         model = self._values.model
@@ -78,7 +78,7 @@ class TelegramSelection:
         return {} if before == (number, module.ident) else {**telegram.settings, **module.settings}
 
     def unplug(self) -> None:
-        """No module is plugged: PNU 922 rules."""
+        """No module is plugged: PNU 922 decides."""
         self._plugged = self._module = None
 
     # words
@@ -86,7 +86,7 @@ class TelegramSelection:
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
         """The signals of the frames, word by word: those of the telegram, or PNU 915 or 916 where the mapping is free.
 
-        The length is that of the plugged module; a free mapping that is longer is cut, a double word not torn.
+        The length is that of the plugged module; a longer free mapping is cut, but never within a double word.
         """
         frame = self.frame
         words = frame.output if setpoint else frame.input
@@ -94,7 +94,7 @@ class TelegramSelection:
         return head + self._mapped(words, setpoint=setpoint)
 
     def _mapped(self, words: tuple[Signal | None, ...], *, setpoint: bool) -> tuple[Signal | None, ...]:
-        """What a free mapping makes of ``words``."""
+        """The signals of a free mapping ``words``."""
         stored = self._values.current.get(SETPOINT_MAPPING if setpoint else ACTUAL_MAPPING)
         if not self.telegram.free_mapping or not isinstance(stored, tuple):
             return words
@@ -109,9 +109,9 @@ class TelegramSelection:
         return signals + (None,) * (len(words) - len(signals))
 
     def numbers(self, *, setpoint: bool) -> tuple[int, ...]:
-        """The signal numbers behind a parameter channel: those of :meth:`mapping`.
+        """The signal numbers after a parameter channel: those of :meth:`mapping`.
 
-        Where a mapping is written entry by entry, they are what was written, torn double words among them.
+        If a mapping is written entry by entry, they are as written, including half double words.
         """
         signals = self.mapping(setpoint=setpoint)[self.frame.parameter_words :]
         stored = self._values.current.get(SETPOINT_MAPPING if setpoint else ACTUAL_MAPPING)
@@ -130,10 +130,10 @@ class TelegramSelection:
         # a free mapping without repetitions, where the drive takes none, was checked when it was written
         return signal_codes(self.mapping(setpoint=setpoint), setpoint=setpoint, repeats=not setpoint)
 
-    # what may be written
+    # checks before writing
 
     def checked(self, parameter: Parameter, subindex: int, values: Sequence[int]) -> Value:
-        """What PNU 922, 915 or 916 becomes with ``values`` from ``subindex`` on; raises :class:`ParameterError`.
+        """The new value of PNU 922, 915 or 916 with ``values`` from ``subindex`` on; raises :class:`ParameterError`.
 
         A mapping only where the telegram has a free one.
         """
@@ -148,7 +148,7 @@ class TelegramSelection:
     def _checked_number(self, parameter: Parameter, number: int) -> int:
         check_telegram(self._values.model, parameter, number)
         if self._plugged is not None and number not in {self._plugged, FREE_TELEGRAM}:
-            # the module in slot 1 fixes the frames
+            # the module in slot 1 determines the frames
             raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
         return number
 

@@ -39,7 +39,7 @@ __all__ = ["read_telegrams"]
 
 FILE = "telegrams.toml"
 
-#: Set points for which the axis has a place beside that of the telegram.
+#: Set points for which the axis has a field besides the telegram's.
 FALLING_BACK = ("MDI_ACC",)
 
 
@@ -53,9 +53,9 @@ def _signal(table: Table) -> Signal:
     if table.required("bits") not in {16, 32}:
         raise ConfigError(f"{table.where('bits')}: {table['bits']!r} is neither 16 nor 32")
     if table.get("readable") and not (setpoint and SETPOINT_SLOTS[name] in SENT_BACK):
-        raise ConfigError(f"{table.where('readable')}: {name!r} is not a set point that the process image sends back")
+        raise ConfigError(f"{table.where('readable')}: {name!r} is not a set point that the process image echoes")
     if table.get("stored", False) != name.startswith("SHOWN_"):
-        raise ConfigError(f"{table.where('stored')}: of a signal SHOWN_0, which is a stored parameter, and of no other")
+        raise ConfigError(f"{table.where('stored')}: only for a signal SHOWN_0, which is a stored parameter")
     return Signal(
         number=table.required("number"),
         name=name,
@@ -72,7 +72,7 @@ def _signal(table: Table) -> Signal:
 
 
 def _parameter_words(table: Table) -> int:
-    """How many words in front are a parameter channel: they have no signal of their own."""
+    """Number of leading words that are a parameter channel: they have no signal of their own."""
     count: int = table.get("parameter_words", 0)
     if count not in {0, PARAMETER_WORDS}:
         raise ConfigError(f"{table.where('parameter_words')}: {count!r} is neither 0 nor {PARAMETER_WORDS}")
@@ -139,7 +139,7 @@ def _telegram(
 
 
 def _choice(table: Table, key: str, allowed: range) -> int | None:
-    """A number that need not be there."""
+    """An optional number."""
     value: int | None = table.get(key)
     if value is not None and value not in allowed:
         raise ConfigError(f"{table.where(key)}: {value!r} is not within {allowed[0]}..{allowed[-1]}")
@@ -147,12 +147,12 @@ def _choice(table: Table, key: str, allowed: range) -> int | None:
 
 
 def _falls_back(table: Table) -> tuple[str, ...]:
-    """Set points whose parameter counts where the telegram's word is 0."""
+    """Set points whose parameter applies while the telegram's word is 0."""
     names = tuple(table.get("falls_back", ()))
     for name in names:
         if name not in FALLING_BACK or name not in table["output"]:
             raise ConfigError(
-                f"{table.where('falls_back')}: {name!r} is none of {', '.join(FALLING_BACK)} in its output"
+                f"{table.where('falls_back')}: {name!r} is not one of {', '.join(FALLING_BACK)} in its output"
             )
     return names
 
@@ -160,7 +160,7 @@ def _falls_back(table: Table) -> tuple[str, ...]:
 def _tasks(table: Table) -> int:
     name = table.get("tasks", "none")
     if name not in TASK_FORMS:
-        raise ConfigError(f"{table.where('tasks')}: {name!r} is none of {', '.join(TASK_FORMS)}")
+        raise ConfigError(f"{table.where('tasks')}: {name!r} is not one of {', '.join(TASK_FORMS)}")
     return TASK_FORMS.index(name)
 
 
@@ -182,7 +182,7 @@ def _access_point(layout: Mapping[str, Any]) -> Submodule:
 def _other_module(
     table: Mapping[str, Any], data: Submodule, layout: Mapping[str, Any], where: str, numbers: ParameterNumbers
 ) -> Module:
-    """Another module of a telegram: as its first one, under another ident and name."""
+    """Another module of a telegram: like its first one, with another ident and name."""
     name, source = required(table, "name", where), required(table, "source", where)
     note = table.get("note", "")
     if source == "assumed" and not note:
@@ -194,14 +194,14 @@ def _other_module(
 
 
 def _settings(table: Mapping[str, Any], where: str, numbers: ParameterNumbers) -> dict[int, int]:
-    """What plugging a module sets: PNU -> raw number."""
+    """Parameters that plugging a module sets: PNU -> raw number."""
     return {
         numbers.of(pnu, where): integer(str(value), where, str(pnu)) for pnu, value in table.get("settings", {}).items()
     }
 
 
 def _check_settings(telegrams: Mapping[int, Telegram], places: Mapping[int, Table], known: Parameters) -> None:
-    """Whether the model has the parameters that its modules set, and they may hold those values."""
+    """Check that the model has the parameters that its modules set, and that the values are allowed."""
     for telegram in telegrams.values():
         where = places[telegram.number].where("settings")
         for settings in (telegram.settings, *(module.settings for module in telegram.modules)):
@@ -227,9 +227,9 @@ def _check_stored(signal: Signal, table: Table, parameters: Parameters) -> None:
 def read_telegrams(
     files: ModelFiles, layout: Mapping[str, Any], parameters: Parameters, numbers: ParameterNumbers
 ) -> tuple[dict[int, Signal], dict[int, Telegram], tuple[WordBits, ...]]:
-    """Signals and telegrams by number, rising, and names of bits.
+    """Signals and telegrams by number, in ascending order, and names of bits.
 
-    ``layout`` is the section ``telegram_module``: what all modules are made of.
+    ``layout`` is the section ``telegram_module``: the structure of all modules.
     """
     tables = joined_tables(files, FILE, "signal", "number")
     signals = {number: _signal(table) for number, table in sorted(tables.items())}

@@ -26,7 +26,7 @@ STW1_BITS = (
     "jog_2",
     "control_by_plc",
 )
-#: Status word 1 by bit, alike (AKD PROFINET manual 5.5).
+#: Status word 1 by bit, likewise (AKD PROFINET manual 5.5).
 ZSW1_BITS = (
     "ready_to_switch_on",
     "ready_to_operate",
@@ -46,7 +46,7 @@ ZSW1_BITS = (
 class WordBits:
     """Names of a word's bits, bit 0 first, empty where a bit has no meaning.
 
-    ``telegrams`` are those in which they hold; empty for all others.
+    ``telegrams`` are those in which they apply; empty for all others.
     """
 
     word: str
@@ -57,7 +57,7 @@ class WordBits:
 
 
 def bit_names(known: Sequence[WordBits], word: str, telegram: int) -> tuple[str, ...]:
-    """The names that hold in this telegram, empty where there are none."""
+    """The names that apply in this telegram, empty if there are none."""
     own = next((bits.names for bits in known if bits.word == word and telegram in bits.telegrams), None)
     if own is not None:
         return own
@@ -77,7 +77,7 @@ def read_bits(
             raise ConfigError(f"{here}, word: there is no signal {table['word']!r}")
         names = tuple(table["names"])
         if len(names) > 16 or not all(isinstance(name, str) for name in names):
-            raise ConfigError(f"{here}, names: a word has up to 16 bits, each with a name or an empty one")
+            raise ConfigError(f"{here}, names: at most 16, one for each bit, empty for an unused one")
         wanted = tuple(table.get("telegrams", ()))
         if unknown := [number for number in wanted if number not in telegrams]:
             raise ConfigError(f"{here}, telegrams: there is no telegram {unknown[0]}")

@@ -65,5 +65,5 @@ def time_ns(clock: int, timespec: Any) -> int:
 
 
 def timespec() -> Any:
-    """An array for one ``struct timespec``."""
+    """Room for one ``struct timespec``."""
     return np.zeros(2, np.int64)

@@ -79,7 +79,7 @@ def test_a_reading_that_a_model_does_not_have_is_refused(chosen: dict[str, str],
         ('name = "first"', 'name = "First"', r"behaviour First: not a name"),
         ('name = "first"', 'name = "off"', r"behaviour off: not a name"),
         ('reason = "nothing says otherwise"\n', "", r"behaviour first, reason: missing"),
-        ('default = "as-always"', 'default = "never"', r"behaviour first: must have two readings or more, and one"),
+        ('default = "as-always"', 'default = "never"', r"behaviour first: must have at least two readings, and one"),
         ("[behaviour.readings.otherwise]", "[behaviour.readings.Other]", r"first\.Other: not a name"),
         ('does = "otherwise"\n', "", r"first\.otherwise, does: missing"),
         (
@@ -122,7 +122,7 @@ def test_a_mistake_in_the_file_is_told_by_its_place(old: str, new: str, message:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (POINT + POINT, r"behaviour first, name: stands twice"),
+        (POINT + POINT, r"behaviour first, name: is given twice"),
         (POINT + SECOND, r"behaviour second: .* is set by first"),
         (POINT.replace("homing.by_edge", "homing.required"), r"homing.required is set by other data of the model"),
         (POINT.replace("homing.by_edge", "drive.opmode"), r"opmode is set by other data of the model"),

@@ -414,9 +414,13 @@ def test_json_tells_the_effect_of_every_row(name: str) -> None:
         (
             '2127 = { value = "constant"',
             '2127 = { value = "idle"',
-            r"effects\.2127: 'idle' is none of acts, live, kept",
+            r"effects\.2127: 'idle' is not one of acts, live, kept",
         ),
-        ('2127 = { value = "constant"', '2127 = { value = "acts"', r"effects\.2127: its row says the same without"),
+        (
+            '2127 = { value = "constant"',
+            '2127 = { value = "acts"',
+            r"effects\.2127: its row gives the same effect without",
+        ),
         ("2127 = {", "17 = {", r"effects\.17: there is no parameter 17"),
         ("2127 = {", "en = {", r"effects: there is no parameter 'en'"),
     ],

@@ -132,7 +132,7 @@ def test_the_folder_of_the_shipped_models_may_be_named_too(monkeypatch) -> None:
 def test_a_name_that_another_model_has_is_refused(tmp_path: Path, monkeypatch, name: str, aliases: str) -> None:
     folder = beside(tmp_path, name, aliases)
     monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(tmp_path))
-    with pytest.raises(ConfigError, match=r"is a name of .*model\.toml already") as caught:
+    with pytest.raises(ConfigError, match=r"is already a name of .*model\.toml") as caught:
         models()
     assert str(folder) in str(caught.value)
 
@@ -417,7 +417,7 @@ def folder(tmp_path: Path) -> Path:
     [
         ("parameters.csv", "\n1,STW1,Word", "\n1,STW1,Real", r"parameters\.csv, line 2, type"),
         ("parameters.csv", "\n2,ZSW1,Word,0,,r,", "\n2,ZSW1,Word,0,,x,", r"line 2, access"),
-        ("parameters.csv", "\n5,NSOLL_A", "\n2,NSOLL_A", r"line 3, pnu: 2 stands twice"),
+        ("parameters.csv", "\n5,NSOLL_A", "\n2,NSOLL_A", r"line 3, pnu: 2 is given twice"),
         ("parameters.csv", "\n2,ZSW1", "\n0,ZSW1", r"line 2, pnu"),
         ("parameters.csv", "\n2,ZSW1", "\ntwo,ZSW1", r"line 2, pnu: 'two' is not a number"),
         ("parameters.csv", "signal:received.STW1", "signal:received.STW9", r"line 2, backed_by"),
@@ -446,7 +446,7 @@ def folder(tmp_path: Path) -> Path:
             'output = ["STW1", "ZSW1"]',
             r"telegram 351, output: word 2",
         ),
-        ("telegrams.toml", "number = 7\n", "number = 1\n", r"stands twice"),
+        ("telegrams.toml", "number = 7\n", "number = 1\n", r"is given twice"),
         ("telegrams.toml", "bits = 16", "bits = 8", r"signal 101, bits"),
         ("telegrams.toml", 'direction = "setpoint"', 'direction = "up"', r"signal 100, direction"),
         ("telegrams.toml", "[[signal]]", "[[signal", r"telegrams\.toml"),
@@ -465,12 +465,22 @@ def folder(tmp_path: Path) -> Path:
             "assumed: controlled stop,9",
             r"action: 9 is not a plain",
         ),
-        ("faults.csv", 'as 154",', 'as 154",2605', r"action: of a fault, not of a warning"),
-        ("model.toml", "stop_parameter = { value = 2158", "stop_parameter = { value = 9", r"parameter that is not"),
+        ("faults.csv", 'as 154",', 'as 154",2605', r"action: only a fault can have one"),
+        (
+            "model.toml",
+            "stop_parameter = { value = 2158",
+            "stop_parameter = { value = 9",
+            r"parameter that does not exist",
+        ),
         ("model.toml", "parameter = { value = 2606", "parameter = { value = 1", r"address_mode\.parameter: 1 is not"),
         ("model.toml", "dcp = { value = 1", "dcp = { value = -1", r"address_mode\.dcp: -1 is not a value of IP\.MODE"),
         ("model.toml", "default = { value = 65536.0", "default = { value = 0.0", r"units\.default: 0\.0 is not"),
-        ("telegrams.toml", 'falls_back = ["MDI_ACC"]', 'falls_back = ["MDI_DEC"]', r"falls_back: 'MDI_DEC' is none of"),
+        (
+            "telegrams.toml",
+            'falls_back = ["MDI_ACC"]',
+            'falls_back = ["MDI_DEC"]',
+            r"falls_back: 'MDI_DEC' is not one of",
+        ),
         (
             "model.toml",
             "[communication_loss]",

@@ -360,7 +360,7 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
         ("telegrams.toml", "P-0301 = 1", "P-0301 = 2", r"telegram 1, settings\.301: 2 is not within 0\.\.1"),
         ("telegrams.toml", 'name = "Standard telegram 1, IRT", ', "", r"other_modules 2, name: missing"),
         ("telegrams.toml", "tasks =", "pulses_enabled = 12\ntasks =", r"telegram 7, pulses_enabled: 12"),
-        ("telegrams.toml", '"driving-set"', '"driving-sets"', r"tasks: 'driving-sets' is none of"),
+        ("telegrams.toml", '"driving-set"', '"driving-sets"', r"tasks: 'driving-sets' is not one of"),
         (
             "model.toml",
             'denominator = { value = "P-0272"',
@@ -409,7 +409,7 @@ def test_a_response_longer_than_p_0974_says_is_refused(msd: Drive) -> None:
             'direction = "setpoint"\nreadable = true\n',
             r"signal 5, readable",
         ),
-        ("telegrams.toml", "stored = true\n", "", r"stored: of a signal SHOWN_0"),
+        ("telegrams.toml", "stored = true\n", "", r"stored: only for a signal SHOWN_0"),
         (
             "parameters.csv",
             "284,MPRO_FG_PosUnit,String,0,16",

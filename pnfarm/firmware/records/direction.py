@@ -1,4 +1,4 @@
-"""Fields of the axis record: direction."""
+"""Of the axis record: direction."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ __all__ = ["DIRECTION_RECORD"]
 
 DIRECTION_RECORD = subject(
     "direction",
-    "Direction of counting.",
+    "Sense of direction.",
     settings=[
-        Field("reversed", "u1", "", "parameter", "1 = the drive counts against the shaft's direction (DRV.DIR)"),
+        Field("reversed", "u1", "", "parameter", "1 = the drive counts the other way than the shaft (DRV.DIR)"),
     ],
     state=[
-        Field("turned", "u1", "", "firmware", "reversed, as it is in force"),
+        Field("turned", "u1", "", "firmware", "1 = it does"),
     ],
 )

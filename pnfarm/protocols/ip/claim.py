@@ -1,18 +1,18 @@
-"""The right to an address: asked for, held, disputed, lost (RFC 5227, as far as a PROFINET device can wait for it).
+"""Address conflict detection: the state of one address claim (RFC 5227, as far as a PROFINET device can wait for it).
 
-A controller connects milliseconds after it gave an address, so that the address is used at once, and only its
-announcement waits until a question for it stayed unanswered for a second.  States:
+A controller connects milliseconds after it set an address, so the address is used at once; only its announcement
+waits until an ARP probe has stayed unanswered for a second.  States:
 
 ===========  =======  =====================================================================================
 state        in use
 ===========  =======  =====================================================================================
 NONE         no       no address
-PROBING      yes      asked for, not announced
+PROBING      yes      probed, not announced
 BOUND        yes      announced
-CONTESTED    yes      another station uses it as well; it is defended, because connections stand on it
-RECHECKING   yes      silence for a while: asked whether the other is gone
+CONTESTED    yes      another station uses it as well; it is defended, because connections depend on it
+RECHECKING   yes      no conflict for a while: probed whether the other station is gone
 REFUSED      no       another station had it first
-REPROBING    no       asked whether the other is gone
+REPROBING    no       probed whether the other station is gone
 ===========  =======  =====================================================================================
 """
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 __all__ = ["RECHECK_NS", "SPREAD_NS", "TRANSITIONS", "WAIT_NS", "AddressClaim", "ClaimSign", "ClaimState"]
 
-#: How long an answer to the question is waited for (RFC 5227, 1.1: ANNOUNCE_WAIT is two such seconds).
+#: Time to wait for an answer to the probe (RFC 5227, 1.1: ANNOUNCE_WAIT is two such seconds).
 WAIT_NS = 10**9
-#: Silence after which a conflict is looked at again.
+#: Time without a conflicting packet after which the address is probed again.
 RECHECK_NS = 10 * 10**9
-#: Two that lost the same address to each other must not ask again at the same time, for ever: up to this much later,
-#: another part of it each time.
+#: Two hosts that lost the same address to each other must not probe again at the same time for ever: each probe is
+#: delayed by up to this much, by a different part of it each time.
 SPREAD_NS = 3 * 10**9
 _SPREAD_STEP_NS = 10**6
 
@@ -48,13 +48,13 @@ class ClaimState(StrEnum):
 
 
 class ClaimSign(Enum):
-    """What can happen to a claim."""
+    """Inputs of the claim's state machine."""
 
-    CLAIM = auto()  # somebody gave the address: ask first
-    CONFIGURE = auto()  # the address was the device's own already, as at power-on
+    CLAIM = auto()  # the address was set: probe first
+    CONFIGURE = auto()  # the address was already the device's own, as at power-on
     GIVE_UP = auto()
-    OBJECTION = auto()  # another station uses the address, or asks for it at the same time
-    QUIET = auto()  # the time is over and nobody objected
+    OBJECTION = auto()  # another station uses the address, or probes for it at the same time
+    QUIET = auto()  # the time is over without a conflict
 
 
 _S, _E = ClaimState, ClaimSign
@@ -86,7 +86,7 @@ _WAITS = {
 
 
 class AddressClaim:
-    """The claim of one host, whose ``mac`` tells it from others that ask again."""
+    """The claim of one host; ``mac`` makes its delays differ from those of other hosts."""
 
     def __init__(self, mac: bytes) -> None:
         self.state = ClaimState.NONE
@@ -96,7 +96,7 @@ class AddressClaim:
         self._rechecks = 0
 
     def sign(self, sign: ClaimSign, now: int) -> str:
-        """The only writer of the state; what the host has to do, or "" for nothing."""
+        """The only writer of the state; returns the host's action, or "" for none."""
         row = TRANSITIONS.get((self.state, sign))
         if row is None:
             return ""
@@ -109,7 +109,7 @@ class AddressClaim:
         return action
 
     def _spread(self) -> int:
-        """A time that looks drawn, and is the same in every run: of MAC address and count."""
+        """A pseudo-random time, the same in every run: derived from MAC address and count."""
         self._rechecks += 1
         drawn = crc32(self._mac + self._rechecks.to_bytes(8, "big"))
         return drawn * _SPREAD_STEP_NS % SPREAD_NS

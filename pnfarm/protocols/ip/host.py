@@ -1,13 +1,13 @@
-"""A little IPv4 host: one interface, one address, UDP, no sockets.
+"""A small IPv4 host: one interface, one address, UDP, no sockets.
 
 A drive answers ARP, ping and UDP itself, so that it needs no address in the kernel, works on any link and can
-be impaired in every reply.  The machine is fed with frames and time and drained of frames and events; who owns
-it calls :meth:`IpHost.handle_timeout` at :meth:`IpHost.next_deadline`.
+be impaired in every reply.  It takes frames and time and returns frames and events; its owner calls
+:meth:`IpHost.handle_timeout` at :meth:`IpHost.next_deadline`.
 
-Next hop of a datagram, first match: a broadcast or multicast address; the MAC address that a datagram of this
-peer came from (also when the peer is behind a router); ARP for the peer in the own subnet; ARP for the gateway.
-ARP asks three times, one second apart.  Conflicts are noticed (:mod:`pnfarm.protocols.ip.claim`) and the address is
-defended as in RFC 5227: announced again, at most every ten seconds.
+Next hop of a datagram, first match: a broadcast or multicast address; the source MAC address of a datagram from
+this peer (also when the peer is behind a router); ARP for a peer in the own subnet; ARP for the gateway.
+ARP requests are sent three times, one second apart.  Conflicts are detected (:mod:`pnfarm.protocols.ip.claim`) and
+the address is defended as in RFC 5227: announced again, at most every ten seconds.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ ARP_TRIES = 3
 ARP_INTERVAL_NS = 10**9
 #: Datagrams that wait for one next hop's address; a further one displaces the oldest.
 QUEUE_LIMIT = 8
-#: Next hops asked for at a time.
+#: Next hops being resolved at a time.
 RESOLUTION_LIMIT = 16
 # RFC 5227, 1.1: PROBE_NUM, PROBE_MIN, DEFEND_INTERVAL.
 PROBE_COUNT = 3
@@ -79,7 +79,7 @@ _UNSPECIFIED = IPv4Address(0)
 
 @dataclass(frozen=True, slots=True)
 class DatagramReceived:
-    """A UDP datagram arrived at an open port; ``destination_ip`` tells a broadcast."""
+    """A UDP datagram arrived at an open port; ``destination_ip`` shows whether it was a broadcast."""
 
     source_ip: IPv4Address
     source_port: int
@@ -99,7 +99,7 @@ class AddressConflict:
 
 @dataclass(frozen=True, slots=True)
 class AddressProbed:
-    """A probe ended: ``conflict_mac`` has the address, or nobody (None)."""
+    """A probe ended: ``conflict_mac`` has the address, or no station (None)."""
 
     ip: IPv4Address
     conflict_mac: bytes | None
@@ -115,7 +115,7 @@ class AddressRefused:
 
 @dataclass(frozen=True, slots=True)
 class AddressSettled:
-    """The conflict is over: nobody else uses the address any more, and the host does."""
+    """The conflict is over: the host uses the address, no other station does."""
 
     ip: IPv4Address
 
@@ -172,7 +172,7 @@ class IpHost:
 
     @property
     def wanted(self) -> IPv4Interface | None:
-        """The address that it has, or shall have once the station that has it now is gone."""
+        """The address in use, or the one to use once the station that has it now is gone."""
         return self._claimed
 
     @property
@@ -183,15 +183,15 @@ class IpHost:
     def set_address(self, address: IPv4Interface | None, gateway: IPv4Address | None = None) -> None:
         """Take an address and announce it, or give it up (None). Datagrams still waiting for ARP are dropped."""
         self._take(address, gateway)
-        # the two states that these signs lead to wait for nothing
+        # the states after these signs have no timer
         self._follow(ClaimSign.GIVE_UP if address is None else ClaimSign.CONFIGURE, 0)
 
     def own_address(self, address: IPv4Interface | None, gateway: IPv4Address | None = None) -> None:
-        """Take an address without a word, before the interface is up; :meth:`claim_address` speaks of it then."""
+        """Set an address without announcing it, before the interface is up; :meth:`claim_address` announces it then."""
         self._take(address, gateway)
 
     def claim_address(self, address: IPv4Interface, gateway: IPv4Address | None, now: int) -> None:
-        """Take an address that somebody gave, and ask whether another station has it: that one keeps it then."""
+        """Set an address and probe for it: another station that has it keeps it."""
         self._take(address, gateway)
         self._follow(ClaimSign.CLAIM, now)
 
@@ -207,7 +207,7 @@ class IpHost:
         self._claim.ip = address.ip if address is not None else None
 
     def _follow(self, sign: ClaimSign, now: int, mac: bytes = NIL) -> None:
-        """Tell the claim what happened, and do what it says; ``mac`` is who objected."""
+        """Pass an input to the claim and carry out its action; ``mac`` is the conflicting station."""
         action = self._claim.sign(sign, now)
         ip = self._claim.ip
         if ip is None:
@@ -232,18 +232,18 @@ class IpHost:
                 self._events.append(AddressSettled(ip))
 
     def learn(self, ip: IPv4Address, mac: bytes, now: int) -> None:
-        """Take a neighbour's MAC address from elsewhere (DCP told it), which saves asking everybody by ARP."""
+        """Learn a neighbour's MAC address from another source (DCP), which saves an ARP broadcast."""
         self._neighbours.learn(ip, mac, now)
 
     def probe(self, ip: IPv4Address, now: int) -> None:
-        """Ask whether somebody has ``ip``: three questions one second apart, then :class:`AddressProbed`."""
+        """Probe whether a station has ``ip``: three ARP probes one second apart, then :class:`AddressProbed`."""
         self._probes[ip] = _Probe(deadline=now + PROBE_INTERVAL_NS)
         self._send_arp(OPERATION_REQUEST, _UNSPECIFIED, NIL, ip, BROADCAST)
 
     def send(self, source_port: int, ip: IPv4Address, destination_port: int, data: bytes, now: int) -> None:
         """Send a UDP datagram, in fragments when it is longer than a frame.
 
-        What cannot go is counted in ``dropped`` (``no-address``, ``no-route``, ``unresolved``, ``queue-full``).
+        Those that cannot be sent count in ``dropped`` (``no-address``, ``no-route``, ``unresolved``, ``queue-full``).
         Raises :class:`ValueError` for data longer than a datagram.
         """
         if len(data) > MAXIMUM_DATA:
@@ -288,7 +288,7 @@ class IpHost:
         return min(deadlines if oldest is None else [*deadlines, oldest], default=None)
 
     def handle_timeout(self, now: int) -> None:
-        """Ask again, or give up, whatever is due."""
+        """Repeat or give up requests that are due."""
         self._reassembler.handle_timeout(now)
         if self._claim.deadline is not None and self._claim.deadline <= now:
             self._follow(ClaimSign.QUIET, now)
@@ -342,7 +342,7 @@ class IpHost:
             self._send_arp(OPERATION_REPLY, own, sender_mac, sender_ip, sender_mac)
 
     def _objects(self, packet: ArpPacket) -> bool:
-        """Whether another station uses the address; or asks for it while the host, silent, asks as well."""
+        """Whether another station uses the address, or probes for it while this host is probing."""
         claim = self._claim
         if packet.sender_ip != _UNSPECIFIED:
             return packet.sender_ip == claim.ip
@@ -443,7 +443,7 @@ class IpHost:
             self._emit_packets(BROADCAST, packets)
             return
         if ip.is_multicast:
-            # RFC 1112, 6.4: the low 23 bits of the group behind 01:00:5e.
+            # RFC 1112, 6.4: the low 23 bits of the group after 01:00:5e.
             self._emit_packets(b"\x01\x00\x5e" + (int(ip) & 0x7F_FFFF).to_bytes(3, "big"), packets)
             return
         next_hop = ip if ip in own.network else self._gateway

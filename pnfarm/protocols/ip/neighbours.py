@@ -1,4 +1,4 @@
-"""Which MAC address an IPv4 neighbour has: a bounded table whose entries age."""
+"""MAC addresses of IPv4 neighbours: a bounded table with ageing entries."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
 
 __all__ = ["CAPACITY", "LIFETIME_NS", "NeighbourTable"]
 
-#: Neighbours remembered where nothing else is said; the one not heard of for longest makes room.
+#: Default number of neighbours; the one not refreshed for the longest time is removed first.
 CAPACITY = 256
-#: How long an entry is good without a sign of the neighbour.
+#: Lifetime of an entry without a frame of the neighbour.
 LIFETIME_NS = 60 * 10**9
 
 
@@ -22,20 +22,20 @@ class NeighbourTable:
 
     def __init__(self, capacity: int = CAPACITY) -> None:
         self._capacity = capacity
-        self._entries: dict[IPv4Address, tuple[bytes, int]] = {}  # in the order in which they were heard of
+        self._entries: dict[IPv4Address, tuple[bytes, int]] = {}  # in the order of their last refresh
 
     def __len__(self) -> int:
         return len(self._entries)
 
     def learn(self, ip: IPv4Address, mac: bytes, now: int) -> None:
-        """Remember a neighbour, or that it was heard of again."""
+        """Add or refresh a neighbour."""
         self._entries.pop(ip, None)
         if len(self._entries) >= self._capacity:
             del self._entries[next(iter(self._entries))]
         self._entries[ip] = (mac, now)
 
     def refresh(self, ip: IPv4Address, mac: bytes, now: int) -> None:
-        """Take over a neighbour's new MAC address if the neighbour is known (an announcement to everybody)."""
+        """Take over a neighbour's new MAC address if the neighbour is known (a broadcast announcement)."""
         if ip in self._entries:
             self.learn(ip, mac, now)
 
@@ -47,5 +47,5 @@ class NeighbourTable:
         return entry[0]
 
     def clear(self) -> None:
-        """Forget everybody."""
+        """Forget all neighbours."""
         self._entries.clear()

@@ -1,4 +1,4 @@
-"""Fragments of IPv4 packets put together again (RFC 791, 3.2; overlaps are refused as RFC 5722 asks for IPv6)."""
+"""Reassembly of IPv4 fragments (RFC 791, 3.2; overlaps are refused as RFC 5722 requires for IPv6)."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ __all__ = ["MAXIMUM_FRAGMENTS", "MAXIMUM_PACKETS", "TIMEOUT_NS", "Reassembler"]
 
 #: Packets in progress at a time; a further one displaces the oldest of its own sender, or else of all.
 MAXIMUM_PACKETS = 4
-#: Fragments of one packet: 64 KiB in pieces of the smallest path MTU in use (576) and some.
+#: Fragments of one packet: 64 KiB in fragments of the smallest path MTU in use (576), with a margin.
 MAXIMUM_FRAGMENTS = 128
-#: From the first fragment that arrived.
+#: Time limit from the arrival of the first fragment.
 TIMEOUT_NS = 30 * 10**9
 
 _Key = tuple["IPv4Address", "IPv4Address", int, int]
@@ -31,7 +31,7 @@ class _Partial:
     pieces: list[tuple[int, bytes]] = field(default_factory=list)  # sorted by offset, never overlapping
 
     def accept(self, offset: int, data: bytes, *, last: bool) -> bool:
-        """Take a piece in; False when it contradicts what is there."""
+        """Add a fragment; False when it contradicts the others."""
         end = offset + len(data)
         if (offset, data) in self.pieces:
             return True  # a repetition
@@ -50,7 +50,7 @@ class _Partial:
         return len(self.pieces) <= MAXIMUM_FRAGMENTS
 
     def joined(self) -> bytes | None:
-        """The whole payload once no gap is left."""
+        """The whole payload once no gap is left, else None."""
         if self.total is None or sum(len(data) for _, data in self.pieces) != self.total:
             return None
         return b"".join(data for _, data in self.pieces)
@@ -61,7 +61,7 @@ def _end(piece: tuple[int, bytes]) -> int:
 
 
 class Reassembler:
-    """Collects fragments; what it gives up is counted in ``dropped`` by reason."""
+    """Collects fragments; discarded packets are counted in ``dropped`` by reason."""
 
     __slots__ = ("_dropped", "_partials")
 
@@ -70,7 +70,7 @@ class Reassembler:
         self._partials: dict[_Key, _Partial] = {}  # oldest first
 
     def receive(self, packet: Ipv4Packet, now: int) -> Ipv4Packet | None:
-        """A whole packet (at once when it was none of several fragments), or None while pieces are missing."""
+        """A whole packet (at once if it is not fragmented), or None while fragments are missing."""
         if not packet.more_fragments and not packet.fragment_offset:
             return packet
         self.handle_timeout(now)
@@ -102,7 +102,7 @@ class Reassembler:
         return min((partial.deadline for partial in self._partials.values()), default=None)
 
     def handle_timeout(self, now: int) -> None:
-        """Give up what waited for its rest too long."""
+        """Give up packets that are incomplete for too long."""
         for key in [key for key, partial in self._partials.items() if partial.deadline <= now]:
             del self._partials[key]
             self._dropped["fragment-timeout"] += 1

@@ -269,7 +269,7 @@ def _check_submodules(plan: ArPlan) -> None:
     for submodule in plan.submodules:
         key = (submodule.api, submodule.slot, submodule.subslot)
         if key in seen:
-            raise ConfigError(f"{submodule.where} stands twice in the plan, each place can be expected once")
+            raise ConfigError(f"{submodule.where} is given twice in the plan, each place can be expected once")
         seen.add(key)
         ident = modules.setdefault(key[:2], submodule.module_ident)
         if ident != submodule.module_ident:

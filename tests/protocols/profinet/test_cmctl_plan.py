@@ -152,7 +152,7 @@ def test_the_connect_request_of_a_captured_controller_differs_only_in_its_output
     ("submodules", "sentence"),
     [
         ((), "expects no submodule"),
-        ((SUBMODULES[0], SUBMODULES[0]), "stands twice"),
+        ((SUBMODULES[0], SUBMODULES[0]), "is given twice"),
         ((SUBMODULES[0], replace(SUBMODULES[1], module_ident=3)), "one slot has one module"),
         ((replace(SUBMODULES[0], input_bytes=1440),), "input frame would carry 1441 octets"),
         ((replace(SUBMODULES[0], output_bytes=1440),), "output frame would carry 1441 octets"),
