@@ -1,1 +1,1 @@
-"""The cyclic engine: everything that happens every cycle, compiled, in a thread of its own or in virtual time."""
+"""The cyclic engine: everything that happens every cycle, compiled, in its own thread or in virtual time."""

@@ -1,7 +1,7 @@
 """From the kernel's ring of captured frames to blocks of a pcapng file, in compiled code.
 
-Only captures call this: nothing of the tick does.  Offsets are those of ``struct tpacket3_hdr`` and of the
-``sockaddr_ll`` behind it (linux/if_packet.h); what is written is pcapng's enhanced packet block with its flags.
+Only captures call this, never the tick.  Offsets are those of ``struct tpacket3_hdr`` and of the
+``sockaddr_ll`` after it (linux/if_packet.h); the output is pcapng's enhanced packet blocks with flags.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from pnfarm.table.compiled import compiled
 
 __all__ = ["ROOM_FACTOR", "pack_block"]
 
-#: The output needs so many octets for each octet of a block: 52 around a frame, where the ring has at least 82.
+#: Octets of output per octet of a block, at most: 52 are added to a frame, where the ring has at least 82.
 ROOM_FACTOR = 2
 
 # In 32-bit words of a block's header.
 _PACKETS, _FIRST = 3, 4
 # In 32-bit words of a frame's header.
 _NEXT, _SECONDS, _NANOSECONDS, _CAPTURED, _LENGTH, _STATUS = 0, 1, 2, 3, 4, 5
-#: The lower half is the place of the frame's first octet; behind it tag control and, in the lower half, its protocol.
+#: The lower half is the offset of the frame's first octet; then come tag control and, in the lower half, its protocol.
 _MAC, _TAG, _TAG_PROTOCOL, _INDEX = 6, 8, 9, 13
 # In octets of a frame's header.
 _PACKET_TYPE, _HEADER = 58, 68
@@ -42,12 +42,12 @@ def pack_block(
     out_words: Any,
     counts: Any,
 ) -> int:
-    """Write the frames of the block at ``start`` as packet blocks into ``out``; the octets written.
+    """Write the frames of the block at ``start`` as packet blocks into ``out``; returns the number of octets.
 
     ``ring`` uint8[n] and ``words`` int32[n / 4] are the same memory, ``out`` uint8 and ``out_words`` uint32 too.
     ``numbers`` int32: pcapng interface of kernel interface ``lowest + i``, -1 for none.  ``counts`` int64 grows by
-    the frames of each pcapng interface; its last place counts frames that lie where they cannot.  ``far_end`` says that
-    the interfaces are the other ends of the drives' cables, so that directions turn round.
+    the frames of each pcapng interface; its last element counts frames at impossible offsets.  ``far_end``: the
+    interfaces are the other ends of the drives' cables, so that directions are reversed.
     """
     base = start // 4
     place = start + int(words[base + _FIRST])

@@ -1,7 +1,7 @@
-"""What the closed channels of a station counted.
+"""Counters of a station's closed channels.
 
 A row of the channel tables starts at zero each time it is opened; a drive's counters must not, however often its
-controller comes and goes.  So a station adds a row's counters here when it closes the row.
+controller reconnects.  So a station adds a row's counters here when it closes the row.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ class ClosedChannels:
         self.interval_sum_ns = 0
 
     def add_provider(self, channels: ChannelTable, row: int) -> None:
-        """Take over what a provider counted; it is closed already."""
+        """Add the counters of a provider that is closed already."""
         provider = channels.columns.ppm[row]
         self.sent += int(provider.sent)
         self.suppressed += int(provider.suppressed)
 
     def add_consumer(self, channels: ChannelTable, row: int) -> None:
-        """Take over what a consumer counted; it is closed already."""
+        """Add the counters of a consumer that is closed already."""
         consumer = channels.columns.cpm[row]
         self.received += int(consumer.received)
         self.discarded += consumer.discarded

@@ -24,7 +24,7 @@ _LOOKUPS = 4
 
 
 class Columns(NamedTuple):
-    """The table.  Record arrays, then the frame store, then what one tick takes in and gives out.
+    """The table: record arrays, then the frame store, then the inputs and outputs of one tick.
 
     ==============  ==========================  ======================================================
     field           shape                       meaning
@@ -60,7 +60,7 @@ def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int =
     """A zeroed table.
 
     ``stations`` process images, ``axes`` drives and ``programs`` (both index images), ``channels``
-    providers and as many consumers, ``impairments`` rows for faults.  Compiles what takes a table, where it is not.
+    providers and as many consumers, ``impairments`` rows for faults.  Compiles what takes a table, if it is not cached.
     """
     link()
     channels = max(1, channels)
@@ -94,7 +94,7 @@ def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int =
 
 @compiled
 def _slot(key: int, mask: int) -> int:
-    # Fibonacci hashing; bits 40 and up depend on the port and on the frame id, and do not care about the sign
+    # Fibonacci hashing; bits 40 and up depend on the port and on the frame id, and not on the sign
     return ((key * 0x1E3779B97F4A7C15) >> 40) & mask
 
 

@@ -1,6 +1,6 @@
-"""The floor: the least that one batch in and one batch out cost on this machine, compiled like the engine.
+"""The floor: the lowest cost of one batch in and one batch out on this machine, compiled like the engine.
 
-No channels, no firmware, no counters: frames are received and forgotten, and the same frames are sent again
+No channels, no firmware, no counters: received frames are dropped, and the same frames are sent again
 every period.  The benchmarks divide by it.
 """
 
@@ -85,7 +85,7 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]]) -> FloorVectors:
 def run_floor(
     descriptor: int, rx: Any, tx: Any, groups: int, counts: Any, lateness: Any, period: int, until: int
 ) -> None:
-    """Every ``period`` ns take what has come and send the next of ``groups`` parts of the frames, to time ``until``."""
+    """Every ``period`` ns receive all frames and send the next of ``groups`` parts of the frames, to time ``until``."""
     clock = np.zeros(2, np.int64)
     target = np.zeros(2, np.int64)
     now = time_ns(CLOCK_MONOTONIC, clock)

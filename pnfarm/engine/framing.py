@@ -1,9 +1,9 @@
-"""What stands around the data of a cyclic frame, by the ``framing`` of its channel's row.
+"""Header and trailer of a cyclic frame's data, by the ``framing`` of its channel's row.
 
 Everything else in a tick is the same for all: rows, impairments, data hold timers, telegram words, the process image.
 A further framing, such as CIP's class 1 (a sequence count and a run/idle header before the data), is a number in
 :mod:`pnfarm.table.channel`, a file such as :mod:`pnfarm.engine.rtc` with the same functions, and a branch in each
-function here.  A row with a number that none of them knows takes no frame.
+function here.  A row with an unknown number takes no frame.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ locate = rtc.locate
 
 @compiled
 def fits(consumer: Any, length: int, place: int) -> int:
-    """Where the data begin in a frame whose id stands at ``place``; 0 for a frame of another length than agreed."""
+    """Offset of the data in a frame whose id is at ``place``; 0 for a frame of another length than agreed."""
     return rtc.fits(consumer, length, place) if consumer.framing == FRAMING_RTC else 0
 
 
@@ -46,7 +46,7 @@ def provider_ran(consumer: Any) -> bool:
 
 @compiled
 def take(consumer: Any, frame: Any, length: int) -> None:
-    """Keep what the next frame is held against."""
+    """Store what the next frame is compared with."""
     if consumer.framing == FRAMING_RTC:
         rtc.take(consumer, frame, length)
 
@@ -60,13 +60,13 @@ def start(provider: Any) -> None:
 
 @compiled
 def advance(provider: Any, cycles: int) -> None:
-    """So many cycles of a provider passed."""
+    """This many cycles of a provider have passed."""
     if provider.framing == FRAMING_RTC:
         rtc.advance(provider, cycles)
 
 
 @compiled
 def seal(provider: Any, frame: Any) -> None:
-    """Complete a frame that leaves."""
+    """Complete a frame before it is sent."""
     if provider.framing == FRAMING_RTC:
         rtc.seal(provider, frame)

@@ -1,4 +1,4 @@
-"""The one place where impairments touch cyclic frames."""
+"""The only place where impairments change cyclic frames."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _random32(row: Any) -> int:
 
 @compiled
 def _activates(impairments: Any, row: Any, now: int) -> bool:
-    """Does this impairment act on the frame at hand?  Counts the evidence."""
+    """Whether this impairment acts on the present frame; counts the evidence."""
     if now < row.start_ns or (row.stop_ns != 0 and now >= row.stop_ns):
         return False
     if row.limit != 0:

@@ -1,6 +1,6 @@
-"""Impairments of a station's cyclic channels: rows handed out, chained, linked to whatever channels are open.
+"""Impairments of a station's cyclic channels: rows are allocated, chained, and linked to the open channels.
 
-A connection may come and go while an impairment stays; so the chains belong to stations, and a channel that
+Connections may come and go while an impairment stays; so the chains belong to stations, and a channel that
 opens is linked to its station's chain.
 """
 
@@ -20,7 +20,7 @@ ALWAYS = 0xFFFFFFFF
 
 @dataclass(frozen=True, slots=True)
 class CyclicEvidence:
-    """Frames looked at, frames changed or dropped, and when (None: never)."""
+    """Frames checked, frames changed or dropped, and when (None: never)."""
 
     checks: int
     activations: int
@@ -51,7 +51,7 @@ class ImpairmentTable:
         start_ns: int = 0,
         stop_ns: int = 0,
     ) -> int:
-        """Put an impairment in force; its row.  ``count`` and ``stop_ns`` 0 mean without end.
+        """Put an impairment in force; returns its row.  ``count`` and ``stop_ns`` 0 mean without end.
 
         Raises :class:`InternalError` when all rows are in use.
         """
@@ -76,7 +76,7 @@ class ImpairmentTable:
         return number
 
     def remove(self, number: int) -> CyclicEvidence:
-        """Take an impairment back; its final evidence."""
+        """Remove an impairment; returns its final evidence."""
         evidence = self.evidence(number)
         station, direction = self._owner.pop(number)
         self._chains[station, direction].remove(number)
@@ -99,12 +99,12 @@ class ImpairmentTable:
         return [row for (owner, _), chain in self._chains.items() if owner == station for row in chain]
 
     def share_limit(self, one: int, other: int) -> None:
-        """Let two rows count against one limit: an injection into both directions happens so many times altogether."""
+        """Let two rows count against one limit: an injection into both directions has one number of activations."""
         self._columns.impairment[one].shares = other + 1
         self._columns.impairment[other].shares = one + 1
 
     def set_limit(self, number: int, count: int) -> None:
-        """Change how often it may happen; something else used up a part of it."""
+        """Change the number of activations; another row has used up a part of it."""
         # zero would mean no limit
         self._columns.impairment[number].limit = count if count > 0 else -1
 

@@ -65,5 +65,5 @@ def time_ns(clock: int, timespec: Any) -> int:
 
 
 def timespec() -> Any:
-    """Room for one ``struct timespec``."""
+    """An array for one ``struct timespec``."""
     return np.zeros(2, np.int64)

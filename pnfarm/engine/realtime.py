@@ -1,4 +1,4 @@
-"""The engine in real time: a thread of its own, outside of the interpreter's lock."""
+"""The engine in real time: its own thread, without the interpreter's lock."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
 
 @dataclass(frozen=True, slots=True)
 class RealTimeSettings:
-    """What the engine asks the kernel for; each may be refused and is then reported, not hidden."""
+    """What the engine requests from the kernel; each may be refused, which is reported."""
 
     cpu: int | None = None
     fifo_priority: int | None = None
@@ -81,8 +81,8 @@ class RealTimeSettings:
     timer_slack_ns: int | None = 1
     #: Time slice of the ordinary scheduler: a short one lets the engine's ticks interrupt a busy neighbour on its CPU.
     slice_ns: int | None = 100_000
-    #: Under the ordinary scheduler.  A thread that has used more than its even share waits for its busy neighbours'
-    #: whole slices, however short its own; with a larger share it does not, and takes no more time than it needs.
+    #: Under the ordinary scheduler.  A thread that has used more than its fair share waits for the whole slices of
+    #: busy neighbours, however short its own; with a larger share it does not, and uses no more time than it needs.
     nice: int | None = -11
     timestamps: bool = True
 
@@ -99,7 +99,7 @@ PR_SET_TIMERSLACK = 29
 MCL_CURRENT, MCL_FUTURE = 1, 2
 
 
-#: sched_setattr(2) has no wrapper in the C libraries that are in use; its number by machine.
+#: sched_setattr(2) has no wrapper in common C libraries; its number by machine.
 SYS_SCHED_SETATTR = {"x86_64": 314, "aarch64": 274, "armv7l": 380, "riscv64": 274}
 
 
@@ -119,7 +119,7 @@ class _SchedAttr(ctypes.Structure):
 
 
 def _ask_nice(nice: int) -> str | None:
-    """Why this thread may not be so nice; None when it is."""
+    """Set this thread's nice value; the reason if it is refused, else None."""
     try:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), nice)
     except OSError as exc:
@@ -128,9 +128,9 @@ def _ask_nice(nice: int) -> str | None:
 
 
 def _ask_slice(libc: ctypes.CDLL, slice_ns: int) -> str | None:
-    """Why the ordinary scheduler does not take this slice; None when it does.
+    """Set the slice of the ordinary scheduler; the reason if it is refused, else None.
 
-    Kernels before 6.12 take the call and change nothing.
+    Kernels before 6.12 accept the call and change nothing.
     """
     number = SYS_SCHED_SETATTR.get(platform.machine())
     if number is None:
@@ -142,7 +142,7 @@ def _ask_slice(libc: ctypes.CDLL, slice_ns: int) -> str | None:
 
 
 def _apply(settings: RealTimeSettings, report: RealTimeReport) -> None:
-    """Ask for scheduling and memory; runs in the engine's thread, whose own these settings are."""
+    """Request scheduling and memory settings; runs in the engine's thread, to which they apply."""
     libc = ctypes.CDLL(None, use_errno=True)
 
     def note(name: str, error: str | None) -> None:
@@ -229,7 +229,7 @@ class RealTimeEngine:
             self._ready.set()
 
     def check(self) -> None:
-        """Raise what ended the thread, if it ended by itself."""
+        """Raise :class:`InternalError` if the thread ended by an exception."""
         if self._failure is not None:
             raise InternalError(f"the engine's thread ended: {self._failure!r}") from self._failure
 
@@ -248,5 +248,5 @@ class RealTimeEngine:
 
 
 def monotonic_ns() -> int:
-    """The engine's clock, for the event loop beside it."""
+    """The engine's clock, for the event loop."""
     return time.monotonic_ns()

@@ -35,7 +35,7 @@ TIMESTAMP_KIND = (SO_TIMESTAMPNS << 32) | 1
 
 
 class Ring(NamedTuple):
-    """A socket's message vectors; see the module's head.  All arrays belong to the engine's thread."""
+    """A socket's message vectors; see the module's docstring.  All arrays belong to the engine's thread."""
 
     descriptor: int
     rx_vector: Any
@@ -85,14 +85,14 @@ def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bo
 
 @compiled
 def receive_batch(columns: Columns, ring: Ring, now: int) -> int:
-    """Up to RX_BATCH frames into the receive slots; their number."""
+    """Receive up to RX_BATCH frames into the receive slots; returns their number."""
     for i in range(RX_BATCH):
         ring.rx_vector[i, NAME_LENGTH] = SOCKADDR_LL
         ring.rx_vector[i, CONTROL_LENGTH] = CONTROL_SLOT
     count = recvmmsg(ring.descriptor, ring.rx_vector.ctypes.data, RX_BATCH, MSG_DONTWAIT, 0)
     if count <= 0:
         return 0
-    # kernel stamps are wall clock; the engine lives in monotonic time
+    # kernel stamps are wall clock; the engine uses monotonic time
     offset = time_ns(CLOCK_MONOTONIC, ring.clock) - time_ns(CLOCK_REALTIME, ring.clock)
     for i in range(count):
         columns.rx_length[i] = ring.rx_vector[i, LENGTH] & 0xFFFFFFFF
@@ -111,7 +111,7 @@ def receive_batch(columns: Columns, ring: Ring, now: int) -> int:
 
 @compiled
 def send_batch(columns: Columns, ring: Ring, count: int) -> None:
-    """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and forgotten."""
+    """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and dropped."""
     engine = columns.engine[0]
     for i in range(count):
         # a plain integer: interpreted, address arithmetic with the array's int32 would overflow

@@ -1,4 +1,4 @@
-"""The framing of real-time class frames (IEC 61158-6-10, RTC-PDU): what stands before the IO data and behind them.
+"""The framing of real-time class frames (IEC 61158-6-10, RTC-PDU): what comes before the IO data and after it.
 
 ====================  ==================================================
 Ethernet header       14 octets, 18 with a VLAN tag
@@ -35,13 +35,13 @@ TAG = 4
 FRAME_ID = 2
 #: Cycle counter, data status, transfer status.
 TRAILER = 4
-#: A cycle counter that lies this far behind the last one belongs to an old frame (IEC 61158-6-10, CPM).
+#: A cycle counter that is this far behind the last one belongs to an old frame (IEC 61158-6-10, CPM).
 COUNTER_WINDOW = 61440
 
 
 @compiled
 def locate(frame: Any, length: int) -> int:
-    """Where the frame id stands in a received frame; 0 for a frame of another kind."""
+    """Offset of the frame id in a received frame; 0 for a frame of another kind."""
     if length < HEADER + FRAME_ID + TRAILER or length > frame.shape[0]:
         return 0
     place = HEADER
@@ -54,7 +54,7 @@ def locate(frame: Any, length: int) -> int:
 
 @compiled
 def fits(consumer: Any, length: int, place: int) -> int:
-    """Where the data begin behind the frame id at ``place``; 0 for a frame of another length than agreed."""
+    """Offset of the data after the frame id at ``place``; 0 for a frame of another length than agreed."""
     data = place + FRAME_ID
     return data if length == data + consumer.data_length + TRAILER else 0
 
@@ -74,19 +74,19 @@ def refused(consumer: Any, frame: Any, length: int) -> int:
 
 @compiled
 def provider_runs(frame: Any, length: int) -> int:
-    """Whether the sender is in RUN: the bit of the data status."""
+    """Whether the sender is in RUN, by the bit of the data status."""
     return int(frame[length - TRAILER + 2]) & STATUS_RUN
 
 
 @compiled
 def provider_ran(consumer: Any) -> int:
-    """The same of the frame that was taken last."""
+    """The same for the frame that was taken last."""
     return int(consumer.data_status) & STATUS_RUN
 
 
 @compiled
 def take(consumer: Any, frame: Any, length: int) -> None:
-    """Keep what the next frame is held against."""
+    """Store what the next frame is compared with."""
     trailer = length - TRAILER
     consumer.counter = _counter(frame, trailer)
     consumer.data_status = frame[trailer + 2]
@@ -99,19 +99,19 @@ def _counter(frame: Any, trailer: int) -> int:
 
 @compiled
 def start(provider: Any) -> None:
-    """The counter of a provider whose first frame is due at ``next_ns``."""
+    """Set the counter of a provider whose first frame is due at ``next_ns``."""
     provider.counter = (provider.next_ns // SEND_CLOCK_NS) & 0xFFFF
 
 
 @compiled
 def advance(provider: Any, cycles: int) -> None:
-    """So many cycles passed."""
+    """This many cycles have passed."""
     provider.counter = (int(provider.counter) + cycles * int(provider.counter_step)) & 0xFFFF
 
 
 @compiled
 def seal(provider: Any, frame: Any) -> None:
-    """What stands behind the data of a frame that leaves."""
+    """Write the trailer of a frame before it is sent."""
     trailer = provider.length - TRAILER
     frame[trailer] = provider.counter >> 8
     frame[trailer + 1] = provider.counter & 0xFF

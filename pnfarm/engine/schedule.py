@@ -20,7 +20,7 @@ __all__ = ["ChannelTable", "ConsumerPlan", "ProviderPlan"]
 
 #: Priority-tagged Ethernet header: 6 + 6 + tag 4 + type 2.
 TAGGED_HEADER = 18
-#: Tag of RT frames where nobody asked for another one: priority 6, VLAN 0 (IEC 61158-6-10).
+#: Default tag of RT frames: priority 6, VLAN 0 (IEC 61158-6-10).
 RT_TAG = 0xC000
 
 
@@ -30,7 +30,7 @@ class ProviderPlan:
 
     ``words``: (code, offset) of each telegram word; ``iops``: own provider status octets that follow the
     process image; ``constants``: (offset, octet) of everything that never changes (IOCS, IOPS of modules without data).
-    ``tag`` is the 802.1Q tag's control information, ``drift`` that of the clock by which it sends
+    ``tag`` is the 802.1Q tag's control information, ``drift`` that of the sender's clock
     (:mod:`pnfarm.firmware.drive_clock`).
     """
 
@@ -58,8 +58,8 @@ class ProviderPlan:
 class ConsumerPlan:
     """What a consumer takes.  Offsets count from the first octet of IO data.
 
-    ``feeds``: the station's set points come from here; with two controllers on one drive only one of them brings them.
-    ``zeroes``: bad data are zero in the process image (Moog MSD manual 16), which otherwise keeps the last good ones.
+    ``feeds``: the station's set points come from here; of two controllers on one drive only one provides them.
+    ``zeroes``: bad data is zero in the process image (Moog MSD manual 16), which otherwise keeps the last good data.
     ``drift``: of the clock that measures the data hold time.
     """
 
@@ -98,10 +98,10 @@ def _check(words: Sequence[tuple[int, int]], iops: Iterable[int], data_length: i
 
 
 class ChannelTable:
-    """Hands out rows of ``columns.ppm`` and ``columns.cpm``.
+    """Allocates rows of ``columns.ppm`` and ``columns.cpm``.
 
-    A closed row is handed out again only after the engine has seen it closed (its state is IDLE), so that
-    no tick works on a row that is being rewritten.  The lowest row that can be had is, so that the engine walks over
+    A closed row is allocated again only after the engine has seen it closed (its state is IDLE), so that
+    no tick works on a row that is being rewritten.  The lowest free row is taken, so that the engine has to scan
     few of them.
     """
 
@@ -139,7 +139,7 @@ class ChannelTable:
         return found
 
     def resting(self, image: int) -> int:
-        """Rows of this image that were closed and cannot be had yet: of providers or of consumers, whichever are more.
+        """Closed rows of this image that cannot be allocated yet: of providers or of consumers, whichever are more.
 
         The engine sees a row closed at its next tick.
         """
@@ -199,7 +199,7 @@ class ChannelTable:
         return number
 
     def open_consumer(self, plan: ConsumerPlan) -> int:
-        """A row that listens from the next tick on."""
+        """A row that receives from the next tick on."""
         _check(plan.words, plan.iops, plan.data_length)
         number = self._row("cpm")
         row = self.columns.cpm[number]
@@ -261,7 +261,7 @@ class ChannelTable:
         iops: Sequence[int],
         constants: Sequence[tuple[int, int]],
     ) -> None:
-        """Lay an open provider's frame anew: a submodule came or went.  Data that no word carries any more is zero."""
+        """Lay out an open provider's frame again after a plug or pull.  Data that no word carries any more is zero."""
         row = self.columns.ppm[number]
         start = int(row.data_offset)
         end = int(row.length) - 4
@@ -288,7 +288,7 @@ class ChannelTable:
     def relayout_consumer(
         self, number: int, words: Sequence[tuple[int, int]], iops: Sequence[int], *, feeds: bool
     ) -> None:
-        """Take other words out of an open consumer's frames; what it no longer brings is invalid at once."""
+        """Change the words of an open consumer's frames; those that it no longer brings are zero at once."""
         row = self.columns.cpm[number]
         _check(words, iops, int(row.data_length))
         self._unlay(row, words)
@@ -303,7 +303,7 @@ class ChannelTable:
         row.feeds = int(feeds)
 
     def rewrite_words(self, name: str, number: int, words: Sequence[tuple[int, int]]) -> None:
-        """Lay other telegram words into an open channel; offsets as in the plans."""
+        """Change the telegram words of an open channel; offsets as in the plans."""
         row = getattr(self.columns, name)[number]
         start = TAGGED_HEADER + 2 if name == "ppm" else 0
         _check(words, (), int(row.length) - start - 4 if name == "ppm" else int(row.data_length))
@@ -317,7 +317,7 @@ class ChannelTable:
         row.words = len(words)
 
     def _unlay(self, row: Any, words: Sequence[tuple[int, int]]) -> None:
-        """Take the words out of an open consumer: what it brought and ``words`` do not is zero from now on."""
+        """Remove the words of an open consumer: those that ``words`` does not bring are zero from now on."""
         brought = {int(code) >> 2 for code in row.word_code[: row.words] if code != WORD_NONE} if row.fed else set()
         row.words = 0
         for slot in brought - {code >> 2 for code, _ in words}:

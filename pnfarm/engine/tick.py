@@ -1,7 +1,7 @@
 """One tick of the engine: frames in, watchdogs, firmware, frames out.
 
 The same functions serve the real-time loop and virtual time, drives and controllers.  A tick never waits,
-never allocates and touches nothing but the table.
+never allocates and accesses nothing but the table.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     place: int,
     arrival: int,
 ) -> None:
-    """A frame of this consumer, whose id stands at ``place``: check it as the CPM does, then take its data."""
+    """A frame of this consumer, with its id at ``place``: check it as the CPM does, then take its data."""
     data = framing.fits(consumer, length, place)
     if data == 0:
         consumer.discarded[DISCARD_LENGTH] += 1
@@ -171,7 +171,7 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
 def _stray(columns: Columns, port: int, frame: Any) -> None:
     """Count a frame that belongs to no channel for the station at whose port it came in.
 
-    A bridge floods frames for others, which are none of its business.
+    Frames for other stations, which a bridge floods, do not count.
     """
     images = columns.image
     for i in range(len(images)):
@@ -183,7 +183,7 @@ def _stray(columns: Columns, port: int, frame: Any) -> None:
 
 @compiled
 def receive(columns: Columns, count: int) -> None:
-    """Take ``count`` frames out of the receive slots; whatever is wrong with one is counted, nothing else."""
+    """Take ``count`` frames out of the receive slots; one with an error is only counted."""
     engine = columns.engine[0]
     engine.received += count
     table = columns.lookup[engine.lookup]
@@ -202,7 +202,7 @@ def receive(columns: Columns, count: int) -> None:
         frame_id = (int(frame[place]) << 8) | int(frame[place + 1])
         number = lookup_find(table, consumers, columns.rx_port[i], frame_id)
         if number < 0 or _address(frame, 0) != consumers[number].destination:
-            # a group's frames (multicast communication) are nobody's here, and those for others are theirs
+            # multicast frames have no consumer here; unicast frames count only for their own destination
             engine.unknown += 1
             _stray(columns, columns.rx_port[i], frame)
             continue
@@ -211,9 +211,9 @@ def receive(columns: Columns, count: int) -> None:
 
 @compiled
 def _take_back(consumer: Any, image: Any) -> None:
-    """A consumer brings no set points any more: none of its own stays, as the next one may carry another telegram.
+    """Clear the set points of a consumer that ended, because the next one may carry another telegram.
 
-    What it did not bring, and a parameter wrote, stays.
+    Set points that it did not bring, but a parameter wrote, stay.
     """
     if image.valid or image.lost == LOST_STOP:
         image.valid = 0
@@ -251,7 +251,7 @@ def _watch(columns: Columns, now: int) -> None:
 
 @compiled
 def _faults(faults: Any) -> int:
-    """How many faults the active situation has."""
+    """Number of faults of the active situation."""
     count = 0
     while count < FAULT_SLOTS and faults.code[count] != 0:
         count += 1
@@ -260,7 +260,7 @@ def _faults(faults: Any) -> int:
 
 @compiled
 def run_firmware(columns: Columns, now: int) -> None:
-    """Step every drive and every program that is due, and tell what changed."""
+    """Step every drive and every program that is due, and report what changed."""
     engine = columns.engine[0]
     events = columns.events
     for number in range(engine.axis_rows):
@@ -306,7 +306,7 @@ def run_firmware(columns: Columns, now: int) -> None:
 
 @compiled
 def _pack(provider: Any, image: Any, frame: Any) -> None:
-    """The process image into telegram words, provider status and what stands around them."""
+    """The process image into telegram words, provider status, header and trailer."""
     for i in range(provider.words):
         code = int(provider.word_code[i])
         word = 0
@@ -324,7 +324,7 @@ def _pack(provider: Any, image: Any, frame: Any) -> None:
 
 @compiled
 def _go_on(provider: Any, cycles: int) -> None:
-    """The next frame is due so many cycles later, by the provider's own clock."""
+    """Set the next frame's due time this many cycles later, by the provider's own clock."""
     provider.next_ns += cycles * provider.cycle_ns
     if provider.slip_ns != 0.0:
         slipped = provider.slipped_ns + cycles * provider.slip_ns
@@ -335,7 +335,7 @@ def _go_on(provider: Any, cycles: int) -> None:
 
 @compiled
 def transmit(columns: Columns, now: int) -> int:
-    """Fill every frame that is due; their rows stand in ``tx_row``, the count is returned."""
+    """Fill every frame that is due; their rows are in ``tx_row``, the count is returned."""
     engine = columns.engine[0]
     count = 0
     overrun = False
@@ -395,7 +395,7 @@ def tick(columns: Columns, count: int, now: int) -> int:
 
 @compiled
 def next_due(columns: Columns, now: int) -> int:
-    """When the next tick is wanted: the next frame to send, at the latest ``tick_ns`` from ``now``."""
+    """When the next tick is due: at the next frame to send, at the latest ``tick_ns`` from ``now``."""
     engine = columns.engine[0]
     # on the grid of tick_ns, so that a farm at rest and a farm at work tick at the same times
     due = now - now % engine.tick_ns + engine.tick_ns

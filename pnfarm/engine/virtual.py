@@ -1,6 +1,6 @@
 """Engines in virtual time: the same ticks, frames handed over in memory, time moved by the caller.
 
-``run_virtual`` drives two tables (a farm and its controller) that face each other over an ideal wire: it
+``run_virtual`` drives two tables (a farm and its controller) that are connected by an ideal wire: it
 jumps from due time to due time, which makes an hour of quiet farm time cheap, and returns as soon as
 something needs the event loop.
 """
@@ -18,7 +18,7 @@ __all__ = ["deliver", "run_alone", "run_virtual"]
 
 @compiled
 def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, ports: Any, now: int) -> int:
-    """Put ``count`` sent frames before ``receiver``: as a switch does, by destination address.
+    """Pass ``count`` sent frames to ``receiver`` by destination address, as a switch does.
 
     ``addresses`` int64[n] sorted MAC numbers, ``ports`` int32[n] the receiver's ports.  When the receive
     slots are full they are processed at once.  Returns how many frames wait in the slots.
@@ -54,7 +54,7 @@ def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, port
 
 @compiled
 def run_alone(columns: Columns, now: int, until: int) -> int:
-    """Tick one table without a peer up to ``until``; its frames go nowhere.  Returns when an event stands."""
+    """Tick one table without a peer up to ``until``; its frames are dropped.  Returns early at an event."""
     engine = columns.engine[0]
     head = engine.event_head
     while now < until and engine.event_head == head:

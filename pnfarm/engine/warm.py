@@ -1,8 +1,8 @@
-"""Compiles everything that runs each tick, ahead of the first farm: ``python -m pnfarm.engine.warm``.
+"""Compiles everything that runs each tick, before the first farm starts: ``python -m pnfarm.engine.warm``.
 
-For images and installations: the machine code goes where :func:`~pnfarm.table.compiled.cache_directory` says, and a
+For images and installations: the machine code goes to :func:`~pnfarm.table.code_cache.cache_directory`, and a
 farm that starts later loads it in half a second.  Nothing is sent and no privilege is needed: the loop is called
-with an end that lies in the past, over a socket of no network.
+with an end time in the past, over a socket without a network.
 
 Machine code is kept per processor type.  Where it is made on one machine and used on another, set
 ``NUMBA_CPU_NAME=generic`` for both.
@@ -37,7 +37,7 @@ __all__ = ["Warmed", "main", "warm"]
 
 @dataclass(frozen=True, slots=True)
 class Warmed:
-    """Where the machine code lies, how many functions it holds, and how long it took."""
+    """Where the machine code is, how many functions it has, and how long it took."""
 
     directory: Path
     functions: int
@@ -45,14 +45,14 @@ class Warmed:
 
 
 class _Compiled(event.Listener):  # type: ignore[misc]  # numba has no types
-    """Tells how many of this package's functions have been compiled; what is loaded from a cache is not told."""
+    """Reports how many of this package's functions have been compiled; those loaded from a cache are not counted."""
 
     def __init__(self, progress: Callable[[int, int], None]) -> None:
         self._progress = progress
         self._done: set[str] = set()
 
     def on_start(self, event: event.Event) -> None:
-        """Nothing is told of what begins."""
+        """Only ends are reported."""
 
     def on_end(self, event: event.Event) -> None:
         function = event.data["dispatcher"].py_func
@@ -63,9 +63,9 @@ class _Compiled(event.Listener):  # type: ignore[misc]  # numba has no types
 
 
 def warm(progress: Callable[[int, int], None] | None = None) -> Warmed:
-    """Compile, or load what is compiled already, each function that Python calls; those that they call come along.
+    """Compile, or load from the cache, each function that Python calls, with all that it calls.
 
-    ``progress`` is called with the number of functions compiled so far, and of how many.
+    ``progress`` is called with the number of functions compiled so far, and their total.
     """
     started = time.monotonic()
     with contextlib.ExitStack() as stack:
@@ -103,7 +103,7 @@ def _say(done: int, functions: int) -> None:
 
 
 def main(arguments: Sequence[str] = ()) -> int:
-    """Warm, and say so in one line; 1 when there is nothing to keep, because compilation is switched off.
+    """Compile everything, and print one line; returns 1 if nothing was compiled because compilation is switched off.
 
     With ``--progress`` there is a line ``N of M`` for each function that was compiled, before the last one.
     """

@@ -1,7 +1,7 @@
 """The axis: one row for each virtual drive (one drive object with one motor), put together from its subjects.
 
-Each subject is declared in ``records``, in the file of the name of the module that writes it; what the event loop
-writes are its settings.  Nothing here waits for the compiler.
+Each subject is declared in ``records``, in the file named like the module that writes it; the fields that the event
+loop writes are its settings.  Importing this module compiles nothing.
 
 * ``drive.state``: 1..5 for S1..S5 of the PROFIdrive general state machine, 0 while the drive boots.
 * fault numbers are the manual's own (AKD: 702 ...); 0 means none;
@@ -40,12 +40,12 @@ __all__ = ["AXIS"]
 
 AXIS = Layout(
     "axis",
-    "One virtual drive: what it was configured with, what its firmware computes, what its motor does.",
+    "One virtual drive: its configuration, what its firmware computes, and the state of its motor.",
     [
-        Field("front", "u1", "", "station", "whose words lead it: FIRMWARE_*; 0 = row unused"),
+        Field("front", "u1", "", "station", "front that controls it: FIRMWARE_*; 0 = row unused"),
         Field("powered", "u1", "", "station", "1 while the control supply is on"),
         Field("step_ns", "i8", "ns", "station", "longest time between two firmware steps"),
-        Field("boot_time_ns", "i8", "ns", "station", "from then to S1"),
+        Field("boot_time_ns", "i8", "ns", "station", "from switching on to S1"),
         Field("last_ns", "i8", "ns", "firmware", "time of the last step"),
         Field("boot_ns", "i8", "ns", "firmware", "when the drive was switched on"),
     ],

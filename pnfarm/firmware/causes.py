@@ -1,4 +1,4 @@
-"""Causes of faults that are there now, and whether the drive makes a fault of them."""
+"""Causes of faults that are present, and whether the drive raises a fault for them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NUMBER_MASK = 0xFFFFFF
 
 @compiled
 def cause_held(faults: Any, code: int) -> bool:
-    """Whether the cause of the fault ``code`` is there; of none it never is."""
+    """Whether the cause of the fault ``code`` is present; false for code 0, no fault."""
     number = code & NUMBER_MASK
     held = False
     for i in range(FAULT_SLOTS):
@@ -25,7 +25,7 @@ def cause_held(faults: Any, code: int) -> bool:
 
 @compiled
 def ignored(faults: Any, code: int) -> bool:
-    """Whether a parameter keeps this fault from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and its kin)."""
+    """Whether a parameter keeps this fault from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and others)."""
     number = code & NUMBER_MASK
     for i in range(FAULT_ACTIONS):
         if int(faults.settings.ignored[i]) == number:

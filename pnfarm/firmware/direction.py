@@ -1,7 +1,7 @@
-"""Which way a drive counts, against its shaft (AKD parameter reference, DRV.DIR).
+"""Direction of counting, relative to the shaft (AKD parameter reference, DRV.DIR).
 
-Positions, speeds and torques of the axis record are the drive's; the places of the machine and what its load puts on
-the shaft are the shaft's.  Turning the direction round changes the sign of the position, and the home position is lost.
+Positions, speeds and torques of the axis record are the drive's; the positions of the machine's parts and the load's
+torque on the shaft are the shaft's.  Reversing the direction changes the sign of the position and loses the home.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ __all__ = ["shaft_sign", "take_direction"]
 
 @compiled
 def shaft_sign(direction: Any) -> float:
-    """1, or -1 for a drive that counts the other way than its shaft."""
+    """1, or -1 for a drive that counts against its shaft's direction."""
     return -1.0 if direction.turned else 1.0
 
 
 @compiled
 def take_direction(axis: Any) -> None:
-    """Take the direction over that a parameter asks for, with the power stage off only."""
+    """Apply the direction that a parameter requests, only while the power stage is off."""
     if axis.direction.turned == axis.direction.settings.reversed or axis.drive.state >= 4:
         return
     axis.direction.turned = axis.direction.settings.reversed

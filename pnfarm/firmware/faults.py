@@ -1,9 +1,9 @@
-"""Faults of the drive: raised by commands or by the firmware itself, acknowledged, kept.
+"""Faults of the drive: raised by commands or by the firmware itself, acknowledged, stored.
 
 AKD PROFINET manual 5.14: a fault situation has up to eight faults; acknowledging moves it down by eight
-places in the fault buffer (PNU 947) and every new situation counts PNU 944 up.  A drive with other numbers of places
-(Moog MSD manual 10.9: one fault, twenty situations) says so in ``faults.places``, and in ``faults.stays`` that its
-latest situation has the first places until another one begins.
+places in the fault buffer (PNU 947), and every new situation increments PNU 944.  ``faults.places`` is set for a drive
+with another number of places (Moog MSD manual 10.9: one fault, twenty situations); ``faults.stays`` where the latest
+situation keeps the first places until another one begins.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def _places(faults: Any) -> int:
 
 @compiled
 def _situations(faults: Any) -> int:
-    """How many situations the fault buffer holds."""
+    """Number of situations that the fault buffer holds."""
     count = 0
     for i in range(0, FAULT_SLOTS * FAULT_SITUATIONS, _places(faults)):
         if faults.buffer[i] != 0:
@@ -63,7 +63,7 @@ def _changed(faults: Any) -> None:
 
 @compiled
 def _move_down(faults: Any) -> None:
-    """Every situation moves down by its places, the first ones are free."""
+    """Move every situation down by its places, which frees the first ones."""
     places = _places(faults)
     for i in range(FAULT_SLOTS * FAULT_SITUATIONS - 1, places - 1, -1):
         faults.buffer[i] = faults.buffer[i - places]
@@ -73,7 +73,7 @@ def _move_down(faults: Any) -> None:
 
 @compiled
 def raise_fault(faults: Any, code: int, now: int) -> None:
-    """Add ``code`` (number | reaction << 24) to the active situation; twice the same is once, an ignored one none."""
+    """Add ``code`` (number | reaction << 24) to the active situation, unless it is there already or is ignored."""
     number = code & NUMBER_MASK
     if number == 0 or ignored(faults, number):
         return
@@ -116,7 +116,7 @@ def _release(faults: Any, number: int) -> None:
 
 @compiled
 def _raise_held(faults: Any, now: int) -> None:
-    """Causes that are there are faults, also when the drive was off or ignored them."""
+    """Raise the fault of each cause that is present, also if it began while the drive was off or ignored it."""
     for i in range(FAULT_SLOTS):
         if faults.held[i] != 0:
             raise_fault(faults, int(faults.held[i]), now)
@@ -124,7 +124,7 @@ def _raise_held(faults: Any, now: int) -> None:
 
 @compiled
 def _into_history(faults: Any) -> None:
-    """The active situation becomes the newest acknowledged one."""
+    """Turn the active situation into the newest acknowledged one."""
     if not faults.settings.stays:
         _move_down(faults)
     faults.ends = (int(faults.ends) + 1) & 0xFFFF
@@ -136,7 +136,7 @@ def _into_history(faults: Any) -> None:
 
 @compiled
 def _clear_history(faults: Any) -> None:
-    """Forget what was acknowledged; a situation that is still active stays, as the only one."""
+    """Clear the acknowledged situations; one that is still active stays, as the only one."""
     active = faults.code[0] != 0
     forgotten = False
     for i in range(_places(faults) if active else 0, FAULT_SLOTS * FAULT_SITUATIONS):
@@ -150,7 +150,7 @@ def _clear_history(faults: Any) -> None:
 
 @compiled
 def acknowledge(faults: Any, positioning: Any) -> bool:
-    """Clear the situation unless a cause is still there; true when it was cleared."""
+    """Clear the situation unless a cause is still present; true when it was cleared."""
     positioning.error = 0
     if faults.code[0] == 0:
         return False
@@ -174,7 +174,7 @@ def _clear_warning(warnings: Any, number: int) -> None:
 
 @compiled
 def _raise_warning(warnings: Any, number: int) -> None:
-    """The newest of those raised; where no place is left, the oldest goes."""
+    """Add it as the newest raised warning; where no place is left, the oldest is dropped."""
     _clear_warning(warnings, number)
     for i in range(WARNING_SLOTS - 1, 0, -1):
         warnings.raised[i] = warnings.raised[i - 1]
@@ -183,9 +183,9 @@ def _raise_warning(warnings: Any, number: int) -> None:
 
 @compiled
 def _count_from_here(motor: Any, homing: Any, sensor: Any) -> None:
-    """What an encoder that is not absolute over all revolutions counts when it is switched on (PROFIdrive 4.2, 6.3.6).
+    """Count of an encoder that is not absolute over all revolutions, at power-on (PROFIdrive 4.2, 6.3.6).
 
-    One that knows its angle counts on from that, an incremental one from 0; positions count as it does.
+    A singleturn encoder starts from its angle, an incremental one from 0; positions count from there too.
     """
     known = sensor.settings.revolutions
     if known == inf or homing.settings.stays:
@@ -237,7 +237,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.warnings.code = 0
     axis.warnings.raised[:] = 0
     axis.warnings.active[:] = 0
-    # an active situation becomes history, as if it had been acknowledged; held causes come back at once
+    # an active situation becomes history, as if acknowledged; faults whose causes remain come back at once
     if axis.faults.code[0] != 0:
         _into_history(axis.faults)
     if axis.faults.settings.history_lost:
@@ -249,7 +249,7 @@ def _power_on(axis: Any, now: int) -> None:
 
 @compiled
 def _take_motion_command(commands: Any, motor: Any, homing: Any, code: int, argument: int) -> None:
-    """What parameters start and end; the step of this moment carries it out."""
+    """Motion that parameters start and end; the current step carries it out."""
     if code == CMD_SET_POSITION:
         homing.origin = motor.position - argument / 1e6
         homing.homed = 1
@@ -271,7 +271,7 @@ def _take_motion_command(commands: Any, motor: Any, homing: Any, code: int, argu
 
 @compiled
 def take_commands(axis: Any, now: int) -> bool:
-    """Carry out what the event loop wrote into the command ring since the last step; true when it switched on."""
+    """Carry out the commands that the event loop wrote since the last step; true when one of them was power-on."""
     switched_on = False
     while axis.commands.tail != axis.commands.settings.head:
         entry = axis.commands.settings.ring[axis.commands.tail % COMMANDS]

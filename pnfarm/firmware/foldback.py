@@ -5,9 +5,9 @@ current m, which may be above the peak current::
 
     dm/dt = (I_continuous - |i|) / T,    m <= I_peak + D (I_peak - I_continuous) / T
 
-With the current at its limit the peak is there for D and then falls to the continuous current with the time constant T;
-no current for (D + T) (I_peak / I_continuous - 1) gives all of that back.  The reference says so much of both; the
-equation is assumed, as the simplest one that does it.
+With the current at its limit the peak current is available for D, then the limit falls to the continuous current with
+the time constant T; without current, all of it recovers in (D + T) (I_peak / I_continuous - 1).  The reference states
+these two times; the equation is assumed, as the simplest one that has them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ __all__ = ["folds", "step_foldback", "watch_foldback"]
 
 @compiled
 def folds(motor: Any, foldback: Any) -> bool:
-    """Whether the drive folds back; one whose motor stays cool does not."""
+    """Whether the drive folds back; it does not with a motor that is modelled as always cool."""
     return (
         foldback.settings.time[0] > 0.0
         and motor.settings.continuous_current > 0.0
@@ -32,7 +32,7 @@ def folds(motor: Any, foldback: Any) -> bool:
 
 @compiled
 def step_foldback(motor: Any, foldback: Any, seconds: float) -> None:
-    """Advance both limits by ``seconds`` of the current that flows."""
+    """Advance both limits by ``seconds`` at the present current."""
     if not folds(motor, foldback):
         return
     above = motor.settings.peak_current - motor.settings.continuous_current
@@ -46,7 +46,7 @@ def step_foldback(motor: Any, foldback: Any, seconds: float) -> None:
 
 @compiled
 def watch_foldback(faults: Any, motor: Any, foldback: Any, now: int) -> None:
-    """Raise the fault of motor or drive while its limit is below the level, which is the peak current at most."""
+    """Raise the fault of motor or drive while its limit is below the fault level, at most the peak current."""
     level = min(motor.settings.peak_current, foldback.settings.fault_level)
     if foldback.limit[0] < level:
         raise_fault(faults, motor.settings.overload_fault, now)

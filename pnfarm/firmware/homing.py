@@ -1,24 +1,24 @@
-"""Homing: how an axis looks for the place from which its positions count.
+"""Homing: how an axis finds the position from which its positions count.
 
-Methods have the numbers of HOME.MODE (AKD PROFINET manual 5.10.3).  What 0 to 10 do stands in Kollmorgen's AKD
-parameter reference, of those above only what they look for (its help, "Homing"): their ways are assumed.  HIWIN E1
-manual 6.7 and Moog MSD manual 12.2 leave theirs to other books: their models take the zero mark.
+Methods have the numbers of HOME.MODE (AKD PROFINET manual 5.10.3).  Kollmorgen's AKD parameter reference describes 0 to
+10, and of those above only what they look for (its help, "Homing"): their sequences are assumed.  HIWIN E1
+manual 6.7 and Moog MSD manual 12.2 refer to other books for theirs: their models use the zero mark.
 
 =======  =========================================================================================
-0        where the axis stands
+0        the present position
 1, 2, 3  the limit switch in the direction of homing, where the axis leaves it again
 4, 5, 6  the home switch, where it closes
-7        the encoder's zero mark; 11 and 15 alike
-8, 9     an end stop, 10 alike
-12       the home switch, turning round at an end stop
-13       what the encoder says: its zero is the home
+7        the encoder's zero mark; also 11 and 15
+8, 9     an end stop; also 10
+12       the home switch, reversing at an end stop
+13       the encoder's absolute position: its zero is the home
 14       the home switch, always in one direction
 =======  =========================================================================================
 
-The axis brakes behind the home of 1 and 4; with 2, 5 and 9 it goes on to the zero mark, which is the home then; 3, 6
-and 10 look for that at a part of the velocity, and brake behind it.  The search goes in legs.  A home switch counts
-where it closes in the direction of homing: a search that comes to a limit switch first goes back across it, and turns
-again.
+With 1 and 4 the axis stops past the home; with 2, 5 and 9 it goes on to the zero mark, which is then the home; 3, 6
+and 10 search for the zero mark at a reduced velocity, and stop past it.  The search consists of legs.  A home switch
+counts where it closes in the direction of homing: a search that reaches a limit switch first goes back across the home
+switch, and reverses again.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _SOUGHT = np.array([
     HERE, LIMIT, LIMIT, LIMIT, SWITCH, SWITCH, SWITCH, MARK, END_STOP, END_STOP, END_STOP, MARK, SWITCH, ENCODER,
     SWITCH, MARK,
 ])  # fmt: skip
-# What the edge of a switch or the end stop is: the home itself, or where the way to the zero mark or its search begins.
+# What the edge of a switch or the end stop is: the home itself, or where the move to the zero mark or its search starts
 ITSELF, ZERO_MARK, INDEX_SEARCH = 0, 1, 2
 _BEHIND = np.array([
     ITSELF, ITSELF, ZERO_MARK, INDEX_SEARCH, ITSELF, ZERO_MARK, INDEX_SEARCH, ITSELF, ITSELF, ZERO_MARK, INDEX_SEARCH,
@@ -59,18 +59,18 @@ TURNS_AT_STOP = 12
 ONE_WAY = 14
 
 # Legs (``homing.leg``).
-TO_THE_MARK = 0  # its place is known
+TO_THE_MARK = 0  # its position is known
 WAY_OFF = 1  # the home is found, the axis goes to where homing ends
 SEEK = 2  # in the direction of homing
-RETREAT = 3  # back, until the switch is left
+RETREAT = 3  # back, until the switch opens
 RETURN = 4  # back, until the home switch closes
 FIND = 5  # again in the direction of homing, until the home switch closes
 LEAVE = 6  # in the direction of homing, until the home switch opens
 INDEX = 7  # on to the zero mark, slowly
-BRAKE = 8  # the home is found, and the axis comes to rest behind it
+BRAKE = 8  # the home is found, and the axis comes to rest past it
 FAILED = 9
 
-#: Nearer to a zero mark than this, rev, the axis stands on it, and looks for the next one.
+#: Within this distance of a zero mark, rev, the axis counts as on it, and looks for the next one.
 ON_THE_MARK = 1e-6
 
 
@@ -82,7 +82,7 @@ def _sought(homing: Any) -> int:
 
 @compiled
 def _run(motor: Any, travel: Any, profile: Any, homing: Any, way: float, velocity: float) -> None:
-    """In a direction, without an end."""
+    """Move in a direction, without a target."""
     homing.sense = way
     take_ramps(
         profile,
@@ -95,7 +95,7 @@ def _run(motor: Any, travel: Any, profile: Any, homing: Any, way: float, velocit
 
 @compiled
 def _go(axis: Any, target: float, velocity: float) -> None:
-    """To a place."""
+    """Move to a position."""
     axis.profile.target = target
     axis.positioning.top = velocity
     top = fastest(axis.motor, axis.travel, velocity, target >= axis.profile.position)
@@ -144,7 +144,7 @@ def _brake(profile: Any, homing: Any, home: float) -> None:
 
 @compiled
 def _found(axis: Any, place: float, way: float) -> None:
-    """The switch or the end stop is at ``place``; what is behind it lies in the direction ``way``."""
+    """The switch or the end stop is at ``place``; the next leg goes in the direction ``way``."""
     behind = int(_BEHIND[int(axis.homing.method_in_force)])
     if behind == ITSELF:
         _brake(axis.profile, axis.homing, place)
@@ -178,7 +178,7 @@ def _against_a_stop(positioning: Any, homing: Any) -> bool:
 
 @compiled
 def _give_up_the_way(motor: Any, profile: Any) -> None:
-    """Command nothing beyond the end stop."""
+    """Drop the commanded motion beyond the end stop."""
     profile.position = motor.measured_position
     profile.velocity = 0.0
     begin_profile(profile)
@@ -206,7 +206,7 @@ def _seek_switch(axis: Any) -> None:
         elif ended:
             axis.homing.leg = FAILED
     elif axis.homing.leg == LEAVE:
-        # a switch that is closed from the beginning has not closed on the way
+        # a switch that was closed from the start has not closed during the search
         if not axis.machine.home_switch or ended:
             axis.homing.leg = SEEK
     elif axis.homing.leg == RETURN and axis.machine.home_switch:
@@ -219,12 +219,12 @@ def _seek_switch(axis: Any) -> None:
 
 @compiled
 def step_homing(axis: Any) -> None:
-    """Once in each step of an axis in homing: does its search come to an end of a leg?"""
+    """Once in each step of an axis in homing: check for the end of a leg, and begin the next one."""
     axis.homing.current_limit = 0.0
     if axis.homing.leg == BRAKE:
         return
     if axis.homing.leg in (TO_THE_MARK, WAY_OFF):
-        # the way behind the mark may lead back, where another limit counts
+        # the move after the mark may lead back, where the other limit counts
         axis.profile.top = fastest(
             axis.motor, axis.travel, axis.positioning.top, axis.profile.target >= axis.profile.position
         )
@@ -252,7 +252,7 @@ def step_homing(axis: Any) -> None:
 
 @compiled
 def homing_fails(machine: Any, profile: Any, homing: Any) -> bool:
-    """Whether the home cannot be found, or a switch bars the way that is left."""
+    """Whether the home cannot be found, or a limit switch blocks the remaining move."""
     if homing.leg == FAILED:
         return True
     sought = _sought(homing)
@@ -265,7 +265,7 @@ def homing_fails(machine: Any, profile: Any, homing: Any) -> bool:
 
 @compiled
 def homing_over(axis: Any) -> bool:
-    """A place is reached, or the axis is at rest: true once homing is over."""
+    """True once homing is over: its target is reached, or the axis is at rest."""
     if axis.homing.leg != WAY_OFF:
         sought = _sought(axis.homing)
         if axis.homing.leg == TO_THE_MARK:

@@ -1,15 +1,16 @@
-"""What keeps a drive from operation, and how its quick stop goes, where that departs from the profile's state machine.
+"""Interlocks that keep a drive from operation, and its quick stop, where they depart from the profile's state machine.
 
-All of it changes the set of events that :func:`pnfarm.firmware.state_machine.advance` sees; the table stays one.
+They only change the set of events that :func:`pnfarm.firmware.state_machine.advance` sees; the table is the same.
 
 * A drive without its hardware enable or with a DC link that is too low coasts to S1 and stays there (Moog MSD manual,
   table 10.7, transitions 1, 8 and 16), as does one whose encoder is parked.
 * An input for a controlled stop brakes it along the quick stop ramp and keeps it in S1 (AKD PROFINET manual 5.8.1 and
   5.6; AKD parameter reference, DIN1.MODE 13).
-* S3 may be reached by STW1.3 as by STW1.0 (AKD PROFINET manual 7.1.4), and OFF in operation may know no ramp (Moog MSD
-  manual, table 10.7, transition 6).
-* S1 may be left with STW1.0 set (transition 2), and S3 only when the enable rose (transition 4 with P-0144 = 0): STW1.0
-  and 3 together, so that a controller that leaves one of them set, as the profile allows, can start the drive.
+* S3 may be reached by STW1.3 as by STW1.0 (AKD PROFINET manual 7.1.4), and OFF in operation may act without a ramp
+  (Moog MSD manual, table 10.7, transition 6).
+* S1 may be left with STW1.0 set (transition 2), and S3 only on a rising edge of the enable (transition 4 with
+  P-0144 = 0): STW1.0 and 3 together, so that a controller that leaves one of them set, as the profile allows, can start
+  the drive.
 * The quick stop option codes of table 10.3.
 """
 
@@ -56,9 +57,9 @@ RAMP_STOP = 1  # ``drive.stop``
 
 @compiled
 def take_interlocks(axis: Any) -> None:
-    """Once in each step, before the events: what the drive lacks, edges of the hardware enable and of that by STW1.
+    """Once in each step, before the events: what the drive lacks, and edges of the hardware enable and of STW1's.
 
-    Everything that shows hardware enable, stop inputs and supply goes by ``drive.lacks``.
+    Every status of hardware enable, stop inputs and supply is derived from ``drive.lacks``.
     """
     lacks = int(axis.drive.settings.interlocks)
     if axis.machine.stop_input:
@@ -79,13 +80,13 @@ def _stays(drive: Any) -> bool:
 
 @compiled
 def _with_quick_stop(drive: Any, orders: Any, held: int) -> int:
-    """The option codes: a coast instead of a stop, and a stop that the drive stays in until it is taken back."""
+    """Apply the option codes: a coast instead of a stop, or a stop in which the drive stays until it is withdrawn."""
     if drive.settings.quick_stop_option == QUICK_STOP_PROFILE:
         return held
     if drive.settings.quick_stop_option == QUICK_STOP_COAST and held & (1 << QUICK):
         held |= 1 << COAST
     if drive.state == 5 and drive.stop == 2:
-        # "first reset quick stop request": taking STW1.3 back is of no effect until then
+        # "first reset quick stop request": withdrawing STW1.3 has no effect until then
         held &= ~(1 << DISABLE)
         if _stays(drive):
             held &= ~(1 << STANDSTILL)
@@ -116,7 +117,7 @@ def with_interlocks(drive: Any, orders: Any, sensor: Any, held: int, power: int,
 
 @compiled
 def quick_stop_ramp(drive: Any, ramp: Any, usual: float) -> float:
-    """The ramp of the quick stop at hand, rpm/s; ``usual`` is the quick stop ramp."""
+    """The ramp of the present quick stop, rpm/s; ``usual`` is the quick stop ramp."""
     option = int(drive.settings.quick_stop_option)
     if _stays(drive):
         option -= QUICK_STOP_STAYS
@@ -125,7 +126,7 @@ def quick_stop_ramp(drive: Any, ramp: Any, usual: float) -> float:
 
 @compiled
 def at_once(drive: Any) -> bool:
-    """Whether the quick stop at hand knows no ramp: speed 0 at the current limit."""
+    """Whether the present quick stop has no ramp: speed 0 at the current limit."""
     option = int(drive.settings.quick_stop_option)
     if _stays(drive):
         option -= QUICK_STOP_STAYS
@@ -134,7 +135,7 @@ def at_once(drive: Any) -> bool:
 
 @compiled
 def torque_free(faults: Any) -> bool:
-    """Whether safe torque off is requested: the cause of its fault is there."""
+    """Whether safe torque off is requested: the cause of its fault is present."""
     return cause_held(faults, int(faults.settings.sto_fault))
 
 

@@ -1,15 +1,15 @@
 """Set points of each cycle: positions to follow (application class 5) and dynamic servo control (class 4).
 
 *Positions* (Moog MSD manual 10.6): each frame brings XSOLL_A.  The drive goes there within one cycle along a cubic
-curve that begins with the velocity that it has and ends with that of the last two set points, so that it is one cycle
-behind; P-0370 calls that a cubic spline.  A frame that does not come leaves the axis going on for one cycle more, and
-the one after it finds it where it would have been; the cycle is the connection's, so that frames may come early and
-late.  XSOLL_A counts round at its 32 bits as XIST_A does: it is the place of that number that is the nearest.
+curve that begins with its present velocity and ends with that of the last two set points, so that it is one cycle
+behind; P-0370 calls that a cubic spline.  If a frame is missing, the axis continues for one more cycle, so that the
+next frame finds it where it would have been; the cycle is the connection's, so that frames may come early or
+late.  XSOLL_A wraps at 32 bits as XIST_A does: of the positions with that number the nearest one is meant.
 
 *Dynamic servo control* (10.8; PROFIdrive 4.2, 6.3.4): the controller sends its position deviation XERR, in steps of
-G1_XIST1, and the position controller's gain KPC, in 1/1000 per second.  The drive closes that loop itself, with what
-the shaft did since the position that the controller knows; NSOLL_B is the feed-forward.  Which position that is no
-word tells: the one in the last frame that left before the set points came (assumed).
+G1_XIST1, and the position controller's gain KPC, in 1/1000 per second.  The drive closes that loop itself, with the
+shaft's motion since the position that the controller knows; NSOLL_B is the feed-forward.  No word reports which
+position that is: the one in the last frame that left before the set points came (assumed).
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ __all__ = [
 ]
 
 
-#: A pause between two frames that is no cycle, ns.
+#: A pause between two frames that is too long for a cycle, ns.
 LONGEST_CYCLE_NS = 1_000_000_000
-#: A frame that comes nearer to its time than this part of a cycle is in step ...
+#: A frame that deviates from its due time by less than this part of a cycle is on time ...
 IN_STEP = 0.6
-#: ... and of what it is beside its time, so much is made up for at once.
+#: ... and this part of its deviation is corrected at once.
 MADE_UP = 0.05
-#: For so many cycles that are known the axis goes on: a frame may get lost and the next one be late.
+#: The axis continues for this many known cycles: a frame may get lost and the next one be late.
 GONE_ON = 1.5
-#: Numbers of a signal of 32 bits.
+#: Number of values of a 32-bit signal.
 NUMBERS = 4294967296.0
 RPM = 60.0
 POSITION_MODE = 2
@@ -47,7 +47,7 @@ POSITION_MODE = 2
 
 @compiled
 def follows(drive: Any, orders: Any, ramp: Any, interpolation: Any) -> bool:
-    """Whether positions of each cycle lead the axis now: interpolating mode, and nothing holds set points back."""
+    """Whether cyclic positions move the axis now: interpolating mode, and nothing holds set points back."""
     return (
         interpolates(drive, ramp, interpolation) and orders.ramp != 0 and orders.ramp_runs != 0 and orders.setpoint != 0
     )
@@ -55,14 +55,14 @@ def follows(drive: Any, orders: Any, ramp: Any, interpolation: Any) -> bool:
 
 @compiled
 def generator_in_force(ramp: Any) -> int:
-    """``ramp.generator``, or what homing made of it (Moog MSD manual 12.1) since it was set last."""
+    """``ramp.generator``, or its value since homing changed it (Moog MSD manual 12.1), until it is set again."""
     left = ramp.generator_left != 0 and ramp.generator_left == ramp.settings.generator_set + 1
     return RAMP_GENERATED if left else int(ramp.settings.generator)
 
 
 @compiled
 def interpolates(drive: Any, ramp: Any, interpolation: Any) -> bool:
-    """Whether the axis is in a mode where positions of each cycle lead it."""
+    """Whether the axis is in a mode in which it follows cyclic positions."""
     return (
         drive.settings.opmode == POSITION_MODE
         and generator_in_force(ramp) == RAMP_PASSED_BY
@@ -72,7 +72,7 @@ def interpolates(drive: Any, ramp: Any, interpolation: Any) -> bool:
 
 @compiled
 def begin_interpolation(profile: Any, interpolation: Any) -> None:
-    """From where the axis is commanded to be; the next frame gives the first curve."""
+    """Begin at the commanded position; the next frame gives the first curve."""
     interpolation.start = profile.position
     interpolation.end = profile.position
     interpolation.start_speed = profile.velocity / RPM
@@ -85,7 +85,7 @@ def begin_interpolation(profile: Any, interpolation: Any) -> None:
 
 @compiled
 def _nearest_place(travel: Any, profile: Any, homing: Any, number: int) -> float:
-    """Where a position of 32 bits lies on the shaft: of all places that have this number, the nearest one."""
+    """Shaft position of a 32-bit number: of all positions with this number, the nearest one."""
     here = (profile.position - homing.origin) / travel.settings.position_step
     rounds = floor((here - number) / NUMBERS + 0.5)
     return homing.origin + (number + rounds * NUMBERS) * travel.settings.position_step
@@ -93,9 +93,9 @@ def _nearest_place(travel: Any, profile: Any, homing: Any, number: int) -> float
 
 @compiled
 def _in_step(interpolation: Any, pause: float, cycle: float) -> int:
-    """How many cycles a frame is behind the one before; 0 where the curve at hand does not end when it was to come.
+    """How many cycles a frame follows the one before; 0 where the frame is not on time at the end of the present curve.
 
-    The curve at hand ends when the frame behind it is due, so that what comes early or late is seen against that.
+    The present curve ends when the next frame is due, so that early and late frames are measured against its end.
     """
     late = pause - interpolation.time
     cycles = max(1, 1 + floor(late / cycle + 0.5))
@@ -135,7 +135,7 @@ def take_position(axis: Any, number: int, now: int) -> None:
 
 @compiled
 def step_interpolation(profile: Any, interpolation: Any, seconds: float) -> None:
-    """Advance ``profile.position`` and ``profile.velocity`` along the curve at hand."""
+    """Advance ``profile.position`` and ``profile.velocity`` along the present curve."""
     time = interpolation.time
     if time <= 0.0:
         profile.position = interpolation.end
@@ -145,7 +145,7 @@ def step_interpolation(profile: Any, interpolation: Any, seconds: float) -> None
     if interpolation.settings.cycle_ns > 0:
         longest = time + GONE_ON * interpolation.settings.cycle_ns * 1e-9
     if interpolation.elapsed >= longest:
-        # the frame behind the one that did not come is late, too
+        # the frame after the missing one is late, too
         profile.velocity = 0.0
         return
     interpolation.elapsed = min(interpolation.elapsed + seconds, longest)
@@ -157,7 +157,7 @@ def step_interpolation(profile: Any, interpolation: Any, seconds: float) -> None
         return
     share = elapsed / time
     way = interpolation.end - interpolation.start
-    # Hermite: place and velocity at both ends
+    # Hermite: position and velocity at both ends
     cubic = time * (interpolation.start_speed + interpolation.end_speed) - 2.0 * way
     square = 3.0 * way - time * (2.0 * interpolation.start_speed + interpolation.end_speed)
     linear = time * interpolation.start_speed
@@ -167,7 +167,7 @@ def step_interpolation(profile: Any, interpolation: Any, seconds: float) -> None
 
 @compiled
 def servo_command(motor: Any, ramp: Any, profile: Any, interpolation: Any) -> float:
-    """The velocity command of dynamic servo control, rpm: NSOLL_B, and KPC times what is left of the deviation."""
+    """The velocity command of dynamic servo control, rpm: NSOLL_B plus KPC times the remaining deviation."""
     if interpolation.servo_gain <= 0.0:
         profile.position = motor.measured_position
         return ramp.setpoint

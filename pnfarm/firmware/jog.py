@@ -2,7 +2,7 @@
 
 In a sequence, which speed counts depends on which bit came first.
 
-Of the maker's form (table 10.10), to be read with STW1.8 and 9 as columns: the bit that rises first says the direction,
+In the maker's form (table 10.10, read with STW1.8 and 9 as columns) the bit that rises first gives the direction,
 the other one switches between the two speeds.  The profile's form (table 10.11, with P-1267 bit 8) has one speed for
 each bit.  A jog begins when the motor stands; what the tables call "no change" leaves the state as it is.  A telegram
 may bring the speeds (10.3.3).
@@ -27,10 +27,10 @@ FORWARD_1 = 1  # at the first speed
 FORWARD_2 = 2  # at the second
 BACKWARD_1 = 3  # at the first, negated
 BACKWARD_2 = 4
-ENDED = 5  # at none, until both bits are 0
+ENDED = 5  # at no speed, until both bits are 0
 STATES = 6
 
-#: Table 10.10: state -> the following one with STW1.9 and STW1.8 = 00, 01, 10 and 11.  Rows 4 and 8 say "no change" of
+#: Table 10.10: state -> next state with STW1.9 and STW1.8 = 00, 01, 10 and 11.  Rows 4 and 8 have "no change" for
 #: the bit that gave the direction; row 7 names P-1268, the first speed.  Both bits at once begin nothing (assumed).
 MAKERS_FORM: dict[int, tuple[int, int, int, int]] = {
     NONE: (NONE, FORWARD_1, BACKWARD_1, NONE),
@@ -49,7 +49,7 @@ PROFILES_FORM: dict[int, tuple[int, int, int, int]] = {
     BACKWARD_2: (NONE, NONE, NONE, NONE),
     ENDED: (NONE, NONE, NONE, NONE),
 }
-#: The maker's form, where a jog ends with the bit that gave its direction, whatever the other one is.
+#: The maker's form, but a jog ends when the bit that gave its direction falls, whatever the other one is.
 ENDING_FORM: dict[int, tuple[int, int, int, int]] = MAKERS_FORM | {
     FORWARD_1: (NONE, FORWARD_1, ENDED, FORWARD_2),
     FORWARD_2: (NONE, FORWARD_1, ENDED, FORWARD_2),
@@ -99,7 +99,7 @@ def take_jog(axis: Any) -> None:
         form = PROFILES
     bits = int(axis.orders.jog)
     if before == NONE:
-        # here both bits may count as one
+        # without sequences both bits may count as one
         bits = int(axis.jog.bits)
     following = int(_NEXT[form, before, bits])
     moves = before == NONE and abs(axis.motor.velocity) > axis.ramp.settings.standstill

@@ -1,7 +1,7 @@
 """The machine around the axis: limit switches, cams on digital inputs, end stops.
 
-Its places are the shaft's, counted from where the axis stood when the farm began; the drive's supply changes nothing of
-them.  Switches are looked at once in each step; an end stop holds the shaft in the very step of motor and load.
+Its positions are the shaft's, relative to the axis' position when the farm started; they do not change when the drive
+is switched off.  Switches are read once in each step; an end stop holds the shaft within the step of motor and load.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ __all__ = ["hold_at_stops", "take_switches"]
 
 @compiled
 def take_switches(direction: Any, machine: Any, motor: Any) -> None:
-    """What the place of the axis and faults press, and what the inputs are used for."""
+    """Read the switches that the axis' position and faults press, and apply the use of each input."""
     place = shaft_sign(direction) * motor.position
     limits = int(machine.settings.fault_limits)
     if machine.settings.parts & MACHINE_SWITCH_LOW and place <= machine.settings.switch_low:
@@ -63,7 +63,7 @@ def take_switches(direction: Any, machine: Any, motor: Any) -> None:
 
 @compiled
 def hold_at_stops(direction: Any, machine: Any, motor: Any) -> None:
-    """No further than an end stop: what hits it stands."""
+    """Stop a shaft that hits an end stop."""
     if not machine.settings.parts & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):
         return
     sign = shaft_sign(direction)

@@ -1,11 +1,11 @@
-"""What the drive measures of its motor: the truth, and what noise adds to it.
+"""Measured values of the motor: the true value plus noise.
 
-In each step noise is drawn anew for the shaft's speed, its position and the current, of a normal distribution that is
-cut off at 3.5 times its effective value (the sum of four even ones).  It is in what the drive tells: actual values,
-parameters that show them, and bits that compare them with a window.  Controllers, stops, and limits that are faults
-go by the motor itself, so that noise moves nothing and trips nothing.
+In each step noise is drawn for the shaft's speed, its position and the current, from an approximately normal
+distribution (the sum of four uniform ones) that ends at 3.5 times its effective value.  It is in what the drive
+reports: actual values, parameters that show them, and bits that compare them with a window.  Controllers, stops, and
+limits that raise faults use the true values, so that noise moves nothing and trips nothing.
 
-The sequence is the axis record's own, by ``measurement.seed``; a seed of 0 is a drive without noise.
+Each axis record has its own sequence, started by ``measurement.seed``; a seed of 0 is a drive without noise.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ __all__ = [
 MULTIPLIER = 0x5DEECE66D
 INCREMENT = 0xB
 MASK = 0xFFFF_FFFF_FFFF
-#: Two numbers of 16 bits are taken out of each state, from its upper end, where it is most random.
+#: Two 16-bit numbers are taken from the upper bits of each state, which are the most random.
 UPPER = 32
 LOWER = 16
 HALF = 0xFFFF
-#: The sum of four of them: its mean, and what makes of it a number of variance 1 (one has (2^32 - 1) / 12).
+#: The sum of four of them: its mean, and the factor that scales it to variance 1 (one has (2^32 - 1) / 12).
 MEAN = 131070.0
 SCALE = 2.642899792e-05
 
 
 @compiled
 def _next(measurement: Any) -> int:
-    """The sum of two even numbers of 16 bits; moves the sequence on."""
+    """The sum of two uniform 16-bit numbers; advances the sequence."""
     state = (int(measurement.noise) * MULTIPLIER + INCREMENT) & MASK
     measurement.noise = state
     return (state >> UPPER & HALF) + (state >> LOWER & HALF)
@@ -52,11 +52,11 @@ def _normal(measurement: Any) -> float:
 
 @compiled
 def measure(measurement: Any) -> None:
-    """Once in each step, behind the motor: draw what noise adds to each value until the next one."""
+    """Once in each step, after the motor: draw the noise of each value until the next step."""
     if measurement.settings.seed == 0:
         return
     if measurement.noise == 0:
-        # a state of 0 was never begun: the sequence of a seed begins there
+        # a state of 0 has not begun: the sequence starts from the seed
         measurement.noise = measurement.settings.seed & MASK
     measurement.velocity_deviation = measurement.settings.velocity_noise * _normal(measurement)
     measurement.current_deviation = measurement.settings.current_noise * _normal(measurement)
@@ -71,7 +71,7 @@ def measured_velocity(motor: Any, measurement: Any) -> float:
 
 @compiled
 def measured_current(motor: Any, measurement: Any) -> float:
-    """The torque-building current, alike, A."""
+    """The torque-building current as the drive measures it, A."""
     return motor.current + measurement.current_deviation
 
 
@@ -83,5 +83,5 @@ def measured_torque(motor: Any, measurement: Any) -> float:
 
 @compiled
 def measured_position(motor: Any, measurement: Any) -> float:
-    """The shaft's position as the encoder tells it, rev."""
+    """The shaft's position as the encoder reports it, rev."""
     return motor.measured_position + measurement.position_deviation

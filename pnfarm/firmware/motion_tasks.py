@@ -1,4 +1,4 @@
-"""Motion tasks that the drive keeps: the data of one of them become those of the task that is asked for."""
+"""Motion tasks that the drive stores: copying one of them into the requested task."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["select_task"]
 
 @compiled
 def select_task(asked: Any, motion_tasks: Any, number: int) -> None:
-    """Take the data of one of the drive's motion tasks; one that is not there has no velocity and cannot begin."""
+    """Take the data of one of the drive's motion tasks; a missing task has no velocity and cannot begin."""
     if not 0 <= number < MOTION_TASKS or not motion_tasks.settings.kind[number] & TASK_DEFINED:
         asked.velocity = 0.0
         return

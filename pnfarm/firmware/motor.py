@@ -9,12 +9,12 @@ friction.  With J the inertia, w the shaft's speed and T the torque::
     |L di/dt + R i + Kt / 3 w| <= U / sqrt(6)        (one phase, effective values)
     J dw/dt = Kt i - B w - T_load - T_dry
 
-In torque control T_ref is the torque set point, from which a proportional controller takes what would drive the shaft
+In torque control T_ref is the torque set point, reduced by a proportional controller where it would drive the shaft
 beyond a speed limit.
 
-All of it is solved at once in implicit form (backward Euler), so that every step length is stable: a short one gives
-the response of the real loops, a long one the same end.  Dry friction is part of the solution: it takes away up to its
-own amount of what would move the shaft, and holds it exactly when that is enough.
+All of it is solved together in implicit form (backward Euler), which is stable for every step length: short steps give
+the response of the real loops, long ones the same final values.  Dry friction is part of the solution: it reduces the
+torque that would move the shaft by up to its own amount, and holds the shaft exactly when that is enough.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ __all__ = [
 
 
 RPM_TO_RAD = 2.0 * pi / 60.0
-#: Longest step of controllers and motor where the axis asks for none, ns.
+#: Longest step of controllers and motor where the axis sets none, ns.
 MOTOR_STEP_NS = 1_000_000
-#: Integral action time of a speed controller by its closed loop's time constant: no overshoot on a ramp.
+#: Integral action time of a speed controller in time constants of its closed loop: no overshoot on a ramp.
 INTEGRAL_RATIO = 4.0
-#: What an encoder's steps make of the speed is filtered by this time, s.
+#: Filter time of the speed noise that an encoder's resolution causes, s.
 FEEDBACK_FILTER = 0.001
-#: A resting shaft winds nothing up for speed set points smaller than this part of ``ramp.standstill``.
+#: At rest the integral part does not wind up for speed set points below this part of ``ramp.standstill``.
 RESTING = 0.1
-#: Effective voltage of one phase by that of the DC link, at most: 1 / sqrt(6).
+#: Highest effective voltage of one phase per volt of the DC link: 1 / sqrt(6).
 PHASE_VOLTAGE = 1.0 / sqrt(6.0)
-#: Phases of a motor.
+#: Number of phases of a motor.
 PHASES = 3.0
 #: ``drive.opmode``.
 TORQUE_MODE = 0
@@ -72,7 +72,7 @@ def brake_holds(brake: Any) -> bool:
 
 @compiled
 def torque_controlled(drive: Any, brake: Any) -> bool:
-    """Whether the torque set point leads the axis: in operation alone, for what stops it are ramps of the speed."""
+    """Whether the torque set point is in control: only in operation, because stops are ramps of the speed."""
     return drive.state == 4 and drive.settings.opmode == TORQUE_MODE and not brake_holds(brake)
 
 
@@ -124,7 +124,7 @@ def _coast(axis: Any, omega: float, seconds: float) -> float:
 
 @compiled
 def _fed_forward(load: Any, motor: Any, positioning: Any, profile: Any, seconds: float) -> float:
-    """Torque that the acceleration of a profile asks for, without the position controller's part of the speed."""
+    """Torque for the acceleration of a profile, without the position controller's part of the speed."""
     change = (profile.velocity - motor.fed_speed) * RPM_TO_RAD
     motor.fed_speed = profile.velocity
     return (
@@ -140,7 +140,7 @@ def _speed_limit(motor: Any, travel: Any, side: int) -> float:
 
 @compiled
 def _beyond(motor: Any, torque: Any, travel: Any, speed: float, given: float, gain: float) -> int:
-    """Beyond which limit ``given`` N m would drive a shaft that comes to ``speed``, rad/s: 1, -1, or 0 for none."""
+    """Which limit ``given`` N m would exceed on a shaft that reaches ``speed``, rad/s: 1, -1, or 0 for none."""
     if not torque.settings.speed_limited:
         return 0
     if gain * (_speed_limit(motor, travel, 1) - speed) < given:
@@ -164,7 +164,7 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
     if integral_time <= 0.0:
         integral_time = INTEGRAL_RATIO * axis.motor.settings.velocity_time_constant
     action = gain * (1.0 + seconds / integral_time)
-    # how much of a change of the current set point comes through in this step
+    # part of a change of the current set point that takes effect in this step
     share = seconds / (axis.motor.settings.current_time_constant + seconds)
     kept = (1.0 - share) * constant * axis.motor.current
     reference = axis.ramp.reference * RPM_TO_RAD - noise
@@ -212,9 +212,9 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
     error = reference - following
     resting = omega == 0.0 and following == 0.0 and abs(axis.ramp.reference) <= RESTING * axis.ramp.settings.standstill
     if led:
-        # speed control goes on from the torque at hand
+        # speed control continues from the present torque
         axis.motor.speed_integral = torque - axis.torque.settings.additive
-    # at a limit the integral part stays as it is, unless it would lead away from there
+    # at a limit the integral part is frozen, unless it would lead away from the limit
     elif not resting and (not limited or error * wanted < 0.0):
         axis.motor.speed_integral += gain * seconds / integral_time * error
     axis.motor.torque = torque
@@ -224,7 +224,7 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
 
 @compiled
 def _encoder_noise(motor: Any) -> float:
-    """What the encoder's steps add to the measured speed, rad/s."""
+    """Noise that the encoder's resolution adds to the measured speed, rad/s."""
     if motor.settings.encoder_steps <= 0.0:
         return 0.0
     return (motor.measured_position - motor.position - motor.encoder_low) / FEEDBACK_FILTER * 2.0 * pi
@@ -232,7 +232,7 @@ def _encoder_noise(motor: Any) -> float:
 
 @compiled
 def _read_encoder(motor: Any, seconds: float) -> None:
-    """Take the position over as the encoder tells it."""
+    """Update the position as the encoder reports it."""
     if motor.settings.encoder_steps <= 0.0:
         motor.measured_position = motor.position
         return
@@ -243,7 +243,7 @@ def _read_encoder(motor: Any, seconds: float) -> None:
 
 @compiled
 def _step_bus(drive: Any, faults: Any, motor: Any, supply: Any, omega: float, seconds: float) -> None:
-    """The DC link gives what motor and drive take, and takes what a braking motor gives back.
+    """Advance the DC link: motor and drive draw from it, a braking motor feeds back.
 
     Without mains it discharges.
     """
@@ -271,7 +271,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     velocity = axis.motor.velocity
     omega = velocity * RPM_TO_RAD
     if axis.brake.settings.torque > 0.0:
-        # a drive that comes to rest by itself lets the brake take over before it switches off
+        # a drive that comes to rest on its own waits for the brake to hold before it switches off
         resting = axis.drive.state == 5 and axis.ramp.command == 0.0 and abs(velocity) <= axis.ramp.settings.standstill
         _step_brake(axis.brake, powered_stage and not resting, seconds)
     step_foldback(axis.motor, axis.foldback, seconds)
@@ -295,7 +295,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
     if not powered_stage or torque_controlled(axis.drive, axis.brake):
         axis.profile.position = axis.motor.position
         axis.profile.velocity = following
-        # what controls the speed next begins here
+        # the next speed control starts from here
         axis.ramp.command = axis.motor.velocity
     elif axis.positioning.state == 0:
         axis.profile.position += axis.ramp.reference * seconds / 60.0

@@ -1,10 +1,10 @@
-"""The warnings that a drive has at hand: those that were raised by command, and those that it shows by itself.
+"""The active warnings of a drive: those raised by command, and those that it raises itself.
 
 Its own are the motor's heat, I2t (HIWIN E1 manual 3.16, MELDW.7), foldback and DC link (AKD parameter reference,
 IL.FOLDWTHRESH, VBUS.UVWTHRESH, VBUS.OVWTHRESH), limit switches, software limits that the axis reached (AKD PROFINET
 manual 5.8.1 and 5.6, SWLS.STATE), and tasks that could not begin (AKD parameter reference, DRV.MOTIONSTAT).  Several
-stand at a time (AKD PROFINET manual 5.6, DRV.WARNING1 to 3; HIWIN E1 manual 3.16, two bits of MELDW); what was raised
-by command stays in front, the newest first.
+are active at a time (AKD PROFINET manual 5.6, DRV.WARNING1 to 3; HIWIN E1 manual 3.16, two bits of MELDW); those raised
+by command come first, the newest in front.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["warned", "watch_warnings"]
 
 @compiled
 def warned(warnings: Any, number: int) -> bool:
-    """Whether this warning is at hand."""
+    """Whether this warning is active."""
     at = 0
     while at < WARNING_SLOTS and warnings.active[at] != number:
         at += 1
@@ -30,7 +30,7 @@ def warned(warnings: Any, number: int) -> bool:
 
 @compiled
 def _tell(warnings: Any, count: int, number: int) -> int:
-    """One more behind the first ``count`` warnings, unless it is among them; how many there are now."""
+    """Append a warning to the first ``count``, unless it is among them; returns the new count."""
     if number == 0 or count == WARNING_SLOTS:
         return count
     for i in range(count):
@@ -42,7 +42,7 @@ def _tell(warnings: Any, count: int, number: int) -> int:
 
 @compiled
 def _tell_own(axis: Any, told: int) -> int:
-    """Put what the drive itself has to tell of behind the first ``told`` warnings; how many there are now."""
+    """Append the drive's own warnings to the first ``told``; returns the new count."""
     count = told
     if axis.warnings.settings.thermal_level > 0.0 and axis.motor.thermal_load > axis.warnings.settings.thermal_level:
         count = _tell(axis.warnings, count, int(axis.warnings.settings.thermal[1]))
@@ -72,7 +72,7 @@ def _tell_own(axis: Any, told: int) -> int:
 
 @compiled
 def watch_warnings(axis: Any) -> None:
-    """Put together what the drive warns of in this step."""
+    """Collect the warnings of this step."""
     count = 0
     while count < WARNING_SLOTS and axis.warnings.raised[count] != 0:
         axis.warnings.active[count] = axis.warnings.raised[count]

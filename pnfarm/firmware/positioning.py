@@ -1,16 +1,16 @@
 """Positioning: traversing tasks, intermediate stop, homing and jogging inside S4 (PROFIdrive application class 3).
 
 What an axis in position mode does while operation is enabled, as a table of its own (AKD PROFINET manual 5.10, HIWIN E1
-manual 3.3.2 and 6.6 to 6.8, Moog MSD manual 10.5; their figures are missing: the profile's extension of S4 holds):
+manual 3.3.2 and 6.6 to 6.8, Moog MSD manual 10.5; their figures are missing: the profile's extension of S4 applies):
 
 ==================  ========================================================
 STANDBY             standing, or braked to a stop; a task may begin
 TASK                a traversing task runs
 INTERMEDIATE_STOP   braked, the task waits
-BRAKING             rejected, homing or jogging ended
+BRAKING             braking after a rejected task, homing or jogging
 HOMING              the axis looks for its home
 JOG                 jogging at a set point, or at the task's own velocity
-FOLLOWING           set points of each cycle in the interpolating mode (Moog MSD manual 10.6)
+FOLLOWING           following cyclic set points in the interpolating mode (Moog MSD manual 10.6)
 HALTED              a parameter ended the task (AKD: DRV.STOP), which another one can continue
 ==================  ========================================================
 
@@ -72,7 +72,7 @@ __all__ = [
 
 
 # States (``positioning.state``).
-OUT = 0  # operation is not enabled, or another mode is
+OUT = 0  # operation is not enabled, or another mode is in force
 STANDBY = 1
 TASK = 2
 INTERMEDIATE_STOP = 3
@@ -91,15 +91,15 @@ PAUSE = 3
 RESUME = 4
 START = 5  # a traversing task that can be executed
 HOME = 6
-HOME_OFF = 7  # homing is no longer asked for
+HOME_OFF = 7  # homing is no longer requested
 JOG_ON = 8
 JOG_OFF = 9
-OVER = 10  # the profile stands where it was to end
-BLOCKED = 11  # it runs into a limit switch
-HALT = 12  # a parameter ends what runs
-CONTINUE = 13  # a parameter goes on with the halted task
-FOLLOW = 14  # positions of each cycle lead the axis
-UNFOLLOW = 15  # they do not
+OVER = 10  # the profile has reached its end
+BLOCKED = 11  # the axis runs into a limit switch
+HALT = 12  # a parameter halts what runs
+CONTINUE = 13  # a parameter continues the halted task
+FOLLOW = 14  # the axis is to follow cyclic positions
+UNFOLLOW = 15  # it no longer is
 EVENTS = 16
 
 TRANSITIONS: dict[tuple[int, int], int] = {
@@ -141,14 +141,14 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     # jogging
     (JOG, LEAVE): OUT,
     (JOG, JOG_OFF): BRAKING,
-    # following positions of each cycle
+    # following cyclic positions
     (STANDBY, FOLLOW): FOLLOWING,
     (FOLLOWING, LEAVE): OUT,
     (FOLLOWING, UNFOLLOW): BRAKING,
     (FOLLOWING, HOME): HOMING,
 }
 
-#: Which event wins when several hold; a task that begins in the step that ends an intermediate stop is the newer one.
+#: Priority of events that hold together; a task that begins in the step that ends an intermediate stop is newer.
 PRIORITY = (
     LEAVE, BLOCKED, REJECT, HOME_OFF, JOG_OFF, UNFOLLOW, HALT, PAUSE, CONTINUE, START, RESUME, HOME, JOG_ON, FOLLOW,
     OVER, ENTER,
@@ -156,7 +156,7 @@ PRIORITY = (
 
 #: rpm of one rev/s.
 RPM = 60.0
-#: Numbers of a position of 32 bits.
+#: Number of values of a 32-bit position.
 ROUND = 4294967296.0
 HALF_ROUND = 2147483648.0
 
@@ -172,7 +172,7 @@ def _may_move(asked: Any) -> bool:
 
 @compiled
 def _can_start(axis: Any) -> bool:
-    """Whether the task that is asked for can be executed from here."""
+    """Whether the requested task can be executed from here."""
     if not _may_move(axis.asked) or (axis.asked.velocity == 0.0 and not axis.asked.still):
         return False
     if axis.homing.settings.required and not axis.homing.homed:
@@ -187,9 +187,9 @@ def _can_start(axis: Any) -> bool:
 
 @compiled
 def _asked_target(axis: Any) -> float:
-    """Where the asked task leads to, on the shaft; a relative one counts from where the last one leads to.
+    """Target of the requested task on the shaft; a relative one counts from the last target.
 
-    A motion task of the drive's own may say otherwise.
+    A motion task stored in the drive may define another base.
     """
     if axis.asked.relative:
         if axis.asked.counts_from == TASK_FROM_COMMAND:
@@ -205,7 +205,7 @@ def _asked_target(axis: Any) -> float:
 
 @compiled
 def _rounds(motor: Any, travel: Any, positioning: Any, homing: Any) -> float:
-    """How far XIST_A has counted round its 32 bits, rev: an absolute target is the number that it shows there."""
+    """By how much XIST_A has wrapped at its 32 bits, rev: an absolute target is a number that XIST_A shows."""
     if positioning.settings.targets_counted_on:
         return 0.0
     rounds = floor((position_number(travel, homing, motor.measured_position) + HALF_ROUND) / ROUND)
@@ -214,7 +214,7 @@ def _rounds(motor: Any, travel: Any, positioning: Any, homing: Any) -> float:
 
 @compiled
 def _fastest_there(motor: Any, travel: Any, positioning: Any, profile: Any, velocity: float) -> float:
-    """A velocity on the way to the target, or of a task without one, within its limits."""
+    """The velocity of a task, with a target or without, within the limits of its direction."""
     if positioning.endless:
         return fastest(motor, travel, velocity, not positioning.backwards)
     return fastest(motor, travel, velocity, profile.target >= profile.position)
@@ -237,7 +237,7 @@ def _start_task(axis: Any) -> None:
 
 @compiled
 def _passes(positioning: Any, motion_tasks: Any) -> bool:
-    """Whether the task at hand hands its target over to the next one without a stop."""
+    """Whether the running task changes over to the next one at its target without a stop."""
     if positioning.task < 0:
         return False
     both = TASK_CHAINED | TASK_PASSING
@@ -246,7 +246,7 @@ def _passes(positioning: Any, motion_tasks: Any) -> bool:
 
 @compiled
 def _aim(axis: Any) -> None:
-    """Towards the target of the task at hand; what passes it does not brake for it."""
+    """Head for the target of the running task; a task that passes it does not brake for it."""
     axis.profile.top = _fastest_there(
         axis.motor, axis.travel, axis.positioning, axis.profile, axis.positioning.top * axis.asked.override
     )
@@ -264,7 +264,7 @@ def _aim(axis: Any) -> None:
 
 @compiled
 def _jog(axis: Any) -> None:
-    """Velocity and ramps of the jog at hand; with software limits the way ends at one of them."""
+    """Velocity and ramps of the running jog; with software limits it ends at one of them."""
     if axis.jog.asked == JOG_REAL_TIME:
         velocity = -axis.asked.velocity if axis.asked.backwards else axis.asked.velocity
         up = axis.asked.acceleration
@@ -295,7 +295,7 @@ def _jog(axis: Any) -> None:
 
 @compiled
 def _jog_to_limit(travel: Any, profile: Any, homing: Any, top: float, forwards: bool) -> None:
-    """The way of a jog ends at the software limit; an axis beyond it goes no further, and not back either."""
+    """End the jog at the software limit; an axis beyond it goes no further, and not back either."""
     limit = homing.origin + (travel.settings.high if forwards else travel.settings.low)
     beyond = profile.position > limit if forwards else profile.position < limit
     profile.mode = PROFILE_STOP if beyond else PROFILE_TARGET
@@ -305,7 +305,7 @@ def _jog_to_limit(travel: Any, profile: Any, homing: Any, top: float, forwards: 
 
 @compiled
 def _held(axis: Any, enabled: bool, waits: bool) -> int:
-    """The events that hold now, as a bit set.  A task that ``waits`` for the one behind it is not over."""
+    """The events that hold now, as a bit set.  A task that ``waits`` for the next one is not over."""
     held = 1 << (ENTER if enabled else LEAVE)
     paused = axis.orders.pause != 0 and not axis.asked.feed_free
     goes_on = not paused and not axis.orders.reject
@@ -356,7 +356,7 @@ def _held(axis: Any, enabled: bool, waits: bool) -> int:
 
 @compiled
 def _advance(axis: Any, held: int) -> int:
-    """Take at most one transition and do what belongs to it: the only writer of ``positioning.state``.
+    """Take at most one transition and carry out its action: the only writer of ``positioning.state``.
 
     Returns the event that was taken, -1 for none.
     """
@@ -373,7 +373,7 @@ def _advance(axis: Any, held: int) -> int:
         if event == BLOCKED and axis.positioning.state == HOMING:
             axis.homing.error = 1
         if event == ENTER:
-            # where a stop without a position controller ended: nothing of the way that it took is made up for
+            # from where a stop without position control ended: its distance is not made up for
             axis.profile.position = axis.motor.position
             axis.profile.velocity = axis.motor.velocity
             begin_profile(axis.profile)
@@ -413,18 +413,18 @@ def _advance(axis: Any, held: int) -> int:
 
 @compiled
 def _follow_on(axis: Any, now: int) -> bool:
-    """Begin the task behind a chained one, once its dwell is over; true while there is one to come or begun."""
+    """Begin the task after a chained one, once its dwell is over; true while one is to come or has begun."""
     if axis.positioning.state != TASK or axis.positioning.task < 0:
         return False
     if axis.asked.begins:
-        # what is asked for in this step goes before
+        # a request in this step takes precedence
         return True
     number = int(axis.positioning.task)
     if axis.profile.mode == PROFILE_VELOCITY:
         left = axis.profile.target - axis.profile.position
         if left < 0.0 if axis.positioning.backwards else left > 0.0:
             return False
-        # not further than the target, should nothing follow
+        # stop at the target, should nothing follow
         axis.profile.mode = PROFILE_TARGET
         axis.profile.top = abs(axis.profile.top)
     elif not profile_over(axis.profile) or not int(axis.motion_tasks.settings.kind[number]) & TASK_CHAINED:
@@ -443,7 +443,7 @@ def _follow_on(axis: Any, now: int) -> bool:
 
 @compiled
 def _change_way(asked: Any, positioning: Any, profile: Any) -> None:
-    """A way that began ends where it was to; velocity and ramps without a handshake count for it at once."""
+    """Change a running task: its target stays; velocity and ramps without a handshake apply at once."""
     if not asked.feed_free or not asked.relative or positioning.endless or not _may_move(asked):
         return
     positioning.top = asked.velocity
@@ -453,7 +453,7 @@ def _change_way(asked: Any, positioning: Any, profile: Any) -> None:
 
 @compiled
 def take_motion(axis: Any, now: int) -> None:
-    """Once in each firmware step: what the controller asks for, and what becomes of it."""
+    """Once in each firmware step: take the controller's requests and advance the state."""
     enabled = (
         axis.drive.state == 4
         and axis.drive.settings.opmode == 2
@@ -498,7 +498,7 @@ def take_motion(axis: Any, now: int) -> None:
 @compiled
 def positioning_command(motor: Any, positioning: Any, profile: Any, interpolation: Any, seconds: float) -> float:
     """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
-    # both places of the same moment, the beginning of the step
+    # both positions are those at the beginning of the step
     error = profile.position - motor.measured_position
     if positioning.state == FOLLOWING:
         step_interpolation(profile, interpolation, seconds)

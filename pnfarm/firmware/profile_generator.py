@@ -1,12 +1,12 @@
-"""The profile generator of positioning: from where the axis is to a target, in the least time that three limits allow.
+"""The profile generator of positioning: from the present position to a target, in the least time that the limits allow.
 
-A trapezoid: up at the task's acceleration, along at its velocity, down at its deceleration, so that the target is met
-at rest.  Every step is solved in closed form and not integrated, so that the result does not depend on how long the
-steps are: the axis arrives exactly, at the time that the formulas of a trapezoid give.  Target and limits may change at
-any time ("change on the fly"); an axis that can no longer stop in front of its target stops behind it and comes back.
+A trapezoid: up at the task's acceleration, along at its velocity, down at its deceleration, so that the axis reaches
+the target at rest.  Every step is solved in closed form and not integrated, so that the result does not depend on the
+length of the steps: the axis arrives exactly, at the time that the formulas of a trapezoid give.  Target and limits may
+change at any time ("change on the fly"); an axis that can no longer stop at its target passes it and comes back.
 
-With a jerk time the trapezoid is averaged over that time: acceleration then changes by at most acceleration / time a
-second, the axis arrives that much later, and never beside the target.
+With a jerk time the trapezoid is averaged over that time: acceleration then changes by at most acceleration / time per
+second, and the axis arrives later by that time, exactly at the target.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ __all__ = ["begin_profile", "profile_over", "step_profile"]
 
 #: rev/s of one rpm.
 PER_SECOND = 1.0 / 60.0
-#: Nearer than this is there, rev: a thousandth of an increment of the finest encoder.
+#: Within this distance the target is reached, rev: a thousandth of an increment of the finest encoder.
 THERE = 1e-10
-#: Times of a second below this have passed.
+#: Times below this count as over, s.
 NO_TIME = 1e-12
-#: A trapezoid has at most a reversal, two changes of velocity, a way along and a way down.
+#: Most sections of a trapezoid: a reversal, two changes of velocity, constant velocity and the way down.
 PIECES = 8
 
 
@@ -48,7 +48,7 @@ def _trapezoid(profile: Any, seconds: float) -> None:
         if velocity == 0.0 and abs(target - position) <= THERE:
             position = target
             break
-        # on the way down to the target; otherwise in its direction, unless that is where the axis does not go
+        # decelerating to the target; otherwise towards it, unless the axis moves the other way
         landing = abs(beyond) <= THERE and velocity != 0.0
         forward = 1.0 if (velocity if landing else beyond) > 0.0 else -1.0
         speed = velocity * forward
@@ -66,7 +66,7 @@ def _trapezoid(profile: Any, seconds: float) -> None:
             left -= time
             continue
         distance = (target - position) * forward
-        # the velocity at which acceleration meets the deceleration that ends in the target
+        # the velocity at which acceleration changes to the deceleration that ends at the target
         peak = sqrt(max(0.0, (2.0 * up * down * distance + down * speed * speed) / (up + down)))
         wanted = min(top, peak)
         if wanted > speed + NO_TIME:
@@ -83,7 +83,7 @@ def _trapezoid(profile: Any, seconds: float) -> None:
         position += velocity * time
         left -= time
         if needed <= time:
-            # from here on it is down, whatever rounding says
+            # from here on it decelerates, despite rounding
             position = target - velocity * abs(velocity) / (2.0 * down)
     profile.raw_position = position
     profile.raw_velocity = velocity
@@ -91,7 +91,7 @@ def _trapezoid(profile: Any, seconds: float) -> None:
 
 @compiled
 def _run_up(profile: Any, target: float, seconds: float) -> None:
-    """Move by ``seconds`` towards a velocity of ``profile.target`` rev/s, and go on with it."""
+    """Move by ``seconds`` towards a velocity of ``target`` rev/s, and continue at it."""
     velocity = profile.raw_velocity
     up = profile.acceleration * PER_SECOND
     down = profile.deceleration * PER_SECOND
@@ -104,7 +104,7 @@ def _run_up(profile: Any, target: float, seconds: float) -> None:
             position += velocity * left
             break
         slower = velocity * target < 0.0 or abs(target) < abs(velocity)
-        # a reversal comes to rest first
+        # a reversal stops first
         end = 0.0 if velocity * target < 0.0 else target
         rate = down if slower else up
         needed = abs(end - velocity) / rate
@@ -129,7 +129,7 @@ def _move(profile: Any, seconds: float) -> None:
 
 @compiled
 def begin_profile(profile: Any) -> None:
-    """Start from what the axis does at this moment: its commanded position and velocity."""
+    """Start from the axis' present commanded position and velocity."""
     velocity = profile.velocity * PER_SECOND
     profile.raw_velocity = velocity
     # an average over some time lags behind by half of it
@@ -142,7 +142,7 @@ def begin_profile(profile: Any) -> None:
 
 @compiled
 def _next_tap(profile: Any, spacing: float) -> None:
-    """Move the trapezoid on by one tap; its mean velocity takes the place of the oldest one."""
+    """Advance the trapezoid by one tap; its mean velocity replaces the oldest one."""
     before = profile.raw_position
     _move(profile, spacing)
     profile.taps[profile.tap_next] = (profile.raw_position - before) / spacing
@@ -156,7 +156,7 @@ def _next_tap(profile: Any, spacing: float) -> None:
 
 @compiled
 def step_profile(profile: Any, seconds: float) -> None:
-    """Advance ``profile.position`` and ``profile.velocity`` by ``seconds`` of the profile at hand."""
+    """Advance ``profile.position`` and ``profile.velocity`` by ``seconds`` of the running profile."""
     if profile.settings.jerk_time <= 0.0:
         _move(profile, seconds)
         profile.position = profile.raw_position
@@ -183,13 +183,13 @@ def step_profile(profile: Any, seconds: float) -> None:
 
 @compiled
 def profile_over(profile: Any) -> bool:
-    """Whether the axis stands in its target, or where it was told to stop."""
+    """Whether the axis stands at its target, or has come to the requested stop."""
     if profile.raw_velocity != 0.0 or profile.velocity != 0.0:
         return False
     if profile.mode == PROFILE_TARGET and profile.raw_position != profile.target:
         return False
     if profile.mode == PROFILE_VELOCITY:
-        # without an end, however slow: an override of 0 is no end
+        # endless motion is never over: an override of 0 does not end it
         return False
     if profile.settings.jerk_time > 0.0:
         for i in range(JERK_TAPS):

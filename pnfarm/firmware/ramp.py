@@ -26,7 +26,7 @@ QUICK_STOP = 2  # axis.drive.stop
 def approach(value: float, target: float, up: float, down: float, seconds: float) -> float:
     """``value`` moved towards ``target``: magnitude grows at ``up`` and shrinks at ``down`` per second.
 
-    A reversal first comes to zero along ``down`` and spends what is left of the step along ``up``.
+    A reversal first decelerates to zero at ``down``; the rest of the step accelerates at ``up``.
     """
     if value * target < 0.0:
         limit = down * seconds
@@ -55,9 +55,9 @@ def limited(motor: Any, travel: Any, target: float) -> float:
 
 @compiled
 def _jogs(orders: Any, motor: Any, ramp: Any, jog: Any) -> bool:
-    """Whether the axis jogs: it begins at standstill while nothing bars it, and ends there when it is not asked for.
+    """Whether the axis jogs: a jog begins at standstill while nothing bars it, and ends there once no longer requested.
 
-    A drive of sequences says itself when it begins and ends (:mod:`pnfarm.firmware.jog`).  A frozen ramp generator
+    With sequences :mod:`pnfarm.firmware.jog` decides when a jog begins and ends.  A frozen ramp generator
     does not keep the speed of a jog that is over: the axis comes to rest.
     """
     if by_sequence(jog):
@@ -77,7 +77,7 @@ def _jogs(orders: Any, motor: Any, ramp: Any, jog: Any) -> bool:
 
 @compiled
 def _jog_command(motor: Any, ramp: Any, travel: Any, jog: Any, seconds: float) -> None:
-    """The velocity command of a jog, along ramps of its own; bits that stand for no speed ask for standstill."""
+    """The velocity command of a jog, along its own ramps; bits without a speed request standstill."""
     bits = jog.bits
     target = 0.0
     if by_sequence(jog):
@@ -93,7 +93,7 @@ def _jog_command(motor: Any, ramp: Any, travel: Any, jog: Any, seconds: float) -
 
 @compiled
 def _servo(axis: Any, seconds: float) -> None:
-    """Dynamic servo control; orders to the ramp generator work as for a speed that passes it by."""
+    """Dynamic servo control; orders to the ramp generator act as for a speed that bypasses it."""
     if axis.orders.setpoint and axis.orders.ramp_runs and axis.orders.ramp:
         axis.ramp.command = limited(
             axis.motor, axis.travel, servo_command(axis.motor, axis.ramp, axis.profile, axis.interpolation)
@@ -104,10 +104,10 @@ def _servo(axis: Any, seconds: float) -> None:
 
 @compiled
 def _advance_ramp(axis: Any, seconds: float) -> None:
-    """One step of ``axis.ramp.command``; ``axis.ramp.setpoint`` is what the controller asks for."""
+    """One step of ``axis.ramp.command``; ``axis.ramp.setpoint`` is the controller's set point."""
     if axis.drive.state == 5:
         axis.ramp.jogging = 0
-        # a drive without a ramp generator has one ramp for every stop
+        # a drive without a ramp generator has a single ramp for all stops
         down = axis.ramp.settings.quick_stop_deceleration
         if axis.drive.stop == 1 and axis.ramp.settings.generator != RAMP_ABSENT:
             down = axis.ramp.down
@@ -121,7 +121,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         axis.ramp.command = approach(axis.ramp.command, 0.0, down, down, seconds)
         return
     if axis.drive.state != 4 or torque_controlled(axis.drive, axis.brake):
-        # the axis coasts, stands or is led by its torque: a later start takes up from the speed that it has
+        # the axis coasts, stands or is torque controlled: a later start begins at its present speed
         axis.ramp.command = axis.motor.velocity
         axis.ramp.jogging = 0
         return
@@ -157,7 +157,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         _jog_command(axis.motor, axis.ramp, axis.travel, axis.jog, seconds)
         return
     if not axis.orders.ramp:
-        # a ramp generator that is switched off gives zero; the axis comes down along its jog or stop ramp
+        # a ramp generator that is switched off gives zero; the axis decelerates along its jog or stop ramp
         off = (
             0.0
             if axis.ramp.settings.off_at_once
@@ -177,9 +177,9 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
 
 @compiled
 def velocity_command(axis: Any, seconds: float) -> None:
-    """Advance ``axis.ramp.command`` by one step of ``seconds``, and say what speed control shall make of it."""
+    """Advance ``axis.ramp.command`` by ``seconds``, and set ``axis.ramp.reference`` for speed control."""
     _advance_ramp(axis, seconds)
     axis.ramp.reference = axis.ramp.command
-    # a stop leads to standstill, and a brake that holds is not driven against
+    # a stop leads to standstill, and the motor does not work against a closed brake
     if axis.ramp.settings.additive_speed != 0.0 and axis.drive.state == 4 and not brake_holds(axis.brake):
         axis.ramp.reference = limited(axis.motor, axis.travel, axis.ramp.command + axis.ramp.settings.additive_speed)

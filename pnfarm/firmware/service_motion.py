@@ -1,6 +1,6 @@
 """Service motion: a drive turns by itself in velocity mode, for a time or to and fro (AKD parameter reference).
 
-It needs operation enabled and no set points from the telegram; the end of these ends it, and so does a command.
+It needs operation enabled and set points of the telegram ignored; it ends with either of these, or by a command.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ VELOCITY_MODE = 1
 
 @compiled
 def step_service(drive: Any, commands: Any, service: Any, now: int) -> None:
-    """Begin, change legs and end; a step takes ``commands.stop`` for itself in velocity mode only."""
+    """Begin, change legs and end; consumes ``commands.stop`` in velocity mode only."""
     if drive.state != 4 or drive.settings.opmode != VELOCITY_MODE or not drive.settings.setpoint_ignored:
         service.leg = 0
     elif commands.stop:
@@ -37,5 +37,5 @@ def step_service(drive: Any, commands: Any, service: Any, now: int) -> None:
 
 @compiled
 def service_setpoint(service: Any) -> float:
-    """The velocity of the leg that runs, rpm."""
+    """The velocity of the running leg, rpm."""
     return service.settings.velocity[int(service.leg) - 1]

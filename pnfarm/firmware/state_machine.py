@@ -10,7 +10,7 @@ S4    operation                 ZSW1.0, 1, 2
 S5    switching off             ZSW1.0, 1
 ====  ========================  ============
 
-S5 stands three times in the table, because where it leads to depends on why the axis stops: a ramp stop,
+S5 appears three times in the table, because its next state depends on why the axis stops: a ramp stop,
 a quick stop, or a fault with a controlled stop.  Events are conditions on STW1, the motor and the fault
 buffer; of those that hold in one step, the first in :data:`PRIORITY` for which the table has a row wins.
 
@@ -55,7 +55,7 @@ TRIP_STOP = 10  # a fault with a controlled stop
 RELEASED = 11  # STW1.2 = 1 again, where the drive stays in its quick stop (Moog MSD manual, table 10.7, transition 10)
 EVENTS = 12
 
-#: Row by row as in the profile's figure: where each state goes on which event.
+#: (state, event) -> next state, row by row as in the profile's figure.
 TRANSITIONS: dict[tuple[int, int], int] = {
     (BOOT, BOOTED): S1,
     # switching on inhibited
@@ -101,7 +101,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     (S5_FAULT, STANDSTILL): S1,
 }
 
-#: Which event wins when several hold: faults, then the stops from the hardest to the softest.
+#: Priority of events that hold together: faults, then the stops from the hardest to the softest.
 PRIORITY = (BOOTED, TRIP, TRIP_STOP, COAST, QUICK, OFF, DISABLE, STANDSTILL, RELEASED, READY, ON, ENABLE)
 
 _NEXT = as_array(TRANSITIONS, STATES, EVENTS)
@@ -112,7 +112,7 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 def conditions(power: int, faulty: int, reaction: int, standing: int, booted: int) -> int:
     """The events that hold now, as a bit set.
 
-    ``power``: POWER_*; ``faulty``: a fault is active; ``reaction``: 1 = it asks for a controlled stop.
+    ``power``: POWER_*; ``faulty``: a fault is active; ``reaction``: 1 = it requires a controlled stop.
     """
     held = 0
     if booted:

@@ -1,6 +1,6 @@
-"""One step of an axis: what the controller asks, faults, state machine, ramp, motor, and what the controller sees.
+"""One step of an axis: the controller's requests, faults, state machine, ramp, motor, and the reported status.
 
-What asks and what is shown are words of the axis' front; all between is the same for each.
+Requests and status are words of the axis' front; everything between is the same for all fronts.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from pnfarm.table.compiled import compiled, compiled_apart
 __all__ = ["step"]
 
 
-#: What a step covers at most, ns: the loop may have been held up.
+#: Longest time that a step covers, ns: the loop may have been held up.
 LONGEST_NS = 1_000_000_000
 
 
 @compiled
 def _power_in_force(drive: Any, orders: Any, commands: Any, reaction: int) -> int:
-    """What the state machine sees: a fault reaction runs to its end, and a parameter may disable the axis."""
+    """POWER_* as the state machine sees it: a fault reaction runs to its end, and a parameter may disable the axis."""
     power = int(orders.power)
     if drive.state == 5 and drive.stop == 3 and not orders.led:
-        # losing the controller meanwhile does not turn it into coasting; its own coast stop does
+        # losing the controller meanwhile does not turn the reaction into coasting; a coast stop order does
         power |= POWER_NO_COAST | POWER_NO_QUICK_STOP
     elif drive.state == 4 and reaction:
         power = POWER_ON | POWER_NO_COAST | POWER_NO_QUICK_STOP | POWER_ENABLE
     if commands.disable != 0 and drive.state >= 4:
-        # as a coast stop or a quick stop of the control word would, once: the controller walks the states anew
+        # once, as a coast stop or quick stop of the control word: the controller has to switch on again
         power &= ~(POWER_NO_COAST if drive.settings.disable_method == DISABLE_AT_ONCE else POWER_NO_QUICK_STOP)
     commands.disable = 0
     return power
@@ -56,7 +56,7 @@ def _power_in_force(drive: Any, orders: Any, commands: Any, reaction: int) -> in
 
 @compiled
 def _turn(axis: Any, elapsed: int) -> None:
-    """Set point, controllers, motor and load, in steps that are short enough."""
+    """Advance set point, controllers, motor and load, in steps of at most the motor's step time."""
     longest = motor_step_ns(axis.motor)
     while elapsed > 0:
         part = min(elapsed, longest)

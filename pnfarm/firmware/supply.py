@@ -1,6 +1,6 @@
 """The DC link's supply: whether the mains hold its voltage up.
 
-The mains are away while the drive lacks its supply, and while the cause of its undervoltage fault is there.
+The mains are off while the drive lacks its supply, and while the cause of its undervoltage fault is present.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ def _supplied(drive: Any, faults: Any, supply: Any) -> bool:
 
 @compiled
 def mains(drive: Any, faults: Any, supply: Any) -> float:
-    """The voltage below which the mains do not let the DC link fall, V."""
+    """The lowest voltage to which the mains let the DC link fall, V; 0 without mains."""
     return float(supply.settings.nominal) if _supplied(drive, faults, supply) else 0.0
 
 
 @compiled
 def bus_below(drive: Any, faults: Any, supply: Any, level: float) -> bool:
-    """Whether the DC link's voltage is below ``level``, V; one that is fed and has none is not known."""
+    """Whether the DC link's voltage is below ``level``, V; false for a supplied one whose voltage is not modelled."""
     return supply.voltage < level and (supply.voltage > 0.0 or not _supplied(drive, faults, supply))

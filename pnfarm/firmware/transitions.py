@@ -15,7 +15,7 @@ __all__ = ["as_array"]
 def as_array(
     transitions: Mapping[tuple[int, int], int], states: int, events: int
 ) -> np.ndarray[Any, np.dtype[np.int8]]:
-    """``[state, event]`` -> the following state, -1 where the table has no row."""
+    """``[state, event]`` -> next state, -1 where the table has no row."""
     table = np.full((states, events), -1, np.int8)
     for (state, event), following in transitions.items():
         table[state, event] = following

@@ -11,13 +11,13 @@ __all__ = ["at_limit_switch", "fastest", "limits_reached", "position_number", "t
 
 @compiled
 def position_number(travel: Any, homing: Any, place: float) -> int:
-    """A place on the shaft in position steps; XIST_A is what fits of it in 32 bits."""
+    """A shaft position in position steps; XIST_A is its lower 32 bits."""
     return round((place - homing.origin) / travel.settings.position_step)
 
 
 @compiled
 def within_limits(travel: Any, homing: Any, target: float) -> bool:
-    """Whether software limits let the shaft go to ``target``; they count once the machine's zero is known."""
+    """Whether software limits let the shaft go to ``target``; they apply once the machine's zero is known."""
     if not homing.homed:
         return True
     place = target - homing.origin
@@ -28,7 +28,7 @@ def within_limits(travel: Any, homing: Any, target: float) -> bool:
 
 @compiled
 def at_limit_switch(machine: Any, direction: float) -> bool:
-    """Whether a limit switch stands in this direction, any number above or below 0."""
+    """Whether the limit switch in this direction (any number above or below 0) is pressed."""
     return (direction > 0.0 and machine.limit_switch & 0x2 != 0) or (
         direction < 0.0 and machine.limit_switch & 0x1 != 0
     )
@@ -48,7 +48,7 @@ def fastest(motor: Any, travel: Any, velocity: float, forwards: bool) -> float:
 
 @compiled
 def take_ramps(profile: Any, velocity: float, up: float, down: float) -> None:
-    """Velocity, rpm, and ramps, rpm/s, of what the profile generator does next."""
+    """Set velocity, rpm, and ramps, rpm/s, of the next profile."""
     profile.top = velocity
     profile.acceleration = up
     profile.deceleration = down

@@ -1,1 +1,1 @@
-"""The farm as a table: structured NumPy arrays that the engine and everybody else share."""
+"""The farm as a table: structured NumPy arrays that the engine shares with all other parts."""

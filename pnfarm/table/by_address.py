@@ -1,8 +1,8 @@
-"""A compiled function with machine code of its own, which its compiled callers call by its address.
+"""A compiled function with its own machine code, which its compiled callers call by address.
 
-Numba makes a compiled function anew, whole and with all that it calls, inside the machine code of each of its callers
-and of theirs.  That is what lets small functions run fast.  For one that calls two hundred others it only takes time to
-compile and room in the cache, once for each function above it.
+Numba includes a compiled function, with all that it calls, in the machine code of each of its direct and indirect
+callers.  This makes small functions fast.  For one that calls two hundred others it only costs compile time and room
+in the cache, once for each function above it.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ _open: list[_Link] = []
 
 
 def by_address(function: Any, *rows: Layout) -> Any:
-    """What compiled code calls in place of ``function``, which takes a row of each of ``rows`` and a time, ns.
+    """What compiled code calls instead of ``function``, whose arguments are a row of each of ``rows`` and a time, ns.
 
-    :func:`link` has to run before the first of its callers.  With bounds checked it is ``function`` itself, because an
-    exception would end at the call.
+    :func:`link` has to run before the first of its callers.  With bounds checking it is ``function`` itself, because an
+    exception would not pass the call.
     """
     if not IS_COMPILED or numba.config.BOUNDSCHECK:
         return function
@@ -43,7 +43,7 @@ def by_address(function: Any, *rows: Layout) -> Any:
 
 
 def link() -> None:
-    """Compile the functions that are called by their address, or load them, and say where they are."""
+    """Compile or load the functions that are called by address, and set their addresses."""
     while _open:
         symbol, function, signature = _open[-1]
         function.compile(signature.args)

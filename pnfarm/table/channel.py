@@ -14,7 +14,7 @@ __all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_BUCKETS", "INTERVAL_EDGES_
 FRAME_SLOT = 1536
 #: Telegram words of one channel; the longest telegram of the manuals has 34.
 MAX_WORDS = 64
-#: Provider status octets that a consumer looks at.
+#: Provider status octets that a consumer evaluates.
 MAX_IOPS = 4
 
 #: Why a cyclic frame was dropped, by index of ``CPM.discarded``.
@@ -34,8 +34,8 @@ INTERVAL_EDGES_NS = (
 )  # fmt: skip
 INTERVAL_BUCKETS = len(INTERVAL_EDGES_NS) + 1
 
-# What stands around the data of a frame (``framing``; :mod:`pnfarm.engine.framing`).
-FRAMING_RTC = 0  # frame id before them, cycle counter and data status behind them
+# Header and trailer of the data of a frame (``framing``; :mod:`pnfarm.engine.framing`).
+FRAMING_RTC = 0  # frame id before the data, cycle counter and data status after it
 
 # States of both machines.
 IDLE = 0
@@ -58,7 +58,7 @@ IOXS_BAD = 0x40
 
 PPM = Layout(
     "ppm",
-    "A provider: one frame sent every ``cycle_ns``. Its Ethernet frame stands ready in the frame store, row for row.",
+    "A provider: one frame sent every ``cycle_ns``. Its Ethernet frame is in the same row of the frame store.",
     [
         Field("active", "u1", "", "station", "set last when a row is ready, cleared first when it goes"),
         Field("state", "u1", "", "transmit", "IDLE, W_START or RUN"),

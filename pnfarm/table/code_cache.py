@@ -1,9 +1,9 @@
-"""Where machine code is kept, and under what name: a digest of everything that it was made of.
+"""The cache of machine code, named by a digest of everything that the code was made of.
 
-Numba's own cache looks only at the file of the decorated function and would keep stale machine code when a *callee* in
-another file changes.  Here each file's functions lie in a folder named after the digest of that file and of all files
+Numba's own cache checks only the file of the decorated function and would keep stale machine code when a *callee* in
+another file changes.  Here each file's functions are in a folder named after the digest of that file and of all files
 of the package that it imports, directly or not, together with the versions of Python, Numba and NumPy.  So a change
-compiles what depends on it and nothing else, and copies of the same sources share their code wherever they are.
+recompiles only what depends on it, and copies of the same sources share their code wherever they are.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from numba.core import caching
 __all__ = ["DigestLocator", "cache_directory", "is_cached", "kept_functions", "mark_cached"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
-#: Rooms whose files hold compiled functions.
+#: Packages whose files hold compiled functions.
 _COMPILED_ROOMS = ("table", "firmware", "engine")
 #: An import that runs when the module is loaded; indented ones are for types or one function, never for machine code.
 _IMPORT = re.compile(r"^(?:from ([a-z]\w*[.\w]*) import (\([^)]*\)|.*)|import ([.\w]+))", re.MULTILINE)
@@ -59,7 +59,7 @@ def _imported(path: Path) -> frozenset[Path]:
 
 @functools.cache
 def _sources(path: Path) -> tuple[Path, ...]:
-    """A file and all that it imports, one through another."""
+    """A file and all that it imports, directly or not."""
     found, new = set(), {path}
     while new:
         found |= new
@@ -86,7 +86,7 @@ def _folder(path: Path) -> Path:
 
 
 class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF001 - what Numba's setting for locators takes
-    """Tells Numba where one function's machine code lies."""
+    """Locates one function's machine code for Numba."""
 
     def __init__(self, function: Any, file: str) -> None:
         self._path = Path(file).resolve()
@@ -95,7 +95,7 @@ class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF00
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> DigestLocator | None:
-        """As Numba asks for it; None where nothing can be written."""
+        """Numba's constructor; None where nothing can be written."""
         locator = cls(py_func, py_file)
         try:
             locator.ensure_cache_path()
@@ -108,11 +108,11 @@ class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF00
         return str(_folder(self._path))
 
     def get_source_stamp(self) -> str:
-        """The folder's name says it all."""
+        """Constant, because the folder's name depends on the sources already."""
         return ""
 
     def get_disambiguator(self) -> str:
-        """Functions of one name in one file."""
+        """Distinguishes functions of one name in one file."""
         return str(self._line)
 
 
@@ -121,22 +121,22 @@ def _compiled_files() -> tuple[Path, ...]:
 
 
 def _mark() -> Path:
-    """Stands where all machine code of these sources, this Numba and this kind of processor lies."""
+    """A file that exists when all machine code of these sources, this Numba and this type of processor is cached."""
     processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
     return cache_directory() / f"complete-{_digest(_compiled_files())}-{processor}"
 
 
 def is_cached() -> bool:
-    """Whether the machine code lies ready, all of it, so that a start takes no compilation."""
+    """Whether all machine code is cached, so that a start needs no compilation."""
     return _mark().exists()
 
 
 def mark_cached() -> None:
-    """Say that everything was compiled; where the folder cannot be written there is nothing to say it of."""
+    """Mark everything as compiled; does nothing where the folder cannot be written."""
     with contextlib.suppress(OSError):
         _mark().touch()
 
 
 def kept_functions() -> int:
-    """How many functions of these sources have machine code that is kept."""
+    """How many functions of these sources have cached machine code."""
     return sum(len(list(_folder(path).glob("*.nbi"))) for path in _compiled_files())

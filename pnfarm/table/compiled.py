@@ -1,11 +1,11 @@
-"""The one decorator of everything that runs each tick.
+"""The decorator of all functions that run each tick.
 
-``@compiled`` is ``numba.njit(nogil=True, cache=True)`` with a cache of this package's own
+``@compiled`` is ``numba.njit(nogil=True, cache=True)`` with this package's own cache
 (:mod:`pnfarm.table.code_cache`).  ``NUMBA_DISABLE_JIT=1`` leaves the plain functions in place, for a debugger and for
 coverage.
 
-A function whose name begins with an underscore is called by compiled code alone: nothing is made for a call from
-Python, which would crash.
+A function whose name begins with an underscore is called by compiled code only: no wrapper for calls from Python is
+made, and such a call would crash.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ __all__ = [
 def _prepare() -> bool:
     if numba.config.DISABLE_JIT:
         return False
-    # Numba prints the types of the arguments in each of its passes and look-ups, whether anybody listens or not.  A
-    # record of records makes that text anew each time, which takes a tenth of all compilation; its name is one, too.
+    # Numba formats the types of the arguments in each of its passes and look-ups, even if no event listener is
+    # registered.  A nested record builds that text each time, a tenth of all compile time; its name does as well.
     types.Record.__repr__ = types.Type.__repr__
     try:
         cache_directory().mkdir(parents=True, exist_ok=True)
@@ -49,13 +49,13 @@ _functions = 0
 
 
 def function_count() -> int:
-    """How many compiled functions the modules hold that were imported until now."""
+    """Number of compiled functions in the modules imported so far."""
     return _functions
 
 
 def compiled(function: _F) -> _F:
     """Compile on first call, without the interpreter's lock, and keep the machine code."""
-    # nothing takes a pointer to one: without its C wrapper a function compiles faster
+    # no pointer to one is taken: without its C wrapper a function compiles faster
     return _compiled(function, no_cfunc_wrapper=True)
 
 

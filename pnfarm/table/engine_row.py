@@ -1,4 +1,4 @@
-"""The engine's own counters, and the ring of events by which it tells the event loop what happened."""
+"""The engine's own counters, and the ring of events by which it reports to the event loop."""
 
 from __future__ import annotations
 

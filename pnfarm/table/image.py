@@ -20,7 +20,7 @@ LOST_CLOSED = 4  # the connection was taken down
 
 IMAGE = Layout(
     "image",
-    "Signals of one station by slot (:mod:`pnfarm.table.signals`); a 16-bit signal stands unsigned in its 32 bits.",
+    "Signals of one station by slot (:mod:`pnfarm.table.signals`); a 16-bit signal is unsigned in its 32 bits.",
     [
         Field("received", "i4", "", "receive", "signals that the peer sends", (SLOTS,)),
         Field("frames", "u4", "", "receive", "set point frames taken so far"),
@@ -41,11 +41,11 @@ IMAGE = Layout(
         Field(
             "strays", "i8", "frames", "receive", "cyclic frames to this station or a group that belong to no channel"
         ),
-        # the parameter channel: eight octets as one number, so that neither side ever sees half of them
-        Field("parameter_task", "i8", "", "firmware", "the task that was told last"),
-        Field("parameter_told_ns", "i8", "ns", "firmware", "when it was told"),
+        # the parameter channel: eight octets as one number, so that neither side reads a half-written value
+        Field("parameter_task", "i8", "", "firmware", "the task reported last"),
+        Field("parameter_told_ns", "i8", "ns", "firmware", "when it was reported"),
         Field("parameter_answered", "i8", "", "station", "the task that parameter_answer answers"),
         Field("parameter_answer", "i8", "", "station", "the answer that is sent"),
-        Field("parameter_repeats", "u1", "", "station", "1 = the answer is a value that shall stay up to date"),
+        Field("parameter_repeats", "u1", "", "station", "1 = the answer is a value that is to be kept up to date"),
     ],
 )

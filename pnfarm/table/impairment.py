@@ -23,13 +23,15 @@ IMPAIRMENT = Layout(
         Field("kind", "u1", "", "fault", "what it does, 0 = row unused"),
         Field("next", "i4", "", "fault", "next row of the chain + 1, 0 = end"),
         Field("threshold", "u4", "1/2^32", "fault", "probability of each activation, 2^32 - 1 = always"),
-        Field("limit", "i8", "", "fault", "activations after which it rests, 0 = no limit, below 0: at once"),
+        Field(
+            "limit", "i8", "", "fault", "activations after which it is inactive, 0 = no limit, below 0: from the start"
+        ),
         Field("shares", "i4", "", "fault", "row + 1 whose activations count against the same limit, 0 = none"),
         Field("start_ns", "i8", "ns", "fault", "not before"),
         Field("stop_ns", "i8", "ns", "fault", "not at or after, 0 = no end"),
         Field("after", "i8", "frames", "fault", "healthy frames to let pass first"),
         Field("random", "u8", "", "engine", "state of the generator; the station seeds it before linking"),
-        Field("checks", "i8", "frames", "engine", "frames looked at"),
+        Field("checks", "i8", "frames", "engine", "frames checked"),
         Field("activations", "i8", "frames", "engine", "frames changed or dropped"),
         Field("first_ns", "i8", "ns", "engine", "first activation, 0 = none"),
         Field("last_ns", "i8", "ns", "engine", "last activation"),

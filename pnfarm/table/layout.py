@@ -1,6 +1,6 @@
-"""How a column of the table is declared: name, type, unit, writer, meaning.
+"""Declaration of a column of the table: name, type, unit, writer, meaning.
 
-Exactly one party writes each field (the *writer*); everybody may read.  The writers:
+Exactly one party writes each field (the *writer*); all may read.  The writers:
 
 =============  ============================================================================
 ``station``    the event loop, when it sets a row up or tears it down
@@ -13,9 +13,9 @@ Exactly one party writes each field (the *writer*); everybody may read.  The wri
 ``engine``     the engine, anywhere in its loop
 =============  ============================================================================
 
-A row may have parts, which are records in the record: ``axis.motor.velocity``.  A part that has settings, which the
-event loop writes, keeps them in a record of its own: ``axis.motor.settings.inertia``.  Data and messages name a field
-by its *key*, in which that word is left out: ``motor.velocity``, ``motor.inertia``.
+A row may have parts, which are nested records: ``axis.motor.velocity``.  A part's settings, which the event loop
+writes, are a nested record again: ``axis.motor.settings.inertia``.  Data and messages name a field by its *key*, which
+leaves out ``settings``: ``motor.velocity``, ``motor.inertia``.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Field:
     """One column.
 
     ``kind`` is a NumPy type string; ``shape`` makes a small array inside the row; ``unit`` is
-    ``""`` for flags, codes and counts; ``default`` is what a row has that nobody wrote yet.
+    ``""`` for flags, codes and counts; ``default`` is the value in a new row.
     """
 
     name: str
@@ -53,9 +53,9 @@ class Field:
 
 
 class Layout:
-    """A named, documented row type: fields of its own, then parts.
+    """A named, documented row type: its own fields, then parts.
 
-    ``fields`` has all fields by their keys, those of the parts too.
+    ``fields`` has all fields by their keys, including those of the parts.
     """
 
     def __init__(self, name: str, doc: str, fields: list[Field], parts: tuple[Layout, ...] = ()) -> None:
@@ -87,7 +87,7 @@ class Layout:
             ],
             align=True,
         )
-        # one object for all tables: Numba, which looks at the type of each argument of each call, compares no fields
+        # one object for all tables, so that Numba need not compare fields when it checks argument types at each call
         self._record = np.dtype((np.record, self.dtype))
 
     def path(self, key: str) -> tuple[str, ...]:
@@ -101,7 +101,7 @@ class Layout:
         return rows
 
     def write(self, rows: Any, key: str, value: Any) -> None:
-        """Write the field ``key`` of a row, or of all rows of a table; an array's places all at once."""
+        """Write the field ``key`` of a row, or of all rows of a table; all elements of an array at once."""
         *parts, name = self._paths[key]
         for part in parts:
             rows = rows[part]
@@ -116,7 +116,7 @@ class Layout:
         return table
 
     def markdown(self) -> str:
-        """The layout as tables for the documentation: its own fields, then each part's as code names them."""
+        """The layout as tables for the documentation: its own fields, then each part's by their names in code."""
         lines = [f"### {self.name}", "", self.doc, "", *_table((field.name, field) for field in self.own)]
         for part in self.parts:
             paths = ((".".join(part.path(key)), field) for key, field in part.fields.items())
@@ -133,6 +133,6 @@ def _table(fields: Iterable[tuple[str, Field]]) -> list[str]:
 
 
 def subject(name: str, doc: str, *, settings: list[Field] | None = None, state: list[Field] | None = None) -> Layout:
-    """A part of a row about one subject: its state, and its settings in a record of their own."""
+    """A part of a row about one subject: its state, and its settings in a nested record."""
     parts = (Layout(SETTINGS, "What the event loop writes.", settings),) if settings else ()
     return Layout(name, doc, state or [], parts)

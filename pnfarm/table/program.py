@@ -17,7 +17,7 @@ POSITIONS = 4  # homes the axis and takes it from target to target, position mod
 TARGETS = 8
 
 # Where a program of positions is (``leg``).
-LEG_HOMING = 0  # STW1.11 stands until ZSW1.11 does
+LEG_HOMING = 0  # STW1.11 is set until ZSW1.11 is
 LEG_LOADING = 1  # the target is in the telegram, STW1.6 is at rest
 LEG_STARTED = 2  # STW1.6 changed, no acknowledgement yet
 LEG_MOVING = 3  # acknowledged
@@ -45,7 +45,7 @@ PROGRAM = Layout(
         Field("targets", "f8", "rev", "station", "of a program of positions", (TARGETS,)),
         Field("target_count", "u1", "", "station", "how many of them"),
         Field("acceleration", "f8", "rpm/s", "station", "of tasks, both ways"),
-        Field("dwell_ns", "i8", "ns", "station", "how long the axis stays in a target"),
+        Field("dwell_ns", "i8", "ns", "station", "how long the axis stays at a target"),
         Field("task_form", "u1", "", "station", "how the telegram brings tasks: TASKS_* of the axis"),
         Field("control_config", "u2", "", "station", "how the drive reads STW1: CONFIG_* of the axis"),
         Field("target_step", "f8", "rev", "station", "one increment of a target position"),
@@ -68,11 +68,11 @@ PROGRAM = Layout(
         Field("asked_ns", "i8", "ns", "program", "when the control word changed last, 0 = answered"),
         Field("reaction_ns", "i8", "ns", "program", "from a new control word to the drive's changed status, last"),
         Field("reaction_max_ns", "i8", "ns", "program", "the longest of these"),
-        Field("fault_ns", "i8", "ns", "program", "when the fault at hand was seen, 0 = none"),
+        Field("fault_ns", "i8", "ns", "program", "when the present fault was seen, 0 = none"),
         Field("recovery_ns", "i8", "ns", "program", "from seeing a fault to operation again, last"),
         Field("leg", "u1", "", "program", "LEG_HOMING .. LEG_DWELLING"),
-        Field("leg_ns", "i8", "ns", "program", "when it began"),
-        Field("target_index", "u1", "", "program", "the target at hand"),
+        Field("leg_ns", "i8", "ns", "program", "when the leg began"),
+        Field("target_index", "u1", "", "program", "index of the current target"),
         Field("start_bit", "u2", "", "program", "STW1.6 as it was sent last"),
         Field("acknowledged", "u2", "", "program", "ZSW1.12 before the task was started"),
         Field("moves", "i8", "", "program", "targets reached"),

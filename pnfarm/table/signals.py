@@ -33,7 +33,7 @@ PART_WORD = 0
 PART_HIGH = 1
 #: Bits 15..0 of a 32-bit signal.
 PART_LOW = 2
-#: A word that no signal uses: received and forgotten, sent as zero.
+#: A word that no signal uses: ignored when received, sent as zero.
 WORD_NONE = SLOTS * 4 - 1
 
 # Controller to drive.
@@ -48,7 +48,7 @@ MDI_DEC = 7
 MDI_MOD = 8
 HOME_DIST = 9
 MT_FEEDRATE = 10
-#: A set point of the current or the torque; which of them, and its unit, the drive says.
+#: A set point of the current or the torque; the drive's model defines which of them, and its unit.
 TORQUE_SETPOINT = 11
 HOME_MODE = 12
 DRV_ACC = 13
@@ -71,7 +71,7 @@ TORQUE_LIMIT_NEGATIVE = 27
 JOG_SPEED_1 = 28
 JOG_SPEED_2 = 29
 
-# Both ways, in front of all others: the parameter channel (:mod:`pnfarm.drives.profiles.profidrive.pkw`).
+# Both directions, before all others: the parameter channel (:mod:`pnfarm.drives.profiles.profidrive.pkw`).
 #: Identifier, subindex and length.
 PKW_HEAD = 60
 #: The value.
@@ -104,11 +104,11 @@ A_DIGITAL = 20
 ACT_CURRENT = 21
 #: The torque in the unit of the drive's torque signals.
 ACT_TORQUE = 22
-#: Set points that are sent back as they came, from here on: one slot for each of :data:`SENT_BACK`.
+#: First slot of the set points that are sent back as received: one slot for each of :data:`SENT_BACK`.
 FIRST_SENT_BACK = 38
-#: Stored parameters that a mapping shows, from here on.
+#: First slot of the stored parameters that a mapping shows.
 FIRST_SHOWN = 56
-#: So many of them.
+#: Number of those.
 SHOWN = 4
 
 SETPOINT_SLOTS: dict[str, int] = {
@@ -187,7 +187,7 @@ ACTUAL_SLOTS: dict[str, int] = {
 
 
 def word_code(slot: int, part: int = PART_WORD) -> int:
-    """The code of one telegram word; see the module's head."""
+    """The code of one telegram word; see the module's docstring."""
     if not 0 <= slot < SLOTS or part not in {PART_WORD, PART_HIGH, PART_LOW}:
         raise ValueError(f"no such word: slot {slot}, part {part}")
     return slot * 4 + part

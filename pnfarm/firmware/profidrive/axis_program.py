@@ -1,7 +1,7 @@
 """The built-in controller's program of one axis: switch on, run a speed or go to positions, acknowledge faults.
 
 It walks the drive through the states as PROFIdrive asks (AKD PROFINET manual 5.9: 0x0476, 0x0477, 0x047F):
-bit 0 is withdrawn in S1 so that the switching-on inhibit is left, also after a fault.
+bit 0 is cleared in S1 to leave the switching-on inhibit, also after a fault.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ READY = 0x0476  # OFF, nothing stopped, ramp generator working, control by PLC
 ON = 0x0477
 RUN = 0x047F
 ACKNOWLEDGE = 0x0080
-#: Position mode: as RUN, and STW1.6 is no level but what starts tasks.
+#: Position mode: as RUN without STW1.6, whose edges start tasks.
 POSITION = 0x043F
 START_TASK = 0x0040
 START_HOMING = 0x0800
@@ -67,12 +67,12 @@ TASK_ACKNOWLEDGED = 0x1000
 POS_ABSOLUTE = 0x0100
 WHOLE_OVERRIDE = 0x4000
 
-#: Bits of ZSW1 that answer a control word: state (0, 1, 2, 6), fault (3), stops (4, 5).
+#: Bits of ZSW1 that respond to a control word: state (0, 1, 2, 6), fault (3), stops (4, 5).
 STATE_BITS = 0x007F
-#: How long STW1.7 stands before the next try of an acknowledgement that did not clear the fault.
+#: How long STW1.7 stays set before the next attempt to acknowledge a fault that was not cleared.
 RETRY_NS = 1_000_000_000
-#: A drive that left operation while its controller did not hear it may wait for STW1.3 to rise (Moog MSD, P-0144).
-#: After so long without operation the bit is taken back, and set again after so long.
+#: A drive that left operation while its frames did not arrive may wait for STW1.3 to rise (Moog MSD, P-0144).
+#: After this time without operation the bit is cleared, and set again after the same time.
 EDGE_AFTER_NS = 4_000_000_000
 EDGE_NS = 1_000_000_000
 
@@ -111,7 +111,7 @@ def _leg(program: Any, leg: int, now: int) -> None:
 
 @compiled
 def _write_task(program: Any, image: Any) -> None:
-    """The target at hand in the signals of the telegram's form."""
+    """Write the current target to the signals of the telegram's form."""
     target = clamp32(program.targets[program.target_index] / program.target_step)
     velocity = abs(program.speed) / program.task_velocity_step
     if program.task_form == TASKS_TARPOS:
@@ -162,7 +162,7 @@ def _position(program: Any, image: Any, zsw1: int, now: int) -> int:
 
 @compiled
 def step_program(program: Any, image: Any, now: int) -> None:
-    """Look at ZSW1, decide on STW1 and the velocity set points; count the sign of life with each frame that left."""
+    """Evaluate ZSW1, write STW1 and the velocity set points; count the sign of life with each frame sent."""
     stw1 = READY
     speed = 0.0
     if not image.valid:

@@ -1,7 +1,7 @@
-"""The way in: STW1, the loss of the controller, and what the axis is asked for by them.
+"""Input: STW1 and the loss of the controller, and the orders of the axis that follow from them.
 
-What is asked for are the orders of the axis (:mod:`pnfarm.firmware.records.orders`), which know no word of a bus: bits
-4 to 6 of STW1 lead the ramp generator in speed control, and tasks in position mode (PROFIdrive 4.2, 6.3.2 and 6.3.3).
+The orders (:mod:`pnfarm.firmware.records.orders`) are independent of the bus: bits
+4 to 6 of STW1 control the ramp generator in speed control, and tasks in position mode (PROFIdrive 4.2, 6.3.2, 6.3.3).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ HOME = 0x0800
 
 @compiled
 def _setpoints(profidrive: Any, image: Any, word: int) -> int:
-    """What the set points of this step are, STW1 being ``word``."""
+    """SETPOINTS_* of this step for the STW1 ``word``."""
     if not image.valid:
         held = image.lost == LOST_STOP and profidrive.settings.without_run == WITHOUT_RUN_HOLD
         return SETPOINTS_HELD if held else SETPOINTS_NONE
@@ -59,7 +59,7 @@ def _setpoints(profidrive: Any, image: Any, word: int) -> int:
 
 @compiled
 def _take_word(axis: Any, image: Any, now: int) -> None:
-    """Take STW1 over, or hold what was taken over last, as the drive's readings have it."""
+    """Accept STW1, or hold the one accepted last, as the drive's open points are set."""
     valid = image.valid
     if axis.profidrive.image_valid and not valid:
         if image.lost == LOST_EXPIRED and axis.faults.settings.loss_delay_ns == 0:
@@ -71,7 +71,7 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
         or (valid and not axis.profidrive.image_valid)
         or image.lost == LOST_STOP
     ):
-        # telegrams come, be their data good or not
+        # telegrams arrive, whether their data is good or not
         axis.profidrive.telegram_frames = image.frames
         axis.profidrive.telegram_ns = now
     elif (
@@ -85,14 +85,14 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
     word = image.received[STW1] & 0xFFFF
     axis.profidrive.setpoints = _setpoints(axis.profidrive, image, word)
     if axis.profidrive.setpoints == SETPOINTS_NONE:
-        # nobody leads the axis: it coasts, or stops as with STW1.0 = 0
+        # no controller: the axis coasts, or stops as with STW1.0 = 0
         off = image.lost == LOST_STOP and axis.profidrive.settings.without_run == WITHOUT_RUN_OFF
         word = int(axis.profidrive.stw1) & ~ON if off else 0
     elif axis.profidrive.settings.control_location != axis.profidrive.settings.bus_location:
-        # a drive that another one controls does not hear its controller
+        # control is elsewhere (``control_location``): the controller's STW1 is ignored
         word = 0
     elif axis.profidrive.setpoints == SETPOINTS_HELD:
-        # the other bits are not taken over; an edge of one of them is none, not even when bit 10 returns
+        # the other bits are not accepted; their edges are ignored, even when bit 10 returns
         if valid:
             axis.profidrive.stw1_seen = word
         axis.profidrive.stw1_changed = 0
@@ -157,7 +157,7 @@ def take_control_word(axis: Any, image: Any, now: int) -> None:
 
 @compiled
 def forget_control_word(profidrive: Any) -> None:
-    """The drive was switched on: no word was there yet."""
+    """The drive was switched on: no word has been received yet."""
     profidrive.stw1 = 0
     profidrive.stw1_seen = 0
     profidrive.image_valid = 0

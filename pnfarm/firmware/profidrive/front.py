@@ -20,7 +20,7 @@ __all__ = ["forget_words", "show_words", "take_words"]
 
 @compiled
 def forget_words(axis: Any) -> None:
-    """The drive was switched on: of the controller nothing is known."""
+    """The drive was switched on: reset everything known of the controller."""
     forget_control_word(axis.profidrive)
     axis.asked.pos_stw2 = 0
     axis.life.sent = 0
@@ -28,7 +28,7 @@ def forget_words(axis: Any) -> None:
 
 @compiled
 def take_words(axis: Any, image: Any, now: int) -> None:
-    """The way in, before the drive acts: orders, set points and tasks."""
+    """Input, before the drive acts: orders, set points and tasks."""
     take_control_word(axis, image, now)
     check_life(axis.faults, axis.life, now)
     take_torque_limits(axis.profidrive, axis.torque, image)
@@ -40,7 +40,7 @@ def take_words(axis: Any, image: Any, now: int) -> None:
 
 @compiled
 def show_words(axis: Any, image: Any) -> None:
-    """The way out, behind motor and load: status words, actual values, and the encoder's own words."""
+    """Output, after motor and load: status words, actual values, and the encoder's own words."""
     take_generator(axis)
     axis.profidrive.zsw1 = status_word(axis)
     to_actuals(axis, image)

@@ -1,8 +1,8 @@
-"""The parameter channel's way through the drive: the master's task to the event loop, its answer into the sent words.
+"""The parameter channel in the drive: the master's task goes to the event loop, its answer into the sent words.
 
-The task is told once when it changes, in an event, and the next one waits until this one is answered, as in a drive
-that carries out one at a time (PROFIdrive's PKW mechanism; Moog MSD manual 8.2.4).  An answer that shall stay up to
-date is asked for again, and so is one that never came.
+A task is reported once when it changes, in an event, and the next one waits until this one is answered, as in a drive
+that carries out one at a time (PROFIdrive's PKW mechanism; Moog MSD manual 8.2.4).  A task whose answer has to stay up
+to date, or never came, is reported again.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 
 __all__ = ["REPEAT_NS", "exchange"]
 
-#: How often a value that is read is read anew.
+#: Interval at which a value that is read is read again, ns.
 REPEAT_NS = 20_000_000
 
 
 @compiled
 def exchange(image: Any, now: int) -> bool:
-    """Send what is answered; whether ``parameter_task`` is to be told now.
+    """Send the present answer; returns whether ``parameter_task`` is to be reported now.
 
     Without valid set points there is no task and nothing is sent (Moog MSD manual 16: all outputs are zero).
     """

@@ -1,4 +1,4 @@
-"""What an axis tells of its position mode: bits of ZSW1, DRV.MOTIONSTAT, the words of telegram 111, limits."""
+"""Status of position mode: bits of ZSW1, DRV.MOTIONSTAT, the words of telegram 111, limits."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def _has_task(positioning: Any) -> bool:
 
 @compiled
 def _standing(axis: Any) -> bool:
-    """Whether the axis is seen to be at rest: no profile moves it, and the shaft does not turn.
+    """Whether the axis is reported at rest: no profile moves it, and the shaft does not turn.
 
-    Homing moves it to its end, also where it turns at the mark (AKD PROFINET manual 5.10.3).
+    Homing counts as motion until it ends, also while the axis reverses at the mark (AKD PROFINET manual 5.10.3).
     """
     if axis.positioning.state in (BRAKING, HOMING):
         return False
@@ -43,7 +43,7 @@ def _standing(axis: Any) -> bool:
 
 @compiled
 def _basic(positioning: Any) -> bool:
-    """Whether nothing is active that moves the axis: the basic state of AKD PROFINET manual, edition B, 5.10.1."""
+    """Whether no motion is active: the basic state of AKD PROFINET manual, edition B, 5.10.1."""
     return positioning.state in (OUT, STANDBY)
 
 
@@ -51,7 +51,7 @@ def _basic(positioning: Any) -> bool:
 def _at_target(motor: Any, positioning: Any, profile: Any, measurement: Any) -> bool:
     """Whether the last task ended in its target, and the shaft is there.
 
-    Turned away, by hand or by its load, it is not (HIWIN E1 manual, table 3.5.2.1).
+    It is not if the shaft was turned away, by hand or by its load (HIWIN E1 manual, table 3.5.2.1).
     """
     return (
         positioning.target_reached
@@ -73,7 +73,7 @@ def _reached(axis: Any) -> bool:
 
 @compiled
 def _rests(axis: Any) -> bool:
-    """ZSW1.13, where it tells that the axis stands."""
+    """ZSW1.13, where it means that the axis stands."""
     return _standing(axis) and (not axis.positioning.settings.rest_without_task or _basic(axis.positioning))
 
 
@@ -149,7 +149,7 @@ def second_position_word(axis: Any) -> int:
     if _has_task(axis.positioning):
         word |= 0x8004
     if not _standing(axis):
-        # a shaft that does not turn yet, or no more, goes where its profile leads
+        # for a shaft that does not turn, the direction is that of its profile
         velocity = measured_velocity(axis.motor, axis.measurement)
         speed = velocity if abs(velocity) > axis.ramp.settings.standstill else axis.profile.velocity
         if speed != 0.0:
@@ -159,10 +159,10 @@ def second_position_word(axis: Any) -> int:
 
 @compiled
 def actual_task(profidrive: Any, asked: Any, positioning: Any) -> int:
-    """AKTSATZ: the number of the motion task at hand; 0 for none.  Bit 15 alone: the MDI submode.
+    """AKTSATZ: the number of the running motion task; 0 for none.  Bit 15 alone: the MDI submode.
 
-    What SATZANW selects for the next task takes no number from the one that runs (AKD PROFINET manual 5.10.1).  Of
-    driving sets the last one that was started (Moog MSD manual, table 8.6: the actual set).
+    A selection in SATZANW for the next task does not change the number of the running one (AKD PROFINET manual 5.10.1).
+    With driving sets, the last one that was started (Moog MSD manual, table 8.6: the actual set).
     """
     if profidrive.settings.task_form == TASKS_TABLE:
         return max(0, int(positioning.task))

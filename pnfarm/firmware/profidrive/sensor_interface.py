@@ -10,11 +10,11 @@ SD4   reference value             G1_STW.4-6 = 2: the position at a reference ma
 SD5   wait for a reference mark   G1_STW.4-6 = 1: functions in G1_ZSW.0-3, then their values in G1_ZSW.4-7
 SD10  wait for measured values    as SD5 with G1_STW.7 = 1: edges of the probes, measured on the fly
 SD11  measured value              as SD4 with G1_STW.7 = 1
-SD12  parking                     G1_STW.14 = 1: nothing is evaluated, nothing is wrong
+SD12  parking                     G1_STW.14 = 1: nothing is evaluated, no error is reported
 ====  ==========================  ===================================================================
 
-SD7, which sets or shifts the home position, no model here has; they refuse it.  Which bits a drive knows, which of
-them it refuses, and where its reference marks come from is data of the axis (``sensor_*``); the bits and codes are
+No model here has SD7, which sets or shifts the home position; they refuse it.  Which bits a drive supports, which of
+them it refuses, and where its reference marks come from are settings of the axis (``sensor``); the bits and codes are
 those of the profile, as Moog MSD manual 11 and HIWIN E1 manual 3.7 and 3.8 repeat them.
 
 One function writes the state: :func:`_advance`.
@@ -54,17 +54,17 @@ STATES = 13
 BOOTED = 0
 PARK = 1  # G1_STW.14 = 1
 UNPARK = 2  # G1_STW.14 = 0
-TROUBLE = 3  # the encoder fails, or something is asked for that cannot be
+TROUBLE = 3  # the encoder fails, or an impossible function is requested
 ACKNOWLEDGE = 4  # G1_STW.15 = 1
 CLEARED = 5  # G1_STW.15 = 0, and the error is gone
-REMAINS = 6  # G1_STW.15 = 0, and it is not
+REMAINS = 6  # G1_STW.15 = 0, and the error is still there
 SEARCH = 7  # command 1, reference marks
 MEASURE = 8  # command 1, on the fly
 READ_MARK = 9  # command 2
 READ_MEASURED = 10  # command 2, on the fly
-CANCELLED = 11  # command 3, and no function is left
-IDLE = 12  # command 0, and no function waits
-WAITS = 13  # command 0, and one does
+CANCELLED = 11  # command 3, and no function remains
+IDLE = 12  # command 0, and no function is waiting
+WAITS = 13  # command 0, and a function is waiting
 EVENTS = 14
 
 #: Row by row as the profile numbers them (6.3.6.7, table of transitions).
@@ -105,11 +105,11 @@ TRANSITIONS: dict[tuple[int, int], int] = {
     (MEASURED_VALUE, MEASURE): WAIT_MEASURED,  # TD33
     (MEASURED_VALUE, WAITS): WAIT_MEASURED,  # TD33
     (MEASURED_VALUE, READ_MEASURED): MEASURED_VALUE,  # TD34
-    # assumed: a mark that is found may be read without command 0 between, as most controllers do
+    # assumed: a mark that was found may be read without command 0 in between, as most controllers do
     (WAIT_MARK, READ_MARK): REFERENCE_VALUE,
 }
 
-#: Which event wins when several hold.
+#: Priority of events that hold together.
 PRIORITY = (
     BOOTED, PARK, UNPARK, TROUBLE, ACKNOWLEDGE, CLEARED, REMAINS, CANCELLED, READ_MARK, READ_MEASURED, SEARCH, MEASURE,
     IDLE, WAITS,
@@ -156,7 +156,7 @@ _PRIORITY = np.array(PRIORITY, np.int64)
 
 @compiled
 def _activation_error(sensor: Any, word: int, probing: int) -> int:
-    """What is wrong with activating the functions of ``word``, 0 for nothing."""
+    """Error code of activating the functions of ``word``, 0 for none."""
     aborted = MEASURING_ABORTED if probing else SEARCH_ABORTED
     if 1 << int(sensor.state) & WAITING and probing != sensor.probing:
         return MEASURING_ABORTED if sensor.probing else SEARCH_ABORTED
@@ -168,7 +168,7 @@ def _activation_error(sensor: Any, word: int, probing: int) -> int:
 
 @compiled
 def _reading_error(sensor: Any, word: int, probing: int) -> int:
-    """What is wrong with reading the value that ``word`` asks for, 0 for nothing: one value at a time, and found."""
+    """Error code of reading the value that ``word`` requests, 0 for none: one value at a time, and only if found."""
     if sensor.state == WAIT_MARK and sensor.active:
         return SEARCH_ABORTED
     if sensor.state == WAIT_MEASURED and not probing:
@@ -182,7 +182,7 @@ def _reading_error(sensor: Any, word: int, probing: int) -> int:
 
 @compiled
 def _trouble(drive: Any, sensor: Any, word: int) -> int:
-    """The code of what is wrong in this step, 0 for nothing."""
+    """Error code of this step, 0 for none."""
     if sensor.error:
         return int(sensor.error)
     if word & PARK_BIT and drive.state >= 4:
@@ -231,7 +231,7 @@ def _held(drive: Any, sensor: Any, word: int, trouble: int) -> int:
 
 @compiled
 def _forget(sensor: Any) -> None:
-    """No function is active, and no value is there."""
+    """Clear all active functions and values."""
     sensor.active = 0
     sensor.found = 0
     sensor.read = 0
@@ -239,7 +239,7 @@ def _forget(sensor: Any) -> None:
 
 @compiled
 def _activate(sensor: Any, word: int) -> None:
-    """The functions of ``word`` wait anew; values of the other kind are of no use any more."""
+    """Activate the functions of ``word``; values of the other kind are dropped."""
     probing = 1 if word & ON_THE_FLY else 0
     if probing != sensor.probing:
         _forget(sensor)
@@ -258,7 +258,7 @@ def _read_value(sensor: Any, word: int) -> None:
 
 @compiled
 def _value_taken(sensor: Any) -> None:
-    """The controller has read it: it is no longer there."""
+    """Drop the value that the controller has read."""
     if sensor.read:
         sensor.found = int(sensor.found) & ~(1 << (int(sensor.read) - 1)) & ALL_FUNCTIONS
         sensor.read = 0
@@ -266,7 +266,7 @@ def _value_taken(sensor: Any) -> None:
 
 @compiled
 def _advance(sensor: Any, held: int, word: int, before: int, trouble: int) -> None:
-    """Take at most one transition and do what belongs to it: the only writer of ``sensor.state``."""
+    """Take at most one transition and carry out its action: the only writer of ``sensor.state``."""
     for event in _PRIORITY:
         if not held & (1 << event):
             continue
@@ -275,7 +275,7 @@ def _advance(sensor: Any, held: int, word: int, before: int, trouble: int) -> No
             continue
         again = sensor.state == following
         if 1 << event & ACTIVATES:
-            # a command that stands on is one command
+            # a command that stays set is carried out once
             if not again or (word ^ before) & COMMAND:
                 _value_taken(sensor)
                 _activate(sensor, word)
@@ -297,7 +297,7 @@ def _advance(sensor: Any, held: int, word: int, before: int, trouble: int) -> No
 
 @compiled
 def _cancel(sensor: Any, word: int) -> None:
-    """Command 3: the functions of ``word``, or all if it names none."""
+    """Command 3: cancel the functions of ``word``, or all if it names none."""
     if (word & COMMAND) >> COMMAND_SHIFT == CANCEL:
         wanted = word & ALL_FUNCTIONS or ALL_FUNCTIONS
         sensor.active = int(sensor.active) & ~wanted & ALL_FUNCTIONS
@@ -331,13 +331,13 @@ def _sends_absolute(state: int, word: int) -> bool:
 
 @compiled
 def _count(sensor: Any, place: float, step: float) -> int:
-    """What the encoder's count is at a place on the shaft."""
+    """The encoder's count at a shaft position."""
     return signed32(nearest((place - sensor.zero) / step))
 
 
 @compiled
 def _second_value(motor: Any, sensor: Any, measurement: Any, word: int) -> int:
-    """G1_XIST2: an error's code before a value that is read, before the absolute position."""
+    """G1_XIST2: an error's code, else a value that is read, else the absolute position."""
     step = sensor.settings.step_2 if sensor.settings.step_2 > 0.0 else sensor.settings.step
     state = int(sensor.state)
     if sensor.error:
@@ -353,7 +353,7 @@ def _second_value(motor: Any, sensor: Any, measurement: Any, word: int) -> int:
 
 @compiled
 def _control_word(profidrive: Any, sensor: Any, image: Any) -> int:
-    """G1_STW in force: nothing while nobody sends set points that count, the last one while those are held."""
+    """G1_STW in force: 0 without valid set points, the last one while set points are held."""
     if profidrive.setpoints == SETPOINTS_NONE:
         return 0
     if (
@@ -366,7 +366,7 @@ def _control_word(profidrive: Any, sensor: Any, image: Any) -> int:
 
 @compiled
 def _watch_encoder(faults: Any, sensor: Any) -> None:
-    """A failing encoder is an error until it is acknowledged; while it is parked nobody misses it."""
+    """Report a failing encoder as an error until acknowledged; not while it is parked."""
     faulty = encoder_faulty(faults, sensor)
     parked = sensor.state == PARKING
     if not parked and sensor.error == 0 and (cause_stays(faults, sensor) or (faulty and not sensor.faulty)):
@@ -379,9 +379,9 @@ def _watch_encoder(faults: Any, sensor: Any) -> None:
 
 @compiled
 def step_sensor(axis: Any, image: Any) -> None:
-    """Once in each firmware step, behind the motor: what the controller asks of the encoder, and what it shows."""
+    """Once in each firmware step, after the motor: carry out G1_STW, and update G1_ZSW and the positions."""
     if axis.sensor.settings.bits == 0:
-        # no sensor interface: positions alone
+        # no sensor interface: positions only
         if axis.sensor.settings.step > 0.0:
             image.sent[G1_XIST1] = _count(
                 axis.sensor, measured_position(axis.motor, axis.measurement), axis.sensor.settings.step

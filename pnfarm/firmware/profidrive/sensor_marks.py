@@ -1,6 +1,6 @@
-"""What the sensor interface looks at: reference marks, probes, and whether the encoder can be read.
+"""Inputs of the sensor interface: reference marks, probes, and whether the encoder can be read.
 
-A function waits for its reference mark where the axis's data has it (``sensor.marks``): a probe's edge, as in Moog MSD
+``sensor.marks`` defines each function's reference mark: a probe's edge, as in Moog MSD
 manual 11.4, or the encoder's own zero mark.  Measured on the fly, functions 1 and 2 are the rising and the falling edge
 of probe 1, functions 3 and 4 those of probe 2 (PROFIdrive 4.2, 6.3.6.5).
 """
@@ -69,7 +69,7 @@ def _zero_mark_passed(motor: Any, sensor: Any) -> bool:
 
 @compiled
 def look_for_marks(machine: Any, motor: Any, sensor: Any) -> None:
-    """What active functions wait for, if it came since the last step."""
+    """Record the marks and edges of active functions that occurred since the last step."""
     inputs = int(machine.inputs)
     changed = inputs ^ int(sensor.inputs)
     for function in range(4):

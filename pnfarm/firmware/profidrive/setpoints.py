@@ -1,4 +1,4 @@
-"""Set points beside speed and tasks: torque limits, jogging speeds, positions of each cycle."""
+"""Set points other than speed and tasks: torque limits, jogging speeds, cyclic positions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ THOUSANDTH = 0.001
 
 @compiled
 def take_torque_limits(profidrive: Any, torque: Any, image: Any) -> None:
-    """Once in each step: the parts of the torque by parameters, or by a telegram whose set points count."""
+    """Once in each step: the torque limits, from parameters or from a telegram whose set points are valid."""
     for direction in range(2):
         if profidrive.setpoints == SETPOINTS_NONE or not profidrive.settings.torque_signals & (1 << direction):
             torque.shares_in_force[direction] = torque.settings.shares[direction]
@@ -30,7 +30,7 @@ def take_torque_limits(profidrive: Any, torque: Any, image: Any) -> None:
 
 @compiled
 def take_jog_speeds(profidrive: Any, jog: Any, image: Any) -> None:
-    """The two speeds of jogging, by parameters or by a telegram whose set points count (Moog MSD manual 10.3.3)."""
+    """The two jogging speeds, from parameters or from a telegram with valid set points (Moog MSD manual 10.3.3)."""
     if not by_sequence(jog):
         return
     for which in range(2):

@@ -1,14 +1,14 @@
 """Sign of life: a count from 1 to 15 in bits 12..15 of STW2 and ZSW2 (PROFIdrive 4.2; Moog MSD manual 8.3.2).
 
-The controller counts each frame of set points; the drive counts its own with each frame that it takes (where its clock
-drifts against the controller's, with each that it sends), and watches the controller's:
+The controller counts each frame of set points; the drive counts its own with each frame that it receives (where its
+clock drifts against the controller's, with each that it sends), and monitors the controller's:
 
-* watching begins after 15 frames in sequence, so that a controller without a sign of life is left in peace;
-* a frame whose count does not follow the last one takes the error counter up by ten, every other takes it down by one;
-* ten times the tolerance (PNU 925) is a fault, and the most that the counter comes to.  A tolerance of 65535 is none;
-* a drive that watches in isochronous operation only counts its own, because there is no such operation here.
+* monitoring begins after 15 frames in sequence, so that a controller without a sign of life is not monitored;
+* a frame whose count does not follow the last one increases the error counter by ten, every other decreases it by one;
+* ten times the tolerance (PNU 925) is a fault, and the counter's maximum.  A tolerance of 65535 switches it off;
+* a drive that monitors in isochronous operation only does not here, because there is no such operation.
 
-:func:`count_life` runs in every tick, because a frame may come more often than the drive is stepped; :func:`check_life`
+:func:`count_life` runs in every tick, because frames may come more often than the drive is stepped; :func:`check_life`
 belongs to the step, which raises the fault.
 """
 
@@ -25,11 +25,11 @@ from pnfarm.table.signals import STW2, ZSW2
 __all__ = ["check_life", "count_life", "following", "forget_life"]
 
 
-#: Where the count stands.
+#: Bit offset of the count.
 SHIFT = 12
-#: Largest count; the one behind it is 1.
+#: Largest count; it is followed by 1.
 LARGEST = 15
-#: Frames in sequence until the controller is watched.
+#: Frames in sequence until the controller is monitored.
 SEQUENCE = 15
 FAILED = 10
 ALL_TOLERATED = 0xFFFF
@@ -45,7 +45,7 @@ def following(count: int, frames: int) -> int:
 
 @compiled
 def forget_life(life: Any) -> None:
-    """Cyclic data began anew: nothing is known of the controller's count."""
+    """Cyclic data started again: nothing is known of the controller's count."""
     life.seen = 0
     life.run = 0
     life.count = 0
@@ -54,7 +54,7 @@ def forget_life(life: Any) -> None:
 
 @compiled
 def count_life(axis: Any, image: Any) -> None:
-    """Take the frames since the last call into account; nothing happens without one."""
+    """Evaluate the frames since the last call, if any."""
     frames = (int(image.frames) - int(axis.life.frames)) & 0xFFFFFFFF
     axis.life.frames = image.frames
     sent = (int(image.filled) - int(axis.life.told)) & 0xFFFFFFFF
@@ -74,7 +74,7 @@ def count_life(axis: Any, image: Any) -> None:
     good = axis.life.seen != 0 and seen == following(int(axis.life.seen), frames)
     axis.life.seen = seen
     if axis.life.run < SEQUENCE:
-        # the frame that begins a sequence is its first
+        # the frame that begins a sequence counts as its first
         axis.life.run = min(SEQUENCE, int(axis.life.run) + frames) if good else (1 if seen else 0)
         axis.life.count = 0
         return
@@ -92,7 +92,7 @@ def count_life(axis: Any, image: Any) -> None:
 
 @compiled
 def check_life(faults: Any, life: Any, now: int) -> None:
-    """Raise the model's fault when a failed sign of life was one too many."""
+    """Raise the model's fault once too many signs of life failed."""
     if life.failed == LIFE_FAILED:
         life.failed = LIFE_TOLD
         raise_fault(faults, life.settings.fault, now)

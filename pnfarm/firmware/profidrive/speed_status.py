@@ -1,4 +1,4 @@
-"""What ZSW1 tells of the speed: bits 8 and 10 in speed control."""
+"""Speed bits of ZSW1: 8 and 10 in speed control."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ NEGATIVE_LIMIT = 0x0008
 INPUT_SHIFT = 4
 INPUTS = 0x0F
 
-#: The profile's number of ZSW2, and where the bit for enabled pulses may be (P-0924).
+#: The profile's signal number of ZSW2, and the bits that may show enabled pulses (P-0924).
 SIGNAL_ZSW2 = 4
 LOWEST_PULSES = 8
 HIGHEST_PULSES = 11
@@ -38,9 +38,9 @@ AT_REST = 0
 UP = 1
 CONSTANT = 2
 DOWN = 3
-#: Speeds, rpm, that differ by less are one.
+#: Speeds that differ by less count as equal, rpm.
 SAME = 1e-9
-#: A torque nearer to its limit than this share of it is limited: the current loop comes near it by and by.
+#: A torque within this part of its limit counts as limited: the current loop approaches it gradually.
 NEAR = 0.01
 
 
@@ -97,7 +97,7 @@ def second_status_msd(axis: Any) -> int:
 
 @compiled
 def take_generator(axis: Any) -> None:
-    """Once in each step, behind the motor: what the profile generator did."""
+    """Once in each step, after the motor: update the state of the profile generator."""
     speed = axis.profile.velocity if axis.drive.settings.opmode == 2 else axis.ramp.command
     working = (
         axis.drive.state >= 4

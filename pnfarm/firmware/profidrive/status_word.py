@@ -1,4 +1,4 @@
-"""The way out: ZSW1 and ZSW2, as the profile has them or as a maker does; which, the axis' data say here alone."""
+"""Output: ZSW1 and ZSW2, as in the profile or as a maker defines them; ``status_form`` is evaluated here only."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pnfarm.table.compiled import compiled
 
 __all__ = ["second_status_word", "status_word"]
 
-#: Where the sign of life stands in ZSW2.
+#: Bit offset of the sign of life in ZSW2.
 LIFE_SHIFT = 12
 
 
 @compiled
 def _control_requested(drive: Any, profidrive: Any) -> bool:
-    """ZSW1.9: the drive is there to be controlled, or it shows STW1.10."""
+    """ZSW1.9: the drive requests control, or the bit shows STW1.10."""
     return drive.state > 0 and (
         not profidrive.settings.control_shown or int(profidrive.stw1_seen) & CONTROL_BY_PLC != 0
     )

@@ -1,4 +1,4 @@
-"""What the controller asks of an axis in position mode: tasks, overrides and jogging out of the telegram's signals."""
+"""The controller's requests in position mode: tasks, overrides and jogging from the telegram's signals."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ WHOLE = 16384.0
 
 @compiled
 def ramp_step(own: float, jog: float, ramp: float) -> float:
-    """rpm/s of one increment of MDI_ACC or MDI_DEC: its own, or a part of the jogging ramp, which may be the axis's."""
+    """rpm/s of one increment of MDI_ACC or MDI_DEC: ``own``, or a part of the jogging ramp or of the axis' ramp."""
     if own > 0.0:
         return own
     return (jog if jog > 0.0 else ramp) / WHOLE
@@ -97,7 +97,7 @@ def _jog_asked(orders: Any, jog: Any, asked: Any, positioning: Any, stw1: int) -
 
 @compiled
 def _take_homing(profidrive: Any, homing: Any, image: Any, step: float) -> None:
-    """How homing would go: by the telegram's own signals, where it has them (AKD PROFINET manual 5.11.7, 5.11.8)."""
+    """Homing method and distance of the telegram, where it has these signals (AKD PROFINET manual 5.11.7, 5.11.8)."""
     homing.method_in_force = homing.settings.method
     homing.distance_in_force = homing.settings.distance
     homing.brought = profidrive.settings.home_signals
@@ -109,14 +109,14 @@ def _take_homing(profidrive: Any, homing: Any, image: Any, step: float) -> None:
 
 @compiled
 def _acceleration(profidrive: Any, image: Any) -> int:
-    """MDI_ACC; of a telegram that leaves it 0 what its PNU has, where the model says so (AKD: telegram 352)."""
+    """MDI_ACC; if the telegram's is 0, its PNU, where the model says so (AKD: telegram 352)."""
     word = int(image.received[MDI_ACC]) & 0xFFFF
     return word or int(profidrive.settings.spare_acceleration)
 
 
 @compiled
 def _ramp(profidrive: Any, word: int) -> int:
-    """MDI_ACC or MDI_DEC; below zero it is no ramp of a task where the word has a sign (HIWIN E1 manual 3.1)."""
+    """MDI_ACC or MDI_DEC; a negative value is not a valid ramp where the word has a sign (HIWIN E1 manual 3.1)."""
     word &= 0xFFFF
     return 0 if profidrive.settings.task_ramps_signed and word & 0x8000 else word
 
@@ -134,12 +134,12 @@ def _take_command(commands: Any, asked: Any, motion_tasks: Any) -> bool:
 
 @compiled
 def _take_data(profidrive: Any, ramp: Any, jog: Any, asked: Any, image: Any, step: float) -> None:
-    """The data of a task out of MDI_*: telegram 9 and its kin."""
+    """The data of a task from MDI_*: telegram 9 and similar ones."""
     asked.position = image.received[MDI_TARPOS] * step
     velocity = int(image.received[MDI_VELOCITY])
     if profidrive.settings.task_velocity_unsigned:
         velocity &= 0xFFFFFFFF
-    # a negative one is no velocity of a task
+    # a negative velocity is not valid for a task
     asked.velocity = velocity * profidrive.settings.task_velocity_step
     if profidrive.settings.task_ramps_scaled:
         up = down = profidrive.settings.acceleration_step
@@ -163,9 +163,9 @@ def _take_data(profidrive: Any, ramp: Any, jog: Any, asked: Any, image: Any, ste
 def _take_target(profidrive: Any, ramp: Any, asked: Any, positioning: Any, image: Any, position: float) -> None:
     """A target of the telegram, or a driving set's, with the telegram's velocity and the ramps in force.
 
-    Moog MSD manual 10.2.1 and 10.5: STW1.13 takes every change over at once, or as soon as it can begin (assumed), and
-    the feed enable means nothing; STW1.14 runs at the velocity, in the direction of its sign, without an end; at 0 the
-    axis stands.
+    Moog MSD manual 10.2.1 and 10.5: with STW1.13 every change applies at once, or as soon as it can begin (assumed),
+    and the feed enable has no meaning; with STW1.14 the axis runs at the velocity, in the direction of its sign,
+    without a target; at 0 it stands.
     """
     stw1 = int(profidrive.stw1)
     asked.feed_free = 1 if stw1 & NO_HANDSHAKE else 0
@@ -195,7 +195,7 @@ def _take_target(profidrive: Any, ramp: Any, asked: Any, positioning: Any, image
 
 @compiled
 def _take_set(axis: Any, image: Any, step: float) -> None:
-    """The driving set that SATZANW names; one that is not there begins nothing."""
+    """The driving set that SATZANW names; one that does not exist begins nothing."""
     number = int(image.received[SATZANW]) & NUMBER
     if number < DRIVING_SETS:
         axis.asked.number = number
@@ -214,7 +214,7 @@ def _take_set(axis: Any, image: Any, step: float) -> None:
 
 @compiled
 def _set_reference(axis: Any) -> None:
-    """The place where the axis is becomes the reference point; what an absolute task leads to is a number there."""
+    """Make the present position the reference point; the target of a running absolute task moves with it."""
     before = axis.homing.origin
     axis.homing.origin = axis.motor.position - axis.homing.settings.position
     axis.homing.homed = 1
@@ -237,14 +237,14 @@ def _take_position_words(axis: Any, image: Any) -> None:
 
 @compiled
 def _take_mode(asked: Any, image: Any) -> None:
-    """MDI_MOD, and what SATZANW tells of MDI: telegram 9 of the profile and its kin."""
+    """MDI_MOD, and the MDI bit of SATZANW: telegram 9 of the profile and similar ones."""
     asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
     asked.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
 
 
 @compiled
 def _take_signals(axis: Any, image: Any, step: float) -> None:
-    """Which task begins, by the signals that the telegram has; ``profidrive.task_form`` is looked at here alone."""
+    """Take the requested task from the telegram's signals; ``profidrive.task_form`` is evaluated here only."""
     form = int(axis.profidrive.settings.task_form)
     if form == TASKS_TABLE:
         _take_set(axis, image, step)
@@ -264,7 +264,7 @@ def _take_signals(axis: Any, image: Any, step: float) -> None:
     if form != TASKS_MDI:
         axis.asked.begins = 0
     elif axis.asked.begins:
-        # and only then: jogging goes by the data of the telegram
+        # only then: jogging uses the data of the telegram
         select_task(axis.asked, axis.motion_tasks, int(image.received[SATZANW]) & NUMBER)
 
 
@@ -273,10 +273,10 @@ def take_task(axis: Any, image: Any) -> None:
     """The signals of this step in physical units; ``asked.begins`` is set on the edge that starts a task."""
     axis.asked.begins = 0
     if not image.valid:
-        # what the telegram brought last goes with the telegram, not with the data
+        # what the telegram brought last is kept while only its data is invalid
         axis.homing.brought = int(axis.homing.brought) & int(axis.profidrive.settings.home_signals)
     if axis.profidrive.setpoints == SETPOINTS_HELD:
-        # nothing of the telegram is taken over: what was asked for last stays, and edges are none
+        # nothing of the telegram is accepted: the last request stays, and edges are ignored
         if image.valid:
             axis.asked.pos_stw2 = image.received[POS_STW2] & 0xFFFF
         _take_command(axis.commands, axis.asked, axis.motion_tasks)

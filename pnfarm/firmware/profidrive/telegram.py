@@ -70,9 +70,9 @@ __all__ = [
 
 #: 100 % of a signal in N2 normalisation (AKD PROFINET manual 5.12.4).
 N2_FULL = 16384.0
-#: Increments of NSOLL_B and NIST_B to one of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
+#: Increments of NSOLL_B and NIST_B per increment of NSOLL_A and NIST_A (HIWIN E1 manual 6.1: 0x40000000 for 0x4000).
 B_STEPS = 65536.0
-#: ``drive.setpoint_ignored``: the set point of the torque is a parameter's.
+#: ``drive.setpoint_ignored``: the torque set point comes from a parameter.
 TORQUE_COMMAND_COUNTS = 1
 #: An array, because indexing a tuple in compiled code copies it.
 _SENT_BACK = np.array(SENT_BACK, np.int64)
@@ -100,7 +100,7 @@ def nearest(value: float) -> int:
 
 @compiled
 def clamp16(value: float) -> int:
-    """The nearest 16-bit signal, as it stands in a word."""
+    """The nearest signed 16-bit number, as the unsigned word that carries it."""
     if value >= 32767.0:
         return 0x7FFF
     if value <= -32768.0:
@@ -120,7 +120,7 @@ def clamp32(value: float) -> int:
 
 @compiled
 def clamp_unsigned(value: float) -> int:
-    """The nearest 16-bit number without a sign."""
+    """The nearest unsigned 16-bit number."""
     return min(0xFFFF, max(0, nearest(value)))
 
 
@@ -164,7 +164,7 @@ def _torque_step(profidrive: Any, motor: Any) -> float:
 
 @compiled
 def no_setpoints(torque: Any, ramp: Any) -> None:
-    """Nobody asks for anything: speed and torque are zero, the ramps the drive's own."""
+    """Without a controller: speed and torque are zero, the ramps are the drive's own."""
     ramp.setpoint = 0.0
     torque.setpoint = 0.0
     ramp.up = ramp.settings.acceleration
@@ -173,7 +173,7 @@ def no_setpoints(torque: Any, ramp: Any) -> None:
 
 @compiled
 def from_setpoints(axis: Any, image: Any) -> None:
-    """Velocity and torque out of the signals that bring them; ramps out of DRV_ACC and DRV_DEC.
+    """Velocity and torque from their signals; ramps from DRV_ACC and DRV_DEC.
 
     NSOLL_A: AKD PROFINET manual 6.5; NSOLL_B: HIWIN E1 manual 6.1, Moog MSD manual 10.7; in two words and the drive's
     own units: Moog MSD manual 14.2; ramps: AKD PROFINET manual 6.1.  A telegram without those two, or one
@@ -202,7 +202,7 @@ def from_setpoints(axis: Any, image: Any) -> None:
 
 @compiled
 def _beside(profidrive: Any, image: Any) -> None:
-    """What a free mapping shows that is no actual value (Moog MSD manual 8.2.3; 14.3, table 14.5)."""
+    """What a free mapping shows besides actual values (Moog MSD manual 8.2.3; 14.3, table 14.5)."""
     if int(profidrive.settings.shows) & 1:
         for place in range(len(_SENT_BACK)):
             image.sent[FIRST_SENT_BACK + place] = image.received[_SENT_BACK[place]]

@@ -1,1 +1,1 @@
-"""What the axis record holds, subject by subject: each file beside the firmware module of its name, which writes it."""
+"""Fields of the axis record by subject: each file is named like the firmware module that writes its fields."""

@@ -1,4 +1,4 @@
-"""Of the axis record: direction."""
+"""Fields of the axis record: direction."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ __all__ = ["DIRECTION_RECORD"]
 
 DIRECTION_RECORD = subject(
     "direction",
-    "Sense of direction.",
+    "Direction of counting.",
     settings=[
-        Field("reversed", "u1", "", "parameter", "1 = the drive counts the other way than the shaft (DRV.DIR)"),
+        Field("reversed", "u1", "", "parameter", "1 = the drive counts against the shaft's direction (DRV.DIR)"),
     ],
     state=[
-        Field("turned", "u1", "", "firmware", "1 = it does"),
+        Field("turned", "u1", "", "firmware", "reversed, as it is in force"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Of the axis record: clock."""
+"""Fields of the axis record: clock."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ CLOCK_RECORD = subject(
     "clock",
     "The drive's own clock.",
     settings=[
-        Field("drift", "f8", "", "station", "how much faster the drive's clock runs: 1e-6 = 1 ppm; 0 = as time does"),
-        Field("start_ns", "i8", "ns", "station", "when it showed the time as it is"),
+        Field("drift", "f8", "", "station", "how much faster the drive's clock runs: 1e-6 = 1 ppm, 0 = no drift"),
+        Field("start_ns", "i8", "ns", "station", "when it showed the true time"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Of the axis record: commands, faults."""
+"""Fields of the axis record: commands, faults."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["COMMANDS_RECORD", "FAULTS_RECORD"]
 
 COMMANDS_RECORD = subject(
     "commands",
-    "Commands of the event loop, and those that the firmware has yet to carry out.",
+    "Commands of the event loop, and requests that the firmware has yet to carry out.",
     settings=[
         Field("ring", "i8", "", "station", "ring of commands to the firmware", (COMMANDS,)),
         Field("head", "u4", "", "station", "commands written so far"),
@@ -18,23 +18,23 @@ COMMANDS_RECORD = subject(
         Field("tail", "u4", "", "firmware", "commands taken so far"),
         Field("task", "u2", "", "firmware", "motion task that a command starts, plus 1; 0 = none"),
         Field("home", "u1", "", "firmware", "1 = a command starts homing"),
-        Field("disable", "u1", "", "firmware", "1 = the power stage shall go off"),
-        Field("stop", "u1", "", "firmware", "what runs shall end: STOP_*, 0 = not"),
-        Field("resume", "u1", "", "firmware", "1 = a halted task shall go on"),
-        Field("service", "u1", "", "firmware", "1 = service motion shall begin"),
+        Field("disable", "u1", "", "firmware", "1 = the power stage is to be switched off"),
+        Field("stop", "u1", "", "firmware", "request to stop motion: STOP_*, 0 = none"),
+        Field("resume", "u1", "", "firmware", "1 = a halted task is to be continued"),
+        Field("service", "u1", "", "firmware", "1 = service motion is to begin"),
     ],
 )
 
 FAULTS_RECORD = subject(
     "faults",
-    "Faults: what is active, what is held, and the fault buffer.",
+    "Faults: active ones, those whose cause remains, and the fault buffer.",
     settings=[
         Field(
             "loss_delay_ns",
             "i8",
             "ns",
             "parameter",
-            "how long cyclic data may stay away before loss_fault; 0 = no time",
+            "how long cyclic data may be missing before loss_fault; 0 = raised at once",
         ),
         Field(
             "loss_fault",
@@ -44,11 +44,11 @@ FAULTS_RECORD = subject(
             "fault raised when cyclic data is lost (number | reaction << 24), 0 = none",
         ),
         Field(
-            "stop_fault", "u4", "", "parameter", "fault raised when the controller goes to STOP, coded alike, 0 = none"
+            "stop_fault", "u4", "", "parameter", "fault raised when the controller goes to STOP, coded as loss_fault"
         ),
-        Field("sto_fault", "u4", "", "parameter", "fault whose cause is that the torque is safely off, 0 = none"),
+        Field("sto_fault", "u4", "", "parameter", "fault of safe torque off, 0 = none"),
         Field("ignored", "u4", "", "parameter", "numbers of faults that are not raised, 0 = none", (FAULT_ACTIONS,)),
-        Field("places", "u1", "", "parameter", "faults that the buffer keeps of a situation, 0 = FAULT_SLOTS"),
+        Field("places", "u1", "", "parameter", "faults of one situation in the buffer, 0 = FAULT_SLOTS"),
         Field(
             "stays", "u1", "", "parameter", "1 = the buffer begins with the newest situation, 0 = with the active one"
         ),
@@ -57,11 +57,11 @@ FAULTS_RECORD = subject(
     state=[
         Field("since_ns", "i8", "ns", "firmware", "when the active situation began, 0 = none"),
         Field("code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
-        Field("held", "u4", "", "firmware", "faults whose cause is there, with reaction", (FAULT_SLOTS,)),
+        Field("held", "u4", "", "firmware", "faults whose cause is present, with reaction", (FAULT_SLOTS,)),
         Field("counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
         Field("kept", "u2", "", "firmware", "situations that the fault buffer held at power-on"),
         Field("changes", "u2", "", "firmware", "changes of the fault buffer since power-on"),
-        Field("ends", "u2", "", "firmware", "situations that ended"),
+        Field("ends", "u2", "", "firmware", "number of situations that ended"),
         Field("reacted", "u1", "", "firmware", "1 once the controller withdrew the enable after a fault"),
         Field("buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)),
     ],

@@ -1,4 +1,4 @@
-"""Of the axis record: homing."""
+"""Fields of the axis record: homing."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ HOMING_RECORD = subject(
         Field("velocity", "f8", "rpm", "parameter", "of homing"),
         Field("acceleration", "f8", "rpm/s", "parameter", "of homing"),
         Field("deceleration", "f8", "rpm/s", "parameter", "of homing"),
-        Field("direction", "f8", "", "parameter", "of homing: above 0 forwards"),
-        Field("position", "f8", "rev", "parameter", "position that the mark gets"),
-        Field("distance", "f8", "rev", "parameter", "way from the mark to where homing ends"),
-        Field("share", "f8", "", "parameter", "part of home_velocity for what follows the search", default=1.0),
+        Field("direction", "f8", "", "parameter", "of homing: positive = forwards"),
+        Field("position", "f8", "rev", "parameter", "position that the reference mark gets"),
+        Field("distance", "f8", "rev", "parameter", "distance from the mark to where homing ends"),
+        Field("share", "f8", "", "parameter", "part of velocity used after the search", default=1.0),
         Field("current", "f8", "A", "parameter", "limit while homing looks for an end stop, 0 = none"),
-        Field("lag", "f8", "rev", "parameter", "following error that tells an end stop, 0 = none does"),
-        Field("farthest", "f8", "rev", "parameter", "longest search of homing, 0 = no bound"),
-        Field("method", "u1", "", "parameter", "how the axis finds its home: HOME_*, and homing"),
+        Field("lag", "f8", "rev", "parameter", "following error that detects an end stop, 0 = none"),
+        Field("farthest", "f8", "rev", "parameter", "longest search distance, 0 = unlimited"),
+        Field("method", "u1", "", "parameter", "homing method: HOME_*, and firmware/homing.py"),
         Field("required", "u1", "", "parameter", "1 = tasks need the home position"),
         Field("by_edge", "u1", "", "parameter", "1 = homing begins with the edge of STW1.11, not while it is set"),
         Field(
@@ -28,7 +28,7 @@ HOMING_RECORD = subject(
             "u1",
             "",
             "parameter",
-            "1 = behind homing the profile generator stays until ramp_generator is set",
+            "1 = after homing the profile generator stays in force until ramp.generator is set",
         ),
         Field("stays", "u1", "", "parameter", "1 = the home position outlasts a power cycle"),
     ],
@@ -36,13 +36,13 @@ HOMING_RECORD = subject(
         Field("origin", "f8", "rev", "firmware", "where position 0 of the machine lies on the shaft"),
         Field("sense", "f8", "", "firmware", "direction of the search, 1 forwards, -1 backwards"),
         Field("start", "f8", "rev", "firmware", "where homing began"),
-        Field("current_limit", "f8", "A", "firmware", "current limit of homing at this moment, 0 = none"),
-        Field("distance_in_force", "f8", "rev", "firmware", "alike, or home_distance"),
-        Field("method_in_force", "u2", "", "firmware", "how homing goes: of the telegram, or home_method"),
+        Field("current_limit", "f8", "A", "firmware", "current limit of homing in force, 0 = none"),
+        Field("distance_in_force", "f8", "rev", "firmware", "distance of the telegram, or distance"),
+        Field("method_in_force", "u2", "", "firmware", "method of the telegram, or method"),
         Field("homed", "u1", "", "firmware", "1 = the home position is known"),
-        Field("leg", "u1", "", "firmware", "part of homing that goes on, as numbered there"),
-        Field("seen", "u1", "", "firmware", "1 = STW1.11 has started homing and still stands"),
+        Field("leg", "u1", "", "firmware", "leg of homing in progress, as numbered in firmware/homing.py"),
+        Field("seen", "u1", "", "firmware", "1 = STW1.11 has started homing and is still set"),
         Field("error", "u1", "", "firmware", "1 = the last homing was not carried out"),
-        Field("brought", "u1", "", "firmware", "which of these are of the telegram, as home_signals"),
+        Field("brought", "u1", "", "firmware", "which of these the telegram brought, coded as profidrive.home_signals"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Of the axis record: jog."""
+"""Fields of the axis record: jog."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ JOG_RECORD = subject(
         Field("acceleration", "f8", "rpm/s", "parameter", "PNU 1006; 0 = as acceleration"),
         Field("deceleration", "f8", "rpm/s", "parameter", "PNU 1007; 0 = as deceleration"),
         Field("mirrored", "u1", "", "parameter", "1 = the second jogging velocity is the first one, backwards"),
-        Field("form", "u1", "", "parameter", "which word jogging follows: JOG_*"),
-        Field("both_bits", "u1", "", "parameter", "what both jog bits at once ask for: BOTH_*"),
-        Field("begun_lasts", "u1", "", "parameter", "1 = STW1.4 to 6 = 0 is asked for when a jog begins only"),
+        Field("form", "u1", "", "parameter", "how jogging follows its bits: JOG_*"),
+        Field("both_bits", "u1", "", "parameter", "effect of both jog bits at once: BOTH_*"),
+        Field("begun_lasts", "u1", "", "parameter", "1 = STW1.4 to 6 have to be 0 only when a jog begins"),
         Field("needs_its_bit", "u1", "", "parameter", "1 = JOG_SEQUENCES: a jog ends with the bit that began it"),
         Field("real_time", "u1", "", "parameter", "STW1.12 jogs with the data of the task: REAL_TIME_JOG_*, 0 = not"),
     ],
     state=[
-        Field("speeds", "f8", "rpm", "firmware", "jogging set points as they count", (2,)),
-        Field("speed", "f8", "rpm", "firmware", "of the jog at hand"),
-        Field("asked", "u1", "", "firmware", "jogging that is asked for: JOG_*"),
-        Field("bits", "u1", "", "firmware", "STW1.8 and 9 as they count, bits 0 and 1"),
+        Field("speeds", "f8", "rpm", "firmware", "jogging set points in force", (2,)),
+        Field("speed", "f8", "rpm", "firmware", "of the running jog"),
+        Field("asked", "u1", "", "firmware", "requested jogging: JOG_*"),
+        Field("bits", "u1", "", "firmware", "STW1.8 and 9 as they take effect, bits 0 and 1"),
         Field("first", "u1", "", "firmware", "the one of them that came first, 0 = none"),
         Field("sequence", "u1", "", "firmware", "state of jogging, 0 = none; firmware/jog.py"),
     ],

@@ -1,4 +1,4 @@
-"""Of the axis record: measurement."""
+"""Fields of the axis record: measurement."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ __all__ = ["MEASUREMENT_RECORD"]
 
 MEASUREMENT_RECORD = subject(
     "measurement",
-    "What the drive measures beside the truth.",
+    "Noise of the drive's measurements.",
     settings=[
         Field("velocity_noise", "f8", "rpm", "station", "noise of the measured speed, effective value, 0 = none"),
-        Field("current_noise", "f8", "A", "station", "of the measured current, alike"),
-        Field("position_noise", "f8", "rev", "station", "of the measured position, alike"),
-        Field("seed", "i8", "", "station", "begins the sequence of noise, 0 = there is none"),
+        Field("current_noise", "f8", "A", "station", "of the measured current, effective value, 0 = none"),
+        Field("position_noise", "f8", "rev", "station", "of the measured position, effective value, 0 = none"),
+        Field("seed", "i8", "", "station", "seed of the noise sequence, 0 = no noise"),
     ],
     state=[
-        Field("noise", "i8", "", "firmware", "where in that sequence it is, 0 = not begun"),
-        Field("velocity_deviation", "f8", "rpm", "firmware", "what noise adds to the measured speed in this step"),
-        Field("current_deviation", "f8", "A", "firmware", "to the measured current, alike"),
-        Field("position_deviation", "f8", "rev", "firmware", "to the measured position, alike"),
+        Field("noise", "i8", "", "firmware", "state of that sequence, 0 = not begun"),
+        Field("velocity_deviation", "f8", "rpm", "firmware", "noise of the measured speed in this step"),
+        Field("current_deviation", "f8", "A", "firmware", "noise of the measured current in this step"),
+        Field("position_deviation", "f8", "rev", "firmware", "noise of the measured position in this step"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Of the axis record: orders."""
+"""Fields of the axis record: orders."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ __all__ = ["ORDERS_RECORD"]
 
 ORDERS_RECORD = subject(
     "orders",
-    "What the controller asks of the axis in this step, whatever the words of its bus: written by the axis' front.",
+    "The controller's requests in this step, independent of the bus: written by the axis' front.",
     state=[
-        Field("power", "u1", "", "firmware", "of the power stage: POWER_*"),
-        Field("power_changed", "u1", "", "firmware", "those of them that changed in this step"),
-        Field("led", "u1", "", "firmware", "1 = somebody asks for anything at all"),
+        Field("power", "u1", "", "firmware", "for the power stage: POWER_*"),
+        Field("power_changed", "u1", "", "firmware", "bits of power that changed in this step"),
+        Field("led", "u1", "", "firmware", "1 = a controller sends requests"),
         Field("ramp", "u1", "", "firmware", "0 = the ramp generator gives zero"),
-        Field("ramp_runs", "u1", "", "firmware", "0 = the ramp generator stands still at what it gives"),
+        Field("ramp_runs", "u1", "", "firmware", "0 = the ramp generator holds its output"),
         Field("setpoint", "u1", "", "firmware", "0 = the set point of the speed is zero"),
         Field("reject", "u1", "", "firmware", "1 = the task at hand ends"),
         Field("pause", "u1", "", "firmware", "1 = the task at hand waits"),
-        Field("start", "u1", "", "firmware", "1 = what starts tasks is set"),
-        Field("start_changed", "u1", "", "firmware", "1 = and it changed in this step"),
+        Field("start", "u1", "", "firmware", "1 = the start of tasks is set"),
+        Field("start_changed", "u1", "", "firmware", "1 = start changed in this step"),
         Field("home", "u1", "", "firmware", "1 = homing"),
-        Field("home_changed", "u1", "", "firmware", "1 = and that changed in this step"),
+        Field("home_changed", "u1", "", "firmware", "1 = home changed in this step"),
         Field("jog", "u1", "", "firmware", "jogging at the first or second set point: bits 0 and 1"),
-        Field("jog_barred", "u1", "", "firmware", "1 = what else is asked for keeps a jog from beginning"),
+        Field("jog_barred", "u1", "", "firmware", "1 = other requests keep a jog from beginning"),
     ],
 )

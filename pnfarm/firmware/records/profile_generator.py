@@ -1,4 +1,4 @@
-"""Of the axis record: profile."""
+"""Fields of the axis record: profile."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ PROFILE_RECORD = subject(
     ],
     state=[
         Field("position", "f8", "rev", "firmware", "integral of the velocity command while enabled (PL.CMD)"),
-        Field("velocity", "f8", "rpm", "firmware", "of commanded_position while a profile moves it"),
-        Field("target", "f8", "rev", "firmware", "where PROFILE_TARGET leads to"),
-        Field("top", "f8", "rpm", "firmware", "of the task at hand, override taken into account"),
+        Field("velocity", "f8", "rpm", "firmware", "of position while a profile moves it"),
+        Field("target", "f8", "rev", "firmware", "target of PROFILE_TARGET"),
+        Field("top", "f8", "rpm", "firmware", "of the running task, with override"),
         Field("acceleration", "f8", "rpm/s", "firmware", "of the task at hand"),
         Field("deceleration", "f8", "rpm/s", "firmware", "of the task at hand"),
-        Field("raw_position", "f8", "rev", "firmware", "the trapezoid, before the jerk time"),
+        Field("raw_position", "f8", "rev", "firmware", "position of the trapezoid, before averaging"),
         Field("raw_velocity", "f8", "rev/s", "firmware", "the trapezoid's velocity"),
-        Field("mean_velocity", "f8", "rev/s", "firmware", "their mean: the velocity at the end of the tap at hand"),
-        Field("tap_left", "f8", "s", "firmware", "what is left of that tap"),
-        Field("mode", "u1", "", "firmware", "what the profile generator is about: PROFILE_*"),
-        Field("tap_next", "u1", "", "firmware", "the oldest of these"),
-        Field("taps", "f8", "rev/s", "firmware", "its last mean velocities, tap by tap", (JERK_TAPS,)),
+        Field("mean_velocity", "f8", "rev/s", "firmware", "mean of taps: the velocity at the end of the present tap"),
+        Field("tap_left", "f8", "s", "firmware", "time left of the present tap"),
+        Field("mode", "u1", "", "firmware", "mode of the profile generator: PROFILE_*"),
+        Field("tap_next", "u1", "", "firmware", "index of the oldest tap"),
+        Field("taps", "f8", "rev/s", "firmware", "last mean velocities of the trapezoid, tap by tap", (JERK_TAPS,)),
     ],
 )

@@ -1,4 +1,4 @@
-"""Of the axis record: service."""
+"""Fields of the axis record: service."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ SERVICE_RECORD = subject(
     "service",
     "Service motion.",
     settings=[
-        Field("velocity", "f8", "rpm", "parameter", "of its first and its second leg", (2,)),
-        Field("time", "f8", "s", "parameter", "of these, 0 = the first one never ends", (2,)),
+        Field("velocity", "f8", "rpm", "parameter", "of the first and the second leg", (2,)),
+        Field("time", "f8", "s", "parameter", "duration of each leg, 0 = the first one never ends", (2,)),
         Field("mode", "u1", "", "parameter", "course of service motion: SERVICE_*"),
     ],
     state=[
-        Field("leg_ns", "i8", "ns", "firmware", "when its leg began"),
-        Field("leg", "u1", "", "firmware", "leg of the service motion that runs, 0 = none"),
+        Field("leg_ns", "i8", "ns", "firmware", "when the present leg began"),
+        Field("leg", "u1", "", "firmware", "present leg, 0 = no service motion"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Of the axis record: asked, driving sets, motion tasks."""
+"""Fields of the axis record: asked, driving sets, motion tasks."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ __all__ = ["ASKED_RECORD", "DRIVING_SETS_RECORD", "MOTION_TASKS_RECORD"]
 
 ASKED_RECORD = subject(
     "asked",
-    "The traversing task that is asked for.",
+    "The requested traversing task.",
     settings=[
-        Field("feedrate_whole", "f8", "", "parameter", "MT_FEEDRATE of 100 %", default=100.0),
-        Field("relative_base", "u1", "", "parameter", "what a way of the telegram counts from: TASK_FROM_*, or 0"),
+        Field("feedrate_whole", "f8", "", "parameter", "value of MT_FEEDRATE that is 100 %", default=100.0),
+        Field("relative_base", "u1", "", "parameter", "base of the telegram's relative tasks: TASK_FROM_*, or 0"),
         Field("mdi_rejects", "u1", "", "parameter", "1 = a task of MDI ends when MDI is deselected"),
         Field("control_config", "u2", "", "parameter", "how STW1 is read in position mode: CONFIG_*"),
         Field(
@@ -20,11 +20,11 @@ ASKED_RECORD = subject(
             "u1",
             "",
             "parameter",
-            "1 = a new reference point leaves the place of a running absolute task",
+            "1 = a new reference point does not move the target of a running absolute task",
         ),
     ],
     state=[
-        Field("position", "f8", "rev", "firmware", "target, or way"),
+        Field("position", "f8", "rev", "firmware", "target, or distance"),
         Field("velocity", "f8", "rpm", "firmware", "of the task"),
         Field("acceleration", "f8", "rpm/s", "firmware", "of the task"),
         Field("deceleration", "f8", "rpm/s", "firmware", "of the task"),
@@ -32,14 +32,14 @@ ASKED_RECORD = subject(
         Field("number", "i2", "", "firmware", "number of the motion task, TASK_MDI = the data are the telegram's"),
         Field("pos_stw2", "u2", "", "firmware", "POS_STW2 of the last step, for edges"),
         Field("begins", "u1", "", "firmware", "1 in the step that sees a task begin"),
-        Field("relative", "u1", "", "firmware", "1 = a way"),
-        Field("counts_from", "u1", "", "firmware", "what a way counts from: TASK_FROM_*, 0 = the last target"),
+        Field("relative", "u1", "", "firmware", "1 = position is a distance"),
+        Field("counts_from", "u1", "", "firmware", "base of a distance: TASK_FROM_*, 0 = the last target"),
         Field("backwards", "u1", "", "firmware", "direction of real-time jogging"),
-        Field("endless", "u1", "", "firmware", "1 = the task asked for has no target"),
+        Field("endless", "u1", "", "firmware", "1 = the requested task has no target"),
         Field("still", "u1", "", "firmware", "1 = its velocity may be 0"),
         Field("mdi", "u1", "", "firmware", "1 = the controller brings the task's data itself"),
-        Field("renewed", "u1", "", "firmware", "1 = a change that takes no handshake (STW1.13) has yet to begin"),
-        Field("feed_free", "u1", "", "firmware", "1 = STW1.5 means nothing"),
+        Field("renewed", "u1", "", "firmware", "1 = a change without a handshake (STW1.13) has yet to begin"),
+        Field("feed_free", "u1", "", "firmware", "1 = STW1.5 has no meaning"),
     ],
 )
 
@@ -47,7 +47,7 @@ DRIVING_SETS_RECORD = subject(
     "driving_sets",
     "Driving sets: their targets.",
     settings=[
-        Field("position", "f8", "", "parameter", "target or way of each set, in position steps", (DRIVING_SETS,)),
+        Field("position", "f8", "", "parameter", "target or distance of each set, in position steps", (DRIVING_SETS,)),
     ],
 )
 
@@ -55,7 +55,7 @@ MOTION_TASKS_RECORD = subject(
     "motion_tasks",
     "Motion tasks by number; last, because few drives use them.",
     settings=[
-        Field("position", "f8", "rev", "parameter", "target, or way", (MOTION_TASKS,)),
+        Field("position", "f8", "rev", "parameter", "target, or distance", (MOTION_TASKS,)),
         Field("velocity", "f8", "rpm", "parameter", "of each task", (MOTION_TASKS,)),
         Field("acceleration", "f8", "rpm/s", "parameter", "of each task", (MOTION_TASKS,)),
         Field("deceleration", "f8", "rpm/s", "parameter", "of each task", (MOTION_TASKS,)),
