@@ -1,1 +1,1 @@
-"""Sections of the farm file, as types: what any drive and any controller can have; a bus adds its own keys."""
+"""Sections of the farm file, as types: the keys of any drive and any controller; a bus adds its own keys."""

@@ -1,4 +1,4 @@
-"""Motor and load of the farm file, and what they make of an axis record."""
+"""Motor and load of the farm file, and how they are written into an axis record."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ __all__ = ["MOST_PLACE", "Load", "Motor", "apply_axis", "axis_complaints"]
 #: Steps of controllers and motor, ns: 16 kHz, and the engine's own longest.
 SHORTEST_STEP_NS = 62_500
 LONGEST_STEP_NS = 1_000_000
-#: The farthest place of a machine, revolutions or mm.
+#: Limit of the positions of a machine's parts, revolutions or mm.
 MOST_PLACE = 1e6
 
 
@@ -45,8 +45,8 @@ def _none_or_from(least: float) -> AfterValidator:
     return AfterValidator(check)
 
 
-# What servo drives, their motors and machines can have, with room to spare on both sides.  Beyond these numbers an axis
-# would not be a faster or a heavier one: it would be arithmetic.
+# Ranges of servo drives, their motors and machines, with room to spare on both sides.  Beyond them an axis is not
+# realistic, and its equations lose their precision.
 Friction = Annotated[float | None, Field(ge=0, le=1e6)]
 Amperes = Annotated[float | None, Field(ge=1e-3, le=1e5)]
 BrakeTime = Annotated[float | None, Field(ge=0, le=3600)]
@@ -57,7 +57,7 @@ Steps = Annotated[float | None, Field(ge=0, le=1e12), _none_or_from(1.0)]
 
 
 class Load(Section):
-    """What hangs on the shaft, or on the forcer of a linear motor; what is behind a gear counts as it is felt there."""
+    """The load on the shaft, or on the forcer of a linear motor; loads behind a gear count as seen by the motor."""
 
     inertia: float | None = Field(
         default=None, ge=1e-9, le=1e6, description="Motor and load, kg m^2 (linear motor: kg); left out, the model's."
@@ -83,22 +83,22 @@ class Load(Section):
     )
 
     def referred_inertia(self, pitch: float) -> float:
-        """kg m^2 that the motor feels of what is behind gear and spindle; ``pitch`` of a linear motor, mm, else 0."""
+        """Inertia behind gear and spindle as seen by the motor, kg m^2; ``pitch`` of a linear motor, mm, else 0."""
         way = self._way(pitch)
         return self.driven_inertia / self.gear**2 + self.mass * way * way
 
     def referred_torque(self, pitch: float) -> float:
-        """N m that the machine puts on the motor."""
+        """Torque of the machine on the motor, N m."""
         return axis_value("load.torque", self.torque, pitch) + self.force * self._way(pitch)
 
     def revolutions(self, pitch: float) -> float:
-        """Of the motor, to one unit of the machine's places: mm of what moves straight, else a turn behind the gear."""
+        """Motor revolutions per unit of the machine's positions: mm of linear motion, else a turn behind the gear."""
         if pitch > 0.0:
             return 1.0 / pitch
         return self.gear if self.lead is None else self.gear / self.lead
 
     def _way(self, pitch: float) -> float:
-        """What a radian of the motor moves the mass, m."""
+        """Distance by which a radian of the motor moves the mass, m."""
         return (pitch if pitch > 0.0 else (self.lead or 0.0) / self.gear) / 1000.0 / (2.0 * pi)
 
 
@@ -150,20 +150,20 @@ class Motor(Section):
     )
 
 
-#: What the numbers may make together, in the units of the axis record: a linear motor's become revolutions by its
-#: pitch, what is behind a gear counts as the motor feels it.  Field: lowest, highest, the section that makes it,
-#: and what it is called there.
+#: Bounds of values that several keys make together, in the units of the axis record: a linear motor's become
+#: revolutions by its pitch, loads behind a gear count as seen by the motor.  Field: lowest, highest, the section that
+#: makes it, and its name there.
 _TOGETHER: dict[str, tuple[float, float, str, str]] = {
     "load.inertia": (1e-12, 1e6, "load", "inertia"),
     "load.torque": (-1e7, 1e7, "load", "load torque"),
     "motor.max_velocity": (1e-3, FASTEST_RPM, "motor", "max velocity"),
 }
-#: Places of the machine on the shaft, revolutions.
+#: Positions of the machine's parts on the shaft, revolutions.
 FARTHEST = 1e9
 
 
 def axis_complaints(axis: Any, load: Load, motor: Motor, pitch: float) -> list[tuple[str, str, str]]:
-    """What the numbers of a farm file make together that no axis can have: section, what is wrong, what is allowed.
+    """Values that the keys make together and no axis can have: section, what is wrong, what is allowed.
 
     ``axis`` is a record with the model's own values, which is written to.
     """
@@ -182,7 +182,7 @@ def axis_complaints(axis: Any, load: Load, motor: Motor, pitch: float) -> list[t
 
 
 def apply_axis(axis: Any, load: Load, motor: Motor, pitch: float) -> None:
-    """What the farm file says of motor and load, over the model's values in ``axis``.
+    """Write motor and load of the farm file over the model's values in ``axis``.
 
     ``pitch``: of a linear motor, mm, else 0.
     """

@@ -1,4 +1,4 @@
-"""The built-in controller: what one on any bus has."""
+"""The built-in controller: the keys that it has on any bus."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _open_reconnect(value: Any) -> Any:
 
 
 class ControllerSection(Section):
-    """What the controller on any bus has; a bus's section adds its own keys."""
+    """Keys of the controller on any bus; a bus's section adds its own."""
 
     name: NamePattern = Field(default="plc", description="Its station name.")
     interface: Interface | None = Field(default=None, description="Existing interface to use; it is not changed.")
@@ -75,5 +75,5 @@ class ControllerSection(Section):
 
     @property
     def device_names(self) -> Sequence[str]:
-        """Devices beside the drives of the file, which no model describes."""
+        """Devices besides the drives of the file, which no model describes."""
         return ()

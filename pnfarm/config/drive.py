@@ -1,4 +1,4 @@
-"""A group of drives of the farm file, and one drive of it: what drives on any bus have."""
+"""A group of drives of the farm file, and one drive of it: the keys of drives on any bus."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["MAX_DRIVES", "Claim", "DriveConfig", "DriveFields", "DriveGroup"]
 
-#: Drives of one farm.
+#: Most drives of one farm.
 MAX_DRIVES = 4094
 
 Identity = Annotated[dict[str, Any], Field(description="What the drive says it is, where it is not the model's own.")]
@@ -66,12 +66,12 @@ class DriveGroup(Section):
     impair: list[Impairment] = Field(default_factory=list, description="Impairments from the start.")
 
 
-#: What may stand once in a farm: key of the group, value, and the value in words.
+#: A value that must be unique in a farm: key of the group, value, and the value in words.
 Claim = tuple[str, object, str]
 
 
 class DriveFields(TypedDict):
-    """What any bus's :class:`DriveConfig` is made of."""
+    """Arguments of any bus's :class:`DriveConfig`."""
 
     index: int
     group: int
@@ -93,12 +93,12 @@ class DriveFields(TypedDict):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveConfig:
-    """One drive as the farm file wants it; a bus's drives have more.
+    """One drive as the farm file configures it; a bus's drives have more.
 
     ``index`` counts through the farm from 0; ``group`` is the entry of ``drives:`` that it comes from.
     ``model`` is the name under which the model is listed, also where the file has an alias; ``listed`` is that model
     with the parameters of the farm file's list, None where the file has no list for it.
-    ``realism_by_source``: what ``realism`` says nothing of is on where a source gives the model's figure.
+    ``realism_by_source``: keys that ``realism`` leaves out are on where a source gives the model's figure.
     ``mac`` is that of its port, empty on a link without hardware addresses.
     """
 
@@ -121,9 +121,9 @@ class DriveConfig:
     mac: bytes = b""
 
     def claims(self) -> Sequence[Claim]:
-        """What no other drive of the farm may have, besides its name."""
+        """Values that no other drive of the farm may have, besides its name."""
         return ()
 
     def addresses(self) -> Sequence[str]:
-        """Where it is on its bus, in words for a table: hardware address, address."""
+        """Its addresses on its bus, as text for a table: hardware address, address."""
         return "", ""

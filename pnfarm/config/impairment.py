@@ -15,7 +15,7 @@ from pnfarm.wire.direction import Directions
 
 __all__ = ["FAULT_KINDS", "Impairment"]
 
-#: Key of the validation context: the kinds of the fault catalogue, or None where nobody asks.
+#: Key of the validation context: the kinds of the fault catalogue, or None where kinds are not checked.
 FAULT_KINDS = "fault_kinds"
 
 

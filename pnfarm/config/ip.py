@@ -1,4 +1,4 @@
-"""Stations with a MAC and an IP address: their keys, what these must hold, and how they count up."""
+"""Stations with a MAC and an IP address: their keys, the checks of these, and how they count up."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Macs:
         return self.auto(name)
 
     def auto(self, name: str) -> bytes:
-        """A stable address of the drive's own, which nobody has."""
+        """A stable address for the drive that no other station has."""
         salt = self._tried.get(name, 0)
         while (mac := auto_mac(self._farm, name, salt)) in self._taken:
             salt += 1
@@ -117,7 +117,7 @@ def check_addresses(at: Location, group: IpDrives, report: Report) -> None:
             report((*at, "mac"), f"counts {group.count} drives up into multicast addresses", "a lower first address")
     if group.ip is None:
         if group.gateway is not None:
-            report((*at, "gateway"), "stands without `ip`", "ip: ADDRESS/PREFIX beside it")
+            report((*at, "gateway"), "is given without `ip`", "ip: ADDRESS/PREFIX beside it")
         return
     network = group.ip.network
     first, last = hosts_of(network)

@@ -1,6 +1,6 @@
-"""What a farm file may name: drive models and fault kinds, as far as the checks need them.
+"""Names that a farm file may use: drive models and fault kinds, as far as the checks need them.
 
-The checks take this as an argument, so that they depend on no installed model; :func:`catalogue` is the one with
+The checks take this as an argument, so that they do not depend on installed models; :func:`catalogue` has
 the models of :mod:`pnfarm.drives.catalogue`.
 """
 
@@ -37,7 +37,7 @@ Complaint = tuple[str, str, str]
 
 
 class ModelFacts(Protocol):
-    """A drive model, seen from the farm file."""
+    """A drive model as the checks of the farm file see it."""
 
     @property
     def name(self) -> str:
@@ -51,7 +51,7 @@ class ModelFacts(Protocol):
 
     @property
     def min_cycle_ns(self) -> int:
-        """The fastest cycle that its manual grants."""
+        """The fastest cycle that its manual allows."""
         ...
 
     @property
@@ -71,12 +71,12 @@ class ModelFacts(Protocol):
 
     @property
     def default_telegram(self) -> int:
-        """The telegram of a drive that is told none."""
+        """The telegram of a drive for which none is configured."""
         ...
 
     @property
     def motion_tasks(self) -> int:
-        """How many motion tasks it keeps."""
+        """How many motion tasks it stores."""
         ...
 
     @property
@@ -86,7 +86,7 @@ class ModelFacts(Protocol):
 
     @property
     def open_points(self) -> Mapping[str, Sequence[str]]:
-        """What its manual leaves open, and the readings of each point, the default first."""
+        """Points that its manual leaves open, and the readings of each, the default first."""
         ...
 
     def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
@@ -110,7 +110,7 @@ class ModelFacts(Protocol):
         ...
 
     def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
-        """What ``load`` and ``motor`` of a group make together that no axis can have."""
+        """Values that ``load`` and ``motor`` of a group make together and no axis can have."""
         ...
 
     def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
@@ -123,7 +123,7 @@ class ModelFacts(Protocol):
 
     @property
     def described(self) -> Model | None:
-        """The model itself, None where there is no more of it than these facts."""
+        """The model itself, None where only these facts are known."""
         ...
 
 
@@ -262,9 +262,9 @@ class InstalledModel:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """The words that are known: model names, how to get a model by name or alias, and the kinds of faults.
+    """The names that are known: models, a model by name or alias, and the kinds of faults.
 
-    ``fault_kinds=None`` leaves the kinds unchecked, for callers that have no fault catalogue at hand.  ``listed`` are
+    ``fault_kinds=None`` leaves the kinds unchecked, for callers that have no fault catalogue.  ``listed`` are
     the models to which the farm file adds a list of parameters, by name.
     """
 
@@ -288,5 +288,5 @@ def _find(name: str) -> ModelFacts | None:
 
 @cache
 def catalogue(fault_kinds: frozenset[str] | None = None) -> Known:
-    """The installed drive models; the fault kinds are the caller's, who may know the fault catalogue."""
+    """The installed drive models; a caller that has the fault catalogue passes the fault kinds."""
     return Known(tuple(drives.models()), _find, fault_kinds)

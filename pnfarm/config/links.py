@@ -1,4 +1,4 @@
-"""What drives and controllers may be attached to."""
+"""Links to which drives and controllers are attached."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class MemoryLink(Section):
 Link = Annotated[MacvlanLink | VethLink | TapLink | MemoryLink, Discriminator("kind")]
 
 
-#: By the words of `kind`, as messages list them.
+#: By the value of `kind`, as messages list them.
 LINK_KINDS: dict[str, type[MacvlanLink | VethLink | TapLink | MemoryLink]] = {
     "macvlan": MacvlanLink,
     "veth": VethLink,

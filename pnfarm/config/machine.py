@@ -1,4 +1,4 @@
-"""The machine of the farm file: its limit switches, end stops and cams, and what they make of an axis record."""
+"""The machine of the farm file: limit switches, end stops and cams, and how they are written into an axis record."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ __all__ = ["Machine", "apply_machine"]
 def _around_the_start(ends: list[float | None]) -> list[float | None]:
     low, high = ends
     if (low is not None and low >= 0.0) or (high is not None and high <= 0.0):
-        raise Problem("leaves the axis no place to start at, which is 0", "a place below 0 and one above it, or null")
+        raise Problem("leaves no room around 0, where the axis starts", "a place below 0 and one above it, or null")
     return ends
 
 
@@ -38,7 +38,7 @@ def _forwards(ends: list[float]) -> list[float]:
     return ends
 
 
-#: Where something of the machine may stand, revolutions or mm.
+#: A position of a part of the machine, revolutions or mm.
 Place = Annotated[float, Field(ge=-MOST_PLACE, le=MOST_PLACE)]
 Ends = Annotated[list[Place | None], Field(min_length=2, max_length=2), AfterValidator(_around_the_start)]
 

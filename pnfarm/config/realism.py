@@ -1,7 +1,7 @@
 """``realism`` of a drive group: what makes its drives less than ideal, key by key, and its short forms.
 
 A key that is left out is on where a source gives the model's figure, the drives' limits are strict and the link is
-real; else it is off.  ``on`` takes the model's figure, be it assumed or not.
+real; else it is off.  ``on`` takes the model's figure, even if it is assumed.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 __all__ = ["ALL", "OFF", "ON", "SWITCH", "BootTime", "DriveRealism", "Noise", "Realism", "asked_for", "missing_figures"]
 
 ON: Literal["on"] = "on"
-#: What the short form ``realism: on`` makes of each key: on, where the model has a figure.
+#: Value of each key with the short form ``realism: on``: on, where the model has a figure.
 ALL: Literal["all"] = "all"
-#: The words of the short forms, as editors that read YAML 1.1 write them, too.
+#: Values of the short forms, including those of YAML 1.1, which some editors write.
 SWITCH: dict[str, Any] = {"enum": [ON, OFF, True, False]}
 
 _DURATION_SCHEMA = {"type": "string", "examples": ["20ms"]}
@@ -217,7 +217,7 @@ DriveRealism = Annotated[Realism, BeforeValidator(_open_realism)]
 
 
 def asked_for(section: Realism) -> Iterator[tuple[tuple[str, ...], str, Any]]:
-    """Each figure: its place in the section, its name in the model, what the farm file says of it (None: nothing)."""
+    """Each figure: its place in the section, its name in the model, its value in the farm file (None: not given)."""
     yield ("noise", "velocity"), "velocity_noise", section.noise.velocity
     yield ("noise", "current"), "current_noise", section.noise.current
     yield ("noise", "position"), "position_noise", section.noise.position
@@ -228,5 +228,5 @@ def asked_for(section: Realism) -> Iterator[tuple[tuple[str, ...], str, Any]]:
 
 
 def missing_figures(section: Realism, model: Model) -> list[tuple[str, ...]]:
-    """Places where the farm file asks for a figure of the model's that it does not have."""
+    """Places where the farm file requests a figure that the model does not have."""
     return [place for place, name, given in asked_for(section) if given == ON and f"realism.{name}" not in model.facts]

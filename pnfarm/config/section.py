@@ -14,7 +14,7 @@ class Section(BaseModel):
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
-    #: Keys that messages and editors list first and last, in this order; the others stand as they are declared.
+    #: Keys that messages and editors list first and last, in this order; the others keep the order of declaration.
     first_keys: ClassVar[tuple[str, ...]] = ()
     last_keys: ClassVar[tuple[str, ...]] = ()
 

@@ -1,4 +1,4 @@
-"""Motion tasks of the farm file: what a commissioning tool has left in a drive."""
+"""Motion tasks of the farm file: those that a commissioning tool has stored in a drive."""
 
 from __future__ import annotations
 

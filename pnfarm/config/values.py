@@ -1,7 +1,7 @@
-"""Small words of the farm file: station patterns, addresses, ports, records' octets.
+"""Simple values of the farm file: station patterns, addresses, ports, records' octets.
 
-Each ``read_*`` takes what stood in the file and returns the value, or raises a :class:`Problem` that
-says what would be right; the ``Annotated`` types beneath carry them into the models and into the JSON Schema.
+Each ``read_*`` takes the value from the file and returns it parsed, or raises a :class:`Problem` that
+names what is allowed; the ``Annotated`` types below carry them into the models and into the JSON Schema.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def read_mac(value: Any) -> bytes | str:
     if mac[0] & 1:
         raise Problem(f"{format_mac(mac)} is a multicast address", allowed)
     if not any(mac):
-        raise Problem("a MAC address of zeros belongs to nobody", allowed)
+        raise Problem("the MAC address of all zeros belongs to no station", allowed)
     return mac
 
 

@@ -1,1 +1,1 @@
-"""The other end: the bus's controller in real time and in virtual time, against drives virtual or real."""
+"""The built-in controller of a bus in real time and in virtual time, with virtual or real drives."""

@@ -42,12 +42,12 @@ if TYPE_CHECKING:
 
 __all__ = ["Plc"]
 
-#: How long a release may take before the controller goes anyway.
+#: How long a release may take before the controller closes anyway.
 RELEASE_SECONDS = 2.0
 
 
 def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
-    """Where the controller stands: an interface as it is, a link of its own, or a port beside the farm's drives."""
+    """The controller's link: an existing interface, a link of its own, or a port beside the farm's drives."""
     section = config.controller
     interface = interface or (section.interface if section else None)
     if interface is not None:
@@ -61,11 +61,11 @@ def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
             return VethLink(owner, bridge=bridge)
         case TapSection():
             if wanted.bridge is None:
-                raise ConfigError("TAPs without a bridge hear nobody; give `link: {kind: tap, bridge: br0}`")
+                raise ConfigError("TAPs without a bridge reach no other station; give `link: {kind: tap, bridge: br0}`")
             return TapLink(owner, bridge=wanted.bridge)
         case _:
             raise ConfigError(
-                "the file does not say where the controller stands; give `controller: {interface: ...}` or --interface"
+                "the file names no interface for the controller; give `controller: {interface: ...}` or --interface"
             )
 
 
@@ -119,7 +119,7 @@ class Plc:
         require_for_link(unwrap(self.link).kind, f"controller {self.section.name}")
 
     async def open(self) -> None:
-        """Take the port, start the engine, begin to look for the drives."""
+        """Take the port, start the engine, begin to search for the drives."""
         bus, plan = plan_controller(self.config, self.drives)
         address, ports = plan.udp_ports
         self._lock.acquire()
@@ -142,7 +142,7 @@ class Plc:
             raise
 
     async def release(self, seconds: float = RELEASE_SECONDS) -> bool:
-        """Take every connection down in order; false when some drive did not confirm in time."""
+        """Release every connection; false when a drive did not confirm in time."""
         core = self.core
         core.release(time.monotonic_ns())
         self.driver.poke()
@@ -166,7 +166,7 @@ class Plc:
                 self._driver = None
 
     async def wait(self) -> None:
-        """Until something fails; raises it."""
+        """Wait until something fails; raises its exception."""
         await self.driver.wait()
 
     async def wait_connected(self, seconds: float) -> bool:
@@ -186,9 +186,9 @@ class Plc:
     async def ask_parameter(self, name: str, task: Pkw, seconds: float = 1.0) -> Pkw | None:
         """One task through the cyclic parameter channel (PKW) of a drive, as a PLC program has it.
 
-        Task 0, until it is answered by 0, then ``task`` until something answers; it stays in the telegrams.  None when
-        the drive did not answer in time.  Raises :class:`ConfigError` for an unknown drive and for a telegram without
-        such a channel.
+        Sends task 0 until it is answered by 0, then ``task`` until it is answered; that stays in the telegrams.  None
+        when the drive did not answer in time.  Raises :class:`ConfigError` for an unknown drive and for a telegram
+        without such a channel.
         """
         for wanted in (NO_TASK, task):
             self.core.put_parameter_task(name, wanted)

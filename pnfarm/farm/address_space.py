@@ -1,6 +1,6 @@
-"""A limit on the address space (``ulimit -v``) that is too low for the libraries, told before they meet it.
+"""Check of the address space limit (``ulimit -v``) before the libraries run into it.
 
-Below it they end the process themselves (OpenBLAS), fail in the middle of an import, or never come to an end (LLVM).
+With too little they end the process (OpenBLAS), fail in the middle of an import, or never return (LLVM).
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from pnfarm.errors import EnvironmentError_
 
 __all__ = ["COMMAND", "ENGINE", "few_threads", "is_exhausted", "require_address_space"]
 
-#: Octets that a command takes which reads a farm file; measured: 150 MB on 2 processors.
+#: Octets that a command needs to read a farm file; measured: 150 MB on 2 processors.
 COMMAND = 256 << 20
-#: Octets that the engine takes; measured: 940 MB while it is compiled, 400 MB afterwards with a drive.
+#: Octets that the engine needs; measured: 940 MB while it is compiled, 400 MB afterwards with a drive.
 ENGINE = 1536 << 20
 _ERRNOS = (errno.ENOMEM, errno.EAGAIN)
 _WORDS = ("can't start new thread", "failed to map segment", "cannot allocate memory", "cannot apply additional memory")
 
 
 def few_threads() -> None:
-    """Keep NumPy's OpenBLAS from starting threads, each with memory of its own, for algebra that nobody does here."""
+    """Keep NumPy's OpenBLAS from starting threads, each with its own memory, for algebra that is not used here."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
@@ -42,7 +42,7 @@ def require_address_space(octets: int) -> None:
 
 
 def is_exhausted(error: BaseException) -> str | None:
-    """The sentence for an error that says that memory ran out; None for any other."""
+    """The message for an error that reports memory exhaustion; None for any other."""
     text = str(error).lower()
     ran_out = (
         isinstance(error, MemoryError)

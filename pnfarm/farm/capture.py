@@ -1,9 +1,9 @@
 """A capture of a running farm: all frames of its drives, cyclic and acyclic, both ways, into pcapng files.
 
-Theory: the engine's frames never leave compiled code, so nothing that wraps a link can see them.  A packet socket of
-its own (:mod:`pnfarm.links.packet_ring`) sees them at the drives' interfaces, and a thread of low priority writes them
-down.  Nothing of the farm waits for it: what the thread cannot keep up with is dropped by the kernel and counted here;
-without a capture nothing of this exists.
+Theory: the engine's frames never leave compiled code, so nothing that wraps a link can see them.  A separate packet
+socket (:mod:`pnfarm.links.packet_ring`) receives them at the drives' interfaces, and a thread of low priority writes
+them to the file.  The farm never waits for it: frames that the thread is too slow for are dropped by the kernel and
+counted here; without a capture neither socket nor thread exists.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ if TYPE_CHECKING:
 
 __all__ = ["CaptureSettings", "FarmCapture", "parse_size", "prepare"]
 
-#: Octets of a file of the ring, where only their number was given; files kept, where only the size was.
+#: Size of a file of the ring where only their number was given, octets; files kept where only the size was.
 DEFAULT_SIZE = 100_000_000
 DEFAULT_FILES = 10
 MINIMUM_SIZE = 1_000_000
-#: How long the thread waits for frames before it looks at other things.
+#: How long the thread waits for frames before it checks other things.
 LOOK_MS = 200
-#: How often lost frames are told.
+#: How often lost frames are reported.
 TELL_SECONDS = 10.0
-#: So much nicer than the farm is the thread that writes.
+#: Increment of the writing thread's nice value over the farm's.
 NICENESS = 5
 
 _SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)(i?)B?", re.IGNORECASE)
 _POWERS = {"": 0, "k": 1, "m": 2, "g": 3}
 
-#: What the capture has to say, for the farm's log.
+#: Receiver of the capture's events, for the farm's log.
 Note: TypeAlias = "Callable[[Event], None]"
 
 
@@ -68,7 +68,7 @@ def parse_size(text: str, *, minimum: int = MINIMUM_SIZE) -> int:
 
 @dataclass(frozen=True, slots=True)
 class CaptureSettings:
-    """``drives`` globs over their names, all for none; ``only`` words of :data:`KINDS`, all frames for none.
+    """``drives`` globs over their names, all if empty; ``only`` keywords of :data:`KINDS`, all frames if empty.
 
     With ``size`` (octets) or ``files`` a ring of files, else one file.  Raises :class:`ConfigError`.
     """
@@ -88,13 +88,13 @@ class CaptureSettings:
 
     @property
     def ring(self) -> tuple[int | None, int | None]:
-        """Octets of a file and files kept; two None for one file without bound."""
+        """Octets of a file and files kept; both None for one unlimited file."""
         if self.size is None and self.files is None:
             return None, None
         return self.size or DEFAULT_SIZE, self.files or DEFAULT_FILES
 
     def chosen(self, names: Sequence[str]) -> list[int]:
-        """Places of the drives that are captured; raises :class:`ConfigError` for a glob that no drive has."""
+        """Indexes of the captured drives; raises :class:`ConfigError` for a glob that matches no drive."""
         for glob in self.drives:
             if not any(fnmatchcase(name, glob) for name in names):
                 raise ConfigError(f"no drive of the farm is called {glob!r}; `pnfarm validate` lists them")
@@ -106,7 +106,7 @@ class CaptureSettings:
 
 
 class FarmCapture:
-    """Made before the farm's interfaces, so that a file that cannot be written is told before the drives speak.
+    """Made before the farm's interfaces, so that a file that cannot be written is reported before the drives send.
 
     ``note`` is called in the capture's thread.  Raises what :class:`CaptureSettings` and
     :class:`~pnfarm.links.pcap_files.CaptureFiles` raise.
@@ -124,11 +124,11 @@ class FarmCapture:
         self._ring: PacketRing | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
-        #: Frames of each captured drive that were written; the last place: frames that the kernel's ring garbled.
+        #: Frames written of each captured drive; the last element: invalid frames of the kernel's ring.
         self._counts = np.zeros(len(self._places) + 1, np.int64)
         #: Frames that the kernel dropped because the writer did not keep up.
         self.lost = 0
-        #: Why the capture ended before its time.
+        #: Why the capture ended early.
         self.failed: EnvironmentError_ | None = None
 
     @property
@@ -142,7 +142,7 @@ class FarmCapture:
         return self._files.current
 
     def start(self, ports: Sequence[Port], *, far_end: bool = False) -> None:
-        """Capture the chosen ones of ``ports``, in the order of the names given before.
+        """Capture the chosen ``ports``, which are in the order of the names given before.
 
         ``far_end``: the interfaces are the other ends of the drives' cables, as with a TAP.
         Raises :class:`~pnfarm.errors.EnvironmentError_`.
@@ -168,7 +168,7 @@ class FarmCapture:
         self._thread.start()
 
     def stop(self) -> None:
-        """Write what has been seen so far and close the file.  Takes some tenths of a second; harmless twice."""
+        """Write what has been captured and close the file.  Takes some tenths of a second; may be called twice."""
         if self._thread is None:
             self._files.abandon()
             return
@@ -180,7 +180,7 @@ class FarmCapture:
     # -- the thread --------------------------------------------------------------------------------------------------
 
     def _run(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
-        # it gives way to the event loop's thread and to the engine's, and preempts neither when frames wake it
+        # it yields to the event loop's thread and to the engine's, and preempts neither when frames wake it
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
@@ -217,13 +217,13 @@ class FarmCapture:
                     self._note(CaptureLostFrames(self.lost - told_lost))
                     told_lost, told_at = self.lost, time.monotonic()
                 if end is None and self._stop.is_set():
-                    # what came in until now is handed over when its block retires
+                    # frames received until now are handed over when their block retires
                     end = time.monotonic() + 3 * RETIRE_MS / 1000
         finally:
             del memory, words
 
     def _tail(self) -> bytes:
-        """Statistics, the kernel's losses once, with the first interface: it counts them for all together."""
+        """Statistics; the kernel's losses, counted for all interfaces together, are given with the first one."""
         now = time.time_ns()
         return b"".join(
             interface_statistics(
@@ -234,7 +234,7 @@ class FarmCapture:
 
 
 def prepare() -> None:
-    """Compile what a capture needs, before the drives speak."""
+    """Compile what a capture needs, before the drives send."""
     none = np.zeros(64, np.uint8)
     out = np.zeros(64, np.uint8)
     numbers, counts = np.zeros(0, np.int32), np.zeros(1, np.int64)

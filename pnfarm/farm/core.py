@@ -1,4 +1,4 @@
-"""A whole farm without a clock and without tasks: stations, table, link, and what goes between them.
+"""A whole farm without a clock and without tasks: stations, table, link, and the traffic between them.
 
 :class:`Node` is what a runtime drives, in real time (:mod:`pnfarm.farm.realtime`) or virtual
 (:mod:`pnfarm.farm.virtual`); the built-in controller is one too.
@@ -58,7 +58,7 @@ IMPAIRMENTS_PER_DRIVE = 8
 
 
 class Node(Protocol):
-    """One end of the wire as a runtime sees it."""
+    """One end of the wire, as a runtime drives it."""
 
     columns: Columns
     link: Link
@@ -68,11 +68,11 @@ class Node(Protocol):
         ...
 
     def service(self, now: int) -> None:
-        """Take the engine's events and whatever timers are due."""
+        """Handle the engine's events and the timers that are due."""
         ...
 
     def next_deadline(self) -> int | None:
-        """When :meth:`service` is wanted at the latest."""
+        """When :meth:`service` is due at the latest."""
         ...
 
 
@@ -162,13 +162,13 @@ class FarmCore:
             self.settle(station, now)
 
     def stop(self, now: int) -> None:
-        """Tell every controller that its drive goes: an ERR-RTA for each connection."""
+        """Tell every controller that its drive shuts down: an ERR-RTA for each connection."""
         for station in self.stations:
             station.device.leave(now)
             self.settle(station, now)
 
     def station(self, name: str) -> Station:
-        """By the name in the farm file, or the one that DCP gave; raises :class:`ConfigError`."""
+        """A station by its name in the farm file, or the one set by DCP; raises :class:`ConfigError`."""
         found = self._by_name.get(name) or next((s for s in self.stations if s.device.name == name), None)
         if found is None:
             raise ConfigError(f"there is no drive {name!r} in farm {self.name}; `pnfarm inspect` lists them")
@@ -198,7 +198,7 @@ class FarmCore:
         return found
 
     def settle(self, station: Station, now: int) -> None:
-        """Let a station finish what an input began, send its frames, note when it wants to be called."""
+        """Let a station finish processing an input, send its frames, and note its next deadline."""
         frames = station.pump(now)
         self._segment_of[station.port.index].settled(station.port.index)
         for frame in frames:
@@ -243,7 +243,7 @@ class FarmCore:
             self.injections.touch(station.configured_name)
 
     def _catch_up(self, now: int) -> None:
-        """The ring of events ran over: what the rows themselves tell of connections is not lost."""
+        """The ring of events overflowed: derive the connections' events from the rows themselves."""
         for station in self.stations:
             station.device.catch_up(now)
             self.settle(station, now)

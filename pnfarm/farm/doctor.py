@@ -1,7 +1,7 @@
-"""Can this machine run a farm?  Looks, tries, and says what mends what is missing.
+"""Can this machine run a farm?  Checks, tries, and names the remedy for what is missing.
 
-Whatever can only be known by trying (real-time scheduling, each kind of interface) is tried by a process of
-its own in a namespace that vanishes (:mod:`pnfarm.links.probe`).  Nothing of the machine is changed.
+What can only be known by trying (real-time scheduling, each kind of interface) is tried by a separate process
+in a temporary namespace (:mod:`pnfarm.links.probe`).  The machine is not changed.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ _PYTHON_TOO_NEW = (3, 14)
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing looked at.
+    """The result of one check.
 
     ``ok`` True: as it should be; False: a farm (or a kind of link) does not work; None: works, but not at its best, or
-    could not be told.  ``remedy`` is the command that mends it, empty when nothing needs mending.
+    could not be determined.  ``remedy`` is the command that fixes it, empty when nothing is wrong.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Finding:
 
 
 def examine() -> list[Finding]:
-    """Every finding, most basic first.  Takes about a second; never raises for a machine that is lacking."""
+    """Every finding, most basic first.  Takes about a second; never raises for what the machine lacks."""
     mask = effective()
     trials = _try()
     return [
@@ -243,7 +243,7 @@ def _read(path: str) -> str:
 def _receive_buffer() -> Finding:
     text = _read("/proc/sys/net/core/rmem_max")
     if not text.isdecimal():
-        # inside a network namespace the kernel shows no such file; who has CAP_NET_ADMIN is not bound by it
+        # inside a network namespace the kernel has no such file; CAP_NET_ADMIN lifts the limit
         return Finding("net.core.rmem_max", None, "cannot be read here")
     if int(text) >= RECEIVE_BUFFER:
         return Finding("net.core.rmem_max", True, f"{text} octets")

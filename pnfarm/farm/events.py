@@ -1,4 +1,4 @@
-"""What happens to a farm as a whole, as types (:mod:`pnfarm.station.events`)."""
+"""Events of a farm as a whole, as types (:mod:`pnfarm.station.events`)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class FarmStarted(Event):
-    """The drives are on the wire; ``granted`` are the real-time options that the kernel allowed."""
+    """The drives are on the network; ``granted`` are the real-time options that the kernel allowed."""
 
     TEXT = "farm started"
     drives: int
@@ -36,14 +36,14 @@ class FarmStarted(Event):
 
 @dataclass(frozen=True, slots=True)
 class FarmStopped(Event):
-    """The drives have left the wire."""
+    """The drives have left the network."""
 
     TEXT = "farm stopped"
 
 
 @dataclass(frozen=True, slots=True)
 class ApiListening(Event):
-    """Where the API answers; its token if nothing else tells it, or the file that it lies in."""
+    """The API's address; its token unless the user knows it, or the file that holds it."""
 
     TEXT = "api listening"
     url: str
@@ -75,7 +75,7 @@ class CaptureEnded(Event):
 
 @dataclass(frozen=True, slots=True)
 class CaptureFailed(CaptureEnded):
-    """Nothing more is written; the farm goes on."""
+    """Nothing more is written; the farm keeps running."""
 
     TEXT = "capture failed"
     LEVEL = "error"
@@ -96,7 +96,7 @@ class CaptureLostFrames(Event):
 
 @dataclass(frozen=True, slots=True)
 class RealTimeOptionRefused(Event):
-    """The kernel refused a real-time option; one that nobody ``asked`` for is no loss."""
+    """The kernel refused a real-time option; a warning only if the user ``asked`` for it."""
 
     TEXT = "real-time option refused"
     option: str
@@ -113,7 +113,7 @@ class RealTimeOptionRefused(Event):
 
 @dataclass(frozen=True, slots=True)
 class EngineEventsLost(Event):
-    """The ring of the engine's events ran over."""
+    """The ring of the engine's events overflowed."""
 
     TEXT = "engine events lost"
     LEVEL = "warning"

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Link
     from pnfarm.station.events import Event
 
-#: Up to so many drives the kernel stamps every frame unless the file says otherwise: 5 % of a frame's cost.
+#: Up to this many drives the kernel stamps every frame unless the file says otherwise: 5 % of a frame's cost.
 STAMPED_DRIVES = 128
 
 __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
@@ -68,7 +68,7 @@ def model_of(config: DriveConfig) -> Model:
 
 
 def make_link(config: FarmConfig) -> Link:
-    """The link that a farm file asks for, not open yet.
+    """The link that a farm file requests, not open yet.
 
     Raises :class:`ConfigError` for one that has no real interfaces.
     """
@@ -87,7 +87,7 @@ def make_link(config: FarmConfig) -> Link:
 
 
 def realtime_settings(config: FarmConfig, drives: int) -> RealTimeSettings:
-    """What the engine asks the kernel for, for a farm or a controller of so many drives."""
+    """What the engine requests from the kernel, for a farm or a controller with this number of drives."""
     section = config.realtime
     stamped = drives <= STAMPED_DRIVES if section.timestamps is None else section.timestamps
     return RealTimeSettings(
@@ -122,7 +122,7 @@ class DriveHandle:
 
 
 class Farm:
-    """See the module's head.  Use as an asynchronous context manager, or ``open`` and ``close``."""
+    """See the module's docstring.  Use as an asynchronous context manager, or ``open`` and ``close``."""
 
     def __init__(
         self,
@@ -135,7 +135,7 @@ class Farm:
         self.config = config
         self.log = log or EventLog()
         self._capture_settings = capture
-        #: The capture that runs, or ran.
+        #: The running or last capture.
         self.capture: FarmCapture | None = None
         self.link = link or make_link(config)
         self.drives = expand(config)
@@ -171,7 +171,7 @@ class Farm:
 
     @property
     def injections(self) -> InjectionManager:
-        """Whoever changes something here calls :meth:`RealTimeDriver.poke` afterwards."""
+        """After a change here, call :meth:`RealTimeDriver.poke`."""
         return self.core.injections
 
     def inject(self, fields: Mapping[str, Any]) -> Injection:
@@ -181,7 +181,7 @@ class Farm:
         return injection
 
     def clear_injections(self, injection_id: str | None = None) -> list[Injection]:
-        """End one injection, or all of them; those that were ended.  Raises :class:`ConfigError` for an unknown id."""
+        """End one injection, or all; returns those that ended.  Raises :class:`ConfigError` for an unknown id."""
         cleared = self.injections.clear(injection_id, time.monotonic_ns())
         self.driver.poke()
         return cleared
@@ -229,7 +229,7 @@ class Farm:
             raise
 
     def _make_capture(self) -> None:
-        """Before any interface is made, so that a file that cannot be written is told while the drives are silent."""
+        """Called before any interface is made, so that an unwritable file is reported before the drives send."""
         if self._capture_settings is None:
             return
         loop = asyncio.get_running_loop()
@@ -238,7 +238,7 @@ class Farm:
             def record() -> None:
                 self.log.record(time.monotonic_ns(), "", event)
 
-            with contextlib.suppress(RuntimeError):  # the loop is gone: nobody is left to be told
+            with contextlib.suppress(RuntimeError):  # the loop is closed: there is no log to write to
                 loop.call_soon_threadsafe(record)
 
         names = [drive.name for drive in self.drives]
@@ -278,7 +278,7 @@ class Farm:
                 self._driver = None
 
     async def wait(self) -> None:
-        """Until something fails; raises it."""
+        """Wait until something fails; raises its exception."""
         await self.driver.wait()
 
     async def __aenter__(self) -> Self:
@@ -292,7 +292,7 @@ class Farm:
 
 
 def remove_farm(config: FarmConfig) -> list[str]:
-    """Remove what a killed run of this farm left; the names of the interfaces removed.
+    """Remove what a killed run of this farm left; returns the names of the removed interfaces.
 
     Raises :class:`EnvironmentError_` when the farm is running.
     """

@@ -42,7 +42,7 @@ def make_manager(
 ) -> InjectionManager:
     """The manager of a farm whose ``stations`` are behind ``gate``.
 
-    ``settle(station, now)`` lets a station finish what an injection began.
+    ``settle(station, now)`` lets a station process the effects of an injection.
     """
 
     def not_changed(drive: str, reason: str) -> None:

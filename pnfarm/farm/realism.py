@@ -1,4 +1,4 @@
-"""What a drive of the farm has of its model's realism and of its farm file's."""
+"""The imperfections of a drive, from its model's figures and its farm file's."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def _seed(seed: int, drive: str) -> int:
 
 
 def imperfections(section: Realism, model: Model, drive: str, *, by_source: bool) -> Imperfections:
-    """Of the drive with this name.
+    """The imperfections of the drive with this name.
 
-    ``by_source``: what the farm file says nothing of is on where a source gives the model's figure.
+    ``by_source``: keys that the farm file leaves out are on where a source gives the model's figure.
     """
     figures: dict[str, Any] = {}
     for _, name, given in asked_for(section):

@@ -1,7 +1,7 @@
 """A node in real time: the engine's thread beside the event loop, and the only clock that the farm reads.
 
 Three things wake the loop: a frame from the link, the engine's eventfd, and the earliest deadline of a protocol
-machine.  All work is done in the callback at once; it is short, and nothing of it waits.
+machine.  All work is done in the callback at once; it is short and never waits.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 __all__ = ["RealTimeDriver"]
 
-#: How often the driver makes sure that the engine's thread still runs.
+#: How often the driver checks that the engine's thread still runs.
 CHECK_SECONDS = 0.5
 
 
 class RealTimeDriver:
-    """Runs one node until :meth:`close`.  What goes wrong in a callback is raised by :meth:`wait`."""
+    """Runs one node until :meth:`close`.  Exceptions of callbacks are raised by :meth:`wait`."""
 
     def __init__(self, node: Node, settings: RealTimeSettings | None = None) -> None:
         self.node = node
@@ -46,7 +46,7 @@ class RealTimeDriver:
         self._in_loop: _LoopEngine | None = None
 
     async def start(self) -> None:
-        """Start the engine and listen.  The node's link is open already."""
+        """Start the engine and receive frames.  The node's link is already open."""
         loop = asyncio.get_running_loop()
         self._failed = loop.create_future()
         link = unwrap(self.node.link)
@@ -65,13 +65,13 @@ class RealTimeDriver:
         self._check(loop)
 
     async def wait(self) -> None:
-        """Until something fails; raises it."""
+        """Wait until something fails; raises its exception."""
         if self._failed is None:
             raise InternalError("the driver was not started")
         await asyncio.shield(self._failed)
 
     async def close(self) -> None:
-        """Stop the engine's thread; harmless when nothing runs."""
+        """Stop the engine's thread; does nothing when none runs."""
         loop = asyncio.get_running_loop()
         if self._timer is not None:
             self._timer.cancel()
@@ -89,7 +89,7 @@ class RealTimeDriver:
             self._failed.cancel()
 
     def poke(self) -> None:
-        """Somebody changed the node from outside: take what follows from it now."""
+        """The node was changed from outside: process the consequences now."""
         self._guard(self._service)
 
     # -- callbacks ---------------------------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ class RealTimeDriver:
 
 
 class _LoopEngine:
-    """Ticks in the event loop, for links without a packet socket: correct, and as exact as asyncio's timers."""
+    """Ticks in the event loop, for links without a packet socket: as exact as asyncio's timers."""
 
     def __init__(self, node: Node, link: TapLink, guard: Callable[[Callable[[], None]], None]) -> None:
         self._node = node
@@ -156,7 +156,7 @@ class _LoopEngine:
     def start(self) -> None:
         self._link.set_cyclic_receiver(self._received)
         self._head = int(self._node.columns.engine[0].event_head)
-        self._handle = asyncio.get_running_loop().call_soon(lambda: self._guard(self._tick))  # type: ignore[assignment]  # a Handle is cancelled alike
+        self._handle = asyncio.get_running_loop().call_soon(lambda: self._guard(self._tick))  # type: ignore[assignment]  # a Handle is cancelled in the same way
 
     def stop(self) -> None:
         if self._handle is not None:

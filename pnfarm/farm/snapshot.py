@@ -1,6 +1,6 @@
-"""A drive and a farm as they are now, as plain JSON values: what the API, the command line and Python code show.
+"""The present state of a drive and a farm, as plain JSON values for the API, the command line and Python code.
 
-Snapshots read the table and the stations; they never write (rule R8).  Times are seconds on the way out.
+Snapshots read the table and the stations; they never write (rule R8).  Times are given in seconds.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = [
     "injected_faults",
 ]
 
-#: What a bus shows of a drive (:meth:`pnfarm.station.device.Device.view`) and another may not have.
+#: Keys that a bus shows of a drive (:meth:`pnfarm.station.device.Device.view`) and another may not have.
 _NOT_SHOWN: Mapping[str, Any] = {
     "station_name": None,
     "ip": None,
@@ -41,7 +41,7 @@ _NOT_SHOWN: Mapping[str, Any] = {
     "neighbours": [],
     "signalling": False,
 }
-#: State of a connection that is not there; the others are the bus's words.
+#: State without a connection; the other states are named by the bus.
 NO_AR = "NO_AR"
 
 
@@ -75,7 +75,7 @@ def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
 def drive_snapshot(
     core: FarmCore, station: Station, now: int, *, injected: Mapping[str, list[str]] | None = None
 ) -> dict[str, Any]:
-    """One drive.  ``injected`` saves asking the manager of injections again for each of many drives."""
+    """One drive.  ``injected`` saves a query of the injection manager for each of many drives."""
     axis = station.handle.axis
     powered = station.powered
     state = int(axis.drive.state)
@@ -190,7 +190,7 @@ def _state_word(powered: bool, state: int) -> str:
 
 
 def _frames(core: FarmCore, station: Station) -> tuple[int, int, int]:
-    """Cyclic frames sent, kept back by a fault, received, over all connections since the start."""
+    """Cyclic frames sent, suppressed by a fault, received, over all connections since the start."""
     closed = station.device.closed
     sent, suppressed, received = closed.sent, closed.suppressed, closed.received
     providers, consumers = station.device.channel_rows

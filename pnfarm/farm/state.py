@@ -24,7 +24,7 @@ __all__ = ["FILE_NAME", "FarmState"]
 #: The file in the state folder.
 FILE_NAME = "drives.sqlite3"
 
-#: "pnfa", in SQLite's header, says whose file it is.
+#: "pnfa" in SQLite's header identifies the file as ours.
 _APPLICATION_ID = 0x706E6661
 _VERSION = 1
 _SCHEMA = """
@@ -83,7 +83,7 @@ class FarmState:
             self._connection.close()
 
     def stations(self) -> list[str]:
-        """Everyone who has something kept, in alphabetical order."""
+        """Stations with stored values, in alphabetical order."""
         with self._lock, self._explained("read"):
             rows = self._connection.execute("SELECT DISTINCT station FROM memory ORDER BY station").fetchall()
         return [station for (station,) in rows]
@@ -117,7 +117,7 @@ class FarmState:
             self._connection.executemany("INSERT INTO memory VALUES (?, ?, ?)", rows)
 
     def delete(self, station: str) -> None:
-        """Forget a station: its next start is the first."""
+        """Delete a station's values: it starts as from the factory."""
         with self._transaction("write"):
             self._connection.execute("DELETE FROM memory WHERE station = ?", (station,))
 
@@ -125,7 +125,7 @@ class FarmState:
 
     def _prepare(self) -> None:
         run = self._connection.execute
-        # reads only, until the file has shown that it is sound and ours
+        # read only, until the file proves to be valid and ours
         (report,) = run("PRAGMA quick_check(1)").fetchone()
         if report != "ok":
             raise self.damaged(report)
@@ -146,7 +146,7 @@ class FarmState:
         run("PRAGMA synchronous = NORMAL")
         if not tables:
             run("BEGIN IMMEDIATE")
-            # another process may have been quicker
+            # another process may have been faster
             if not run("SELECT count(*) FROM sqlite_master").fetchone()[0]:
                 run(_SCHEMA)
                 run(f"PRAGMA application_id = {_APPLICATION_ID}")
@@ -167,7 +167,7 @@ class FarmState:
 
     @contextmanager
     def _explained(self, verb: str) -> Iterator[None]:
-        """SQLite's and the system's errors as one sentence with a way out."""
+        """SQLite's and the system's errors as one sentence with a remedy."""
         try:
             yield
         except sqlite3.OperationalError as error:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Seen", "VirtualClock", "VirtualWorld"]
 
-#: ``seen(port, frame, now, direction)``: a cyclic frame of the farm's, direction as the drive sees it.
+#: ``seen(port, frame, now, direction)``: a cyclic frame of the farm; the direction is the drive's.
 Seen = Callable[[int, bytes, int, Direction], None]
 
 #: Where virtual time begins: not at zero, which means "never" in several columns.
@@ -35,7 +35,7 @@ EPOCH_NS = 1_000_000_000_000
 
 
 class VirtualClock:
-    """The time that everybody in one world reads."""
+    """The time of one world, for all its parts."""
 
     def __init__(self, now: int = EPOCH_NS) -> None:
         self.now = now
@@ -54,7 +54,7 @@ class VirtualWorld:
         self.clock = VirtualClock()
         self.switch = MemorySwitch()
         self._nodes: list[Node] = []
-        #: Of each node: its table, and the field that counts the events in it.
+        #: For each node: its table, and the field that counts its events.
         self._tables: list[Columns] = []
         self._heads: list[np.ndarray] = []
         self._addresses: list[tuple[np.ndarray, np.ndarray]] = []
@@ -73,7 +73,7 @@ class VirtualWorld:
     def join(self, node: Node, ports: Sequence[Port]) -> None:
         """Put a node into the world; the first is the farm, the others its controllers.
 
-        With more than one controller time passes slower, and :meth:`watch` sees nothing.
+        With more than one controller the world runs slower, and :meth:`watch` is not available.
         """
         if self._seen is not None and len(self._nodes) > 1:
             raise InternalError("the frames of a virtual world with several controllers cannot be watched")
@@ -94,10 +94,10 @@ class VirtualWorld:
         self._seen = seen
 
     def run(self, seconds: float, *, until: Callable[[], bool] | None = None, look_ns: int | None = None) -> bool:
-        """Let time pass; stops early, and says True, once ``until`` holds.
+        """Let time pass; stops early, and returns True, once ``until`` holds.
 
-        It is looked at whenever something happened and, with ``look_ns``, that often between, where it may change
-        set points, too.
+        It is called after each event and, with ``look_ns``, also at that interval, where it may change
+        set points.
         """
         end = self.now + round(seconds * 1e9)
         look = None if look_ns is None else self.now + look_ns
@@ -185,7 +185,7 @@ class VirtualWorld:
         return now
 
     def _settle(self) -> None:
-        """Everything acyclic that belongs to this instant."""
+        """Handle everything acyclic that is due at this instant."""
         for _ in range(1000):
             delivered = self.switch.deliver(self.now)
             for node in self._nodes:

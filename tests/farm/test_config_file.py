@@ -180,7 +180,7 @@ WRONG = [
     ("mac: auto", "gateway: 10.78.0.1", 10, "drives[0].gateway", "no host of the drives' subnet", "10.77.0.1 to"),
     ("mac: auto", "gateway: 10.77.0.12", 10, "drives[0].gateway", "the address of the drive 'axis-02'", ""),
     ("mac: auto", "gateway: nowhere", 10, "drives[0].gateway", "'nowhere' is no address", "10.77.0.1"),
-    ("ip: 10.77.0.11/24", "gateway: 10.77.0.1", 9, "drives[0].gateway", "stands without `ip`", "ip:"),
+    ("ip: 10.77.0.11/24", "gateway: 10.77.0.1", 9, "drives[0].gateway", "is given without `ip`", "ip:"),
     ("mac: auto", "mac: 02:00:00:00:00", 10, "drives[0].mac", "is no MAC address", "auto"),
     ("mac: auto", "mac: 01:0e:cf:00:00:00", 10, "drives[0].mac", "a multicast address", "unicast"),
     ("mac: auto", "mac: 00:00:00:00:00:00", 10, "drives[0].mac", "zeros", "auto"),

@@ -90,7 +90,7 @@ def test_every_reason_of_the_engine_has_words(reason):
 @pytest.mark.parametrize(
     ("reason", "words"),
     [
-        ("old-counter", "cyclic frame whose cycle counter does not go on: late, or twice"),
+        ("old-counter", "cyclic frame whose cycle counter does not advance: late or repeated"),
         ("arp-short", "ARP packet: ends before its format does"),
         ("response-in-idle", "response arrived in state IDLE"),
         ("reject-unk-if", "call rejected: unk if"),

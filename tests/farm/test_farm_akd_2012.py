@@ -156,7 +156,7 @@ def test_5_10_1_telegram_7_starts_a_motion_task_that_the_setup_left_in_the_drive
         (
             NAME,
             str([{"number": 1, "position": 1, "velocity": 1, "acceleration": 1}] * 2),
-            "1 stands twice",
+            "1 is given twice",
         ),
     ],
 )

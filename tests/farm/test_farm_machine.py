@@ -92,8 +92,8 @@ def test_a_place_is_a_turn_behind_the_gear_where_nothing_moves_straight():
 @pytest.mark.parametrize(
     ("machine", "field", "what"),
     [
-        ("{limit_switches: [10, 20]}", "limit_switches", "no place to start at"),
-        ("{end_stops: [null, 0]}", "end_stops", "no place to start at"),
+        ("{limit_switches: [10, 20]}", "limit_switches", "no room around 0"),
+        ("{end_stops: [null, 0]}", "end_stops", "no room around 0"),
         ("{end_stops: [-1]}", "end_stops", "two places"),
         ("{cams: [{input: 0, between: [5, 5]}]}", "cams[0].between", "ends before it begins"),
         ("{cams: [{input: 32, between: [5, 6]}]}", "cams[0].input", ""),

@@ -1,4 +1,4 @@
-"""What a farm file's sections and groups must hold between them, whatever their buses.
+"""Checks of a farm file's sections and groups against each other, for any bus.
 
 Each check reports a place, what is wrong, and what is allowed; one report per group and cause, not one per drive.
 """
@@ -37,8 +37,8 @@ def check(
 ) -> None:
     """Report all that does not fit together; one report per group and cause, not one per drive.
 
-    ``hangs_together=False`` leaves out what the sections owe each other, for a file that lost some; ``places`` are
-    then the numbers that the drive groups have in the file.
+    ``hangs_together=False`` leaves out the checks between sections, for a file of which some were set aside; ``places``
+    are then the numbers that the drive groups have in the file.
     """
     if hangs_together:
         _check_sections(sections, report)
@@ -71,22 +71,22 @@ def _check_sections(sections: FarmSections, report: Report) -> None:
     if sections.farm is not None and sections.link is None:
         report(
             (),
-            "has no `link`, so that the drives hang in the air",
+            "has no `link`, so that there is nothing to attach the drives to",
             "link: {kind: macvlan, parent: eth1} or another kind",
         )
     elif sections.farm is None and sections.link is not None and controller is not None:
-        report(("link",), "stands in a file without `farm`", "farm: NAME beside it, or controller.interface")
+        report(("link",), "is given in a file without `farm`", "farm: NAME beside it, or controller.interface")
     if controller is None:
         return
     at = ("controller",)
     if controller.interface is not None and controller.link is not None:
-        report((*at, "interface"), "stands beside `link`", "one of the two")
+        report((*at, "interface"), "is given beside `link`", "one of the two")
     if controller.interface is None and controller.link is None and sections.farm is None:
         report(at, "has no interface to use", "interface: eth1")
     if isinstance(sections.link, MacvlanLink):
         parent = sections.link.parent
         if controller.interface == parent:
-            what = f"{parent} does not hear the macvlans that stand on it"
+            what = f"{parent} does not receive the frames of its macvlans"
             report((*at, "interface"), what, "another interface, or none: the controller gets a macvlan of its own")
         shares = controller.interface is None and (controller.link is None or controller.link == sections.link)
         if sections.link.transmit == "parent" and shares:
@@ -140,7 +140,7 @@ def _check_tasks(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
         elif task.number >= model.motion_tasks:
             report((*at, place, "number"), f"is {task.number}", f"0 to {model.motion_tasks - 1}")
         elif task.number in seen:
-            report((*at, place, "number"), f"{task.number} stands twice", "each number once")
+            report((*at, place, "number"), f"{task.number} is given twice", "each number once")
         seen.add(task.number)
 
 

@@ -1,4 +1,4 @@
-"""Which bus's keys the values of a farm file are read by."""
+"""Selects the bus by whose keys the values of a farm file are read."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ __all__ = ["Choice", "bus_of", "bus_of_controller"]
 class Choice:
     """A group is on its model's bus, the controller on that of the first group whose bus has one.
 
-    Where that says nothing (an unknown model, a file without drives), it is the bus that knows most of the keys, the
-    first one of those that know as many.
+    Where that gives none (an unknown model, a file without drives), it is the bus that knows most of the keys, the
+    first of several with the same number.
     """
 
     def __init__(self, values: Any, known: Known) -> None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Explainer", "strip_tags"]
 
-#: What a section is called where one of its keys is another bus's.
+#: Name of a section in messages about a key of another bus.
 _CALLED: dict[type[Section], str] = {DriveGroup: "a drive", ControllerSection: "a controller"}
 
 #: Sections whose location carries the union's tag after the key: ``("link", "veth", "bridge")``.
@@ -64,7 +64,7 @@ def strip_tags(location: Location) -> Location:
     steps: list[str | int] = []
     after_tagged = False
     for step in location:
-        # a wrong key of a mapping has its place and this word behind it
+        # a wrong key of a mapping has its place followed by this word
         if not after_tagged and step != "[key]":
             steps.append(step)
         after_tagged = not after_tagged and step in _TAGGED
@@ -72,7 +72,7 @@ def strip_tags(location: Location) -> Location:
 
 
 class Explainer:
-    """Explains the errors of one file: ``root`` is what its ``values`` were read as, ``choice`` whose keys they are."""
+    """Explains the errors of one file: its ``values`` were read as ``root``, by the keys that ``choice`` selects."""
 
     def __init__(self, root: type[Section], values: Any, choice: Choice) -> None:
         self._root = root
@@ -165,7 +165,7 @@ def _section_of(bus: Bus, section: type[Section]) -> type[Section] | None:
 
 
 def _inside(value: Any, step: str | int) -> Any:
-    """What stands at a step of a location; None where nothing does, as behind a union's tag."""
+    """The value at a step of a location; None where there is none, as after a union's tag."""
     if isinstance(value, dict) and isinstance(step, str):
         return value.get(step)
     if isinstance(value, list) and isinstance(step, int) and step < len(value):
@@ -189,7 +189,7 @@ def _wrong_length(kind: str, value: Any, context: Mapping[str, Any], field: Fiel
 
 
 class _Length:
-    """The bound that pydantic's error tells, where the key's own rules do not."""
+    """The bound in pydantic's error, where the key's own rules have none."""
 
     def __init__(self, context: Mapping[str, Any]) -> None:
         self.min_length: int | None = context.get("min_length")

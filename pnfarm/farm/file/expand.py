@@ -35,7 +35,7 @@ def controller_mac(sections: FarmSections) -> bytes | None:
 
 
 def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfig]:
-    """The drives in the file's order.  What :func:`check` found wrong is left as it is counted."""
+    """The drives in the file's order.  Errors that :func:`check` reports are not corrected."""
     macs = Macs(sections.farm or "", sections.drives, controller_mac(sections))
     expansion = Expansion(macs, sections.controller)
     real_link = sections.link is not None and not isinstance(sections.link, MemoryLink)

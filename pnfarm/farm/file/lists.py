@@ -30,9 +30,9 @@ def with_lists(
     known: Known,
     report: Callable[[Location, str, str], None],
 ) -> tuple[Known, list[FileIssue]]:
-    """What is known once the models have their lists, and what is wrong in the lists, by file and line.
+    """The known names with the models' lists added, and what is wrong in the lists, by file and line.
 
-    ``folder`` is what the names of the files are relative to.  Unknown models and files that cannot be read are
+    The names of the files are relative to ``folder``.  Unknown models and files that cannot be read are
     reported at their key of the farm file.
     """
     listed: dict[str, ModelFacts] = {}

@@ -1,13 +1,13 @@
 """The farm file (``*.pnfarm.yml``): read, checked as a whole, expanded to drives.
 
-A file is read in one go and **all** that is wrong with it is said at once (:class:`FarmFileError`), each with
-its line, its key, and what would be right.  Four stages lead there:
+A file is read as a whole and **all** its errors are reported at once (:class:`FarmFileError`), each with
+its line, its key, and what is allowed.  There are four stages:
 
 1. text to values with places (:mod:`pnfarm.vocabulary.yaml_lines`);
 2. values to typed sections (:mod:`pnfarm.farm.file.sections`), a group's and the controller's by the keys of their bus
    (:mod:`pnfarm.farm.file.choice`), errors to sentences (:mod:`pnfarm.farm.file.errors`);
-3. where a section is wrong, its wrong keys are set aside, so that the rest can still be looked at;
-4. what sections must hold between them (:mod:`pnfarm.farm.file.expand`), with what the drive models know
+3. where a section is wrong, its wrong keys are set aside, so that the rest can still be checked;
+4. checks between sections (:mod:`pnfarm.farm.file.checks`), with the facts of the drive models
    (:mod:`pnfarm.config.known`).
 """
 
@@ -52,7 +52,7 @@ __all__ = [
 
 
 class FarmConfig(FarmSections):
-    """A farm file that holds together.  Made by :func:`load_farm` and :func:`parse_farm`."""
+    """A farm file without errors.  Made by :func:`load_farm` and :func:`parse_farm`."""
 
     _path: Path | None = PrivateAttr(default=None)
     _values: dict[str, Any] = PrivateAttr(default_factory=dict)
@@ -66,11 +66,11 @@ class FarmConfig(FarmSections):
 
     @property
     def path(self) -> Path | None:
-        """The file, or None for a text of no file."""
+        """The file, or None for text that is not from a file."""
         return self._path
 
     def place(self, location: Location) -> tuple[str, int, int]:
-        """File, line and column of a value, as messages name them; 0 where it stands in no file."""
+        """File, line and column of a value, as messages name them; 0 where it is not in the file."""
         return _place(self._path, self._document, location)
 
     @property
@@ -80,7 +80,7 @@ class FarmConfig(FarmSections):
 
     @property
     def state_directory(self) -> Path | None:
-        """``state``, seen from the file's folder; None: the drives forget at the end."""
+        """``state``, relative to the file's folder; None: the drives keep nothing after the run."""
         if self.state is None:
             return None
         base = self._path.parent if self._path is not None else Path()
@@ -88,7 +88,7 @@ class FarmConfig(FarmSections):
 
     @property
     def token_path(self) -> Path | None:
-        """The file of the API's token, seen from the farm file's folder; None: the token lies in no file."""
+        """The file of the API's token, relative to the farm file's folder; None: the token is not in a file."""
         section = self.api
         if section is None:
             return None
@@ -100,7 +100,7 @@ class FarmConfig(FarmSections):
         return state / "api-token"
 
     def with_overrides(self, overrides: Mapping[str, Any], origin: str = "override") -> FarmConfig:
-        """The same file with some keys set from outside, checked anew as a whole.
+        """The same file with some keys set from outside, checked again as a whole.
 
         Keys are paths as messages write them (``api``, ``link.parent``, ``realtime.cpu``, ``drives[0].count``).
         Text is read as YAML, so ``"3"`` is a number and ``"off"`` a word; other values are taken as they are.
@@ -233,7 +233,7 @@ def _build(
 
 
 def _names_devices(values: dict[str, Any]) -> bool:
-    """Whether the controller has devices of its own, so that a file can do without drives."""
+    """Whether the controller has its own devices, so that the file needs no drives."""
     controller = values.get("controller")
     return isinstance(controller, dict) and bool(controller.get("devices"))
 
@@ -244,7 +244,7 @@ class _Partial(FarmSections):
     drives: list[AnyGroup] = Field(default_factory=list)
 
 
-#: Where one of these is wrong, nothing is known of a group's drives.
+#: Where one of these is wrong, a group's drives cannot be checked.
 _ESSENTIAL = frozenset(("name", "model", "start"))
 
 
@@ -253,7 +253,7 @@ _JUDGED_BY_MODEL = frozenset({"params", "identity", "realism", "behaviour"})
 
 
 def _without_model(group: dict[str, Any], model: str, part: FarmFilePart[Any, Any]) -> None:
-    """A group whose model nobody knows still has names and addresses: keep those, and ask nothing of the model."""
+    """A group of an unknown model still has names and addresses: keep those, and skip the checks of the model."""
     group["model"] = model
     group["limits"] = "lax"
     for key in _JUDGED_BY_MODEL | part.judged_by_model:
@@ -276,7 +276,7 @@ def _set_aside(
     for location in wrong:
         match location:
             case ("drives", int(number), "params" | "load" | "motor" | "behaviour" as section, str(key), *_):
-                # a group without a model has lost what only a model could judge
+                # a group without a model has lost the keys that only a model can check
                 rest["drives"][number].get(section, {}).pop(key, None)
             case ("drives", int(number), str(key), *_) if key not in _ESSENTIAL:
                 group = rest["drives"][number]
@@ -308,7 +308,7 @@ def _drop(section: dict[str, Any], key: str, part: FarmFilePart[Any, Any]) -> No
 
 
 def _says_nothing_of_links(wrong: list[Location]) -> bool:
-    """Whether an error hides how the sections hang together."""
+    """Whether an error hides how the sections belong together."""
     return any(location[0] in {"farm", "link"} or location[:2] in _LINKING for location in wrong)
 
 
@@ -349,7 +349,7 @@ def _parse_key(key: str) -> Location:
 
 
 def _set(values: dict[str, Any], location: Location, value: Any) -> None:
-    """Set one key, making the sections on the way; LookupError where something else stands there."""
+    """Set one key, creating the sections on the way; LookupError where another value is in the way."""
     target: Any = values
     for step, following in zip(location, (*location[1:], None), strict=True):
         if isinstance(target, list):

@@ -1,6 +1,6 @@
 """JSON Schema of the farm file, for editors and for ``pnfarm schema farm``.
 
-The schema says what one value may be; what values must hold between them only the program checks
+The schema says what each value may be; only the program checks values against each other
 (``pnfarm validate``).
 """
 
@@ -58,9 +58,9 @@ def _behaviour_of(model: ModelFacts) -> dict[str, Any]:
 def _keys_of_buses(
     base: type[Section], of: Callable[[Bus], type[Section] | None], sections: dict[str, Any], text: str = ""
 ) -> dict[str, Any]:
-    """A section with the keys of all buses; what these are made of is added to the ``sections``.
+    """A section with the keys of all buses; the types of these are added to ``sections``.
 
-    ``text`` describes it; left out, what the buses say of their own.
+    ``text`` describes it; left out, the descriptions of the buses' sections.
     """
     properties: dict[str, Any] = {}
     required: list[str] = []
@@ -81,7 +81,7 @@ def _keys_of_buses(
 
 
 def _only_of_its_bus(known: Known) -> list[dict[str, Any]]:
-    """Which keys a group has not, by the bus of its model."""
+    """Keys that a group must not have, by the bus of its model."""
     keys = {bus.name: bus.farm_file.drives.listed_keys() for bus in BUSES.values()}
     names: dict[str, list[str]] = {}
     for name in known.models:
@@ -115,7 +115,7 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
     for section in (*sections.values(), {"properties": properties}):
         for field in section.get("properties", {}).values():
             field.pop("title", None)
-    # the words that stand for a whole section, which the types read before the schema sees them
+    # short forms of whole sections, which the types expand before the schema sees them
     switch_off = {"enum": [OFF, False]}
     address = {"type": "string", "examples": [DEFAULT_LISTEN]}
     properties["api"]["anyOf"] = [switch_off, address, {"$ref": "#/$defs/Api"}]

@@ -1,8 +1,8 @@
 """The farm file as types: every key with its unit, its default and its bounds.
 
-What one value says stands here, in :mod:`pnfarm.config` and with the buses; what several say together is checked in
-:mod:`pnfarm.farm.file.checks`.  Keys are the file's; where a number leaves its unit behind, the attribute carries the
-unit (``cycle`` -> ``cycle_ns``).
+Single values are defined here, in :mod:`pnfarm.config` and with the buses; values are checked against each other in
+:mod:`pnfarm.farm.file.checks`.  Keys are the file's; where a value is converted to a plain number, the attribute's name
+has the unit (``cycle`` -> ``cycle_ns``).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = ["CHOICE", "DEFAULT_LISTEN", "Api", "FarmSections", "Realtime"]
 #: Key of the validation context: which bus's sections are meant.
 CHOICE = "choice"
 
-#: Where the API is served when a file says nothing.
+#: Default address of the API.
 DEFAULT_LISTEN = "127.0.0.1:8702"
 
 
