@@ -1,21 +1,21 @@
 """The alarm channel of one AR: both priorities, seen from either end (IEC 61158-6-10, ALPMI, ALPMR, APMS, APMR).
 
-The owner opens an :class:`AlarmChannel` when the Connect is through, hands in every RTA-PDU that carries the AR's
-references, and takes frames and events out.  The machines of each priority live in :mod:`alarm_line`, their states in
-:mod:`alarm_states`.  Alarms of one priority go out one after the other, each when the one before has its AlarmAck; how
-long a peer takes for that is not limited.  What is limited is the transport acknowledgement: RTARetries repetitions,
+The owner opens an :class:`AlarmChannel` after a successful Connect, passes it every RTA-PDU with the AR's references,
+and takes frames and events from it. The machines of each priority are in :mod:`alarm_line`, their states in
+:mod:`alarm_states`. Alarms of one priority are sent one after the other, each after the AlarmAck of the one before;
+the time for an AlarmAck is not limited. The transport acknowledgement is limited: RTARetries repetitions,
 RTATimeoutFactor apart; then the channel fails and its AR has to end.
 
-Peers that count once.  Both priorities have their own sequence numbers.  A controller in the field (profinet-py) keeps
-one sequence for both, so that the first alarm of the second priority looks to it like a repetition, or out of turn.  No
-peer that counts twice can answer that alarm as such a one does:
+Peers with one sequence.  Each priority has its own sequence numbers.  A controller in the field (profinet-py) uses
+one sequence for both, so that it takes the first alarm of the second priority for a repetition, or for out of order.
+Its answer differs from any answer of a peer with two sequences:
 
-* by a NACK that names the last number of the other priority, although the peer has had nothing of this one;
-* by an ACK that names the peer's first DATA-RTA-PDU as sent, of which nothing has come in this priority, while its
-  first ACK in the other priority named none.
+* a NACK with the last number of the other priority, although the peer has received nothing in this one;
+* an ACK whose SendSeqNum says that the peer has sent its first DATA-RTA-PDU, though none arrived in this priority,
+  while its first ACK in the other priority did not say so.
 
-The channel then sends every alarm in the priority that came first, beginning with this one.  The priority of an alarm
-is the choice of who raises it, so that this stays within the standard.
+From this alarm on the channel sends every alarm in the priority used first.  The sender of an alarm chooses its
+priority, so this conforms to the standard.
 """
 
 from __future__ import annotations
@@ -72,11 +72,11 @@ QUEUE_LENGTH = 32
 
 
 class AlarmChannel:
-    """See the module's head.
+    """See the module's docstring.
 
     ``local_reference`` is this end's alarm reference, ``remote_reference`` the peer's; ``timeout_ns`` is
-    RTATimeoutFactor x 100 ms, ``retries`` RTARetries, ``max_alarm_data_length`` the smaller one of what both ends said
-    at Connect (octets of the VarPart); ``priority_forced_low`` is bit 0 of AlarmCRProperties; ``tags`` are
+    RTATimeoutFactor x 100 ms, ``retries`` RTARetries, ``max_alarm_data_length`` the smaller of both ends' values in
+    Connect (octets of the VarPart); ``priority_forced_low`` is bit 0 of AlarmCRProperties; ``tags`` are
     AlarmCRTagHeaderHigh and AlarmCRTagHeaderLow.  ``dropped`` counts PDUs that changed nothing, by reason.
     """
 
@@ -131,7 +131,7 @@ class AlarmChannel:
         """Whether :meth:`notify` takes no more alarms of this priority."""
         return len(self._line(high=high).queue) >= self._queue_length
 
-    # What the owner asks for
+    # Calls of the owner
 
     def notify(self, alarm: AlarmNotification, now: int) -> int:
         """Send an alarm, of the priority that its ``high`` says; ends in ``AlarmAcknowledged(handle, ...)``.
@@ -142,7 +142,7 @@ class AlarmChannel:
             raise AlarmRefusedError("closed", "the alarm channel is closed")
         line = self._line(high=alarm.high)
         if self.is_full(high=alarm.high):
-            raise AlarmRefusedError("queue-full", f"{len(line.queue)} alarms wait already, no more are taken")
+            raise AlarmRefusedError("queue-full", f"{len(line.queue)} alarms wait already, no more are accepted")
         octets, allowed = len(emit_alarm_notification(alarm)), self._settings.max_alarm_data_length
         if octets > allowed:
             raise AlarmRefusedError("too-long", f"the alarm has {octets} octets, at most {allowed} were agreed on")
@@ -151,7 +151,7 @@ class AlarmChannel:
         return self._handle
 
     def acknowledge(self, alarm: AlarmNotification, now: int, status: PnioStatus = OK) -> bool:
-        """Send the AlarmAck of an alarm that was received.  False when it does not wait for one."""
+        """Send the AlarmAck of a received alarm.  False when it does not wait for one."""
         return (self._high if alarm.high else self._low).acknowledge(alarm, status, now)
 
     def abort(self, code: int) -> None:
@@ -168,21 +168,21 @@ class AlarmChannel:
         self._frames.append(error_pdu(pdu))
 
     def close(self) -> None:
-        """Forget every alarm and frame; nothing more comes or goes."""
+        """Forget every alarm and frame; the channel is closed."""
         self._frames.clear()
         self._shut()
 
     def withhold(self, *types: RtaType) -> None:
         """From now on RTA-PDUs of these types are not sent but counted in ``dropped``; none of them: all are sent.
 
-        With ACK withheld the peer's alarms and AlarmAcks stay without a transport acknowledgement.
+        Without ACK the peer's alarms and AlarmAcks get no transport acknowledgement.
         """
         self._withheld = frozenset(int(kind) for kind in types)
 
     # What goes out
 
     def to_send(self, now: int = 0) -> list[tuple[VlanTag, bytes]]:
-        """Frames: the tag that they carry, and the octets behind the EtherType; their times were set before."""
+        """Frames: their VLAN tag, and the octets after the EtherType."""
         del now
         frames, self._frames = self._frames, []
         out = []
@@ -199,7 +199,7 @@ class AlarmChannel:
         return out
 
     def next_deadline(self) -> int | None:
-        """When :meth:`handle_timeout` wants to be called; None while no acknowledgement is awaited."""
+        """When :meth:`handle_timeout` is due; None while no acknowledgement is awaited."""
         high, low = self._high.deadline, self._low.deadline
         if high is None or low is None:
             return low if high is None else high
@@ -239,18 +239,18 @@ class AlarmChannel:
         self.close()
         self._events.append(PeerAborted(error.status))
 
-    # For the lines
+    # Calls of the lines
 
     def put(self, pdu: RtaPdu) -> None:
         """A line has a frame to send."""
         self._frames.append(pdu)
 
     def report(self, event: AlarmEvent) -> None:
-        """A line has something to tell."""
+        """A line reports an event."""
         self._events.append(event)
 
     def fail(self, code: RtaError, reason: str) -> None:
-        """A line cannot go on, and so the channel cannot."""
+        """A line failed, and with it the channel."""
         self._events.append(AlarmFailed(code, reason))
         self._shut()
 
@@ -260,7 +260,7 @@ class AlarmChannel:
             self._high.close()
             self._low.close()
 
-    # Which priority
+    # Choice of the priority
 
     def _line(self, *, high: bool) -> AlarmLine:
         if self._only is not None:
@@ -268,7 +268,7 @@ class AlarmChannel:
         return self._high if high else self._low
 
     def _use_only(self, line: AlarmLine, other: AlarmLine, now: int) -> None:
-        """The peer counts once: all alarms go the way that it is in step with; these come after what waits there."""
+        """The peer has one sequence: all alarms use the priority that matches it; these follow those waiting there."""
         self._only = line
         self.dropped["peer-counts-once"] += 1
         for queued in other.withdraw(now):
@@ -280,7 +280,7 @@ def _tag(header: int) -> VlanTag:
 
 
 def _counts_once(line: AlarmLine, other: AlarmLine, pdu: RtaPdu) -> bool:
-    """The peer answers the first alarm of ``line`` with the numbers of ``other``; see the module's head."""
+    """The peer answers the first alarm of ``line`` with the numbers of ``other``; see the module's docstring."""
     first = line.send_sequence == FIRST_SEND and line.last_received == FIRST_ACK and line.notification_under_way
     if not first or other.last_sent == FIRST_ACK or pdu.body:
         return False

@@ -1,4 +1,4 @@
-"""What an alarm channel tells its owner.
+"""Events of an alarm channel.
 
 :class:`AlarmFailed` and :class:`PeerAborted` are the channel's end, and the end of its AR.
 """
@@ -27,7 +27,7 @@ __all__ = [
 
 
 class AlarmRefusedError(PnfarmError):
-    """An alarm that the channel does not take; ``reason`` says why, and nothing has changed."""
+    """The channel refused an alarm because of ``reason``; nothing has changed."""
 
     def __init__(self, reason: Literal["closed", "queue-full", "too-long"], detail: str) -> None:
         super().__init__(detail)
@@ -36,14 +36,14 @@ class AlarmRefusedError(PnfarmError):
 
 @dataclass(frozen=True, slots=True)
 class AlarmReceived:
-    """The peer's alarm: the owner owes it one ``acknowledge``, and gets no other of its priority before."""
+    """The peer's alarm: the owner must ``acknowledge`` it once, and gets no other of its priority before."""
 
     alarm: AlarmNotification
 
 
 @dataclass(frozen=True, slots=True)
 class AlarmAcknowledged:
-    """The peer took alarm ``handle``, or refused it by ``status``; ``alarm`` is as it was sent."""
+    """The peer accepted alarm ``handle``, or refused it with ``status``; ``alarm`` is as sent."""
 
     handle: int
     alarm: AlarmNotification
@@ -52,7 +52,7 @@ class AlarmAcknowledged:
 
 @dataclass(frozen=True, slots=True)
 class AlarmFailed:
-    """The channel cannot go on and is closed: the owner ends the AR with ``code``."""
+    """The channel failed and is closed: the owner ends the AR with ``code``."""
 
     code: RtaError
     reason: str
@@ -70,7 +70,7 @@ AlarmEvent = AlarmReceived | AlarmAcknowledged | AlarmFailed | PeerAborted
 
 @dataclass(frozen=True, slots=True)
 class AlarmCounts:
-    """How it went so far, both priorities together.
+    """Counters of both priorities together.
 
     ``sent``, ``acknowledged`` and ``received`` count alarms, ``repeated`` DATA-RTA-PDUs sent again; ``outstanding`` are
     alarms without their AlarmAck, ``queued`` those that wait for them.

@@ -8,9 +8,9 @@ An alarm takes four frames::
                              <--    DATA AlarmAck
     ACK                      -->
 
-Every DATA-RTA-PDU carries the number of the last one received, which acknowledges it as well as an ACK would; so a lost
-ACK is made good by the DATA that follows it.  One DATA-RTA-PDU per direction is under way at a time; of several that
-wait, an AlarmAck goes first.  The states and what leads from one to the next stand in :mod:`alarm_states`.
+Every DATA-RTA-PDU carries the number of the last one received, which acknowledges it as well as an ACK would; so the
+following DATA replaces a lost ACK.  One DATA-RTA-PDU per direction is under way at a time; of several that
+wait, an AlarmAck goes first.  The state tables are in :mod:`alarm_states`.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ __all__ = ["AlarmLine", "LineOwner", "LineSettings", "Queued"]
 
 @dataclass(frozen=True, slots=True)
 class LineSettings:
-    """What the AlarmCR agreed on; see :class:`~pnfarm.protocols.profinet.alarm.AlarmChannel`."""
+    """The agreed parameters of the AlarmCR; see :class:`~pnfarm.protocols.profinet.alarm.AlarmChannel`."""
 
     local_reference: int
     remote_reference: int
@@ -74,7 +74,7 @@ class LineSettings:
 
 @dataclass(frozen=True, slots=True)
 class Queued:
-    """An alarm under the handle that its owner knows."""
+    """An alarm with its owner's handle."""
 
     handle: int
     alarm: AlarmNotification
@@ -82,7 +82,7 @@ class Queued:
 
 @dataclass(slots=True)
 class _UnderWay:
-    """What APMS has sent and waits for the acknowledgement of; ``machine`` gets the confirmation."""
+    """The PDU that APMS has sent and that awaits its acknowledgement; ``machine`` gets the confirmation."""
 
     pdu: RtaPdu
     machine: str
@@ -90,7 +90,7 @@ class _UnderWay:
 
 
 class LineOwner(Protocol):
-    """Whom a line tells what it has: the channel."""
+    """The channel, as a line calls it."""
 
     dropped: Counter[str]
 
@@ -142,7 +142,7 @@ class AlarmLine:
         """The outstanding alarm has not been acknowledged by the peer's APMR."""
         return self.outstanding is not None and self._under_way is not None and self._under_way.machine == "alpmi"
 
-    # What the owner asks for
+    # Calls of the owner
 
     def notify(self, queued: Queued, now: int) -> None:
         self.queue.append(queued)
@@ -157,7 +157,7 @@ class AlarmLine:
         return True
 
     def withdraw(self, now: int) -> list[Queued]:
-        """Take back every alarm that the peer has not got, in order."""
+        """Take back every alarm that the peer has not received, in order."""
         found = list(self.queue)
         self.queue.clear()
         if self.notification_under_way and self._outstanding is not None:
@@ -190,7 +190,7 @@ class AlarmLine:
                 self.first_ack_send = pdu.send_sequence
             self._acknowledged(pdu, now)
         else:
-            # the timer repeats what was not taken
+            # the timer repeats what was not accepted
             self._drop("nack")
         self._go_on(now)
 
@@ -240,7 +240,7 @@ class AlarmLine:
             getattr(self, f"_{action}")(detail, now)
 
     def _go_on(self, now: int) -> None:
-        """Send what waits, once APMS is free."""
+        """Send the next PDU in the queue, once APMS is free."""
         if self.apms is not ApmsState.OPEN:
             return
         if self._ack is not None:

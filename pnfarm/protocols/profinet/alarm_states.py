@@ -1,16 +1,16 @@
 """The state tables of the alarm protocol machines (IEC 61158-6-10, APMS, APMR, ALPMI, ALPMR), as :mod:`alarm_line`
 runs them.
 
-Machine  stands between                       and is
+Machine  is between                           and is
 -------  -----------------------------------  --------------------------------------------------------
 APMS     ALPMI, ALPMR and the wire            the sender of DATA-RTA-PDUs: repeats until acknowledged
 APMR     the wire and ALPMI, ALPMR            the receiver of DATA-RTA-PDUs: acknowledges, in sequence
-ALPMI    who raises alarms and APMS, APMR     the initiator: an alarm out, its AlarmAck in
-ALPMR    who takes alarms and APMS, APMR      the responder: an alarm in, its AlarmAck out
+ALPMI    sender of alarms and APMS, APMR      the initiator: an alarm out, its AlarmAck in
+ALPMR    receiver of alarms and APMS, APMR    the responder: an alarm in, its AlarmAck out
 
-Each priority of each AR has one of each.  WCNF is passed within one call, since a frame that is handed over counts as
-sent.  A row's action is the name of a method of :class:`~pnfarm.protocols.profinet.alarm_line.AlarmLine`, empty where
-nothing is done.  What has no row changes nothing and is counted.
+Each priority of each AR has one of each.  WCNF is left within the same call, since a frame that is passed on counts as
+sent.  A row's action is the name of a method of :class:`~pnfarm.protocols.profinet.alarm_line.AlarmLine`, empty for
+no action.  An input without a row changes nothing and is counted.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class AlpmrState(StrEnum):
 
 
 class Sign(Enum):
-    """What can happen to the machines, named by service and primitive."""
+    """Inputs of the machines, named by service and primitive."""
 
     ACTIVATE = "Activate.req"
     CLOSE = "Close.req"
@@ -55,7 +55,7 @@ class Sign(Enum):
     TACK = "A_Data.ind acknowledges"
     TIMER = "TimerExpired"
     RETRIES_SPENT = "TimerExpired, no retry left"
-    #: Not of the standard: see the module alarm, peers that count once.
+    #: Not in the standard: see the module alarm, peers with one sequence.
     WITHDRAW = "withdrawn"
     # APMR
     DATA_IND = "A_Data.ind, expected SendSeqNum"

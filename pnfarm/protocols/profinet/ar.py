@@ -1,7 +1,7 @@
 """The application relation and the layout of its frames; shared by the device's and the controller's machine.
 
-:func:`compute_layout` turns an IOCRBlockReq and the expected submodules into an :class:`IocrLayout`: what the
-engine needs to fill or to read a frame.  The offsets are the controller's and are honoured as given; they are
+:func:`compute_layout` turns an IOCRBlockReq and the expected submodules into an :class:`IocrLayout`: the positions
+for filling or reading a frame.  The offsets are the controller's and are honoured as given; they are
 checked against the frame's length and against each other.
 """
 
@@ -64,7 +64,7 @@ class CmdevState(StrEnum):
 
 
 class LayoutError(DecodeError):
-    """A frame layout that cannot be; ``field`` is the faulty field of the IOCRBlockReq."""
+    """An impossible frame layout; ``field`` is the faulty field of the IOCRBlockReq."""
 
     def __init__(self, fault: IocrField, detail: str) -> None:
         super().__init__("bad-layout", detail)
@@ -75,7 +75,7 @@ class LayoutError(DecodeError):
 class DataPlace:
     """Data of one submodule in the C_SDU: octets from its start.
 
-    The IOPS octet stands behind the data; None for a submodule whose status octets are discarded.
+    The IOPS octet follows the data; None for a submodule whose status octets are discarded.
     """
 
     api: int
@@ -100,7 +100,7 @@ class IocsPlace:
 class IocrLayout:
     """One cyclic channel.
 
-    ``data_length`` is the C_SDU's, in octets: what lies between the frame id and the cycle counter.
+    ``data_length`` is that of the C_SDU, in octets: between the frame id and the cycle counter.
     ``frame_send_offset`` is in nanoseconds, 0xFFFFFFFF for "any".  ``tag_header`` is the VLAN tag of its frames:
     priority << 13 | VLAN id.
     """
@@ -133,7 +133,7 @@ class IocrLayout:
 
     @property
     def data_hold_ns(self) -> int:
-        """A consumer gives up after this time without a valid frame."""
+        """The consumer's timeout without a valid frame."""
         return self.cycle_ns * self.data_hold_factor
 
     def data_of(self, slot: int, subslot: int) -> DataPlace | None:
@@ -162,17 +162,17 @@ class Ar:
     alarm_cr: AlarmCrBlockReq | None = None
     local_alarm_reference: int = 0
     module_diff: ModuleDiffBlock | None = None
-    #: Expected submodules that are this AR's, and who has the others.
+    #: Expected submodules that this AR owns, and the owners of the others.
     owned: set[ExpectedKey] = field(default_factory=set)
     locked: dict[ExpectedKey, ArInfo] = field(default_factory=dict)
     #: Owned ones that were plugged or released since, and wait for their parameters.
     pending: set[ExpectedKey] = field(default_factory=set)
-    #: ARFSUDataAdjust as the Connect request brought it.
+    #: ARFSUDataAdjust of the Connect request.
     fsu_adjust: bytes = b""
     #: UDP port of the initiator's RPC server, when an ARRPCBlock named one.
     initiator_rpc_port: int | None = None
     connected_at: int = 0
-    #: Frames with valid data have come on these output CRs (by IOCRReference).
+    #: Output CRs (by IOCRReference) on which valid data have arrived.
     data_seen: set[int] = field(default_factory=set)
 
     @property
@@ -242,14 +242,14 @@ def expected_submodules(apis: Iterable[ExpectedApi]) -> dict[ExpectedKey, Expect
 
 
 class _Frame:
-    """Octets of a C_SDU that are taken."""
+    """Occupied octets of a C_SDU."""
 
     def __init__(self, length: int) -> None:
         self._taken = bytearray(length)
 
     def take(self, offset: int, length: int, fault: IocrField, what: str) -> None:
         if not length:
-            # nothing stands nowhere, whatever its offset says
+            # an item of length 0 occupies nothing, whatever its offset
             return
         end = offset + length
         if end > len(self._taken):
@@ -259,7 +259,7 @@ class _Frame:
         self._taken[offset:end] = b"\x01" * length
 
 
-#: Which submodules may stand where: (IOCR type) -> types with data in that CR, types with their IOCS in it.
+#: IOCR type -> types of submodules with data in that CR, types with their IOCS in it.
 _DATA_TYPES = {
     IocrType.INPUT: (SubmoduleType.NO_IO, SubmoduleType.INPUT, SubmoduleType.INPUT_OUTPUT),
     IocrType.OUTPUT: (SubmoduleType.OUTPUT, SubmoduleType.INPUT_OUTPUT),
@@ -291,10 +291,10 @@ def _find(
 def compute_layout(
     iocr: IocrBlockReq, expected: Mapping[ExpectedKey, ExpectedSubmodule], frame_id: int | None = None
 ) -> IocrLayout:
-    """The layout that ``iocr`` asks for; ``frame_id`` replaces the requested one.
+    """The layout that ``iocr`` requests; ``frame_id`` replaces the requested one.
 
-    A submodule with DiscardIOXS has no status octets: one without data takes no octet at all, and its offsets are not
-    looked at (captured controllers give 0 for all of them).
+    A submodule with DiscardIOXS has no status octets: one without data occupies no octet, and its offsets are
+    ignored (captured controllers give 0 for all of them).
     Raises :class:`LayoutError` naming the faulty field: an API, slot or subslot that is not expected, twice there
     or not of this direction, a datum outside of the frame or over another one.
     """

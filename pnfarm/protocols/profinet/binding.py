@@ -1,4 +1,4 @@
-"""Between PROFINET and the drive: the model as a device description, telegrams as words of a frame, parameter records.
+"""Binds PROFINET to the drive: the model as a device description, telegrams as words of a frame, parameter records.
 
 The only file of this protocol that knows what a drive is.
 """
@@ -33,18 +33,18 @@ if TYPE_CHECKING:
 
 __all__ = ["ChannelLayout", "DriveRecords", "channel_layout", "describe_device", "serial_number"]
 
-#: What a drive with lax limits takes: every SendClockFactor and ReductionRatio there is.
+#: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
 _EVERY_SEND_CLOCK = (1, 2, 4, 8, 16, 32, 64, 128)
 _EVERY_RATIO = range(1, MAX_REDUCTION + 1)
 
 
-#: I&M1 to I&M3, which every device has to keep since V2.31 of the specification, and I&M4, which it may.  Assumed: no
-#: manual speaks of them, and engineering that writes a signature shall find it again.
+#: I&M1 to I&M3, which every device must store since V2.31 of the specification, and I&M4, which is optional.  Assumed:
+#: no manual mentions them, and an engineering tool that writes a signature must be able to read it back.
 _IM_SUPPORTED = 0b11110
 
 
 def serial_number(mac: bytes) -> str:
-    """16 characters at most, unique like the MAC address that it is made of."""
+    """16 characters at most, unique because derived from the MAC address."""
     return f"PNF{mac.hex().upper()}"
 
 
@@ -68,7 +68,7 @@ def _module(module: Module) -> ModuleDescription:
 
 
 def _timing(model: Model) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Send clocks and reduction ratios that some cycle within the model's slowest one is made of."""
+    """Send clocks and reduction ratios that give a cycle within the model's slowest one."""
     clocks, longest = model.limits.send_clocks, model.limits.max_cycle_ns // SEND_CLOCK_NS
     if not longest:
         return clocks, REDUCTION_RATIOS
@@ -79,7 +79,7 @@ def _timing(model: Model) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 
 def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | None = None) -> DeviceDescription:
-    """What this drive answers to a controller; ``telegram`` is plugged first, the model's default otherwise."""
+    """This drive's device description; ``telegram`` is plugged at first, default that of the model."""
     first = model.profidrive.default_telegram if telegram is None else telegram
     order = sorted(model.profidrive.telegrams, key=lambda number: number != first)
     identity = model.profidrive.identity
@@ -114,7 +114,7 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
 
 @dataclass(frozen=True, slots=True)
 class ChannelLayout:
-    """One frame in the engine's words; offsets count from the first octet of IO data.
+    """One frame in the engine's form; offsets count from the first octet of IO data.
 
     ``words``: (code, offset); ``iops``: provider status of submodules with telegram words; ``constants``: (offset,
     octet) of all other status octets.
@@ -126,10 +126,10 @@ class ChannelLayout:
 
 
 def channel_layout(layout: IocrLayout, words: Sequence[int], unusable: Container[ExpectedKey]) -> ChannelLayout:
-    """Lay the telegram's ``words`` into the frame of ``layout``, in the order of its submodules with data.
+    """Place the telegram's ``words`` in the frame of ``layout``, in the order of its submodules with data.
 
-    A submodule that the device does not have (``unusable``) carries no word and BAD status.  One whose status octets
-    are discarded has none to say so.
+    A submodule that the device does not have (``unusable``) carries no word and BAD status, unless its status octets
+    are discarded.
     """
     placed: list[tuple[int, int]] = []
     iops: list[int] = []
@@ -156,17 +156,17 @@ def channel_layout(layout: IocrLayout, words: Sequence[int], unusable: Container
 
 
 def _client(ar: Ar | None) -> int:
-    """Who asks on a parameter channel: 0 for a read without a connection."""
+    """The client of a parameter channel: 0 for a read without a connection."""
     return 0 if ar is None else ar.key
 
 
 class DriveRecords:
     """The drive's own records (a ``RecordHandler``): base mode parameter access, and nothing else.
 
-    They stand at the parameter access point, which is any submodule of the drive's slot in the profile's API; index
+    They belong to the parameter access point, which is any submodule of the drive's slot in the profile's API; index
     47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``latency`` gives the time that the next request takes, ns.
-    ``error``, when set, refuses every access; ``withhold``, when set, is asked with the time at each read of a response
-    that waits, and with its yes the drive still works on it.
+    ``error``, when set, refuses every access; ``withhold``, when set, is called with the time at each read of a ready
+    response; if it returns true, the drive is still busy.
     """
 
     def __init__(
@@ -186,7 +186,7 @@ class DriveRecords:
         self._api = api
 
     def reset(self, key: int) -> None:
-        """The connection of this key ended: nobody reads its pending answers any more."""
+        """The connection of this key ended: discard its pending responses."""
         for channel in self.channels.values():
             channel.reset(key)
 
@@ -211,7 +211,7 @@ class DriveRecords:
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The response of this connection; while there is none, or not yet, the access is a state conflict."""
+        """The response of this connection; without a ready response the access is a state conflict."""
         del subslot
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
@@ -223,7 +223,7 @@ class DriveRecords:
         return RecordError(AccessError.STATE_CONFLICT) if response is None else response
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
-        """Take a parameter request; what is wrong inside it is told by its response."""
+        """Take a parameter request; errors inside it are reported by its response."""
         del subslot
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):

@@ -1,9 +1,9 @@
 """CMCTL: context management of one AR on the initiator's side (IEC 61158-6-10).
 
-One :class:`CmController` brings one AR up, keeps it and takes it down; a new attempt is a new machine with a new AR
-UUID.  It speaks in RPC calls, each ``(opnum, args_maximum, payload)``: :meth:`CmController.calls` gives the next one,
-``call_returned`` or ``call_failed`` end it, and one call is under way at a time.  What the device calls
-(ApplicationReady) comes in by ``receive_call`` and is answered by :meth:`CmController.responses`.
+One :class:`CmController` establishes, maintains and releases one AR; a new attempt is a new machine with a new AR
+UUID.  It uses RPC calls, each ``(opnum, args_maximum, payload)``: :meth:`CmController.calls` gives the next one,
+``call_returned`` or ``call_failed`` end it, and one call is in progress at a time.  Calls of the device
+(ApplicationReady) enter by ``receive_call`` and are answered by :meth:`CmController.responses`.
 
 State     waits for                                    and then
 --------  -------------------------------------------  -------------------------------------------------
@@ -17,15 +17,15 @@ W_RLCNF   Release.cnf                                  ``ArReleased``
 CLOSED    nothing
 
 Alarms are taken from Connect.cnf to the end (:mod:`cmctl_alarms`); too many repetitions of an AlarmAck abort the AR.
-Which submodules can be used, :mod:`cmctl_submodules` knows; what is parametrised while data flow, :mod:`cmctl_rounds`.
+:mod:`cmctl_submodules` knows the usable submodules; :mod:`cmctl_rounds` parametrises during data exchange.
 An AR for device access has neither data nor alarms and is in DATA as soon as the Connect is confirmed.
 
-The legacy and the advanced start-up walk through the same states; they differ in ARProperties and in the RT class that
+The legacy and the advanced start-up go through the same states; they differ in ARProperties and in the RT class that
 they allow.  A captured S7-1500 (advanced) sends its outputs from Connect.cnf on, before PrmEnd; here both do.
 
-An ApplicationReady that overtakes the confirmation of PrmEnd is kept and answered after it.  A start-up that breaks
-after the device has accepted the Connect is told to the device: by Release while the answer to Connect is unusable, by
-an RTA error afterwards.
+An ApplicationReady that overtakes the confirmation of PrmEnd is kept and answered after it.  A start-up that fails
+after the device has accepted the Connect is reported to the device: by Release if the response to Connect is unusable,
+by an RTA error afterwards.
 """
 
 from __future__ import annotations
@@ -80,11 +80,11 @@ __all__ = ["CmController", "CmctlState"]
 class CmController:
     """One AR, seen from its controller.  Times are integer nanoseconds; see the module for the states.
 
-    ``dropped`` counts what came in and did not fit, by reason.
+    ``dropped`` counts unexpected inputs, by reason.
     """
 
     def __init__(self, plan: ArPlan, timeouts: Timeouts | None = None) -> None:
-        """Lay the frames out.  Raises ConfigError when the plan's data cannot be laid out."""
+        """Lay out the frames.  Raises ConfigError if the plan's data do not fit."""
         self.plan = plan
         self.timeouts = timeouts if timeouts is not None else Timeouts()
         self.input_layout, self.output_layout = plan_frames(plan)
@@ -106,7 +106,7 @@ class CmController:
 
     @property
     def device_mac(self) -> bytes | None:
-        """Where the device's cyclic frames come from; None before it accepted the Connect."""
+        """Source MAC address of the device's cyclic frames; None before it accepted the Connect."""
         return self._device_mac
 
     @property
@@ -119,14 +119,14 @@ class CmController:
         """Planned submodules, (api, slot, subslot), that cannot be used now, and why."""
         return self._submodules.unusable
 
-    # What the owner asks for
+    # Calls of the owner
 
     def connect(self, now: int) -> None:
         """Start.  A machine connects once; a further call is counted in ``dropped`` and changes nothing."""
         self._signal(CmctlSignal.CONNECT, None, now)
 
     def release(self, now: int) -> None:
-        """Take the AR down in order; ends in ArReleased.  Records that have not been sent end with a reason."""
+        """Release the AR; ends in ArReleased.  Records that have not been sent end with a reason."""
         self._signal(CmctlSignal.RELEASE, None, now)
 
     def abort(
@@ -159,14 +159,14 @@ class CmController:
         self._calls.put(Kind.WRITE, Opnum.WRITE, request.write_payload(self.plan.ar_uuid, at, data), (at,), (tag,))
 
     def reparametrise(self, submodules: Iterable[ExpectedKey] | None = None) -> bool:
-        """Write the records of these submodules anew, of all usable ones when None; ends in ``ParametersEnded``.
+        """Write the records of these submodules again, of all usable ones when None; ends in ``ParametersEnded``.
 
-        False when there is no data exchange, when there is nothing to parametrise, or while it is done already.
+        False when there is no data exchange, when there is nothing to parametrise, or during such a round.
         """
         return self._state is CmctlState.DATA and self._submodules.begin(submodules)
 
     def acknowledge_alarm(self, alarm: AlarmNotification, now: int, status: PnioStatus = OK) -> bool:
-        """Answer an ``AlarmIndicated`` where the plan leaves that to the owner.  False when it waits for no answer."""
+        """Answer an ``AlarmIndicated`` where the plan leaves that to the owner.  False if it needs none."""
         waited = self._alarms.acknowledge(alarm, status, now)
         if waited and status.ok:
             self._submodules.acknowledged(alarm, now, data=self._state is CmctlState.DATA)
@@ -226,7 +226,7 @@ class CmController:
     def receive_call(self, call: Any, opnum: int, payload: bytes, peer: Any, now: int) -> None:
         """A call of the device to the controller's interface.  ``call`` comes back in :meth:`responses`.
 
-        ``peer`` does not decide anything: the AR UUID and the session key say whose call it is.
+        ``peer`` is not used: the AR UUID and the session key identify the AR.
         """
         del peer
         try:
@@ -266,7 +266,7 @@ class CmController:
         self._take_submodules(now)
 
     def _take_submodules(self, now: int) -> None:
-        """Carry on what became of submodules and their parameters."""
+        """Handle the changes of submodules and their parameters."""
         for event in self._submodules.events():
             self._events.append(event)
             if isinstance(event, ParametersEnded) and event.code is not None:
@@ -338,7 +338,7 @@ class CmController:
                 response.check_control(self.plan, answer.payload, BlockType.RELEASE_RES, "Release")
             except RemoteError as exc:
                 reason = str(exc)
-        # a Release that is not confirmed is followed by what the device cannot overhear
+        # after an unconfirmed Release, an RTA error makes sure that the device ends the AR
         self._signal(CmctlSignal.RELEASE_CNF, CmctlEnd(reason, rta=RtaError.ABORT_REQUEST if reason else None), now)
 
     def _farewell_ended(self, _pending: Pending, answer: Answer, _now: int) -> None:
@@ -473,7 +473,7 @@ class CmController:
 
     def _do_connect_given_up(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
         self._do_failed(before, end, now)
-        if self._calls.is_under_way(Kind.CONNECT):  # the device may accept it all the same
+        if self._calls.is_under_way(Kind.CONNECT):  # the device may still accept it
             self._say_farewell()
 
     def _do_aborted(self, _before: CmctlState, end: CmctlEnd, now: int) -> None:
@@ -491,7 +491,7 @@ class CmController:
             self._held_ready = None
 
     def _tell_device(self, end: CmctlEnd) -> None:
-        """The AR is over: say so where the device does not know, and take no more alarms."""
+        """The AR has ended: tell the device if it does not know, and accept no more alarms."""
         if end.rta is None:
             self._alarms.close()
         else:

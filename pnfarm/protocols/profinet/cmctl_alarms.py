@@ -1,8 +1,8 @@
-"""The controller's end of an AR's alarms: what :class:`~pnfarm.protocols.profinet.cmctl.CmController` does with them.
+"""The controller's side of an AR's alarms, for :class:`~pnfarm.protocols.profinet.cmctl.CmController`.
 
 The alarm channel opens with the confirmation of Connect and closes with the AR; a device may send alarms at any time
 between, before ApplicationReady as well (ALPMR is activated with the AR, IEC 61158-6-10).  Each alarm becomes an event
-in words.  It is acknowledged at once, or by the owner where the plan says so: until then the device sends no other
+with a text.  It is acknowledged at once, or by the owner if the plan says so: until then the device sends no other
 alarm of that priority.
 """
 
@@ -62,7 +62,7 @@ class ControllerAlarms:
         )
 
     def receive(self, payload: bytes, source_mac: bytes, now: int) -> None:
-        """An RTA frame, octets behind the EtherType."""
+        """An RTA frame, octets after the EtherType."""
         if self._channel is None or source_mac != self._device_mac:
             self._dropped["rta-of-another-station"] += 1
             return
@@ -101,7 +101,7 @@ class ControllerAlarms:
         return out
 
     def abort(self, code: int) -> None:
-        """Tell the device, where there is one, that the AR is over."""
+        """Tell the device, if it accepted the AR, that the AR has ended."""
         if self._channel is not None:
             self._channel.abort(code)
 
@@ -110,7 +110,7 @@ class ControllerAlarms:
             self._channel.close()
 
     def to_send(self) -> list[tuple[bytes, bytes, VlanTag]]:
-        """Frames: destination MAC, octets behind the EtherType, tag."""
+        """Frames: destination MAC, octets after the EtherType, tag."""
         if self._channel is None:
             return []
         return [(self._device_mac, octets, tag) for tag, octets in self._channel.to_send()]

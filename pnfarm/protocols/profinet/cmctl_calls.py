@@ -1,7 +1,7 @@
-"""The calls of one controller's AR: in order, one under way at a time, each with its time limit.
+"""The calls of one controller's AR: in order, one at a time, each with its time limit.
 
-The queue knows what a call is for and which records it asks about; what an end of a call means for the AR is
-:mod:`cmctl`'s.  The end of a record's call depends on nothing else and is told here.
+The queue knows the purpose of a call and its records; :mod:`cmctl` decides what the end of a call means for the AR.
+The end of a record's call depends on nothing else and is reported here.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Kind(Enum):
     PARAMETERS = "Write"
     PARAMETER_END = "PrmEnd"
     RELEASE = "Release"
-    #: Release of a connection that the device made and the controller cannot use; nobody waits for its end.
+    #: Release of a connection that the device accepted and the controller cannot use; its end is not awaited.
     FAREWELL = "Release of an unusable connection"
     READ = "Read"
     WRITE = "Write of a record"
@@ -60,10 +60,10 @@ _OUTLIVE_THE_AR = {Kind.READ_IMPLICIT, Kind.RELEASE, Kind.FAREWELL}
 
 @dataclass(slots=True)
 class Pending:
-    """A call that waits for its turn or is under way.
+    """A call that is queued or in progress.
 
-    ``tags`` and ``wants`` belong together, one for each record; ``length`` is what a read takes at most; ``owner`` is
-    whose call it is, where the kind does not say it.
+    ``tags`` and ``wants`` belong together, one for each record; ``length`` is the maximum of a read; ``owner`` is
+    the owner of the call, if the kind does not determine it.
     """
 
     kind: Kind

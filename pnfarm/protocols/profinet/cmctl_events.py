@@ -1,7 +1,7 @@
-"""What a controller's AR tells its owner, and the calls that it asks for.
+"""Events of a controller's AR, and the calls that it requests.
 
 Every end of an AR is one of three events: :class:`ArFailed` before it was established, :class:`ArAborted` after,
-:class:`ArReleased` when the owner asked for it.
+:class:`ArReleased` after the owner's release.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ __all__ = [
     "Timeouts",
 ]
 
-#: Where a start-up stood when it failed.
+#: Phase of a start-up that failed.
 Phase = Literal["connect", "write", "parameter-end", "application-ready"]
 
 
@@ -44,7 +44,7 @@ Phase = Literal["connect", "write", "parameter-end", "application-ready"]
 class Timeouts:
     """How long each phase may take, nanoseconds.
 
-    The call's own retries live in the RPC client; these bound what it may need altogether.  ``application_ready`` runs
+    The RPC client does the retries; these limit the total time.  ``application_ready`` runs
     from the end of parametrisation; a GSDML file may name another time (RemoteApplicationTimeout).
     """
 
@@ -130,7 +130,7 @@ class ParametersEnded:
 
 @dataclass(frozen=True, slots=True)
 class ArFailed:
-    """The AR did not come up.  ``status`` is the device's, when it was the device that refused."""
+    """The AR was not established.  ``status`` is the device's, if the device refused."""
 
     phase: Phase
     status: PnioStatus | None

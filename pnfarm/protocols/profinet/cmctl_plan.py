@@ -1,17 +1,17 @@
-"""What a controller wants from a device, and how the two cyclic frames are laid out.
+"""A controller's plan for an AR, and the layout of its two cyclic frames.
 
-An :class:`ArPlan` is everything that the Connect request and the start-up after it are made of; it is data, injected
-whole, and knows no wire format.  :func:`plan_frames` decides the one thing that the plan leaves open, the place of
-every datum in the two frames:
+An :class:`ArPlan` holds everything for the Connect request and the start-up after it; it is plain data,
+without wire format.  :func:`plan_frames` decides the only open point, the position of
+all data in the two frames:
 
 * input frame: for each submodule with inputs, and for each without any data, its data and then its provider status;
   after all of these one consumer status for each submodule with outputs;
 * output frame: the same the other way round.
 
-A submodule without any data stands in the input frame with a provider status alone, as the captures of real
-controllers show and IEC 61158-6-10 (ExpectedSubmoduleBlockReq, SubmoduleProperties Type = NO_IO) asks.  With
-DiscardIOXS a submodule has no status octet in either frame; the request lists it all the same, with offset 0 where it
-has no octet at all, as captured controllers do.  A frame shorter than the C_SDU's 40 octets is padded behind its last
+A submodule without any data has only a provider status in the input frame, as the captures of real
+controllers show and IEC 61158-6-10 (ExpectedSubmoduleBlockReq, SubmoduleProperties Type = NO_IO) requires.  With
+DiscardIOXS a submodule has no status octet in either frame; the request still lists it, with offset 0 if it
+has no octet at all, as captured controllers do.  A frame shorter than the C_SDU's 40 octets is padded after its last
 status.
 """
 
@@ -69,7 +69,7 @@ FIRST_INTERFACE_SUBSLOT = 0x8000
 #: Longest time without data that RT classes 1 and 2 allow, nanoseconds.
 MAX_HOLD_NS = 1_920_000_000
 
-#: SubmoduleProperties that would change what the frames hold; this controller lays no such frames out.
+#: SubmoduleProperties that would change the content of frames; this controller does not support them.
 _UNSUPPORTED_PROPERTIES = SubmoduleProperties.REDUCE_INPUT_LENGTH | SubmoduleProperties.REDUCE_OUTPUT_LENGTH
 
 
@@ -98,7 +98,7 @@ class PlannedSubmodule:
 
     @property
     def provides_input(self) -> bool:
-        """It stands among the data of the input frame: it has inputs, or no data at all."""
+        """It has a place among the data of the input frame: it has inputs, or no data at all."""
         return bool(self.input_bytes) or not self.output_bytes
 
     @property
@@ -124,14 +124,14 @@ class ParameterRecord:
 
 @dataclass(frozen=True, slots=True)
 class ArPlan:
-    """One application relation as its initiator wants it.
+    """One application relation as its initiator requests it.
 
     Factors are in the standard's units: ``send_clock_factor`` in 31.25 us, ``activity_timeout_factor`` and
     ``rta_timeout_factor`` in 100 ms.  ``data_hold_factor`` None means: as ``watchdog_factor``, which is what the
-    standard wants where a device knows only one of them.  The defaults are those of the captured controllers.
+    standard requires if a device knows only one of them.  The defaults are those of the captured controllers.
     """
 
-    # Who
+    # Identity
     vendor_id: int
     device_id: int
     instance: int
@@ -141,9 +141,9 @@ class ArPlan:
     ar_uuid: UUID
     session_key: int
     submodules: tuple[PlannedSubmodule, ...]
-    # How the AR starts
+    # Start-up
     ar_type: int = ArType.IOCAR_SINGLE
-    #: A supervisor may take submodules over; the AR goes on with the others until it gives them back.
+    #: A supervisor may take submodules over; the AR continues with the others until it gives them back.
     takeover_allowed: bool = False
     #: Records alone: an AR without cyclic data, alarms and submodules of its own (a supervisor's, ``ArType.IOSAR``).
     device_access: bool = False
@@ -174,9 +174,9 @@ class ArPlan:
     local_alarm_reference: int = 1
     max_alarm_data_length: int = 200
     alarm_properties: int = 0
-    #: Who acknowledges the device's alarms: the machine, at once and with OK, or its owner.
+    #: The device's alarms are acknowledged by the machine, at once and with OK, or by its owner.
     on_alarm: Literal["acknowledge", "ask"] = "acknowledge"
-    #: The device's own words for its diagnoses, where its description is at hand.
+    #: The device's own texts for its diagnoses, if its description is available.
     texts: DiagnosisTexts | None = None
 
     @property
@@ -209,10 +209,10 @@ class ArPlan:
         return self.watchdog_factor if self.data_hold_factor is None else self.data_hold_factor
 
     def problems(self) -> list[str]:
-        """Sentences on what lies outside of the standard's ranges; a device is then right to refuse the Connect.
+        """Messages about values outside of the standard's ranges, for which a device may refuse the Connect.
 
         The ranges are those of IEC 61158-6-10 for ARBlockReq, IOCRBlockReq and AlarmCRBlockReq.  A plan with problems
-        can still be sent: how a device refuses it may be what is wanted.
+        can still be sent, to test how a device refuses it.
         """
         return list(_problems(self))
 
@@ -325,8 +325,8 @@ def _layout(plan: ArPlan, iocr_type: IocrType, name: str) -> IocrLayout:
 def plan_frames(plan: ArPlan) -> tuple[IocrLayout, IocrLayout]:
     """The layouts of the input and of the output CR.
 
-    Both are empty for device access.  Raises ConfigError when another plan expects nothing, when one place stands
-    twice, or when there is more data than a frame takes.
+    Both are empty for device access.  Raises ConfigError when another plan expects nothing, when a place is given
+    twice, or when there is more data than a frame holds.
     """
     _check_submodules(plan)
     return _layout(plan, IocrType.INPUT, "input"), _layout(plan, IocrType.OUTPUT, "output")

@@ -69,7 +69,7 @@ _CONNECT_ARGS_MAXIMUM = 4096
 
 @dataclass(frozen=True, slots=True)
 class RecordAddress:
-    """Where a record is, and the number that ties the answer to the question."""
+    """A record's address, and the sequence number that matches response and request."""
 
     sequence_number: int
     api: int
@@ -200,7 +200,7 @@ def multiple_write_payload(ar_uuid: UUID, sequence_number: int, writes: list[tup
 
 
 def groups_of_records(records: Sequence[ParameterRecord], limit: int) -> list[tuple[ParameterRecord, ...]]:
-    """Cut ``records`` into multiple writes of at most ``limit`` octets; a record that is longer stands alone."""
+    """Cut ``records`` into multiple writes of at most ``limit`` octets; a longer record gets its own write."""
     groups: list[list[ParameterRecord]] = []
     size = 0
     for record in records:
@@ -221,7 +221,7 @@ def read_payload(ar_uuid: UUID, at: RecordAddress, length: int) -> bytes:
 
 
 def args_maximum(opnum: Opnum, payload: bytes, records: int = 0, length: int = 0) -> int:
-    """ArgsMaximum: octets that the answer may take, and never fewer than the request has."""
+    """ArgsMaximum: longest response in octets, and never less than the request's length."""
     answer = {
         Opnum.CONNECT: _CONNECT_ARGS_MAXIMUM,
         Opnum.WRITE: IOD_HEADER_SIZE * (records + 1),

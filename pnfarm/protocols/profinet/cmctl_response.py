@@ -1,8 +1,8 @@
-"""What a controller reads out of the device's answers and calls, and what it says about them in words.
+"""Parses the device's responses and calls for a controller, with texts about what is wrong.
 
-Every function here takes octets of a peer that nobody here wrote: the result is a value, or an error that carries a
-sentence.  Blocks that a controller does not need (ARServerBlockRes, ARRPCBlockRes, ARVendorBlockRes, unknown ones) may
-stand in the Connect response and are passed over.
+Every function here takes untrusted octets of a peer: the result is a value, or an error with a
+message.  Blocks that a controller does not need (ARServerBlockRes, ARRPCBlockRes, ARVendorBlockRes, unknown ones) may
+be in the Connect response and are skipped.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ STATE_CONFLICT = pnio_error(ErrorCode.CONTROL, ConnectFault.CMCTL, _CMCTL_STATE_
 class ModuleDeviation:
     """One way in which the device differs from the plan.
 
-    ``subslot`` is None for a whole module.  ``fits`` says that data exchange is as planned all the same: a substitute,
+    ``subslot`` is None for a whole module.  ``fits``: data exchange is as planned nevertheless: a substitute,
     a diagnosis, an ApplicationReady that follows later.
     """
 
@@ -85,7 +85,7 @@ class ModuleDeviation:
 
 @dataclass(frozen=True, slots=True)
 class ConnectAnswer:
-    """What a good Connect response says."""
+    """The content of a valid Connect response."""
 
     input_frame_id: int
     output_frame_id: int
@@ -117,7 +117,7 @@ class CallRefusedError(RemoteError):
 # Module differences
 
 
-_Words = tuple[str, bool]  # what to say, and whether data exchange is as planned all the same
+_Words = tuple[str, bool]  # text, and whether data exchange is as planned nevertheless
 
 _MODULE_WORDS: dict[int, _Words] = {
     ModuleState.NO_MODULE: ("no module", False),
@@ -221,7 +221,7 @@ def _module_diff(blocks: Sequence[RawBlock]) -> tuple[ModuleDeviation, ...]:
 def _check_ar(plan: ArPlan, blocks: Sequence[RawBlock]) -> bytes:
     """The device's MAC address, out of an ARBlockRes that answers the plan's.
 
-    CMResponderUDPRTPort is not looked at: it is of RT over UDP, and real devices fill in 0.
+    CMResponderUDPRTPort is ignored: it belongs to RT over UDP, and real devices send 0.
     """
     ar = _parsed(parse_ar_block_res, blocks, "ARBlockRes")
     _same("ARBlockRes", "ARType", ar.ar_type, int(plan.ar_type))
@@ -313,7 +313,7 @@ def _ready_block(payload: bytes) -> tuple[ControlBlock, list[RawBlock]]:
 def addressed_ar(payload: bytes) -> UUID | None:
     """The AR that a device's ApplicationReady call is for; None when the payload does not say.
 
-    One server takes the calls of all devices; this tells which machine a call belongs to.
+    One server takes the calls of all devices; this gives the machine of a call.
     """
     try:
         return _ready_block(payload)[0].ar_uuid
@@ -366,7 +366,7 @@ def check_read(at: RecordAddress, payload: bytes, length: int) -> bytes:
 def check_write(wants: Sequence[RecordAddress], payload: bytes) -> list[PnioStatus | None]:
     """The status of each record of a positive Write response, None for one that the answer does not name.
 
-    A multiple write's outer header comes first and is passed over.  Raises RemoteError with a sentence.
+    A multiple write's outer header comes first and is skipped.  Raises RemoteError with a sentence.
     """
     try:
         headers = parse_write_response(payload)

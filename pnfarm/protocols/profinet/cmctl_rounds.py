@@ -1,4 +1,4 @@
-"""Parameters that a controller writes while data flow: after an alarm, or because it begins anew (IEC 61158-6-10).
+"""Parameters that a controller writes during data exchange: after an alarm, or with PrmBegin (IEC 61158-6-10).
 
 Each is one :class:`Round` over some submodules, from the call that opens it to the device's ApplicationReady:
 
@@ -8,14 +8,14 @@ W_PBCNF   DControl.cnf (PrmBegin); not after an alarm          writes the record
 W_WCNF    Write.cnf of each record of these submodules         PrmEnd, after an alarm PrmEnd.plug
 W_PECNF   DControl.cnf                                         awaits the application, or takes its call
 W_ARDY    CControl.ind (ApplicationReady, ApplicationReady.plug)   confirms it
-W_LATE    the same, which did not come in time (after an alarm)    confirms it
+W_LATE    the same, after its time limit (after an alarm)          confirms it
 DONE      nothing
 
-Rounds after alarms are told apart by the alarm's sequence number, and several may be under way; of the other kind
-there is one at a time.  A device that refuses what a round after an alarm asks for leaves its submodules unusable and
-the AR as it is.  One that does not answer at all cannot be brought to use them by this AR: the AR ends, and a new
-start-up parametrises everything.  A round that began with PrmBegin cannot be left half way, as the device keeps its
-alarms back meanwhile: the AR ends with it.
+Rounds after alarms are distinguished by the alarm's sequence number, and several may be in progress; of the other kind
+there is one at a time.  If a device refuses a call of a round after an alarm, the submodules stay unusable and
+the AR continues.  If it does not answer at all, this AR cannot bring them into use: the AR ends, and a new
+start-up parametrises everything.  A round that began with PrmBegin cannot be abandoned, as the device holds back
+its alarms meanwhile: the AR ends with it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ __all__ = ["ROUND_TRANSITIONS", "Ready", "Round", "RoundEnded", "RoundSignal", "
 
 
 class RoundState(StrEnum):
-    """Named as the states of CMCTL are, by what is waited for."""
+    """Named like the states of CMCTL, by what is awaited."""
 
     W_PBCNF = "W_PBCNF"
     W_WCNF = "W_WCNF"
@@ -141,7 +141,7 @@ class Rounds:
     # what opens and ends a round
 
     def begin(self, keys: tuple[ExpectedKey, ...]) -> bool:
-        """Parametrise these submodules anew.  False while a round of this kind is under way."""
+        """Parametrise these submodules again.  False while a round of this kind is in progress."""
         if not keys or any(r.begins for r in self._rounds):
             return False
         fresh = Round(keys, None, RoundState.W_PBCNF)
@@ -158,7 +158,7 @@ class Rounds:
         self._write(fresh, None, now)
 
     def gone(self, keys: Iterable[ExpectedKey], now: int) -> None:
-        """These submodules went: rounds after alarms that are about them alone are void."""
+        """These submodules were removed: cancel rounds after alarms that concern only them."""
         lost = set(keys)
         for standing in list(self._rounds):
             if not standing.begins and lost.issuperset(standing.keys):
@@ -193,7 +193,7 @@ class Rounds:
                 reason = str(exc)
         if reason:
             refused = answer.status is not None and not answer.ok
-            # a device that refused PrmBegin has begun nothing: the AR goes on as before
+            # a device that refused PrmBegin has not started anything: the AR continues as before
             goes_on = refused if begins else not standing.begins and answer.status is not None
             code = None if goes_on else RtaError.RPC_CONTROL_ERROR
             self._signal(standing, RoundSignal.FAULT, (f"{pending.kind.value}: {reason}", code), now)
@@ -238,7 +238,7 @@ class Rounds:
                     self._signal(standing, RoundSignal.OVERDUE, reason, now)
 
     def events(self) -> list[RoundEnded | RecordWriteDone | Ready]:
-        """Ends of rounds and of their records, and the ApplicationReady of each that came through, in order."""
+        """Ends of rounds and of their records, and the ApplicationReady of each successful one, in order."""
         out, self._events = self._events, []
         return out
 

@@ -16,7 +16,7 @@ __all__ = ["CONNECTED", "PHASES", "TRANSITIONS", "CmctlEnd", "CmctlSignal", "Cmc
 
 
 class CmctlState(StrEnum):
-    """Named by the confirmation or indication that is waited for, as the states of CMDEV are."""
+    """Named by the confirmation or indication that is awaited, like the states of CMDEV."""
 
     IDLE = "IDLE"
     W_CCNF = "W_CCNF"
@@ -41,7 +41,7 @@ class CmctlSignal(Enum):
     RELEASE_CNF = "release.cnf"
 
 
-#: Where a start-up stands that fails in this state.
+#: Phase of a start-up that fails in this state.
 PHASES: dict[CmctlState, Phase] = {
     CmctlState.W_CCNF: "connect",
     CmctlState.W_WCNF: "write",
@@ -54,8 +54,8 @@ CONNECTED = {CmctlState.W_WCNF, CmctlState.W_PECNF, CmctlState.W_ARDY, CmctlStat
 
 _S, _E = CmctlState, CmctlSignal
 
-#: (state, signal) -> (next state, name of the machine's action).  IEC 61158-6-10 names the services; a pair that does
-#: not stand here is counted in ``dropped`` and changes nothing.
+#: (state, signal) -> (next state, name of the machine's action).  IEC 61158-6-10 names the services; a missing
+#: pair is counted in ``dropped`` and changes nothing.
 TRANSITIONS: dict[tuple[CmctlState, CmctlSignal], tuple[CmctlState, str]] = {
     (_S.IDLE, _E.CONNECT): (_S.W_CCNF, "send_connect"),
     (_S.IDLE, _E.RELEASE): (_S.CLOSED, "never_connected"),
@@ -94,7 +94,7 @@ TRANSITIONS: dict[tuple[CmctlState, CmctlSignal], tuple[CmctlState, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class CmctlEnd:
-    """Why an AR ends.  ``rta`` is the code that the device is told, None when it needs no telling."""
+    """Why an AR ends.  ``rta`` is the code sent to the device, None if it needs none."""
 
     reason: str
     status: PnioStatus | None = None

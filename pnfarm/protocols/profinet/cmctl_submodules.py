@@ -1,4 +1,4 @@
-"""Which of its submodules a controller can use, and why not the others.
+"""The submodules that a controller can use, and the reasons for the others.
 
 Theory.  A submodule is unusable from the answer of Connect or an ApplicationReady whose ModuleDiffBlock says so, or
 from an alarm that takes it away: pulled, a wrong one plugged, controlled by a supervisor.  The controller's own data
@@ -46,14 +46,14 @@ _COMES = frozenset({AlarmType.PLUG, AlarmType.RELEASED})
 
 
 class ControllerSubmodules:
-    """See the module's head.  ``calls`` and ``dropped`` are the AR's."""
+    """See the module's docstring.  ``calls`` and ``dropped`` are the AR's."""
 
     def __init__(self, plan: ArPlan, calls: CallQueue, timeouts: Timeouts, dropped: Counter[str]) -> None:
         self.rounds = Rounds(plan, calls, timeouts, dropped)
         self._keys = tuple((s.api, s.slot, s.subslot) for s in plan.sorted_submodules)
         self._why: dict[ExpectedKey, str] = {}
         self._told: dict[ExpectedKey, str] = {}
-        #: Whose ApplicationReady is overdue and may still come, and the reason that was told.
+        #: Submodules whose ApplicationReady is overdue and may still come, with the reported reason.
         self._overdue: dict[ExpectedKey, str] = {}
         self._dropped = dropped
 
@@ -65,7 +65,7 @@ class ControllerSubmodules:
     # what the device says
 
     def differ(self, module_diff: tuple[ModuleDeviation, ...]) -> None:
-        """The whole truth of a start-up: what deviates so that it cannot be used."""
+        """Set the unusable submodules after a start-up, from the reported deviations."""
         self._why = self._misfits(module_diff)
 
     def alarm(self, alarm: AlarmNotification, now: int) -> None:
@@ -78,7 +78,7 @@ class ControllerSubmodules:
         self.rounds.gone(gone, now)
 
     def acknowledged(self, alarm: AlarmNotification, now: int, *, data: bool) -> None:
-        """An alarm was acknowledged without error: what it brings back gets its parameters.
+        """An alarm was acknowledged without error: submodules that it brings back get their parameters.
 
         ``data``: the AR exchanges data; before, its start-up parametrises everything.
         """
@@ -92,7 +92,7 @@ class ControllerSubmodules:
         self.rounds.plugged(come, alarm.sequence_number, now)
 
     def begin(self, wanted: Iterable[ExpectedKey] | None) -> bool:
-        """PrmBegin for these submodules, or for all that can be used; False when that cannot be now."""
+        """PrmBegin for these submodules, or for all that can be used; False if that is not possible now."""
         keys = self._keys if wanted is None else tuple(wanted)
         return self.rounds.begin(tuple(key for key in keys if wanted is not None or key not in self._why))
 

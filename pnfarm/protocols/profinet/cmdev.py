@@ -2,26 +2,26 @@
 
 Theory.  One :class:`CmDevice` serves one device and holds one :class:`~pnfarm.protocols.profinet.ar.Ar` for each
 controller or supervisor connected to it; the state machine is :data:`~.cmdev_states.TRANSITIONS`, and
-:meth:`CmDevice._step` alone writes ``ar.state``.  Whose a submodule is, :mod:`.cmdev_ownership` decides; parameters
-that come while data flow are :mod:`.cmdev_plug`'s; alarms go through :mod:`.cmdev_alarms`.
+:meth:`CmDevice._step` alone writes ``ar.state``.  :mod:`.cmdev_ownership` decides the owner of a submodule;
+:mod:`.cmdev_plug` handles parameters during data exchange; alarms go through :mod:`.cmdev_alarms`.
 
 * A server of RPC hands it calls (:meth:`CmDevice.receive_call`) and sends what :meth:`CmDevice.responses` drains.
 * A client of RPC sends what :meth:`CmDevice.calls` drains (ApplicationReady) and reports back by
   :meth:`CmDevice.call_returned` or :meth:`CmDevice.call_failed`.
-* The cyclic engine starts both channels at :class:`ArConnected`, in legacy and in advanced start-up alike: a real
+* The cyclic engine starts both channels at :class:`ArConnected`, in legacy and in advanced start-up: a real
   controller's captures show the device's frames even before its Connect response.  It reports the first frame
   by :meth:`CmDevice.data_received` and a silent controller by :meth:`CmDevice.watchdog_expired`, and follows
-  :class:`SubmodulesChanged` when a submodule comes or goes.
-* The application says when it is ready (:meth:`CmDevice.application_ready`) after :class:`PrmEndReceived`; that it
-  may never do so, or late, is its own affair.
+  :class:`SubmodulesChanged` when a submodule is plugged or pulled.
+* The application says when it is ready (:meth:`CmDevice.application_ready`) after :class:`PrmEndReceived`; it
+  may do so late or never.
 * The activity timeout of the controller (CMSM) runs from Connect to DATA, and for device access as long as the AR
-  stands; it starts anew with each record call.
+  exists; each record call restarts it.
 * All data are BAD until :class:`SubmodulesChanged` says that the application is ready for the first time, as in a
   captured device's frames.
 
-A Connect with the UUID of a standing AR is refused and ends that AR (state conflict; the controller's next try
-succeeds).  A Connect of the same controller with a new UUID replaces its old AR.  Whether it is the same controller,
-:mod:`.cmdev_admission` decides.
+A Connect with the UUID of an existing AR is refused and ends that AR (state conflict; the controller's next try
+succeeds).  A Connect of the same controller with a new UUID replaces its old AR.  :mod:`.cmdev_admission` decides
+whether it is the same controller.
 """
 
 from __future__ import annotations
@@ -92,11 +92,11 @@ __all__ = ["CmDevice", "OutgoingCall"]
 
 
 class CmDevice:
-    """Context management of one device.  See the head of this file for who calls what.
+    """Context management of one device.  See the module's docstring for its callers.
 
-    ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is asked about every
-    Connect that could be taken and answers a PNIOStatus to refuse it with, or None; ``has_room`` says whether its CRs
-    can be opened.  What comes into and goes out of ``diagnosis`` is told by alarms, and stands in the ModuleDiffBlock.
+    ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is called for every
+    acceptable Connect and returns a PNIOStatus to refuse it with, or None; ``has_room`` tells whether its CRs
+    can be opened.  Changes of ``diagnosis`` are reported by alarms and in the ModuleDiffBlock.
     """
 
     def __init__(
@@ -127,11 +127,11 @@ class CmDevice:
         self.diagnosis = diagnosis if diagnosis is not None else DiagnosisStore()
         self._modules = Modules(plugged, self.alarms, self.diagnosis)
 
-    # what the surroundings read
+    # state for observers
 
     @property
     def ars(self) -> tuple[Ar, ...]:
-        """The ARs that stand, oldest first."""
+        """The present ARs, oldest first."""
         return tuple(self._ars.values())
 
     def ar(self, ar_key: int) -> Ar | None:
@@ -139,7 +139,7 @@ class CmDevice:
 
     @property
     def dropped(self) -> Counter[str]:
-        """PDUs that were thrown away, by reason."""
+        """Discarded PDUs, by reason."""
         return self._dropped + self.alarms.dropped
 
     def events(self) -> list[CmEvent]:
@@ -156,11 +156,11 @@ class CmDevice:
         return self._ready.to_send()
 
     def awaits(self, token: int) -> bool:
-        """Whether the answer to a call still matters: its AR stands."""
+        """Whether the response to a call is still needed: its AR exists."""
         return self._ready.under_way(token)
 
     def rta_to_send(self) -> list[AlarmFrame]:
-        """Alarm frames: destination MAC, VLAN priority, octets behind EtherType 0x8892."""
+        """Alarm frames: destination MAC, VLAN priority, octets after EtherType 0x8892."""
         return self.alarms.to_send()
 
     def next_deadline(self) -> int | None:
@@ -174,7 +174,7 @@ class CmDevice:
         self.alarms.handle_timeout(now)
         self._take_alarms(now)
 
-    # what arrives
+    # inputs
 
     def receive_call(
         self,
@@ -239,7 +239,7 @@ class CmDevice:
         return call, None if call is None else self._ars.get(call.ar_key)
 
     def data_received(self, ar_key: int, now: int, iocr_reference: int | None = None) -> None:
-        """The first valid frame came, on one output CR or (None) on every one of them."""
+        """The first valid frame arrived, on one output CR or (None) on every one of them."""
         ar = self._ars.get(ar_key)
         if ar is None:
             return
@@ -257,7 +257,7 @@ class CmDevice:
         self.alarms.receive(payload, source_mac, self._ars, now)
         self._take_alarms(now)
 
-    # what the application does
+    # calls of the application
 
     def application_ready(self, ar_key: int, now: int, sequence: int | None = None) -> bool:
         """Tell the controller that the application is ready.  False when the AR does not wait for that.
@@ -290,7 +290,7 @@ class CmDevice:
             self.abort(ar.key, reason, now)
 
     def pull(self, slot: int, subslot: int | None, now: int) -> None:
-        """Take a module, or one submodule of it, out of a slot."""
+        """Pull a module, or one submodule of it, from a slot."""
         before = self._modules.before(self.ars, slot)
         module = self.plugged.module(slot)
         for sub in module.submodules if module is not None else ():
@@ -300,13 +300,13 @@ class CmDevice:
         self._moved(slot, before, now, whole=subslot is None)
 
     def plug(self, slot: int, module: ModuleDescription | None, now: int, *, substitute: bool = False) -> None:
-        """Put a module into a slot; None for the one that was pulled.  See :meth:`Plugged.plug`."""
+        """Plug a module into a slot; None for the one that was pulled.  See :meth:`Plugged.plug`."""
         before = self._modules.before(self.ars, slot)
         self.plugged.plug(slot, module, substitute=substitute)
         self._moved(slot, before, now, whole=True)
 
     def put(self, slot: int, state: SlotState, now: int) -> None:
-        """Make a slot what ``state`` says (:meth:`Plugged.put`), however it differs from what is there."""
+        """Set a slot to ``state`` (:meth:`Plugged.put`), whatever it holds now."""
         before = self._modules.before(self.ars, slot)
         had = self.plugged.module(slot)
         stays = state.module.submodules if state.module is not None else ()
@@ -421,7 +421,7 @@ class CmDevice:
         return admit(head, caller, self.ars, self.description.limits)
 
     def _make_way(self, request: ConnectRequest, caller: Caller, now: int) -> None:
-        """Is there room for the AR, and does nobody want it refused?  Ends the initiator's older one."""
+        """Check that there is room for the AR and no injection refuses it; end the initiator's older AR."""
         older = self._admit(request.ar, caller)
         wanted = self.refuse_connect(request.ar) if self.refuse_connect else None
         if wanted is not None:
@@ -474,7 +474,7 @@ class CmDevice:
                     self.alarms.hold(ar.key)
                     return
                 if begin.state is CmpbeState.WFREQ:
-                    # the controller began anew before the application was ready: the AR ends (CMPBE)
+                    # PrmBegin before the application was ready: the AR ends (CMPBE)
                     self.abort(ar.key, RtaError.PROTOCOL_VIOLATION, now)
             case BlockType.PRM_END_PLUG_REQ if ar.state is CmdevState.DATA:
                 sequence = call.block.alarm_sequence_number
@@ -530,9 +530,9 @@ class CmDevice:
         self._events.append(SubmodulesChanged(ar.key, self._modules.unusable(ar)))
 
     def _moved(self, slot: int, before: Before, now: int, *, whole: bool) -> None:
-        """Something was pulled from or plugged into ``slot``: tell every AR that expects something there."""
+        """Something was pulled from or plugged into ``slot``: report it to every AR that expects something there."""
         wanted = (e.module_ident for ar in self.ars for e in ar.expected if e.slot == slot)
-        # a slot that nobody holds any more is again what the controller expects, the oldest one that does
+        # a slot that is no longer held gets what its oldest controller expects
         self.plugged.follow(slot, next(wanted, 0))
         for ar in self.ars:
             if self._modules.moved(ar, slot, before, now, whole=whole):
@@ -542,7 +542,7 @@ class CmDevice:
     # alarms
 
     def _take_alarms(self, now: int) -> None:
-        """What the alarm channels report."""
+        """Handle the events of the alarm channels."""
         for ar_key, event in self.alarms.events():
             ar = self._ars.get(ar_key)
             if ar is None:
@@ -560,7 +560,7 @@ class CmDevice:
     # the machine
 
     def _step(self, ar: Ar, event: CmdevEvent, now: int) -> None:
-        """The one place that writes an AR's state."""
+        """The only writer of an AR's state."""
         ar.state, reported = TRANSITIONS[ar.state, event]
         if reported is not None:
             self._events.append(reported(ar.key))
@@ -570,10 +570,10 @@ class CmDevice:
             self._let_alarms_go(ar, now)
 
     def _touch(self, ar: Ar | None, now: int) -> None:
-        """The initiator was active: its timeout starts anew.
+        """The initiator was active: restart its timeout.
 
-        In DATA the cyclic data are watched instead, which device access has not: who only reads and writes is lost
-        when nothing comes for so long.
+        In DATA the cyclic data are monitored instead; device access has none, so its AR ends when no call
+        arrives within the timeout.
         """
         if ar is None or ar.key not in self._ars:
             return

@@ -1,10 +1,10 @@
-"""Who may have an AR: room for one more, and which older ones give way to it (IEC 61158-6-10, CMDEV).
+"""Admission of ARs: whether there is room for one more, and which older ones it replaces (IEC 61158-6-10, CMDEV).
 
-A Connect names its initiator by texts and numbers that everybody on the wire can read, so they alone end nothing.  An
-older AR gives way only to a Connect of its own initiator, from where that one's Connect came: the same
+A Connect names its initiator by texts and numbers that any station on the wire can read, so they alone end nothing.  An
+older AR is replaced only by a Connect of its own initiator from the same origin: the same
 CMInitiatorMacAdd, the same IP address, the same Ethernet address.  Two device stacks whose sources are public (p-net's
 and a controller maker's) go further and end an AR by its own UUID only; but a controller that lost its memory has a new
-UUID, and is to get in at once.  Nor does a Connect end anything that is not itself in order.
+UUID, and must be admitted at once.  A faulty Connect ends nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _STATE_CONFLICT = pnio_error(ErrorCode.CONNECT, ConnectFault.CMDEV, CmdevError.S
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Where a Connect came from; ``mac`` is the frame's, None where that is not known."""
+    """Origin of a Connect; ``mac`` is the frame's, None if unknown."""
 
     ip: IPv4Address
     mac: bytes | None = None
@@ -43,11 +43,11 @@ class Caller:
 
 
 def admit(request: ArBlockReq, caller: Caller, ars: Sequence[Ar], limits: Limits) -> list[Ar]:
-    """The ARs that give way to the requested one.
+    """The ARs that the requested one replaces.
 
     One of them has the same AR UUID when the initiator runs its start-up again (:func:`rerun_refusal`).  Raises
-    :class:`RefusedError` when a stranger uses the UUID of a standing AR, or when as many ARs of this kind stand as the
-    device has.
+    :class:`RefusedError` when another initiator uses the UUID of an existing AR, or when all ARs of this kind are in
+    use.
     """
     standing = next((ar for ar in ars if ar.uuid == request.ar_uuid), None)
     if standing is not None:
@@ -66,10 +66,10 @@ def admit(request: ArBlockReq, caller: Caller, ars: Sequence[Ar], limits: Limits
 
 
 def rerun_refusal() -> RefusedError:
-    """What an initiator gets whose own AR stood under the same UUID; its next Connect succeeds."""
+    """The refusal for an initiator whose own AR had the same UUID; its next Connect succeeds."""
     return RefusedError(_STATE_CONFLICT, "an AR with this UUID stood; it is aborted")
 
 
 def _kind(one: ArBlockReq) -> tuple[object, ...]:
-    """What two ARs of one initiator have in common when the newer one replaces the older."""
+    """The identity that a newer AR must share with the older one that it replaces."""
     return one.initiator_object_uuid, one.station_name, one.ar_type, one.properties & ArProperties.DEVICE_ACCESS

@@ -1,7 +1,7 @@
-"""The alarms of a device: one alarm channel for each AR, and what is said through it.
+"""The alarms of a device: one alarm channel for each AR, and the queue before it.
 
-An AR hears alarms only while it is in DATA and no parameters are being written (CMPBE); what happens meanwhile waits
-here.  Alarms of low priority tell of diagnosis and of submodules, those of high priority of the process.
+An AR gets alarms only while it is in DATA and no parameters are being written (CMPBE); other alarms wait
+here.  Alarms of low priority report diagnosis and submodules, those of high priority the process.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ RTA_TIMEOUT_UNIT_NS = 100_000_000
 PRIORITY_FORCED_LOW = 0x01
 #: The AlarmAck to a controller's own alarm.
 ALARM_NOT_SUPPORTED = pnio_error(ErrorCode.ALARM_ACK, ConnectFault.ALARM_ACK, AlarmAckError.ALARM_TYPE_NOT_SUPPORTED)
-#: Alarms that wait for an AR that does not hear them yet.
+#: Alarms that wait for an AR that gets none yet.
 WAITING_MAX = 64
 
 
 @dataclass(frozen=True, slots=True)
 class AlarmFrame:
-    """``payload`` is what stands behind EtherType 0x8892."""
+    """``payload`` follows EtherType 0x8892."""
 
     destination: bytes
     tag: VlanTag
@@ -65,7 +65,7 @@ class AlarmEnded:
 
 @dataclass(slots=True)
 class _Line:
-    """One AR's channel; ``waiting`` are alarms that it does not hear yet, or that its queue had no room for then."""
+    """One AR's channel; ``waiting`` are alarms that it must not get yet, or that its queue had no room for."""
 
     channel: AlarmChannel
     peer: bytes
@@ -88,7 +88,7 @@ class DeviceAlarms:
 
     @property
     def dropped(self) -> Counter[str]:
-        """PDUs and alarms that came to nothing, by reason, over all channels there were."""
+        """Discarded PDUs and alarms, by reason, over all past and present channels."""
         total = Counter(self._dropped)
         for line in self._lines.values():
             total.update(_reasons(line))
@@ -124,7 +124,7 @@ class DeviceAlarms:
             line.hears = False
 
     def let_go(self, ar_key: int, now: int) -> None:
-        """The AR hears alarms, first of all those that wait."""
+        """The AR gets alarms from now on, first those that wait."""
         line = self._lines.get(ar_key)
         if line is None:
             return
@@ -132,7 +132,7 @@ class DeviceAlarms:
         self._drain(line, now)
 
     def _drain(self, line: _Line, now: int) -> None:
-        """Send what waits; what the channel's queue has no room for waits on, behind it in order."""
+        """Send waiting alarms in order; those for which the channel's queue has no room keep waiting."""
         still: deque[tuple[int, AlarmNotification]] = deque()
         full: set[bool] = set()
         for number, alarm in line.waiting:
@@ -145,7 +145,7 @@ class DeviceAlarms:
         line.waiting = still
 
     def end(self, ar_key: int, status: PnioStatus) -> None:
-        """Say by ERR-RTA that the AR ends."""
+        """End the AR with an ERR-RTA."""
         line = self._lines.get(ar_key)
         if line is not None:
             line.channel.abort(status.error_code2)
@@ -240,7 +240,7 @@ class DeviceAlarms:
         return frames
 
     def events(self) -> list[tuple[int, AlarmConfirmed | AlarmEnded]]:
-        """(key of the AR, what happened)."""
+        """(key of the AR, event)."""
         drained, self._events = self._events, []
         return drained
 

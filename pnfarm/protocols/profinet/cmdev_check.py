@@ -1,14 +1,14 @@
-"""CheckAPDU: is a Connect request such that this device can take it?  (IEC 61158-6-10, CMDEV and the tables of
+"""CheckAPDU: whether this device can accept a Connect request (IEC 61158-6-10, CMDEV and the tables of
 permitted values of ARBlockReq, IOCRBlockReq, ExpectedSubmoduleBlockReq, AlarmCRBlockReq, ARRPCBlockReq.)
 
 Each check names the faulty field by ErrorCode1 (the block) and ErrorCode2 (the field).  What this device does not do
 is refused where the standard allows it: multicast CRs, RT class 3 and RT over UDP, companion ARs, external parameter
 servers, reduced lengths.
 
-What captured controllers send and real devices take is taken, though the standard's tables would let a device refuse
-it: a VLAN id in the tag headers (the frames then carry it), an expected submodule that stands in no IOCR, a
-WatchdogFactor of any value (of older editions; DataHoldFactor alone counts), a frame id for the output CR that is
-none of its RT class (the device chooses one).
+Some values that captured controllers send are accepted as real devices do, though the standard's tables allow refusing
+them: a VLAN id in the tag headers (the frames then carry it), an expected submodule that is in no IOCR, a
+WatchdogFactor of any value (of older editions; only DataHoldFactor applies), a frame id for the output CR outside
+of its RT class (the device chooses one).
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ _MAX_FACTOR = 0x1E00
 _MAX_HOLD_NS = 1_920_000_000
 _MAX_FRAME_SEND_OFFSET = 0x003D0900
 _SEND_CLOCKS = frozenset(1 << n for n in range(8))
-#: IOCRProperties: bits 4 to 10 and 24 to 31 are reserved.  Those between are not looked at: bit 11 told of media
+#: IOCRProperties: bits 4 to 10 and 24 to 31 are reserved.  Those between are ignored: bit 11 was about media
 #: redundancy in older editions, and the standard lets the rest be anything.
 _IOCR_RESERVED = 0xFF00_07F0
 _MAX_NAME = 240
@@ -149,8 +149,7 @@ def parse_connect(
     """Raises :class:`RefusedError` when the blocks cannot be read, or are others than a Connect's.
 
     The AR itself is checked here, before the other blocks: an AR type that the device does not have may bring
-    blocks that it does not know.  ``judge`` is asked about the AR then, and may refuse it: who gets no AR anyhow shall
-    not cost the work of reading the rest.
+    blocks that it does not know.  Then ``judge`` may refuse the AR, which saves the work of parsing the rest.
     """
     try:
         raws = split_blocks(payload)
@@ -166,7 +165,7 @@ def parse_connect(
     request = ConnectRequest(first, [], [], [], None, [])
     for raw in raws[1:]:
         if raw.block_type == BlockType.AR_FSU_REQ:
-            # it asks for nothing that a device would have to grant
+            # it requests nothing of the device
             request.fsu_adjust = raw.body[2:]
             continue
         match _typed(raw):
@@ -313,7 +312,7 @@ def _check_submodule(api: int, sub: ExpectedSubmodule) -> None:
         if data.data_length > _MAX_C_SDU - 1 or (kind == SubmoduleType.NO_IO and data.data_length):
             refuse(ExpectedField.SUBMODULE_DATA_LENGTH, f"SubmoduleDataLength {data.data_length}")
         if sub.discards_ioxs:
-            # no status octet stands in a frame: their lengths mean nothing
+            # the frames have no status octets: their lengths mean nothing
             continue
         if data.iops_length != 1:
             refuse(ExpectedField.LENGTH_IOPS, f"LengthIOPS {data.iops_length}")
@@ -388,7 +387,7 @@ def _check_alarm_cr(alarm: AlarmCrBlockReq) -> None:
 
 def _check_crs(request: ConnectRequest, description: DeviceDescription) -> tuple[IocrLayout, ...]:
     advanced = bool(request.ar.properties & ArProperties.STARTUP_MODE_ADVANCED)
-    # before they are counted: a CR that is there twice is no lack of resources
+    # before they are counted: a CR given twice is not a lack of resources
     for reference, count in Counter(iocr.iocr_reference for iocr in request.iocrs).items():
         if count > 1:
             _refuse(ConnectFault.IOCR_BLOCK, IocrField.IOCR_REFERENCE, f"IOCRReference {reference} twice")

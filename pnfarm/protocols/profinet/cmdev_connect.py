@@ -1,4 +1,4 @@
-"""What the device answers to a Connect that it accepts: frame ids, alarm reference, blocks."""
+"""The device's positive response to a Connect: frame ids, alarm reference, blocks."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _RPC_PORT = 34964
 def fill(ar: Ar, request: ConnectRequest, layouts: tuple[IocrLayout, ...], others: Iterable[Ar]) -> None:
     """Complete a new AR: frame ids of the device's choice, an alarm reference that no other AR has.
 
-    The device chooses the output CR's where the controller leaves it open, or asks for one that is none of the CR's RT
-    class or that another output CR has: frames of two controllers could not be told apart.
+    The device chooses the output CR's if the controller leaves it open, or requests one outside of the CR's RT class or
+    one that another output CR has: frames of two controllers could not be distinguished.
     """
     standing = tuple(others)
     listened = {c.frame_id for other in standing for c in other.output_crs}

@@ -1,4 +1,4 @@
-"""The submodules of the ARs that stand: what each AR has of them, and who is told when one comes or goes.
+"""The submodules of the present ARs: which of them each AR can use, and the alarms when one is plugged or pulled.
 
 :class:`Modules` changes what is plugged, sends the alarms, and keeps for each AR the machines of
 :mod:`.cmdev_plug`; its owner, :class:`~.cmdev.CmDevice`, reports :class:`~.events.SubmodulesChanged` afterwards.
@@ -34,7 +34,7 @@ _TOLD = frozenset({CmdevState.W_ARDYCNF, CmdevState.WDATA, CmdevState.DATA})
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """How a slot was: what really stood there, and what each AR could use of all that it expects."""
+    """A slot before a change: its real modules, and the expected submodules that each AR could use."""
 
     real: dict[ExpectedKey, tuple[int, int]]
     usable: dict[int, set[ExpectedKey]]
@@ -46,12 +46,12 @@ class _Running:
 
     begin: ParameterBegin = field(default_factory=ParameterBegin)
     plugs: list[Plug] = field(default_factory=list)
-    #: Submodules that came while the alarm channel took no more alarms, and the alarm that is to tell of each.
+    #: Submodules that were plugged while the alarm channel accepted no alarms, and the alarm to send for each.
     untold: dict[ExpectedKey, AlarmType] = field(default_factory=dict)
 
 
 class Modules:
-    """See the module's head.  ``diagnosis`` says what SubmoduleState has to say of it."""
+    """See the module's docstring.  ``diagnosis`` gives the diagnosis bits of SubmoduleState."""
 
     def __init__(self, plugged: Plugged, alarms: DeviceAlarms, diagnosis: DiagnosisStore) -> None:
         self._plugged = plugged
@@ -68,7 +68,7 @@ class Modules:
     # what an AR has
 
     def diff(self, ar: Ar) -> ModuleDiffBlock | None:
-        """How what is there differs from what the AR expects."""
+        """The differences between the plugged and the AR's expected modules."""
         holdings = Holdings(
             ar.locked, ar.pending, ar.supervisor, lambda key: self._diagnosis.submodule_diag_state(*key)
         )
@@ -90,7 +90,7 @@ class Modules:
         return Before(self._real(slot), {ar.key: self.usable(ar) for ar in ars})
 
     def _real(self, slot: int) -> dict[ExpectedKey, tuple[int, int]]:
-        """What stands in a slot: the idents of module and submodule, by place."""
+        """The content of a slot: the idents of module and submodule, by place."""
         module = self._plugged.module(slot)
         return {} if module is None else {
             (s.api, slot, s.subslot): (module.module_ident, s.submodule_ident) for s in module.submodules
@@ -142,10 +142,10 @@ class Modules:
             self.await_parameters(ar, AlarmType.RELEASED, key, now)
 
     def await_parameters(self, ar: Ar, alarm_type: AlarmType, key: ExpectedKey, now: int) -> None:
-        """Tell an AR of a submodule that it has from now on, and wait for the submodule's parameters.
+        """Send an AR the alarm for a submodule that it can use from now on, and wait for the submodule's parameters.
 
-        During start-up there is nothing to tell: ApplicationReady does.  Without an alarm channel nobody will
-        parametrise what nobody is told of; one that takes no more alarms is tried again when it has room.
+        During start-up no alarm is needed: ApplicationReady reports it.  Without an alarm channel the submodule
+        cannot be parametrised; a channel that is full is tried again when it has room.
         """
         if ar.state not in _TOLD or ar.alarm_cr is None:
             return

@@ -1,15 +1,15 @@
-"""Whose submodule is it?  (IEC 61158-5-10, ownership of submodules; ARInfo of the field SubmoduleState)
+"""Ownership of submodules (IEC 61158-5-10, ownership of submodules; ARInfo of the field SubmoduleState).
 
-Theory.  An expected submodule belongs to at most one of the ARs that stand:
+Theory.  An expected submodule belongs to at most one of the present ARs:
 
 * free: it goes to the AR that connects;
 * a controller's: another controller finds it locked; so does a supervisor, unless the owner's ARProperties allow the
-  takeover.  Then the supervisor has it, and the owner is told ("controlled by supervisor");
-* a supervisor's: everybody else finds it locked.
+  takeover.  Then the supervisor owns it, and the owner gets an alarm ("controlled by supervisor");
+* a supervisor's: it is locked for all others.
 
-When its owner's AR ends, a submodule passes to the oldest AR that still expects it, which is told ("released") and
-writes its parameters anew.  Two controllers that expect different submodules of one device never meet here: that is
-a shared device.
+When its owner's AR ends, a submodule passes to the oldest AR that still expects it, which gets an alarm ("released")
+and writes its parameters again. Two controllers that expect different submodules of one device never meet here: that
+is a shared device.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def expected_keys(expected: Iterable[ExpectedApi]) -> list[ExpectedKey]:
 
 
 def claim(request: ArBlockReq, expected: Iterable[ExpectedApi], ars: Iterable[Ar]) -> Claim:
-    """What the AR that ``request`` asks for would own beside ``ars``; changes nothing."""
+    """The submodules that the requested AR would own besides ``ars``; changes nothing."""
     standing = tuple(ars)
     supervisor = request.ar_type == ArType.IOSAR and not request.properties & ArProperties.DEVICE_ACCESS
     result = Claim()
@@ -86,7 +86,7 @@ def pass_on(ending: Ar, ars: Sequence[Ar]) -> dict[int, set[ExpectedKey]]:
             waiting.discard(key)
             heirs.setdefault(ar.key, set()).add(key)
     ending.owned.clear()
-    # whoever else expects what passed on finds its new owner's kind
+    # other ARs that expect a passed-on submodule see the kind of its new owner
     for ar in ars:
         for key in ar.locked:
             owner = next((o for o in ars if key in o.owned), None)

@@ -1,6 +1,6 @@
-"""Parameters for submodules while an AR is in DATA: after a plug (PLUGSM) and when the controller begins anew (CMPBE).
+"""Parameters for submodules while an AR is in DATA: after a plug (PLUGSM) and after PrmBegin (CMPBE).
 
-Theory (IEC 61158-6-10).  A submodule that is plugged, or released to an AR, is told by an alarm.  The controller
+Theory (IEC 61158-6-10).  A submodule that is plugged, or released to an AR, is reported by an alarm.  The controller
 acknowledges it, writes the submodule's records and ends with PrmEnd.plug, which names the alarm by its sequence number;
 the device answers with ApplicationReady.plug, and the submodule's data are good again.  Each alarm has a machine of
 its own, and several may be under way.

@@ -1,7 +1,7 @@
-"""The asking end of DCP: what a controller or an engineering tool does (IEC 61158-6-10, DCP).
+"""The client side of DCP, as in a controller or an engineering tool (IEC 61158-6-10, DCP).
 
 Every request gets an Xid and becomes a transaction.  An Identify collects answers for a while, then says
-:class:`IdentifyFinished`.  A Get or Set is repeated (same Xid) while nobody answers and ends in exactly one
+:class:`IdentifyFinished`.  A Get or Set is repeated (same Xid) while there is no response and ends in exactly one
 :class:`GetFinished` or :class:`SetFinished`.
 """
 
@@ -84,7 +84,7 @@ COLLECT_MARGIN_NS = 400_000_000
 _DELAY_STEP_NS = 10**7
 
 _NONE = IPv4Address(0)
-#: Every block that some device can be asked for by Get.
+#: Every block that Get can request from a device.
 READABLE: tuple[OptionId, ...] = (
     MacBlock.ID,
     IpParameterBlock.ID,
@@ -151,7 +151,7 @@ class IdentifyFinished:
 
 @dataclass(frozen=True, slots=True)
 class GetFinished:
-    """A Get ended; ``error`` is a sentence when nobody answered or the device refused.
+    """A Get ended; ``error`` is a message if there was no response or the device refused.
 
     ``blocks`` holds what was read also when some of it was refused.
     """
@@ -267,7 +267,7 @@ class DcpClient:
         expected: int | None = None,
         destination: bytes = IDENTIFY_MULTICAST,
     ) -> int:
-        """Ask who is there: all devices, or those that fit every filter. Returns the Xid.
+        """Identify all devices, or those that match every filter. Returns the Xid.
 
         ``delay_factor`` spreads the answers over (factor - 1) times 10 ms; ``window_ns`` is how long answers are
         collected (left out: until the slowest is due, and 0.4 s); ``expected`` answers end it early.
@@ -306,7 +306,7 @@ class DcpClient:
         permanent: bool = True,
         now: int,
     ) -> int:
-        """Give a device an address (None takes it away); without ``gateway`` its own address stands there."""
+        """Give a device an address (None takes it away); without ``gateway`` its own address is sent."""
         address = mask = router = _NONE
         if interface is not None:
             address, mask, router = interface.ip, interface.netmask, gateway or interface.ip

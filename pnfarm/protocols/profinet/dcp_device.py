@@ -1,4 +1,4 @@
-"""The answering end of DCP for one device (IEC 61158-6-10, DCP; CMINA for what a name or an address may be).
+"""The server side of DCP for one device (IEC 61158-6-10, DCP; CMINA for what a name or an address may be).
 
 One machine is one device.  A farm parses an Identify once and hands the PDU to all its devices
 (:meth:`DcpDevice.receive_pdu`), or asks :func:`identify_matches` first.
@@ -6,13 +6,13 @@ One machine is one device.  A farm parses an Identify once and hands the PDU to 
 * Identify is answered when every filter of the request matches, with every block the device has, after a delay
   that spreads the devices of a large network (:func:`~pnfarm.protocols.profinet.dcp_rules.response_delay_ns`).
   One answer waits for each station that asked, the newest.  When too many wait, the next one goes out at once: the
-  delay is there to spare the network, and nobody is to go without an answer because others asked before.
+  delay only protects the network, and no station may miss its response because of earlier requests.
 * Get and Set come by unicast.  After one, the device listens to no other client for three seconds (client hold
   time), so that two engineering stations do not configure it at the same time.
 * Set takes over each block by itself and says for each what became of it.  While an application relation is up
   (``in_operation``), CMINA says: another address is refused; another name, no name, or no address is taken over and
   ends the relation (:class:`AbortRequired`); what the device has anyway is taken over and changes nothing.
-* Hello is sent at link-up where it is switched on, until somebody sets something or all are sent.
+* Hello is sent at link-up if it is enabled, until a Set arrives or all are sent.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ class DcpDevice:
         self.silent = False
         #: What was not answered, by reason.
         self.dropped: Counter[str] = Counter()
-        self._client: tuple[bytes, int] | None = None  # who is being listened to, until when
+        self._client: tuple[bytes, int] | None = None  # the client of the client hold time, and its end
         self._transaction: int | None = None  # qualifier of the open one
         self._pending: dict[bytes, tuple[int, bytes]] = {}  # who asked: due time, frame
         self._signal_end: int | None = None
@@ -181,7 +181,7 @@ class DcpDevice:
     # -- the machine -------------------------------------------------------------------------------------------------
 
     def receive(self, frame: EthernetFrame, now: int) -> None:
-        """Take one frame, tagged or not; what is no DCP for this device is counted and dropped."""
+        """Take one frame, tagged or not; frames that are not DCP for this device are counted and dropped."""
         if frame.ethertype != ETHERTYPE_PROFINET:
             self.dropped["other-protocol"] += 1
             return
@@ -314,7 +314,7 @@ class DcpDevice:
         if pdu.service_id == SERVICE_GET:
             blocks = tuple(self._get(option_id) for option_id in pdu.requested)
         elif pdu.service_id == SERVICE_SET:
-            self._hello = None  # somebody has found the device
+            self._hello = None  # a station has found the device
             # a block whose result could not be told is not set either
             if len(pdu.blocks) > MAXIMUM_RESULTS:
                 self.dropped["response-full"] += len(pdu.blocks) - MAXIMUM_RESULTS
@@ -496,7 +496,7 @@ def _unsupported(option_id: OptionId) -> BlockError:
 
 
 def identify_matches(request: DcpPdu, device: DcpDevice) -> bool:
-    """Whether every filter of an Identify request fits the device; a request without any fits nobody."""
+    """Whether every filter of an Identify request fits the device; a request without any matches no device."""
     return bool(request.blocks) and all(_filter_matches(block, device) for block in request.blocks)
 
 

@@ -1,4 +1,4 @@
-"""What a device is, as data: identity, modules, limits; and which modules stand in its slots now.
+"""A device as data: identity, modules, limits; and the modules in its slots now.
 
 :class:`DeviceDescription` is made once from a drive model and never changes.  :class:`Plugged` is the one
 moving part: a slot for which the description knows several modules (a drive with a module per telegram)
@@ -79,7 +79,7 @@ class Im0Description:
 
 @dataclass(frozen=True, slots=True)
 class ImCarrier:
-    """A submodule with I&M data of its own; they may stand for its whole module or for the device as well.
+    """A submodule with I&M data of its own; they may represent its whole module or the device as well.
 
     ``im0`` None is the device's I&M0.
     """
@@ -136,19 +136,19 @@ class DeviceDescription:
 
     @property
     def carriers(self) -> tuple[ImCarrier, ...]:
-        """Who carries I&M data: at least one submodule, which stands for the device."""
+        """The submodules with I&M data: at least one, which represents the device."""
         return self.im_carriers or (ImCarrier(self.dap.slot, self.dap.submodules[0].subslot, device=True),)
 
     @property
     def min_cycle_ns(self) -> int:
-        """Shortest cycle that a CR may ask for; 0 when the limits are lax."""
+        """Shortest cycle that a CR may request; 0 when the limits are lax."""
         if not self.limits.strict:
             return 0
         return max(self.limits.min_cycle_ns, self.min_device_interval * SEND_CLOCK_NS)
 
     @property
     def max_cycle_ns(self) -> int:
-        """Longest cycle that a CR may ask for; 0 when there is no such limit, or the limits are lax."""
+        """Longest cycle that a CR may request; 0 when there is no such limit, or the limits are lax."""
         return self.limits.max_cycle_ns if self.limits.strict else 0
 
     def module(self, slot: int, module_ident: int) -> ModuleDescription | None:
@@ -171,7 +171,7 @@ class DeviceDescription:
 
 @dataclass(frozen=True, slots=True)
 class SlotState:
-    """What :class:`Plugged` knows of one slot.
+    """State of one slot in :class:`Plugged`.
 
     ``held``: it does not follow the controller; ``pulled`` is what stood there before something of it was pulled.
     """
@@ -195,14 +195,14 @@ class Plugged:
         self._description = description
         self._modules: dict[int, ModuleDescription] = {}
         self._fixed: set[int] = set()
-        #: What stood in a slot before something of it was pulled.
+        #: Content of a slot before something of it was pulled.
         self._pulled: dict[int, ModuleDescription] = {}
         self._substitutes: set[int] = set()
         for slot in description.slots:
             self.restore(slot)
 
     def follow(self, slot: int, module_ident: int) -> None:
-        """Take the expected module when the slot can have it and nobody holds the slot."""
+        """Take the expected module if the slot can have it and is not held."""
         if slot in self._fixed:
             return
         module = self._description.module(slot, module_ident)
@@ -272,7 +272,7 @@ class Plugged:
             self._pulled[slot] = state.pulled
 
     def held(self, slot: int) -> bool:
-        """Somebody pulled or plugged here: the slot does not follow the controller."""
+        """A user pulled or plugged here: the slot does not follow the controller."""
         return slot in self._fixed
 
     def substitutes(self, slot: int) -> bool:

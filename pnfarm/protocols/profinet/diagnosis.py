@@ -1,4 +1,4 @@
-"""The diagnosis of one device: what is wrong now, by place, and what the controller has to be told of each change.
+"""The diagnosis of one device: the present entries, by place, and the alarms for each change.
 
 A :class:`DiagnosisStore` holds :class:`DiagnosisEntry` values.  Each change yields an event with everything that an
 AlarmNotification needs (IEC 61158-6-10, AlarmType, AlarmSpecifier, ChannelProperties, MaintenanceStatus); who owns
@@ -232,7 +232,7 @@ DiagnosisEvent = DiagnosisAppeared | DiagnosisDisappeared
 
 
 class DiagnosisStore:
-    """See the head of this file.  ``refused`` counts entries that were not taken: the store was ``full``."""
+    """See the module's docstring.  ``refused`` counts entries that were refused: the store was ``full``."""
 
     def __init__(self, maximum: int = 64) -> None:
         self.maximum = maximum
@@ -290,7 +290,7 @@ class DiagnosisStore:
             del self._entries[entry.key]
         self._events = [e for e in self._events if place is not None and e.entry.place != place]
 
-    # what others ask
+    # queries
 
     def submodule_diag_state(self, api: int, slot: int, subslot: int) -> int:
         """The diagnosis bits of SubmoduleState, to be joined with the rest of it."""

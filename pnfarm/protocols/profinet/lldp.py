@@ -1,4 +1,4 @@
-"""The LLDP agent of one port: says who we are, knows who is at the other end of the cable (IEEE 802.1AB-2016 clause 9).
+"""The LLDP agent of one port: announces the station, and keeps its neighbours (IEEE 802.1AB-2016 clause 9).
 
 PROFINET sends every 5 s with a time to live of 20 s (IEC 61158-6-10, LLDP).  A thousand drives that are switched on
 together would send together for ever; ``phase_ns`` moves each agent's first frame, and so all that follow.  An
@@ -72,7 +72,7 @@ SEND_INTERVAL_NS = 5_000_000_000
 TIME_TO_LIVE = 20
 #: Changes of our own data that follow each other faster wait (IEEE 802.1AB: txDelay).
 _SHORTEST_GAP_NS = 1_000_000_000
-#: Neighbours that one port keeps, unless told otherwise.
+#: Default number of neighbours that one port keeps.
 MAXIMUM_NEIGHBOURS = 8
 _SECOND_NS = 1_000_000_000
 #: Autonegotiation supported and enabled; ifMauAutoNegCapAdvertisedBits: 10BASE-T and 100BASE-TX, half and full duplex.
@@ -135,7 +135,7 @@ class LocalSystem:
 
 @dataclass(slots=True)
 class Neighbour:
-    """What a port knows of the other end.  Only the agent changes it (``seen_ns``, ``expires_ns``)."""
+    """A neighbour of a port.  Only the agent changes it (``seen_ns``, ``expires_ns``)."""
 
     port: str
     mac: bytes
@@ -159,7 +159,7 @@ class Neighbour:
 
     @property
     def alias(self) -> str:
-        """``<port>.<station>``: what an alias filter of DCP asks for (IEC 61158-6-10, AliasNameValue)."""
+        """``<port>.<station>``, for an alias filter of DCP (IEC 61158-6-10, AliasNameValue)."""
         return f"{self.port_name}.{self.station_name}"
 
     @property
@@ -202,7 +202,7 @@ class Neighbour:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourAppeared:
-    """Somebody new speaks at ``port``."""
+    """A new neighbour appeared at ``port``."""
 
     port: str
     neighbour: Neighbour
@@ -255,7 +255,7 @@ def local_lldpdu(system: LocalSystem, port: LocalPort, time_to_live: int = TIME_
 
 
 class LldpPort:
-    """See the module's head.  The first :meth:`to_send` begins the first interval.
+    """See the module's docstring.  The first :meth:`to_send` begins the first interval.
 
     ``maximum`` bounds the neighbours: more than one means that something between forwards LLDP.
     """
@@ -297,7 +297,7 @@ class LldpPort:
             self._next_ns = min(self._next_ns, max(now, self._last_ns + _SHORTEST_GAP_NS))
 
     def send_frames(self, wanted: bool, now: int) -> None:
-        """Send, or send nothing (PeerToPeerBoundary bit 0); hearing goes on."""
+        """Enable or disable sending (PeerToPeerBoundary bit 0); receiving continues."""
         if wanted == self._sending or self._closed:
             return
         self._sending = wanted
@@ -333,7 +333,7 @@ class LldpPort:
         return emit_ethernet(EthernetFrame(LLDP_MULTICAST, self.port.mac, ETHERTYPE_LLDP, emit_lldp(pdu)))
 
     def next_deadline(self) -> int | None:
-        """The next frame, or the next look at who is still there; None before the first :meth:`to_send`."""
+        """Time of the next frame or of the next expiring neighbour; None before the first :meth:`to_send`."""
         if self._next_ns is None or self._look_ns is None:
             return self._look_ns if self._next_ns is None else self._next_ns
         return min(self._look_ns, self._next_ns)
@@ -341,11 +341,11 @@ class LldpPort:
     def handle_timeout(self, now: int) -> None:
         for key in [k for k, n in self._neighbours.items() if n.expires_ns <= now]:
             self._forget(key, "aged-out")
-        # neighbours that spoke again are looked at once more when they would have been gone
+        # neighbours that sent again are checked once more at their old expiry
         self._look_ns = min((n.expires_ns for n in self._neighbours.values()), default=None)
 
     def link_down(self) -> None:
-        """The cable is off: nobody is there any more."""
+        """The cable is off: no neighbour is left."""
         for key in list(self._neighbours):
             self._forget(key, "link-down")
 
@@ -358,7 +358,7 @@ class LldpPort:
         """In the order in which they appeared."""
         return tuple(self._neighbours.values())
 
-    # -- hearing -----------------------------------------------------------------------------------------------------
+    # -- receiving -----------------------------------------------------------------------------------------------------
 
     def receive(self, frame: EthernetFrame, now: int) -> bool:
         """One LLDP frame; whether anything changed but the time."""
@@ -370,7 +370,7 @@ class LldpPort:
         return self.hear(pdu, frame.source, frame.payload, now)
 
     def hear(self, pdu: Lldpdu, source: bytes, payload: bytes, now: int) -> bool:
-        """A parsed LLDPDU, ``payload`` as it came; one parse serves all ports that hear the frame."""
+        """A parsed LLDPDU, ``payload`` as received; one parse serves all ports that receive the frame."""
         if source == self.port.mac:
             self.dropped["own-frame"] += 1
             return False

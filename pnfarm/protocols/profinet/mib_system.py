@@ -1,7 +1,7 @@
 """MIB-II: the groups system, interfaces and snmp, with the interfaces' extension.
 
 Names and types are those of RFC 3418 (SNMPv2-MIB), RFC 1213 and RFC 2863 (IF-MIB).  The snmp group also has the
-counters that RFC 3418 calls obsolete: PROFINET speaks of RFC 1213, where they are current.
+counters that RFC 3418 calls obsolete: PROFINET refers to RFC 1213, where they are current.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""What the station tells its SNMP agent about itself: plain values, taken anew for each request.
+"""The station's data for its SNMP agent: plain values, read for each request.
 
-The agent asks for a :class:`SnmpView` when a request is in front of it, and never otherwise, so that a drive which
-nobody asks pays nothing.  Times are nanoseconds since power-on, like sysUpTime.  Capabilities and the like are octets
+The agent gets a :class:`SnmpView` only for a request, so that it costs nothing
+otherwise.  Times are nanoseconds since power-on, like sysUpTime.  Capabilities and the like are octets
 of a BITS value: the first bit is the highest one of the first octet.
 """
 
@@ -203,7 +203,7 @@ class LldpPortView:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourView:
-    """A remote system that one local port hears.
+    """A remote system that one local port receives LLDP from.
 
     ``time_mark_ns``, ``port`` and ``index`` make the row's index; ``time_mark_ns`` is when the row last changed.
     ``dot3`` and ``pno`` are None where the neighbour sends no such TLVs.

@@ -1,4 +1,4 @@
-"""Diagnosis records: which entries an index asks for, as DiagnosisData blocks (IEC 61158-6-10, field Index)."""
+"""Diagnosis records: the entries for each index, as DiagnosisData blocks (IEC 61158-6-10, field Index)."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Which record stands behind an index: one table for reading, writing and refusing (IEC 61158-6-10, field Index).
+"""The record of each index: one table for reading, writing and refusing (IEC 61158-6-10, field Index).
 
 A row says what the record is about (:class:`Scope`: which of API, slot and subslot count), what may be done with it
 and by whom (:class:`Access`), and which part of the device answers (:class:`Part`).  An index without a row is
 invalid.  So are, on purpose, the rows that this device does not have: AutoConfiguration, PROFIenergy, the reporting
 system, asset management, GSD upload, TSN, isochronous mode.
 
-Two rows stand in the profiles' range and are the physical device's: 0xB050 (control of the external PLL) and 0xB060
+Two rows are in the profiles' range and belong to the physical device: 0xB050 (control of the external PLL) and 0xB060
 (trace unit) of Siemens' Ethernet device driver, as Wireshark names them.  Siemens controllers write them to the
 interface and the ports of devices at start-up, RT alone included, and captured devices answer OK.
 """

@@ -1,4 +1,4 @@
-"""How the AR machine asks for a record, and the two handlers that know nothing of the device."""
+"""The AR machine's interface for records, and the two handlers that need no device."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class NoRecords:
 class KeptRecords:
     """A physical device of which nothing is known: what a controller writes at start-up is kept and read back.
 
-    The records that would tell of a real interface are invalid, and so are those that ask for IRT.
+    The records about a real interface are invalid, and so are those that request IRT.
     """
 
     def __init__(self) -> None:

@@ -39,7 +39,7 @@ class ServerState(Enum):
 
 
 class ServerEventKind(Enum):
-    """What can happen to an activity."""
+    """Inputs of an activity."""
 
     REQUEST_NEW = auto()
     REQUEST_SAME = auto()

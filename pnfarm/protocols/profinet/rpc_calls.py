@@ -36,7 +36,7 @@ class ClientState(Enum):
 
 
 class ClientEventKind(Enum):
-    """What can happen to a call."""
+    """Inputs of a call."""
 
     FACK = auto()
     ALL_SENT = auto()

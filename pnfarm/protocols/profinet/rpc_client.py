@@ -159,7 +159,7 @@ class RpcClient:
             self._fire(call, _Event.CANCELLED, None, now)
 
     def forget(self, call_id: int, now: int) -> None:
-        """Give a call up without an event and without a word: what it was about is gone at the other end, too."""
+        """Give a call up without an event and without a cl_cancel: its subject no longer exists at the server."""
         call = self._calls.get(call_id)
         if call is not None:
             self._fire(call, _Event.FAILED, None, now)
@@ -261,7 +261,7 @@ class RpcClient:
         self._transmit(call, now)
 
     def _do_send_again(self, call: Call, pdu: RpcPdu | None, now: int) -> None:
-        """The server knows nothing of the call, or tells in a fack body how much of it arrived."""
+        """The server does not know the call, or reports in a fack body how much of it arrived."""
         assert pdu is not None
         call.nocalls += 1
         if call.nocalls > self.config.tries:

@@ -36,9 +36,9 @@ _MS: Final = 1_000_000
 
 # C706 appendix K, default protocol machine values
 TIMEOUT_FRAG_NS: Final = 2_000 * _MS
-"""Wait for the fack that a fragment asked for, before the fragment goes out again."""
+"""Time to wait for the fack that a fragment requested, before the fragment is repeated."""
 TIMEOUT_IDLE_NS: Final = 300_000 * _MS
-"""How long a server remembers a client of which it hears nothing."""
+"""Time for which a server remembers an idle client."""
 TIMEOUT_PING_NS: Final = 2_000 * _MS
 """Wait between two pings."""
 TIMEOUT_RESEND_NS: Final = 2_000 * _MS
@@ -83,7 +83,7 @@ class CallCancelled:
 
 
 class LateAnswers(Protocol):
-    """Whom a server asks how long it keeps an answer back (a fault kind is such a one)."""
+    """Gives the delay of a server's response (used by injections)."""
 
     def wait_ns(self, call: CallKey, opnum: int, now: int) -> int:
         """Nanoseconds; 0: the answer leaves at once, and :meth:`left` is not called."""

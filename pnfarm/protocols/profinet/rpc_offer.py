@@ -1,4 +1,4 @@
-"""What a server takes calls for, and why it refuses the others: interface, version, object, operation, boot time."""
+"""The calls that a server accepts, and why it refuses others: interface, version, object, operation, boot time."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Offer:
         return None
 
     def is_of_another_boot(self, pdu: RpcPdu) -> bool:
-        """Whether the client means the server as it was before it started anew."""
+        """Whether the client means the server before its restart."""
         known = self._boot_time
         return bool(pdu.server_boot_time and known and pdu.server_boot_time != known)
 

@@ -239,7 +239,7 @@ class RpcServer:
                 return
             event = _Event.REQUEST_NEW
         elif activity.lookups_only and pdu.interface != UUID_EPM:
-            # a client may count anew for the interface that the endpoint mapper told it of; C706 does not
+            # a client may restart its numbers for the interface that the endpoint mapper named; C706 does not
             event = _Event.REQUEST_NEW
         elif pdu.sequence == activity.request.sequence:
             event = _Event.REQUEST_NEW if activity.runs_again(pdu) else _Event.REQUEST_SAME
@@ -421,7 +421,7 @@ class RpcServer:
         self._send(activity, nocall_so_far(pdu, activity.reassembly.acknowledged))
 
     def _do_abandon(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        """The application never answered: tell the client, lest it sends a call again that may have run."""
+        """The application never answered: tell the client, so that it does not repeat a call that may have run."""
         self._events.append(CallCancelled(activity.call, activity.peer, orphaned=True))
         self._answer_status(activity, NcaStatus.FAULT_UNSPEC, now)
 
@@ -486,7 +486,7 @@ class RpcServer:
     # cancelling: with a body a cl_cancel asks the application to end the call, without one it orphans the call
 
     def _do_cancel(self, activity: Activity, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        """The application may still answer; it is told once, however often the cancel comes."""
+        """The application may still answer; it is told once, even if the cancel is repeated."""
         if self._acknowledge_cancel(activity, pdu, accepting=True) and not activity.cancelled:
             activity.cancelled = True
             self._events.append(CallCancelled(activity.call, activity.peer))

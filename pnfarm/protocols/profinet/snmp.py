@@ -1,4 +1,4 @@
-"""The SNMP agent of a drive: versions 1 and 2c, as PROFINET's conformance class B asks for.
+"""The SNMP agent of a drive: versions 1 and 2c, as PROFINET's conformance class B requires.
 
 Theory: a manager sends a message to UDP port 161; its community says what it may do, its PDU what it wants.  The agent
 holds nothing between two messages but its counters, so there is no state machine and no deadline:
@@ -100,7 +100,7 @@ class SystemTextSet:
 
 
 class SnmpAgent:
-    """One agent.  ``view`` gives what it shows at a time; see the module's head.
+    """One agent.  ``view`` gives what it shows at a time; see the module's docstring.
 
     ``maximum_size`` bounds messages both ways.  ``dropped`` counts messages without an answer by reason: those of
     :class:`~pnfarm.errors.DecodeError`, ``too-long``, ``bad-community``, ``unexpected-pdu``, ``silent`` (even the error

@@ -1,4 +1,4 @@
-"""XML as far as GSDML needs it, from a file that nobody vouches for.
+"""XML as far as GSDML needs it, from an untrusted file.
 
 The parser is expat with every document type refused: without one there are no entities, so nothing expands and
 nothing is fetched.  Octets, elements, depth and attributes are bounded.  GSDML says everything in attributes, so
