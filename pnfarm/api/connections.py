@@ -1,4 +1,4 @@
-"""Connections to the API: how many there may be, how long each may take over what, and what each may hold.
+"""Limits of connections to the API: their number, the time for each phase, and the memory of each.
 
 The API lives in the farm's own process and event loop, so that whoever can reach its port could take the drives' files,
 memory and time.  Therefore
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BACKLOG", "Connections", "LimitedProtocol", "connection_limit", "protocol_of"]
 
-#: Connections that nobody needs more of: a page, a scrape, some scripts.
+#: Most connections that a farm needs: a page, a scrape, some scripts.
 MOST = 256
 #: The least that is worth listening for.
 LEAST = 4

@@ -1,9 +1,9 @@
 """Who may use the API: an ASGI layer before everything else.
 
-With a token, whoever shows it: ``Authorization: Bearer TOKEN``, or for browsers a cookie, which ``/?token=TOKEN`` sets
-and the page that ``/`` shows to everybody else (:mod:`pnfarm.api.login`).
+With a token, every client that sends it: ``Authorization: Bearer TOKEN``, or for browsers a cookie, which
+``/?token=TOKEN`` sets and the page that ``/`` shows to everybody else (:mod:`pnfarm.api.login`).
 Without one the farm listens on loopback only; then requests must be meant for this machine, so that a web page
-elsewhere cannot reach the farm through the browser of somebody who sits at it: the Host header must name loopback
+elsewhere cannot reach the farm through a browser on this machine: the Host header must name loopback
 (against DNS rebinding), and a request from another origin may change nothing.
 """
 

@@ -1,7 +1,7 @@
 """Errors as RFC 9457 asks: ``application/problem+json``, with the sentence that the command line would print.
 
-``title`` is the status's phrase and ``type`` stays ``about:blank`` (RFC 9457, 4.2.1); what a program wants to know
-stands in members of its own: ``error_number`` (PROFIdrive) and ``errors`` (field by field).
+``title`` is the status's phrase and ``type`` stays ``about:blank`` (RFC 9457, 4.2.1); details for programs
+are in separate members: ``error_number`` (PROFIdrive) and ``errors`` (field by field).
 """
 
 from __future__ import annotations

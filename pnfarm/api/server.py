@@ -157,8 +157,8 @@ async def serve_farm(
 ) -> None:
     """Serve a running farm as its file's ``api`` section says; returns at once when that is ``off``.
 
-    A farm that listens beyond loopback has a token (:mod:`pnfarm.api.token`): the log tells where it lies, or the
-    token itself where it lies in no file.
+    A farm that listens beyond loopback has a token (:mod:`pnfarm.api.token`): the log reports its file, or the
+    token itself where it is not in a file.
     """
     section = farm.config.api
     if section is None:

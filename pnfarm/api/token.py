@@ -32,7 +32,7 @@ _NEW = 24
 
 @dataclass(frozen=True, slots=True)
 class FarmToken:
-    """``value`` None: nobody is asked.  ``file`` is where it lies; ``told`` is a new one that lies nowhere."""
+    """``value`` None: no token is required.  ``file`` holds it; ``told`` is a new one that is in no file."""
 
     value: str | None = None
     file: Path | None = None

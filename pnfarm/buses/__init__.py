@@ -1,1 +1,1 @@
-"""The fieldbuses, each in a room of its own."""
+"""The fieldbuses, each in its own package."""

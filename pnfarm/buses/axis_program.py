@@ -1,4 +1,4 @@
-"""What the built-in controller does with each axis, whatever its bus."""
+"""The built-in controller's program of each axis, for any bus."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""What a bus offers to the house, and what the house asks of a device on it.
+"""Interface of a bus to the rest of the package, and the services that a device on it uses.
 
-A bus is one room under :mod:`pnfarm.buses`; the house above knows it only through these types, and no bus knows
+A bus is one package under :mod:`pnfarm.buses`; the rest knows it only through these types, and no bus knows
 another.
 """
 
@@ -48,10 +48,10 @@ class DeviceServices:
 
 
 class Segment(Protocol):
-    """What the devices of one farm on one bus have in common: whom a frame concerns."""
+    """State that the devices of one farm on one bus share: which device a frame concerns."""
 
     def admits(self, port: int, frame: bytes, now: int) -> bool:
-        """Whether the device at this port has to do anything about a frame; what it has not is counted there."""
+        """Whether the device at this port has to process a frame; the others are counted there."""
         ...
 
     def audience(self, frame: bytes) -> Sequence[int] | None:
@@ -65,7 +65,7 @@ class Segment(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class InjectionHost:
-    """What a farm has for the injections into one drive.  ``settle(now)`` lets its device finish what was begun."""
+    """Services of the farm for injections into one drive.  ``settle(now)`` lets its device process their effects."""
 
     columns: Columns
     impairments: ImpairmentTable
@@ -75,7 +75,7 @@ class InjectionHost:
 
 
 class RouteHost(Protocol):
-    """What the API has for the routes of a bus."""
+    """Services of the API for the routes of a bus."""
 
     def station(self, name: str) -> Station:
         """A drive by its name.
@@ -89,25 +89,25 @@ class RouteHost(Protocol):
         ...
 
     def changed(self, station: Station) -> None:
-        """A handler changed this drive: let it finish what follows, and send it."""
+        """A handler changed this drive: let it process the consequences and send its frames."""
         ...
 
 
 class Bus(Protocol):
     """One fieldbus; :mod:`pnfarm.buses.registry` has them all.
 
-    The module of a bus imports at its head next to nothing: ``pnfarm --help`` imports it.  Its methods import what
-    they give.
+    The module of a bus has almost no imports at the top, because ``pnfarm --help`` imports it.  Its methods import what
+    they return.
     """
 
     @property
     def name(self) -> str:
-        """As a model says which bus it is for: ``profinet``."""
+        """Name by which a model names its bus: ``profinet``."""
         ...
 
     @property
     def title(self) -> str:
-        """As people write it: ``PROFINET``."""
+        """Name for people: ``PROFINET``."""
         ...
 
     @property
@@ -139,13 +139,13 @@ class Bus(Protocol):
         ...
 
     def segment(self, devices: Sequence[Any]) -> Segment:
-        """What the farm's devices on this bus have in common; they are the bus's own."""
+        """The shared state of the farm's devices on this bus; ``devices`` are the bus's own."""
         ...
 
     def plan(self, section: Any, drives: Sequence[Any], models: Sequence[Model], folder: Path | None) -> ControllerPlan:
         """What the farm file's controller is to do with the drives of this bus; section and drives are the bus's own.
 
-        ``folder`` is what files that the section names are relative to.  Raises :class:`ConfigError`.
+        Files that the section names are relative to ``folder``.  Raises :class:`ConfigError`.
         """
         ...
 
@@ -158,11 +158,11 @@ class Bus(Protocol):
         ...
 
     def commands(self) -> Iterable[Command]:
-        """What only this bus has on the command line.  Quick: each start of the program asks for it."""
+        """The bus's own commands.  Has to be fast: it runs at each start of the program."""
         ...
 
     def add_routes(self, app: FastAPI, host: RouteHost) -> None:
-        """Add to the API what only drives on this bus have, with its types."""
+        """Add the bus's own routes and types to the API."""
         ...
 
     @property
@@ -171,7 +171,7 @@ class Bus(Protocol):
         ...
 
     def decoder(self, capture: Capture) -> FrameDecoder:
-        """What says in words what the bus's frames of one capture are."""
+        """The decoder of the bus's frames of one capture."""
         ...
 
     def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:

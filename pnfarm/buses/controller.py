@@ -1,4 +1,4 @@
-"""What the house asks of a bus's controller: plans made of the farm file, and the controller that carries them out."""
+"""Interface of a bus's controller: plans made from the farm file, and the controller that carries them out."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ __all__ = ["Controller", "ControllerHost", "ControllerPlan"]
 
 @dataclass(frozen=True, slots=True)
 class ControllerHost:
-    """What a controller uses and does not own: where it stands, its log, a seed for its UUIDs.
+    """What a controller uses and does not own: its port and tables, its log, a seed for its UUIDs.
 
-    ``lldp``: whether it speaks LLDP.
+    ``lldp``: whether it sends LLDP.
     """
 
     link: Link
@@ -32,7 +32,7 @@ class ControllerHost:
 
 
 class ControllerPlan(Protocol):
-    """What a controller is to do, worked out of the farm file; the rest of it is the bus's own."""
+    """What a controller is to do, derived from the farm file; the rest of it is the bus's own."""
 
     @property
     def devices(self) -> Sequence[Any]:
@@ -62,21 +62,21 @@ class Controller(Protocol):
         ...
 
     def service(self, now: int) -> None:
-        """Take the engine's events and whatever timers are due."""
+        """Handle the engine's events and the timers that are due."""
         ...
 
     def next_deadline(self) -> int | None:
-        """When :meth:`service` is wanted at the latest."""
+        """When :meth:`service` is due at the latest."""
         ...
 
     # -- its life
 
     def start(self, now: int) -> None:
-        """Begin to look for the drives."""
+        """Begin to search for the drives."""
         ...
 
     def release(self, now: int) -> None:
-        """Take every connection down in order."""
+        """Release every connection."""
         ...
 
     # -- what it has come to
@@ -111,7 +111,7 @@ class Controller(Protocol):
     # -- the parameter channel in the cyclic data (PKW), where a telegram has one
 
     def put_parameter_task(self, name: str, task: Pkw) -> None:
-        """Let a task stand in a drive's channel.
+        """Keep a task set in a drive's channel.
 
         Raises :class:`ConfigError` for an unknown drive and for one whose cyclic data has no such channel.
         """

@@ -1,4 +1,4 @@
-"""What a bus adds to the farm file: keys, what these must hold, and what they make of a drive."""
+"""A bus's part of the farm file: keys, their checks, and the drives made from them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Controller = TypeVar("Controller", bound=ControllerSection)
 
 
 class Claims:
-    """Names and addresses that stand once in a farm, each with whoever has it first."""
+    """Names and addresses that must be unique in a farm, each with its first owner."""
 
     def __init__(self) -> None:
         self._owners: dict[tuple[str, object], tuple[str, str]] = {}
@@ -40,7 +40,7 @@ class Claims:
         return CONTROLLER if owner[0] == CONTROLLER else f"{shown(owner[1])} of {owner[0]}"
 
     def place(self, key: str, value: object) -> str:
-        """Where the one that has a value first stands."""
+        """The place of the first owner of a value."""
         return self._owners[key, value][0]
 
 
@@ -81,12 +81,12 @@ class FarmFilePart(Protocol[Group, Controller]):
 
     @property
     def together(self) -> Mapping[str, Sequence[str]]:
-        """Keys that only together say something: where the first is wrong, nothing is said of the others."""
+        """Keys that belong together: where the first is wrong, the others are not checked."""
         ...
 
     @property
     def judged_by_model(self) -> frozenset[str]:
-        """Keys of a group that only its model can judge, so that nothing is said of them where nobody knows it."""
+        """Keys of a group that only its model can check, so that they are not checked for an unknown model."""
         ...
 
     def check_name(self, at: Location, name: str, report: Report) -> bool:
@@ -94,11 +94,11 @@ class FarmFilePart(Protocol[Group, Controller]):
         ...
 
     def check_group(self, at: Location, group: Group, report: Report) -> None:
-        """What a group's keys must hold, whatever its model."""
+        """Check a group's keys, independent of its model."""
         ...
 
     def check_model(self, at: Location, group: Group, model: ModelFacts, report: Report) -> None:
-        """A group's keys against its model."""
+        """Check a group's keys against its model."""
         ...
 
     def check_devices(self, controller: Controller, claims: Claims, report: Report) -> None:
@@ -108,7 +108,7 @@ class FarmFilePart(Protocol[Group, Controller]):
     def check_controller(
         self, controller: Controller, groups: Sequence[PlacedGroup[Group]], known: Known, report: Report
     ) -> None:
-        """The controller's keys, by themselves and against the groups on its bus."""
+        """Check the controller's keys, also against the groups on its bus."""
         ...
 
     def drive(

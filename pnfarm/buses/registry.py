@@ -1,6 +1,6 @@
-"""The buses that there are: the only list of them; and what they bring together.
+"""The only list of all buses, and what they provide together.
 
-It is light: the command line asks it for the buses' commands before it knows which of them runs.
+It imports little: the command line gets the buses' commands from it before it knows which of them runs.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ BUSES: Mapping[str, Bus] = MappingProxyType(_buses)
 
 
 def bus(name: str) -> Bus:
-    """Raises :class:`ConfigError` for a bus that there is none of."""
+    """The bus of this name; raises :class:`ConfigError` for an unknown one."""
     found = BUSES.get(name)
     if found is None:
         raise ConfigError(f"there is no bus {name!r}; there are {', '.join(BUSES)}")
@@ -39,7 +39,7 @@ def bus(name: str) -> Bus:
 
 @contextmanager
 def registered(further: Bus) -> Iterator[None]:
-    """One bus more, in this process and while the block runs: for tests of a bus that the package does not have.
+    """Add a bus in this process while the block runs: for tests of a bus that the package does not have.
 
     What was made inside (a farm, an application) keeps what it took from the bus.  Raises :class:`ValueError` where
     the name is taken.

@@ -1,4 +1,4 @@
-"""The summary of a capture: what two stations had to do with each other."""
+"""The summary of a capture: the traffic between each two stations."""
 
 from __future__ import annotations
 

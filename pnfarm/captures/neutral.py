@@ -1,4 +1,4 @@
-"""What stands on no bus, in words: ARP, ICMP, and the headers of what no decoder knows."""
+"""Frames of no bus, in words: ARP, ICMP, and the headers of what no decoder knows."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class CapturedFrame:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Scapy tells some of what it cannot read by warnings; the reader tells it itself."""
+    """Silence scapy's warnings about what it cannot read; the reader reports it itself."""
     logger = logging.getLogger("scapy.runtime")
     kept, logger.disabled = logger.disabled, True
     try:

@@ -1,1 +1,1 @@
-"""What commands are made of: shared options, output, numbers, the client of a running farm's API."""
+"""Building blocks of commands: shared options, output, numbers, the client of a running farm's API."""

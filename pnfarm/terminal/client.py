@@ -25,7 +25,7 @@ TIMEOUT_SECONDS = 10.0
 
 
 class FarmError(PnfarmError):
-    """The farm itself went wrong while it answered."""
+    """The farm had an internal error while it answered."""
 
     exit_code = 5
 

@@ -1,1 +1,1 @@
-"""What routes of the HTTP API are made of, those of a bus as well: bodies, answers, errors, types."""
+"""Building blocks of the HTTP API's routes, also of a bus's: bodies, responses, errors, types."""

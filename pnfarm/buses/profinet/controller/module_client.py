@@ -1,8 +1,8 @@
-"""What stands in the slots of any device on the wire: which records tell it, one after the other, and what they say.
+"""The modules in the slots of any device on the network: the records to read, one after the other, and their decoding.
 
 The device's APIs come from APIData, their modules from RealIdentificationData of each API; both are read without a
-connection (ReadImplicit), so that nobody's connection is touched.  A device that does not tell its APIs is asked for
-API 0, which every device has, and for PROFIdrive's.
+connection (ReadImplicit), so that no connection is disturbed.  Of a device that does not report its APIs, API 0, which
+every device has, and PROFIdrive's are read.
 """
 
 from __future__ import annotations

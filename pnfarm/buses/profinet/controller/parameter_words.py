@@ -29,6 +29,6 @@ def put_parameter_task(image: Any, task: Pkw) -> None:
 
 
 def parameter_answer(image: Any) -> Pkw:
-    """What the drive's telegrams say."""
+    """The answer in the drive's telegrams."""
     words = (int(image.received[PKW_HEAD]), int(image.received[PKW_VALUE]))
     return parse_pkw(b"".join(word.to_bytes(4, "big", signed=True) for word in words))

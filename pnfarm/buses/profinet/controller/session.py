@@ -1,4 +1,4 @@
-"""One drive in the controller's hands: found, addressed, connected, run, and found again.
+"""The controller's session with one drive: found, addressed, connected, run, and found again.
 
 States, each named by what it waits for:
 
