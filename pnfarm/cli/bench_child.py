@@ -89,8 +89,8 @@ async def _farm(settings: dict[str, Any]) -> None:
 
         async def connected(seconds: float) -> bool:
             with anyio.move_on_after(seconds):
-                # the stations are machines that know no tasks
-                while not all(station.device.connected for station in farm.core.stations):  # noqa: ASYNC110
+                core = farm.core
+                while not all(s.device.connected for s in core.stations):  # noqa: ASYNC110 - stations know no tasks
                     await anyio.sleep(0.005)
                 return True
             return False

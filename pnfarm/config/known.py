@@ -7,7 +7,7 @@ the models of :mod:`pnfarm.drives.catalogue`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.config.axis import axis_complaints
@@ -127,6 +127,15 @@ class ModelFacts(Protocol):
         ...
 
 
+@lru_cache(maxsize=64)
+def _axes(model: Model, kind: str | None, pitch: float | None) -> tuple[Any, float]:
+    """A table of one axis with this motor, to be copied, and mm per revolution: most groups have the same."""
+    driven = with_motor(model, kind, pitch)
+    axes = AXIS.allocate(1)
+    driven.apply_motor(axes[0])
+    return axes, driven.pitch
+
+
 @dataclass(frozen=True, slots=True)
 class InstalledModel:
     """:class:`ModelFacts` of a model of the catalogue."""
@@ -235,10 +244,8 @@ class InstalledModel:
     def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
         if self.motor_complaints(motor.kind, motor.pitch):
             return []
-        model = with_motor(self.model, motor.kind, motor.pitch)
-        axis = AXIS.allocate(1)[0]
-        model.apply_motor(axis)
-        return axis_complaints(axis, load, motor, model.pitch)
+        axes, pitch = _axes(self.model, motor.kind, motor.pitch)
+        return axis_complaints(AXIS.copies(axes)[0], load, motor, pitch)
 
     def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
         what = f"is on, but {self.name} has no figure for it"

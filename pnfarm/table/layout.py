@@ -89,6 +89,11 @@ class Layout:
         )
         # one object for all tables, so that Numba need not compare fields when it checks argument types at each call
         self._record = np.dtype((np.record, self.dtype))
+        #: A row that nobody wrote to yet.
+        self._blank: Any = np.zeros(1, self._record)
+        for key, field in self.fields.items():
+            if field.default:
+                self.write(self._blank, key, field.default)
 
     def path(self, key: str) -> tuple[str, ...]:
         """The names that lead from a row to the field ``key``."""
@@ -109,11 +114,14 @@ class Layout:
 
     def allocate(self, rows: int) -> Any:
         """``rows`` fresh rows as a record array: ``row.field`` works compiled and interpreted alike."""
-        table: Any = np.zeros(rows, self._record).view(np.recarray)
-        for key, field in self.fields.items():
-            if field.default:
-                self.write(table, key, field.default)
-        return table
+        return self.copies(self._blank, rows)
+
+    def copies(self, row: Any, rows: int = 1) -> Any:
+        """A table of ``rows`` rows like the one of the table ``row``."""
+        table = np.zeros(rows, self._record)
+        # octet by octet: NumPy copies a record with gaps field by field
+        table.view(np.uint8).reshape(rows, self.dtype.itemsize)[:] = row.view(np.uint8)
+        return table.view(np.recarray)
 
     def markdown(self) -> str:
         """The layout as tables for the documentation: its own fields, then each part's by their names in code."""
