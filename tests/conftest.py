@@ -32,6 +32,8 @@ SHARED = (
     "interop/test_interop_gsdml.py", "links/test_links_memory.py", "links/test_links_pcap_files.py",
     "links/test_links_wrappers.py",
 )  # fmt: skip
+#: Files of which those tests are exclusive that take one of ``EXCLUSIVE_FIXTURES``.
+MIXED = ("cli/test_cli_decode.py", "cli/test_cli_imports.py", "farm/test_farm_parameter_words.py")
 #: Fixtures that start what runs in real time.
 EXCLUSIVE_FIXTURES = {"background", "network", "shared_background"}
 #: Folders whose tests call nothing that is compiled: they run beside the compiler.
@@ -45,14 +47,19 @@ def _within(path, names):
 
 @functools.cache
 def _place(path):
-    """Whether the tests of a file are exclusive, and whether they call nothing that is compiled."""
-    return _within(path, EXCLUSIVE) and not _within(path, SHARED), _within(path, UNCOMPILED)
+    """Of a file's tests: all are exclusive, some are, they call nothing that is compiled."""
+    alone = _within(path, EXCLUSIVE) and not _within(path, SHARED)
+    return alone, _within(path, MIXED), _within(path, UNCOMPILED)
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        alone, uncompiled = _place(item.path)
-        if alone or not EXCLUSIVE_FIXTURES.isdisjoint(item.fixturenames):
+        alone, mixed, uncompiled = _place(item.path)
+        real_time = not EXCLUSIVE_FIXTURES.isdisjoint(item.fixturenames)
+        if real_time and not (alone or mixed):
+            # the part for exclusive tests collects no other files
+            raise pytest.UsageError(f"{item.nodeid} runs in real time: name its file in tests/conftest.py")
+        if alone or real_time:
             item.add_marker(pytest.mark.exclusive)
         if uncompiled:
             item.add_marker(pytest.mark.uncompiled)

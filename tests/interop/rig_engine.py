@@ -27,6 +27,8 @@ TOOLS = {
     "nsenter": "apt-get install util-linux",
     "ip": "apt-get install iproute2",
 }
+#: Stands in an engine's folder once the images are built, empty, or with what went wrong.
+BUILT = "built"
 BASE = "debian:bookworm-slim"
 #: Where the machine's certificate authorities are put in the base image, for a proxy with one of its own.
 AUTHORITIES = "/usr/local/share/ca-certificates/host.crt"
@@ -60,6 +62,14 @@ def run(*command, timeout=600, **options):
             f"{' '.join(map(str, command))}: {done.returncode}\n{done.stdout[-4000:]}{done.stderr[-4000:]}"
         )
     return done.stdout
+
+
+def why_not():
+    """Why this machine cannot run an engine; empty if it can."""
+    if os.geteuid() != 0:
+        return "a Docker engine of its own needs root"
+    missing = {tool: how for tool, how in TOOLS.items() if shutil.which(tool) is None}
+    return f"not installed: {', '.join(missing)} ({'; '.join(sorted(set(missing.values())))})" if missing else ""
 
 
 class Engine:
@@ -113,6 +123,8 @@ class Engine:
         self._process = None
 
     def close(self):
+        if not self.folder.exists():
+            return
         try:
             if self._process is not None:
                 for container in self.docker("ps", "-aq").split():
@@ -159,6 +171,13 @@ class Engine:
         (plugins / "docker-compose").chmod(0o755)
         wheel.unlink()
 
+    def prepare(self):
+        """The Compose plugin and all images, built with the machine's network; no engine runs afterwards."""
+        self.fetch_compose()
+        self.start(private=False)
+        self.build()
+        self.stop()
+
     def build(self):
         """The base image from the distribution, pnfarm's on it by its Dockerfile, and Prometheus's from its package."""
         tree = self.folder / "base"
@@ -189,3 +208,26 @@ class Engine:
         arguments += [] if base is None else [f"BASE={base}"]
         options = [word for argument in arguments for word in ("--build-arg", argument)]
         self.docker("build", "--network=host", *options, "-t", tag, ".", timeout=1200)
+
+
+def main(what, folder):
+    """``build`` everything in a folder, for tests that come later, or ``remove`` it."""
+    engine = Engine(Path(folder))
+    if what == "remove":
+        engine.close()
+        return
+    if why_not():
+        return
+    signal.signal(signal.SIGTERM, lambda number, frame: sys.exit(128 + number))
+    said = ""
+    try:
+        engine.prepare()
+    except (AssertionError, OSError, subprocess.SubprocessError) as error:
+        said = f"{type(error).__name__}: {error}"
+    finally:
+        engine.stop()
+    (engine.folder / BUILT).write_text(said, "utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
