@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from machine_code import copy_machine_code
+from pnfarm.table.compiled import cache_directory
 
 SUPPORT = Path(__file__).resolve().parent / "support"
 #: A farm with its controller in virtual time, and an engine's thread on a socket of no network.
@@ -49,7 +49,8 @@ def test_warming_says_that_compilation_is_switched_off():
 
 def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
     # most of the machine code is there, as after a change in one file
-    copy_machine_code(tmp_path)
+    python("-m", "pnfarm.engine.warm", NUMBA_DISABLE_JIT="0")
+    shutil.copytree(cache_directory(), tmp_path, dirs_exist_ok=True)
     for place in tmp_path.glob("engine.columns-*"):
         shutil.rmtree(place)
     settings = {"NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
