@@ -11,7 +11,7 @@ from pnfarm.buses.profinet.commands.record import WRITE_OCTETS, _lines
 from pnfarm.cli.main import main
 from pnfarm.links.base import Port
 from pnfarm.links.callbacks import raise_of_callbacks
-from pnfarm.protocols.profinet.wire.block_words import blocks_in_line, blocks_in_words
+from pnfarm.protocols.profinet.wire.block_texts import blocks_in_line, blocks_in_words
 from pnfarm.protocols.profinet.wire.blocks import RawBlock
 from pnfarm.protocols.profinet.wire.blocks_any import emit_block
 from pnfarm.protocols.profinet.wire.pdev import MultipleBlock

@@ -10,7 +10,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.protocols.profinet.cmctl_events import AlarmIndicated, ApplicationReadyReceived, CmctlEvent, RecordRead
 from pnfarm.protocols.profinet.cmctl_response import ModuleDeviation
-from pnfarm.protocols.profinet.wire.alarm_words import alarm_in_words
+from pnfarm.protocols.profinet.wire.alarm_texts import alarm_in_words
 from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification, AlarmType
 from pnfarm.protocols.profinet.wire.rpc import Opnum, PacketType, emit_rpc, parse_rpc
 

@@ -14,7 +14,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.alarm import AlarmAcknowledged, AlarmChannel, AlarmFailed, AlarmReceived, PeerAborted
 from pnfarm.protocols.profinet.cmctl_events import AlarmIndicated
 from pnfarm.protocols.profinet.errors import OK
-from pnfarm.protocols.profinet.wire.alarm_words import alarm_in_words
+from pnfarm.protocols.profinet.wire.alarm_texts import alarm_in_words
 from pnfarm.protocols.profinet.wire.rta import parse_rta
 
 if TYPE_CHECKING:

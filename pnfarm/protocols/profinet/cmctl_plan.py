@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from uuid import UUID
 
-    from pnfarm.protocols.profinet.wire.alarm_words import DiagnosisTexts
+    from pnfarm.protocols.profinet.wire.alarm_texts import DiagnosisTexts
 
 __all__ = [
     "MAX_C_SDU",

@@ -54,7 +54,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     StationTypeBlock,
     StopBlock,
 )
-from pnfarm.protocols.profinet.wire.dcp_words import describe_block_error, describe_option
+from pnfarm.protocols.profinet.wire.dcp_texts import describe_block_error, describe_option
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:

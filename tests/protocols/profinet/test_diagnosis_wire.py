@@ -24,7 +24,7 @@ from pnfarm.protocols.profinet.wire.diagnosis import (
     parse_diagnosis_data,
     parse_items,
 )
-from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
+from pnfarm.protocols.profinet.wire.diagnosis_texts import describe_error_type
 
 
 @given(item_lists)

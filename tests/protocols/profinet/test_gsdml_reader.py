@@ -16,7 +16,7 @@ from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRe
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets, parse_octets
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-from pnfarm.protocols.profinet.wire.alarm_words import item_in_words
+from pnfarm.protocols.profinet.wire.alarm_texts import item_in_words
 from pnfarm.protocols.profinet.wire.alarms import AlarmItem
 
 

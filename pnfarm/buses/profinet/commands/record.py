@@ -52,7 +52,7 @@ def read(
 ) -> None:
     """Read a record: decoded where its blocks are known, hexadecimal otherwise."""
     from pnfarm.buses.profinet.controller.record_client import RecordTask
-    from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
+    from pnfarm.protocols.profinet.wire.block_texts import blocks_in_words
     from pnfarm.terminal.output import print_json
 
     task = RecordTask(device_of(name, ip), (api, slot, subslot, index), length=length, implicit=implicit)
@@ -108,7 +108,7 @@ def _place(client: RecordClient) -> dict[str, Any]:
 
 
 def _print(data: bytes) -> None:
-    from pnfarm.protocols.profinet.wire.block_words import blocks_in_words
+    from pnfarm.protocols.profinet.wire.block_texts import blocks_in_words
     from pnfarm.terminal.output import print_line
 
     blocks = blocks_in_words(data)
@@ -122,7 +122,7 @@ def _print(data: bytes) -> None:
 
 def _lines(value: Any, depth: int) -> list[str]:
     """Fields below each other, what is inside of them indented."""
-    from pnfarm.protocols.profinet.wire.block_words import number_words
+    from pnfarm.protocols.profinet.wire.block_texts import number_words
 
     lines = []
     indent = "  " * depth

@@ -26,7 +26,7 @@ from pnfarm.protocols.profinet.cmctl_events import (
 )
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan
 from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.wire.alarm_words import only_disappears
+from pnfarm.protocols.profinet.wire.alarm_texts import only_disappears
 
 if TYPE_CHECKING:
     from collections.abc import Callable

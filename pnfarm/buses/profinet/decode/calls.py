@@ -16,7 +16,7 @@ from pnfarm.captures.neutral import ip_packet, udp_words
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
-from pnfarm.protocols.profinet.wire.block_words import blocks_in_line
+from pnfarm.protocols.profinet.wire.block_texts import blocks_in_line
 from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_any import read_blocks
 from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock

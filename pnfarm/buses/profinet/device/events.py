@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
-from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
+from pnfarm.protocols.profinet.wire.diagnosis_texts import describe_error_type
 from pnfarm.station.events import (
     ConnectionEstablished,
     ConnectionLost,

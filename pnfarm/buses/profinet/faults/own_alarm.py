@@ -10,7 +10,7 @@ from pnfarm.buses.profinet.faults.slot_effect import SLOT, SUBSLOT
 from pnfarm.faults.kind import ParamSpec, words_of
 from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmType
 from pnfarm.protocols.profinet.wire.diagnosis import WHOLE_SUBMODULE, ChannelDiagnosis, ChannelProperties, emit_items
-from pnfarm.protocols.profinet.wire.diagnosis_words import (
+from pnfarm.protocols.profinet.wire.diagnosis_texts import (
     CHANNEL_ERROR_TYPES,
     EXT_CHANNEL_ERROR_TYPES,
     PROFIDRIVE_ERROR_TYPES,

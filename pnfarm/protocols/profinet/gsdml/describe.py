@@ -35,7 +35,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
 )
 from pnfarm.protocols.profinet.gsdml.records import ParameterRef
 from pnfarm.protocols.profinet.gsdml.values import Numbers
-from pnfarm.protocols.profinet.wire.diagnosis_words import PROFIDRIVE_API, PROFIDRIVE_ERROR_TYPES
+from pnfarm.protocols.profinet.wire.diagnosis_texts import PROFIDRIVE_API, PROFIDRIVE_ERROR_TYPES
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
-"""Words for ChannelErrorType and ExtChannelErrorType (IEC 61158-6-10), and for the drive profile's own types.
+"""Texts for ChannelErrorType and ExtChannelErrorType (IEC 61158-6-10), and for the drive profile's own types.
 
-What stands in 0x9000 to 0x9FFF belongs to the profile of the submodule's API; the PROFIdrive ones as in the
+0x9000 to 0x9FFF belong to the profile of the submodule's API; the PROFIdrive ones as in the
 MSD manual, table 9.23.
 """
 

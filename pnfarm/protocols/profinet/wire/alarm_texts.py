@@ -1,4 +1,4 @@
-"""What an alarm's items mean, in words."""
+"""The items of an alarm as text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pnfarm.protocols.profinet.wire.diagnosis import (
     Usi,
     parse_items,
 )
-from pnfarm.protocols.profinet.wire.diagnosis_words import describe_error_type
+from pnfarm.protocols.profinet.wire.diagnosis_texts import describe_error_type
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification

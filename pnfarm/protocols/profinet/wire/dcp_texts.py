@@ -1,4 +1,4 @@
-"""DCP's numbers in words, for people (IEC 61158-6-10, coding of Option, Suboption and BlockError)."""
+"""Texts for the codes of DCP (IEC 61158-6-10, coding of Option, Suboption and BlockError)."""
 
 from __future__ import annotations
 
