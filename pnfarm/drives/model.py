@@ -50,7 +50,7 @@ def _is_number(text: str) -> bool:
     return text.isascii() and text.isdigit() and len(text) <= 20
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Model:
     """A product on a bus; see the module's docstring."""
 
@@ -108,6 +108,10 @@ class Model:
     absent: Mapping[int, Parameter] = field(default_factory=dict)
     #: Travel of a linear motor in one revolution of the axis record, mm; 0 for a rotary motor.
     pitch: float = 0.0
+
+    def __hash__(self) -> int:
+        # its mappings have no hash
+        return hash(self.name)
 
     # parameters
 

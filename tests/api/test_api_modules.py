@@ -108,7 +108,7 @@ def test_what_cannot_be_pulled_or_plugged_is_told_in_a_sentence(world, method, p
 
 def test_an_empty_slot_cannot_be_pulled_and_a_drive_without_supply_has_no_hands(world):
     world.delete(f"{PATH}/1")
-    assert_problem(world.delete(f"{PATH}/1"), 422, "empty already")
+    assert_problem(world.delete(f"{PATH}/1"), 422, "already empty")
     world.line.farm.station("axis-01").power_off(world.line.world.now)
     assert_problem(world.put(f"{PATH}/1", {}), 422, "switched off")
 
