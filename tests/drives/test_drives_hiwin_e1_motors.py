@@ -171,7 +171,7 @@ def test_a_motor_that_the_model_does_not_have_is_told(kind: str | None, pitch: f
         ("model.toml", "Pt533 = { value = 60", "Pt533 = { value = 0", r"not within 1\.\.10000"),
         ("model.toml", "Pt533 = { value = 60", "Pt999 = { value = 60", "Pt999: there is no such parameter"),
         ("model.toml", "[motors.linear.firmware]", "[motors.linear.parameter]", "parameter: not one of kind, motor"),
-        ("model.toml", "[motors.direct-drive.motor]", "[motors.rotary.motor]", "rotary.motor: the default motor is in the sections"),
+        ("model.toml", "[motors.direct-drive.motor]", "[motors.rotary.motor]", "rotary.motor: the default motor"),
         ("model.toml", "[motors.linear.firmware]", "[motors.linear.defaults]", "overspeed: there is no such parameter"),
         ("model.toml", "homing.velocity = { value = 6.0", "ramp.up = { value = 6.0", "ramp.up: the axis has no"),
         ("parameters.csv", ",power-on,linear", ",power-on,lunar", "motor: 'lunar'"),
