@@ -3,9 +3,27 @@
 from __future__ import annotations
 
 import pytest
+from akd_position import (
+    ACKNOWLEDGED,
+    ACTIVE,
+    BYTE,
+    COUNTS,
+    DWORD,
+    HOME,
+    HOMED,
+    IN_RANGE,
+    MDI,
+    REACHED,
+    READY,
+    START,
+    STOPPED,
+    WORD,
+    position_line,
+    write,
+)
 from hand_line import HandLine
 from parameter_requests import change_request
-from test_farm_line import access, changing, reading, value_of
+from record_line import access, changing, reading, value_of
 from virtual_line import VirtualLine
 
 from pnfarm.drives.memory import VolatileMemory
@@ -17,25 +35,9 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 )
 from pnfarm.protocols.profinet.wire.rtc import DataStatus
 
-#: Position mode: operation enabled, nothing rejected, no intermediate stop.
-READY, START, HOME = 0x043F, 0x047F, 0x0C3F
-IN_RANGE, REACHED, HOMED, ACKNOWLEDGED, STOPPED, ACTIVE = (
-    0x0100, 0x0400, 0x0800, 0x1000, 0x2000, 0x4000,
-)  # fmt: skip
 FAULT = 0x0008
-BYTE, WORD, DWORD = 0x41, 0x42, 0x43
 #: One revolution in the raw numbers of MT.P and its kin.
 REVOLUTION = 65536
-#: 600 rpm and 30,000 rpm/s in MDI_VELOCITY, MDI_ACC and MDI_DEC.
-MDI = {"SATZANW": 0x8000, "MDI_VELOCITY": 2**32 // 20, "MDI_ACC": 39, "MDI_DEC": 39, "MDI_MOD": 1}
-COUNTS = 65536
-
-
-def write(line: VirtualLine, pnu: int, form: int, value: int) -> None:
-    """A parameter over the wire, as a PLC writes it."""
-    answer = access(line, changing(pnu, form, value & 0xFFFFFFFF if form == DWORD else value & 0xFFFF))
-    assert answer is not None
-    assert not parse_response(answer).negative, pnu
 
 
 def task(line: VirtualLine, number: int, revolutions: float, *, control: int = 0, following: int = 0, wait: int = 0):
@@ -52,16 +54,6 @@ def task(line: VirtualLine, number: int, revolutions: float, *, control: int = 0
         (2277, BYTE, 1),
     ):
         write(line, pnu, form, value)
-
-
-def position_line(telegram: int = 7, *, homed: bool = True, **options) -> HandLine:
-    """In position mode and in operation."""
-    line = HandLine(telegram=telegram, params="{DRV.OPMODE: 2}", **options)
-    line.enable_axis(READY)
-    if homed:
-        assert line.send(HOME) & HOMED
-        assert line.send(READY) & (HOMED | STOPPED) == HOMED | STOPPED
-    return line
 
 
 # 3.6, 5.9, 7.1: velocity mode

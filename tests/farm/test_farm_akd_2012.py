@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from hand_line import HandLine
-from test_farm_line import MANUAL_3_6_2_REQUEST, MANUAL_3_6_2_RESPONSE, access, reading, value_of
+from record_line import MANUAL_3_6_2_REQUEST, MANUAL_3_6_2_RESPONSE, access, reading, value_of
 from virtual_line import VirtualLine
 
 from pnfarm.controller import line as controller_line

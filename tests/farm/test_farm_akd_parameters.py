@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hand_line import HandLine
-from test_farm_akd import (
+from akd_position import (
     ACKNOWLEDGED,
     BYTE,
     COUNTS,
@@ -19,8 +18,9 @@ from test_farm_akd import (
     position_line,
     write,
 )
-from test_farm_dcp import Tool, address
-from test_farm_line import access, changing, value_of
+from dcp_tool import Tool, address
+from hand_line import HandLine
+from record_line import access, changing, value_of
 
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response

@@ -4,6 +4,7 @@ import asyncio
 from ipaddress import IPv4Address, IPv4Interface
 
 import pytest
+from dcp_tool import Tool, address
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.factory_reset import MEMORY_AFTER_RESET, clear_memory
@@ -12,8 +13,7 @@ from pnfarm.drives.memory import VolatileMemory
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.ip.claim import RECHECK_NS, SPREAD_NS, WAIT_NS
-from pnfarm.protocols.ip.host import IpHost
-from pnfarm.protocols.profinet.dcp_client import DcpClient, HelloReceived, IdentifyAnswered
+from pnfarm.protocols.profinet.dcp_client import HelloReceived
 from pnfarm.protocols.profinet.dcp_rules import RESET_CLEARS, HelloMode, Stored
 from pnfarm.protocols.profinet.events import RecordWritten
 from pnfarm.protocols.profinet.wire.dcp_blocks import (
@@ -31,7 +31,6 @@ from pnfarm.protocols.profinet.wire.fsu import (
 )
 from pnfarm.protocols.profinet.wire.pdev import InterfaceAdjust, emit_interface_adjust
 from pnfarm.station.event_log import EventLog
-from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 
 FILE = """
 farm: virtual
@@ -60,57 +59,6 @@ class Farm:
 
     def events(self, name="axis-01"):
         return [entry.event for entry in self.log.entries(name)]
-
-
-class Tool:
-    """An engineering station: DCP, and an address that it may use like any host."""
-
-    def __init__(self, line, mac="020000fffffe"):
-        self.line = line
-        self.mac = bytes.fromhex(mac)
-        self.dcp = DcpClient(self.mac)
-        self.ip = IpHost(self.mac)
-        self.port = line.world.switch.attach(self.mac, self._receive)
-        self.found = []
-
-    def _receive(self, _, octets, now):
-        frame = parse_ethernet(octets)
-        (self.dcp if frame.ethertype == ETHERTYPE_PROFINET else self.ip).receive(frame, now)
-        self._send(now)
-
-    def _send(self, now):
-        for octets in (*self.dcp.to_send(now), *self.ip.to_send(now)):
-            self.line.world.switch.send(self.port.index, octets, now)
-        self.found += self.dcp.events()
-
-    def set(self, *blocks, drive=0):
-        """Results of a Set, block by block."""
-        now = self.line.world.now
-        self.dcp.set_blocks(self.line.farm.stations[drive].port.mac, blocks, now=now)
-        self._send(now)
-        self.line.run(0.02)
-        finished = self.found.pop()
-        return [block.error for block in finished.results]
-
-    def identify(self):
-        """What every drive says, by its MAC address."""
-        now = self.line.world.now
-        self.dcp.identify(now=now)
-        self._send(now)
-        self.line.run(0.02)
-        answers = {event.mac: event.info for event in self.found if isinstance(event, IdentifyAnswered)}
-        self.found.clear()
-        return answers
-
-    def use(self, address):
-        self.ip.set_address(IPv4Interface(address) if address else None)
-        self._send(self.line.world.now)
-        self.line.run(0.02)
-
-
-def address(text, prefix=23, *, permanent=True):
-    interface = IPv4Interface(f"{text}/{prefix}")
-    return IpParameterBlock(interface.ip, interface.netmask, interface.ip, int(permanent))
 
 
 def shown(line, drive=0):

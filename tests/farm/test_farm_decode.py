@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recorded_farm import FARM, described, record
 
 from pnfarm.buses.profinet.decode.cyclic import drive_state, status_words
 from pnfarm.buses.profinet.decode.decoder import FAMILIES, family_of
@@ -28,39 +29,6 @@ from pnfarm.farm.file.reading import parse_farm
 from pnfarm.links.bpf_capture import KINDS
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
-FARM = """
-farm: line-1
-link: {kind: memory}
-drives:
-  - {name: 'axis-{n:02}', count: 2, model: akd-profinet, ip: 10.77.0.11/24}
-controller:
-  name: plc
-  ip: 10.77.0.1/24
-  cycle: 16ms
-  watchdog_factor: 3
-  program: {kind: sine, speed_rpm: 60, period: 2s, acknowledge_after: 200ms}
-  reconnect: {after: 300ms}
-  records:
-    - {api: 14848, slot: 1, subslot: 1, index: 0xB02E, data: "01020001 1001 03A2 0000 4201 0002"}
-"""
-
-
-async def record(path: Path) -> None:
-    line = await VirtualLine.create(parse_farm(FARM), pcap=path, epoch_ns=0)
-    faults = line.farm.injections
-    assert line.world.run(5.0, until=lambda: line.plc.all_running)
-    faults.inject({"kind": "f702", "on": "axis-01"}, line.world.now)
-    line.world.run(1.0)
-    lost = {"kind": "loss", "on": "axis-02", "direction": "out", "probability": 1, "count": 2}
-    faults.inject(lost, line.world.now)
-    line.world.run(0.5)
-    faults.inject({"kind": "provider-stop", "on": "axis-02", "for": "100ms"}, line.world.now)
-    line.world.run(0.5)
-    faults.inject({"kind": "timeout", "on": "axis-02"}, line.world.now)
-    line.world.run(2.0)
-    line.plc.release(line.world.now)
-    line.world.run(1.0, until=lambda: line.plc.all_stopped)
-    await line.close()
 
 
 @pytest.fixture(scope="module")
@@ -290,11 +258,6 @@ def cyclic(number: int, data: bytes, *, frame_id: int = 0x8001, status: int = 0x
     count = number * 128 if counter is None else counter
     body = struct.pack(">H", frame_id) + data.ljust(40, b"\0") + struct.pack(">HBB", count & 0xFFFF, status, 0)
     return CapturedFrame(number + 1, time_ns, b"\x02\0\0\0\0\x02" + b"\x02\0\0\0\0\x01" + b"\x88\x92" + body)
-
-
-def described(frames) -> list[str]:
-    decoder = make_decoder()
-    return [f"{x.description.what} {x.description.text}" for frame in frames for x in decoder.feed(frame)]
 
 
 def test_frames_without_a_connect_are_judged_by_their_counter():

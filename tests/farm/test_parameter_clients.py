@@ -5,7 +5,7 @@ from __future__ import annotations
 from ipaddress import IPv4Interface
 
 from bystander import Bystander
-from test_farm_line import API, reading, record
+from record_line import API, reading, record
 from virtual_line import VirtualLine
 
 from pnfarm.protocols.profinet.cmctl_events import RecordRead

@@ -7,8 +7,8 @@ from ipaddress import IPv4Interface
 import pytest
 from bystander import Bystander
 from initiator import Initiator
+from record_line import changing, reading
 from shared_line import SharedLine
-from test_farm_line import changing, reading
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.records import RecordJob

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from uuid import UUID
 
+from hypothesis import strategies as st
+
 from pnfarm.protocols.profinet.cmctl import CmController, CmctlState
 from pnfarm.protocols.profinet.cmctl_events import ArFailed, CmctlEvent, ControllerCall, Timeouts
 from pnfarm.protocols.profinet.cmctl_plan import ArPlan, ParameterRecord, PlannedSubmodule
@@ -26,6 +28,7 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
     IdentInfo,
     ModuleDiffBlock,
     ModuleState,
+    SubmoduleProperties,
     emit_module_diff_block,
     submodule_state,
 )
@@ -256,3 +259,26 @@ def failure(up: Line) -> ArFailed:
 
 def rta_codes(up: Line) -> list[int]:
     return [parse_rta_error(pdu).status.error_code2 for _, pdu, _ in up.controller.rta_to_send()]
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> ArPlan:
+    """Any device of a few slots, whatever its lengths."""
+    submodules = []
+    lengths = st.integers(0, 40)
+    for slot in draw(st.lists(st.integers(0, 0x7FFF), min_size=1, max_size=6, unique=True)):
+        ident = draw(st.integers(1, 0xFFFFFFFF))
+        api = draw(st.sampled_from((0, 0x3A00, 0x4600)))
+        # interface and port submodules belong to API 0
+        subslots = st.integers(1, 0x7FFF if api else 0x9FFF)
+        for subslot in draw(st.lists(subslots, min_size=1, max_size=4, unique=True)):
+            submodule_ident, inputs, outputs = draw(st.tuples(st.integers(0, 0xFFFFFFFF), lengths, lengths))
+            properties = draw(st.sampled_from((0, SubmoduleProperties.DISCARD_IOXS)))
+            place = PlannedSubmodule(api, slot, ident, subslot, submodule_ident, inputs, outputs, properties)
+            submodules.append(place)
+    return make_plan(
+        submodules=tuple(submodules),
+        startup=draw(st.sampled_from(("legacy", "advanced"))),
+        expected_blocks=draw(st.sampled_from(("per-api", "per-slot"))),
+        session_key=draw(st.integers(0, 0xFFFF)),
+    )

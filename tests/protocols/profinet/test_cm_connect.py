@@ -5,17 +5,32 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from cm_support import ADVANCED, CAPTURE_NAMES, DRIVE, DRIVE_API, Bench, Plan, calls, connect_request, telegram
+from cm_requests import (
+    BASE,
+    DA,
+    P,
+    alarm,
+    ar,
+    cut,
+    data,
+    drive,
+    fitting,
+    iocr,
+    moved,
+    pap,
+    telegram_sub,
+    versioned,
+    with_blocks,
+)
+from cm_support import ADVANCED, CAPTURE_NAMES, DRIVE, DRIVE_API, Bench, calls, connect_request, telegram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.ar import expected_submodules
 from pnfarm.protocols.profinet.description import (
-    DeviceDescription,
     Limits,
     ModuleDescription,
     Plugged,
-    SubmoduleDescription,
 )
 from pnfarm.protocols.profinet.errors import (
     AlarmCrField,
@@ -27,7 +42,7 @@ from pnfarm.protocols.profinet.errors import (
 )
 from pnfarm.protocols.profinet.events import ArConnected, ConnectRefused
 from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire.blocks import RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.blocks import RawBlock
 from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
 from pnfarm.protocols.profinet.wire.blocks_expected import (
     DataDescription,
@@ -36,71 +51,6 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
 )
 from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi
 from pnfarm.protocols.profinet.wire.rpc import PnioStatus
-
-P = Plan()
-
-
-def ar(**fields):
-    return replace(P, ar=replace(P.ar, **fields))
-
-
-def iocr(**fields):
-    return replace(P, inputs=replace(P.inputs, **fields))
-
-
-def alarm(**fields):
-    return replace(P, alarm=replace(P.alarm, **fields))
-
-
-def drive(**fields):
-    return replace(P, drive=replace(P.drive, **fields))
-
-
-def telegram_sub(**fields):
-    return drive(submodules=(P.drive.submodules[0], replace(P.drive.submodules[1], **fields)))
-
-
-def pap(**fields):
-    return drive(submodules=(replace(P.drive.submodules[0], **fields), P.drive.submodules[1]))
-
-
-def data(**fields):
-    first, second = P.drive.submodules[1].data
-    return telegram_sub(data=(replace(first, **fields), second))
-
-
-def with_blocks(*blocks):
-    return replace(P, blocks=blocks)
-
-
-def versioned(position, version):
-    """The request with one block's version changed."""
-    raws = list(split_blocks(P.payload()))
-    raws[position] = replace(raws[position], version=version)
-    return with_blocks(*raws)
-
-
-def cut(position):
-    raws = list(split_blocks(P.payload()))
-    raws[position] = replace(raws[position], body=raws[position].body[:-1])
-    return with_blocks(*raws)
-
-
-def moved(subslot):
-    """The parameter access point in another subslot, also in both frames."""
-
-    def shift(cr):
-        def slots(entries):
-            return tuple(replace(e, subslot=subslot) if (e.slot, e.subslot) == (1, 1) else e for e in entries)
-
-        apis = tuple(replace(a, data_objects=slots(a.data_objects), iocs=slots(a.iocs)) for a in cr.apis)
-        return replace(cr, apis=apis)
-
-    return replace(pap(subslot=subslot), inputs=shift(P.inputs), outputs=shift(P.outputs))
-
-
-BASE = parse_blocks(P.payload())
-DA = replace(P.ar, ar_type=6, properties=0x111)
 
 REFUSALS = [
     # ARBlockReq
@@ -402,28 +352,6 @@ def test_a_missing_submodule_is_reported_as_no_submodule():
     diff, unusable = diff_of(bench)
     (sub,) = diff.apis[0].modules[0].submodules
     assert (sub.subslot, sub.ident_info, unusable) == (1, 3, {(DRIVE_API, 1, 1)})
-
-
-def fitting(name):
-    """A device that has what a captured request expects."""
-    blocks = parse_blocks(connect_request(name))
-    apis = [a for b in blocks if isinstance(b, ExpectedSubmoduleBlockReq) for a in b.apis]
-    modules = tuple(
-        ModuleDescription(
-            a.slot,
-            a.module_ident,
-            tuple(
-                SubmoduleDescription(
-                    a.slot, s.subslot, a.api, a.module_ident, s.submodule_ident, s.length(1), s.length(2)
-                )
-                for s in a.submodules
-            ),
-        )
-        for a in apis
-    )
-    return DeviceDescription(
-        1, 1, "test", modules[0], DRIVE.im0, modules[1:], min_device_interval=8, limits=Limits(strict=False)
-    )
 
 
 @pytest.mark.parametrize("name", CAPTURE_NAMES)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from cm_requests import BASE, drive, iocr, telegram_sub, with_blocks
 from cm_support import ALARM_BLOCK, DAP_BLOCK, DRIVE_BLOCK, MS, UUID_2, Bench, Plan
-from test_cm_connect import BASE, drive, iocr, telegram_sub, with_blocks
 
 from pnfarm.protocols.profinet.events import ArConnected, SubmodulesChanged
 from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from cmctl_peers import SUBMODULES, make_plan
+from cmctl_peers import SUBMODULES, make_plan, plans
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,29 +21,6 @@ from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedSubmoduleBloc
 from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"
-
-
-@st.composite
-def plans(draw: st.DrawFn) -> ArPlan:
-    """Any device of a few slots, whatever its lengths."""
-    submodules = []
-    lengths = st.integers(0, 40)
-    for slot in draw(st.lists(st.integers(0, 0x7FFF), min_size=1, max_size=6, unique=True)):
-        ident = draw(st.integers(1, 0xFFFFFFFF))
-        api = draw(st.sampled_from((0, 0x3A00, 0x4600)))
-        # interface and port submodules belong to API 0
-        subslots = st.integers(1, 0x7FFF if api else 0x9FFF)
-        for subslot in draw(st.lists(subslots, min_size=1, max_size=4, unique=True)):
-            submodule_ident, inputs, outputs = draw(st.tuples(st.integers(0, 0xFFFFFFFF), lengths, lengths))
-            properties = draw(st.sampled_from((0, SubmoduleProperties.DISCARD_IOXS)))
-            place = PlannedSubmodule(api, slot, ident, subslot, submodule_ident, inputs, outputs, properties)
-            submodules.append(place)
-    return make_plan(
-        submodules=tuple(submodules),
-        startup=draw(st.sampled_from(("legacy", "advanced"))),
-        expected_blocks=draw(st.sampled_from(("per-api", "per-slot"))),
-        session_key=draw(st.integers(0, 0xFFFF)),
-    )
 
 
 def frame_blocks(plan: ArPlan) -> tuple[list[IocrBlockReq], list[ExpectedSubmoduleBlockReq]]:

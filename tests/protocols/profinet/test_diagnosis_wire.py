@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 
 import pytest
+from block_strategies import item_lists
 from hypothesis import given
 from hypothesis import strategies as st
-from test_blocks_codec import item_lists
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.blocks import RawBlock

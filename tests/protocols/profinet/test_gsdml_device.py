@@ -18,11 +18,11 @@ from xml.etree import ElementTree as ET
 
 import pytest
 from cm_support import AR_BLOCK, UUID_1, Bench
+from cmctl_pair import Pair
 from cmctl_peers import CONTROLLER_MAC, make_plan
 from dcp_bench import device as dcp_device
 from dcp_bench import setting
 from profinet.gsdml import load_gsdml
-from test_cmctl_two_ends import Pair
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from cmctl_pair import device_fit_for, pair_of
 from cmctl_peers import make_plan
 from gsdml_kit import MINIATURE
-from test_cmctl_two_ends import device_fit_for, pair_of
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cmctl_events import ArEstablished

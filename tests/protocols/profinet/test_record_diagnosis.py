@@ -2,28 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from cm_support import DRIVE_API, Bench, telegram
-from record_support import read, read_blocks
+from record_support import AXIS, DIAGNOSES, FAULT, read, read_blocks
 
-from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.record_store import owned_submodules
-from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
-
-AXIS = (DRIVE_API, 1, 1)
-FAULT = DiagnosisEntry(*AXIS, error_type=5)
-REQUIRED = DiagnosisEntry(*AXIS, error_type=6, maintenance=Maintenance.REQUIRED)
-DEMANDED = DiagnosisEntry(DRIVE_API, 1, 2, error_type=7, maintenance=Maintenance.DEMANDED)
-QUALIFIED = DiagnosisEntry(
-    *AXIS, usi=0x8003, error_type=8, maintenance=Maintenance.QUALIFIED, qualifier=1 << 27 | 1 << 7 | 1 << 3
-)
-ADVICE = replace(QUALIFIED, error_type=9, qualifier=1 << 3)
-OWN = DiagnosisEntry(*AXIS, usi=0x0042, data=b"own")
-PORT = DiagnosisEntry(0, 0, 0x8001, usi=0x8002, error_type=0x8000, ext_error_type=0x8000)
-ALL = (FAULT, REQUIRED, DEMANDED, QUALIFIED, ADVICE, OWN, PORT)
 
 #: Low octet of the index -> error types (0 for the manufacturer's) of all that it tells of the device.
 TOLD = {
@@ -41,7 +25,7 @@ TOLD = {
 def bench():
     made = Bench()
     made.establish()
-    for entry in ALL:
+    for entry in DIAGNOSES:
         assert made.records.diagnosis.add(entry)
     return made
 
@@ -56,7 +40,7 @@ def told(bench, index, **place):
 
 def expected(number, *, where):
     return {
-        (*e.place, e.error_type) for e in ALL if e.error_type in TOLD[number] and where(e.place)
+        (*e.place, e.error_type) for e in DIAGNOSES if e.error_type in TOLD[number] and where(e.place)
     }  # fmt: skip
 
 
@@ -95,7 +79,7 @@ def test_an_ar_is_told_of_the_submodules_that_it_has_and_no_others():
     (ar,) = bench.cm.ars
     # the telegram is another one: the AR expects it, but it has not got it
     assert (DRIVE_API, 1, 2) not in owned_submodules(ar)
-    for entry in ALL:
+    for entry in DIAGNOSES:
         bench.records.diagnosis.add(entry)
     assert told(bench, 0xE00C) == expected(0x0C, where=lambda p: p != (DRIVE_API, 1, 2))
     assert told(bench, 0xF80C) == expected(0x0C, where=lambda _: True)

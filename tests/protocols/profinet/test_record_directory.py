@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
+from cm_requests import fitting
 from cm_support import CAPTURE_NAMES, DRIVE_API, UUID_1, UUID_2, Bench, calls, connect_request
 from record_support import DATA_PLACE, connect_tool, read, read_blocks, write
-from test_cm_connect import fitting
 
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.record_directory import Access, Index, Part, Scope, find_record

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from cm_support import DRIVE, DRIVE_API, UUID_2, Bench
-from record_support import DATA_PLACE, connect_tool, read, read_blocks, write
+from record_support import DATA_PLACE, SEVERAL_CARRIERS, WITH_IM, connect_tool, read, read_blocks, write
 
 from pnfarm.protocols.profinet.description import ImCarrier
 from pnfarm.protocols.profinet.record_im import ImCleared, ImWritten
@@ -15,7 +15,6 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import ResetMode
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
 from pnfarm.protocols.profinet.wire.records import ImText
 
-ALL = replace(DRIVE, im0=replace(DRIVE.im0, im_supported=0b11110))
 TAG = ImText(0x21, b"pump".ljust(32) + b"hall 3".ljust(22))
 DATE = ImText(0x22, b"2026-02-30 25:61")
 SIGNATURE = ImText(0x24, bytes(range(54)))
@@ -23,7 +22,7 @@ SIGNATURE = ImText(0x24, bytes(range(54)))
 
 @pytest.fixture
 def bench():
-    made = Bench(ALL)
+    made = Bench(WITH_IM)
     made.establish()
     return made
 
@@ -45,14 +44,14 @@ def test_what_was_never_written_is_blank_and_a_signature_is_zero(bench):
 
 def test_texts_survive_the_machine_that_took_them():
     texts = {}
-    bench = Bench(ALL, texts=texts)
+    bench = Bench(WITH_IM, texts=texts)
     bench.establish()
     assert write(bench, 0xAFF1, emit_block(TAG)) == 0
-    assert read_blocks(Bench(ALL, texts=texts), 0xAFF1, uuid=NIL_UUID) == (TAG,)
+    assert read_blocks(Bench(WITH_IM, texts=texts), 0xAFF1, uuid=NIL_UUID) == (TAG,)
     # whatever a memory gives back, the block has its size
     texts[0, 1, 0xAFF2] = b"short"
     texts[0, 1, 0xAFF3] = b"long" * 50
-    bench = Bench(ALL, texts=texts)
+    bench = Bench(WITH_IM, texts=texts)
     assert read_blocks(bench, 0xAFF2, uuid=NIL_UUID) == (ImText(0x22, b"short".ljust(16)),)
     assert len(read(bench, 0xAFF3, uuid=NIL_UUID)) == 60
 
@@ -97,26 +96,15 @@ def test_a_submodule_without_its_own_answers_with_the_devices_and_takes_nothing(
 
 
 def test_a_tool_may_write_them_while_no_controller_has_the_device():
-    bench = Bench(ALL)
+    bench = Bench(WITH_IM)
     connect_tool(bench)
     assert write(bench, 0xAFF1, emit_block(TAG), uuid=UUID_2) == 0
     bench.establish()
     assert write(bench, 0xAFF1, emit_block(TAG), uuid=UUID_2) == 0xB6
 
 
-MODULE_IM0 = replace(DRIVE.im0, order_id="MODULE-1", im_supported=0b0010)
-SEVERAL = replace(
-    ALL,
-    im_carriers=(
-        ImCarrier(0, 1, device=True),
-        ImCarrier(1, 1, module=True, im0=MODULE_IM0),
-        ImCarrier(9, 1),
-    ),
-)
-
-
 def test_several_carriers_have_data_of_their_own_and_are_all_listed():
-    bench = Bench(SEVERAL)
+    bench = Bench(SEVERAL_CARRIERS)
     bench.establish()
     (im0,) = read_blocks(bench, 0xAFF0, **DATA_PLACE)
     assert im0.order_id == b"MODULE-1".ljust(20)
@@ -136,13 +124,13 @@ def test_several_carriers_have_data_of_their_own_and_are_all_listed():
 
 
 def test_a_carrier_that_is_pulled_is_not_listed():
-    bench = Bench(SEVERAL)
+    bench = Bench(SEVERAL_CARRIERS)
     bench.plugged.pull(1)
     assert [b.block_type for b in read_blocks(bench, 0xF840, uuid=NIL_UUID)] == [0x30, 0x32]
 
 
 def test_a_submodule_that_nobody_stands_for_has_no_im():
-    bench = Bench(replace(ALL, im_carriers=(ImCarrier(1, 1),)))
+    bench = Bench(replace(WITH_IM, im_carriers=(ImCarrier(1, 1),)))
     bench.establish()
     assert isinstance(read(bench, 0xAFF0, api=DRIVE_API, slot=1), bytes)
     assert read(bench, 0xAFF0) == 0xB0

@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 import pytest
+from cm_requests import P
 from cm_support import PEER, ROOM, UUID_2, Bench, Plan
 from record_support import DATA_PLACE, connect_tool, read, write
-from test_cm_connect import P
 
 from pnfarm.protocols.profinet.events import RecordWritten
 from pnfarm.protocols.profinet.wire.blocks import RawBlock

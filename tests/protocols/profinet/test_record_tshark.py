@@ -10,8 +10,7 @@ from uuid import UUID
 
 import pytest
 from cm_support import CONTROLLER_MAC, DEVICE_MAC, DRIVE, DRIVE_API, UUID_1, Bench
-from test_record_diagnosis import ALL
-from test_record_im import SEVERAL
+from record_support import DIAGNOSES, SEVERAL_CARRIERS
 
 from pnfarm.links.pcap import PcapngWriter
 from pnfarm.protocols.profinet.record_store import IoData
@@ -113,11 +112,11 @@ class Tape:
 def tape(tmp_path_factory):
     if shutil.which("tshark") is None:
         pytest.skip("needs the tool `tshark`")
-    bench = Bench(SEVERAL, io_data=lambda _slot, _subslot, _output: IoData(bytes(range(12)), 0x80, 0x80))
+    bench = Bench(SEVERAL_CARRIERS, io_data=lambda _slot, _subslot, _output: IoData(bytes(range(12)), 0x80, 0x80))
     bench.establish()
     for event in bench.events():
         bench.records.log_book.note(event, 1_000_000_000)
-    for entry in ALL:
+    for entry in DIAGNOSES:
         bench.records.diagnosis.add(entry)
     path = tmp_path_factory.mktemp("records") / "records.pcapng"
     made = Tape(path)
