@@ -80,7 +80,12 @@ def test_the_description_file_names_both_telegrams(drive_folder):
 @pytest.mark.slow
 def test_the_tests_that_sweep_every_model_pass_with_it(drive_folder):
     """As the page has it, with the folders named that sweep."""
-    folders = ["tests/drives", "tests/protocols/profinet/test_gsdml_device.py", "tests/cli/test_cli_gsdml.py"]
+    folders = [
+        "tests/drives",
+        "tests/protocols/profinet/test_gsdml_device.py",
+        "tests/protocols/profinet/test_gsdml_timing.py",
+        "tests/cli/test_cli_gsdml.py",
+    ]
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-k", NAME, *folders],
         cwd=ROOT,

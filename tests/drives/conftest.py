@@ -3,7 +3,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from drives_kit import SHARED, Drive, new_drive
+from drives_kit import SHARED, Drive, Running, new_drive
 
 from pnfarm.drives.catalogue import models
 
@@ -20,6 +20,12 @@ def drive(request: pytest.FixtureRequest) -> Drive:
 @pytest.fixture
 def akd() -> Drive:
     return new_drive("akd-profinet")
+
+
+@pytest.fixture
+def running() -> Running:
+    """An AKD whose firmware is stepped by hand."""
+    return Running("akd-profinet")
 
 
 @pytest.fixture

@@ -12,11 +12,6 @@ NAME = "akd-profinet"
 WARNING, FAULT = 0x0080, 0x0008
 
 
-@pytest.fixture
-def running() -> Running:
-    return Running(NAME)
-
-
 def enable(drive: Running, nsoll_a: int = 0) -> None:
     for stw1 in (0x0470, 0x0476, 0x0477, 0x047F):
         drive.send(stw1, nsoll_a)

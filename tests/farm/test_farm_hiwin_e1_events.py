@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 from e1_plc import (
     ACKNOWLEDGE,
+    BOTH_TELEGRAMS,
     COUNTS,
     FOLLOWS,
     HOMED,
@@ -22,11 +23,10 @@ from e1_plc import (
 
 from pnfarm.engine.tick import tick
 
-BOTH = pytest.mark.parametrize("telegram", [9, 111])
 PULSES = 0x0800
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_table_3_3_2_1_bit_3_falls_in_a_task_the_pulses_go_off_and_the_task_is_gone(telegram):
     plc = E1Plc(telegram)
     plc.task(20.0)
@@ -49,7 +49,7 @@ def test_table_3_3_2_1_bit_3_falls_in_a_task_the_pulses_go_off_and_the_task_is_g
     assert plc.rev == pytest.approx(20.0, abs=0.01)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_table_3_3_2_1_bit_7_acknowledges_by_its_edge_and_a_later_fault_needs_another(telegram):
     plc = E1Plc(telegram)
     plc.inject("drive-fault", fault="AL.100")
@@ -63,7 +63,7 @@ def test_table_3_3_2_1_bit_7_acknowledges_by_its_edge_and_a_later_fault_needs_an
     plc.switch_on(operation=RUN)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 @pytest.mark.parametrize(("bit", "sign"), [(JOG_FORWARDS, 1), (JOG_BACKWARDS, -1)])
 def test_6_8_and_6_2_a_jog_keeps_to_the_velocity_limit_and_the_axis_follows_it(telegram, bit, sign):
     """Pt533 may be 10000 rpm, Pt316 less."""
@@ -76,7 +76,7 @@ def test_6_8_and_6_2_a_jog_keeps_to_the_velocity_limit_and_the_axis_follows_it(t
     plc.wait_for(lambda: plc.bit(STOPPED))
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_table_3_3_2_1_bits_0_to_6_at_once_enable_the_drive_and_start_nothing(telegram):
     plc = E1Plc(telegram)
     plc.task(3.0)
@@ -93,7 +93,7 @@ class FastPlc(E1Plc):
     FRAME = 0.0005
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_table_2_2_1_at_500_us_the_drive_hears_an_edge_of_one_frame_and_moves_on_in_each(telegram):
     plc = FastPlc(telegram, cycle="500us")
     for target, frames in ((50.0, 7), (60.0, 7), (70.0, 401)):

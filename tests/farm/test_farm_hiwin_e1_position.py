@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from e1_plc import (
-    ACKNOWLEDGE,
+    BOTH_TELEGRAMS,
     COUNTS,
     FOLLOWS,
     HOME,
@@ -21,13 +21,10 @@ from e1_plc import (
 )
 from hand_plc import HandPlc
 
-BOTH = pytest.mark.parametrize("telegram", [9, 111])
-
-
 # -- status and control word ----------------------------------------------------------------------------------------
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_table_3_5_2_1_the_status_word_of_each_step_of_the_start_up(telegram):
     """Following error in tolerance, control requested, motor stopped; no target, no home position, no task."""
     plc = HandPlc("hiwin-e1", telegram)
@@ -38,7 +35,7 @@ def test_table_3_5_2_1_the_status_word_of_each_step_of_the_start_up(telegram):
     assert plc["ZSW2"] & 0x0FFF == 0
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_3_3_2_reserved_bits_do_nothing(telegram):
     plc = E1Plc(telegram)
     for bit in (12, 13, 14, 15):
@@ -46,7 +43,7 @@ def test_3_3_2_reserved_bits_do_nothing(telegram):
     assert plc["ZSW1"] & 0xC000 == 0
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_without_control_by_the_plc_neither_task_nor_jog_nor_homing_begins(telegram):
     plc = E1Plc(telegram)
     plc.task(3.0)
@@ -69,7 +66,7 @@ def test_without_control_by_the_plc_a_running_task_keeps_its_data():
 # -- MDI (3.9 to 3.12, 6.6) ------------------------------------------------------------------------------------------
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_6_6_1_an_absolute_task_runs_with_its_units_and_tells_each_step(telegram):
     """Table of 6.6.1: 1 is one control unit; 1 is 1000 control units a minute; 0x4000 is 100 % of Pt534 and Pt537."""
     plc = E1Plc(telegram)
@@ -87,7 +84,7 @@ def test_6_6_1_an_absolute_task_runs_with_its_units_and_tells_each_step(telegram
     assert plc.rev == pytest.approx(10.0, abs=0.001)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_3_11_and_3_12_a_relative_task_counts_from_where_the_axis_is_to_be(telegram):
     plc = E1Plc(telegram)
     for target in (2.0, 4.0, 6.0):
@@ -98,7 +95,7 @@ def test_3_11_and_3_12_a_relative_task_counts_from_where_the_axis_is_to_be(teleg
         assert plc.rev == pytest.approx(target, abs=0.001)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_a_negative_target_runs_backwards_and_a_new_edge_takes_a_new_target_in_the_run(telegram):
     plc = E1Plc(telegram)
     plc.task(-10.0)
@@ -114,7 +111,7 @@ def test_a_negative_target_runs_backwards_and_a_new_edge_takes_a_new_target_in_t
     assert plc.rev == pytest.approx(2.0, abs=0.001)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 @pytest.mark.parametrize(
     "word",
     [{"MDI_VELOCITY": 0}, {"MDI_VELOCITY": -5_000_000}, {"MDI_ACC": 0}, {"MDI_DEC": 0}, {"MDI_ACC": 0x8000},
@@ -129,7 +126,7 @@ def test_3_1_and_6_6_1_a_task_without_velocity_or_ramp_or_with_a_negative_one_is
     assert plc.rpm == pytest.approx(0.0, abs=0.1)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_3_2_note_2_without_mdi_nothing_starts_and_the_words_tell(telegram):
     """The drive keeps no position blocks: only the MDI submode works."""
     plc = E1Plc(telegram)
@@ -144,7 +141,7 @@ def test_3_2_note_2_without_mdi_nothing_starts_and_the_words_tell(telegram):
     assert plc.rpm == pytest.approx(0.0, abs=0.1)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_3_3_2_a_level_of_bit_6_is_no_edge_and_a_task_needs_bits_4_and_5(telegram):
     plc = E1Plc(telegram)
     plc.task(1.0)
@@ -159,7 +156,7 @@ def test_3_3_2_a_level_of_bit_6_is_no_edge_and_a_task_needs_bits_4_and_5(telegra
     assert plc.rev == pytest.approx(1.0, abs=0.001)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_3_3_2_bit_5_stops_on_the_way_and_goes_on(telegram):
     plc = E1Plc(telegram)
     plc.task(5.0)
@@ -174,7 +171,7 @@ def test_3_3_2_bit_5_stops_on_the_way_and_goes_on(telegram):
     assert plc.rev == pytest.approx(5.0, abs=0.01)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_3_3_2_bit_4_throws_the_task_away(telegram):
     plc = E1Plc(telegram)
     plc.task(5.0)
@@ -191,7 +188,7 @@ def test_3_3_2_bit_4_throws_the_task_away(telegram):
     assert plc.rev == pytest.approx(5.0, abs=0.01)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_6_6_1_pt534_and_pt537_are_the_ramps_and_mdi_acc_and_mdi_dec_their_share(telegram):
     plc = E1Plc(telegram)
     plc.store.set("Pt534", 200)
@@ -219,7 +216,7 @@ def test_tables_3_9_1_to_3_11_1_reserved_bits_do_nothing(words, target):
     assert plc.rev == pytest.approx(target, abs=0.001)
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_a_task_goes_on_when_mdi_is_deselected_on_the_way(telegram):
     """The submode counts with the edge that starts a task: assumed."""
     plc = E1Plc(telegram)
@@ -324,7 +321,7 @@ def test_table_3_13_1_a_relative_task_keeps_its_way_behind_a_new_reference_point
 # -- numbers of 32 bits (3.1) ------------------------------------------------------------------------------------------
 
 
-@BOTH
+@BOTH_TELEGRAMS
 def test_3_1_an_absolute_task_leads_to_where_xist_a_shows_its_number(telegram):
     """XIST_A is an Int32: of 2^23 increments it counts round after 256 revolutions."""
     plc = E1Plc(telegram)
@@ -410,203 +407,6 @@ def test_table_3_14_1_an_overtravel_stops_the_axis_and_lets_it_back_only(side, b
     plc.clear()
     plc.arrive()
     assert plc["POS_ZSW1"] == 0x8000
-
-
-# -- stops, faults and power (6.4, 6.5, 5.1) ---------------------------------------------------------------------------
-
-
-@BOTH
-@pytest.mark.parametrize(("milliseconds", "rpm"), [(2, 0.0), (1000, 540.0)])
-def test_6_4_the_quick_stop_takes_the_time_of_pt538_and_ends_inhibited(telegram, milliseconds, rpm):
-    plc = E1Plc(telegram)
-    plc.store.set("Pt538", milliseconds)
-    plc.store.set("Pt30A", 5)
-    plc.task(50.0)
-    assert plc.go()
-    plc.wait(300)
-    plc.put(STW1=RUN & ~0x0004, wait=104)
-    assert plc.rpm == pytest.approx(rpm, abs=15.0)
-    plc.wait_for(lambda: plc["ZSW1"] & 0x0047 == 0x0040)
-    place = plc.rev
-    plc.switch_on(operation=RUN)
-    plc.wait(200)
-    assert plc.rev == pytest.approx(place, abs=0.01), "the task is gone"
-
-
-@BOTH
-def test_off_brakes_ends_the_task_and_leads_to_ready(telegram):
-    plc = E1Plc(telegram)
-    plc.task(50.0)
-    assert plc.go()
-    plc.wait(300)
-    plc.put(STW1=RUN & ~0x0001, wait=60)
-    assert plc["ZSW1"] & 0x0047 == 0x0001
-    plc.put(STW1=RUN, wait=200)
-    assert plc.bit(0x0007 | STOPPED)
-    assert not plc.bit(REACHED)
-
-
-@BOTH
-def test_a_coast_stop_ends_the_task_and_the_home_position_stays_known(telegram):
-    plc = E1Plc(telegram)
-    plc.put(STW1=RUN | HOME)
-    plc.wait_for(lambda: plc.bit(HOMED))
-    plc.put(STW1=RUN)
-    plc.task(50.0)
-    assert plc.go()
-    plc.wait(300)
-    plc.put(STW1=RUN & ~0x0002, wait=300)
-    assert plc["ZSW1"] & 0x0057 == 0x0040
-    assert plc.bit(HOMED | STOPPED)
-    plc.switch_on(operation=RUN)
-    assert plc.go()
-
-
-@BOTH
-@pytest.mark.parametrize("busy", ["task", "homing", "jog"])
-def test_a_fault_ends_what_runs_and_it_stays_ended_after_the_acknowledgement(telegram, busy):
-    plc = E1Plc(telegram)
-    plc.store.set("Pt533", 300)
-    plc.task(50.0)
-    begin = {"task": START, "homing": HOME, "jog": JOG_FORWARDS}[busy]
-    plc.put(STW1=RUN | begin, wait=200)
-    assert plc.rpm > 30.0
-    plc.inject("drive-fault", fault=15)
-    plc.wait(5)
-    assert plc["ZSW1"] & 0x004F == 0x0048
-    if telegram == 111:
-        assert plc["FAULT_CODE"] == 0x100
-        assert plc["POS_ZSW1"] & 0x0C00 == 0
-        assert plc["POS_ZSW2"] & 0x8004 == 0
-    plc.wait(400)
-    plc.put(STW1=0x0400)
-    assert plc.put(STW1=0x0400 | ACKNOWLEDGE) & 0x0008 == 0
-    plc.switch_on(operation=RUN)
-    plc.wait(200)
-    assert plc.rpm == pytest.approx(0.0, abs=0.1)
-    assert not plc.bit(HOMED)
-    if telegram == 111:
-        assert plc["FAULT_CODE"] == 0
-
-
-@BOTH
-def test_a_power_cycle_forgets_the_home_position_and_keeps_the_parameters(telegram):
-    plc = E1Plc(telegram)
-    plc.store.set("Pt533", 300)
-    plc.put(STW1=RUN | HOME)
-    plc.wait_for(lambda: plc.bit(HOMED))
-    plc.inject("power-cycle", off="200ms")
-    plc.run(0.1)
-    assert not plc.farm.stations[0].powered
-    plc.run(1.0)
-    plc.connect()
-    plc.wait_for(lambda: plc.axis.drive.state == 1)
-    plc.put(STW1=0x0400)
-    assert not plc.bit(HOMED)
-    assert plc.axis.jog.settings.velocity[0] == 300.0
-    assert 0.0 <= plc.rev < 1.0, "the encoder knows its angle alone: assumed"
-    plc.switch_on(operation=RUN)
-
-
-# -- homing and jogging (6.7, 6.8) -------------------------------------------------------------------------------------
-
-
-@BOTH
-def test_6_7_homing_runs_while_bit_11_stands_and_tells_its_end(telegram):
-    plc = E1Plc(telegram)
-    plc.task(2.25)
-    assert plc.go()
-    plc.arrive()
-    plc.put(STW1=RUN | HOME)
-    if telegram == 111:
-        assert plc["POS_ZSW1"] == 0x8800
-    plc.wait_for(lambda: plc.bit(HOMED))
-    assert plc.axis.homing.origin == pytest.approx(3.0), "the next zero mark forwards: assumed"
-    plc.wait_for(lambda: plc.bit(REACHED | STOPPED))
-    plc.wait(50)
-    assert plc.rev == pytest.approx(0.0, abs=0.001)
-    if telegram == 111:
-        assert plc["POS_ZSW1"] == 0x8000
-    plc.put(STW1=RUN, wait=20)
-    assert plc.bit(HOMED)
-
-
-@BOTH
-def test_6_7_homing_that_is_stopped_leaves_the_home_position_unset(telegram):
-    plc = E1Plc(telegram)
-    plc.put(STW1=RUN | HOME, wait=100)
-    assert plc.rpm > 0.0
-    plc.put(STW1=RUN, wait=200)
-    assert plc.bit(STOPPED)
-    assert not plc.bit(HOMED)
-    plc.task(0.5)
-    assert plc.go(), "tasks do not need the home position: the manual does not ask for it"
-
-
-@BOTH
-@pytest.mark.parametrize(("bit", "sign"), [(JOG_FORWARDS, 1), (JOG_BACKWARDS, -1)])
-def test_6_8_jogging_runs_with_pt533_along_pt534_and_pt537(telegram, bit, sign):
-    plc = E1Plc(telegram)
-    plc.store.set("Pt533", 300)
-    plc.store.set("Pt534", 200)
-    plc.store.set("Pt537", 400)
-    plc.put(STW1=RUN | bit, wait=103)
-    assert plc.rpm == pytest.approx(sign * 150.0, abs=10.0)
-    plc.wait(150)
-    assert plc.rpm == pytest.approx(sign * 300.0, abs=1.0)
-    assert not plc.bit(STOPPED)
-    if telegram == 111:
-        assert plc["POS_ZSW1"] == 0x8400
-        assert plc["POS_ZSW2"] == (0x0010 if sign > 0 else 0x0020)
-        assert plc["NIST_B"] == pytest.approx(sign * 0x40000000 // 10, rel=0.01)
-    plc.put(STW1=RUN, wait=203)
-    assert plc.rpm == pytest.approx(sign * 150.0, abs=10.0)
-    plc.wait_for(lambda: plc.bit(STOPPED))
-    assert not plc.bit(REACHED)
-
-
-@BOTH
-def test_6_8_both_jog_bits_stop_and_the_velocity_changes_at_once(telegram):
-    plc = E1Plc(telegram)
-    plc.put(STW1=RUN | JOG_FORWARDS, wait=300)
-    plc.store.set("Pt533", 1200)
-    plc.wait(400)
-    assert plc.rpm == pytest.approx(1200.0, abs=2.0)
-    plc.put(STW1=RUN | JOG_FORWARDS | JOG_BACKWARDS, wait=400)
-    assert plc.rpm == pytest.approx(0.0, abs=0.5)
-
-
-@BOTH
-def test_6_8_jogging_and_tasks_do_not_disturb_each_other(telegram):
-    plc = E1Plc(telegram)
-    plc.task(5.0)
-    assert plc.go()
-    plc.put(STW1=RUN | JOG_BACKWARDS, wait=200)
-    assert plc.rpm > 500.0, "a task is not left for a jog"
-    plc.put(STW1=RUN)
-    plc.arrive()
-    plc.put(STW1=RUN | JOG_FORWARDS, wait=200)
-    assert not plc.go(RUN | JOG_FORWARDS), "nor a jog for a task"
-    plc.put(STW1=RUN)
-    plc.wait_for(lambda: plc.bit(STOPPED))
-    assert plc.go()
-    plc.arrive()
-    assert plc.rev == pytest.approx(5.0, abs=0.01)
-
-
-@BOTH
-def test_6_4_a_following_error_beyond_its_limit_is_position_deviation_overflow(telegram):
-    plc = E1Plc(telegram)
-    plc.store.set("Pt402", 1)
-    plc.store.set("Pt403", 1)
-    plc.task(50.0, 3000.0)
-    assert plc.go()
-    plc.wait_for(lambda: not plc.bit(FOLLOWS))
-    plc.wait_for(lambda: bool(plc["ZSW1"] & 0x0008))
-    assert plc.store.read(947, 0, 1) == [62]
-    assert plc.store.read(945, 0, 1) == [0xD00]
-    if telegram == 111:
-        assert plc["FAULT_CODE"] == 0xD00
 
 
 def test_xist_a_counts_control_units_from_the_machines_zero():

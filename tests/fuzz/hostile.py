@@ -65,7 +65,7 @@ from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.mac import BROADCAST
 from pnfarm.wire.udp import UdpDatagram, emit_udp, parse_udp
 from tests.fuzz.corpus import Corpus
-from tests.fuzz.machines import about_a_call, deep, deep_blocks, deep_rpc, varied_snmp
+from tests.fuzz.malformed import UDP, about_a_call, deep, deep_blocks, deep_rpc, varied_snmp
 from tests.fuzz.mutate import mutated, random_octets, variation
 
 __all__ = ["Attacker", "Prey", "Shot", "may_end_connections"]
@@ -75,7 +75,6 @@ OWN_UUID = UUID("66666666-0000-4000-8000-000000000001")
 OWN_OBJECT = UUID("dea00000-6c97-11d1-8271-006600660066")
 #: Octets of UDP data in one frame, and of an RPC body in one PDU.
 DATAGRAM, BODY = 1472, 1384
-UDP = 17
 #: Submodules of a drive: api, slot, subslot.
 PLACES = ((0, 0, 1), (0, 0, 0x8000), (0, 0, 0x8001), (0x3A00, 1, 1), (0x3A00, 1, 2))
 #: Records with what may be in them: the name of a layer of the corpus.

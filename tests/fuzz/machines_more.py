@@ -23,7 +23,8 @@ from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
 from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock, ControlCommand, SubmoduleList
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
 from pnfarm.protocols.profinet.wire.rta import RtaPdu, emit_rta
-from tests.fuzz.machines import PEER, Machine, deep
+from tests.fuzz.machines import PEER, Machine
+from tests.fuzz.malformed import deep
 from tests.fuzz.mutate import mutated
 from tests.fuzz.watch import holdings
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from hand_plc import HandPlc
 
 #: STW1: operation, neither rejected nor stopped, control by PLC; and what starts something.
@@ -11,6 +12,7 @@ FOLLOWS, REACHED, HOMED, TAKEN, STOPPED = 0x0100, 0x0400, 0x0800, 0x1000, 0x2000
 COUNTS = 1 << 23
 #: 100 % of MDI_ACC, MDI_DEC and OVERRIDE.
 WHOLE = 0x4000
+BOTH_TELEGRAMS = pytest.mark.parametrize("telegram", [9, 111])
 
 
 class E1Plc(HandPlc):

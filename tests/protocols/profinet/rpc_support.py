@@ -217,3 +217,9 @@ class Network:
     @property
     def outcomes(self) -> list[CallReturned | CallFailed]:
         return [end for ends in self.ends.values() for end in ends]
+
+
+def big_answer(device: RpcServer, size: int = 10_000) -> list[RpcPdu]:
+    put(device, request())
+    device.respond(received(device).call, OK, bytes(size), 0)
+    return sent(device)
