@@ -1,4 +1,4 @@
-"""The farm over HTTP: drives, parameters, faults, events, metrics, and one page to look at it all."""
+"""The farm over HTTP: drives, parameters, faults, events, metrics, and a web page."""
 
 from pnfarm.api.app import make_app
 from pnfarm.api.server import serve, serve_farm

@@ -1,4 +1,4 @@
-"""The application: paths of ``/api/v1``, metrics, the web page, and what guards them."""
+"""The application: paths of ``/api/v1``, metrics, the web page, and the access checks."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = ["make_app"]
 
-#: A farm whose engine has not ticked for so long is not ready; a tick takes a millisecond.
+#: A farm whose engine has not ticked for this time is not ready; normally it ticks every millisecond.
 STALLED_NS = 1_000_000_000
 
 
@@ -84,7 +84,7 @@ def make_app(
     _add_outside(app, context)
     _describe_problems(app)
     app.add_middleware(Guard, token=token)
-    # outermost: whoever is sent away costs no look at a token either
+    # outermost: a request above the limits is refused before its token is checked
     app.add_middleware(Throttle)
     return app
 
@@ -92,11 +92,13 @@ def make_app(
 def _add_farm(app: FastAPI, context: ApiContext) -> None:
     tags: list[str | Enum] = ["farm"]
 
-    @app.get(f"{PREFIX}/version", tags=tags, summary="What runs here", responses={200: {"model": Version}})
+    @app.get(
+        f"{PREFIX}/version", tags=tags, summary="Name and version of the farm", responses={200: {"model": Version}}
+    )
     async def version() -> Response:
         return Json({"pnfarm": __version__, "python": platform.python_version(), "api": "v1"})
 
-    @app.get(f"{PREFIX}/healthz", tags=tags, summary="Whether the process lives")
+    @app.get(f"{PREFIX}/healthz", tags=tags, summary="Whether the process runs")
     async def healthz() -> Response:
         return Json({"alive": True})
 
@@ -106,21 +108,23 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
         cycles, age = int(engine.cycles), context.now() - int(engine.now_ns)
         if not cycles or age > STALLED_NS:
             since = f"for {age / 1e9:.1f} s" if cycles else "since the farm was made"
-            raise EnvironmentError_(f"the engine has not ticked {since}; the drives stand still")
+            raise EnvironmentError_(f"the engine has not ticked {since}; the drives do not run")
         return Json({"ready": True, "cycles": cycles, "last_tick_seconds_ago": age / 1e9})
 
     @app.get(
         f"{PREFIX}/events",
         tags=tags,
-        summary="The log as server-sent events; Last-Event-ID continues where a client was",
+        summary="The event log as server-sent events; Last-Event-ID resumes a stream",
         response_class=StreamingResponse,
         responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}},
     )
     async def events(
-        last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry seen.")] = None,
-        drive: Annotated[str | None, Query(description="Only this drive's.")] = None,
-        after: Annotated[int | None, Query(ge=0, description="Begin after this number; 0: all that is kept.")] = None,
-        follow: Annotated[bool, Query(description="Go on as the log grows; false: end with what is kept.")] = True,
+        last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry received.")] = None,
+        drive: Annotated[str | None, Query(description="Only entries of this drive.")] = None,
+        after: Annotated[
+            int | None, Query(ge=0, description="Begin after this sequence number; 0: with the oldest entry kept.")
+        ] = None,
+        follow: Annotated[bool, Query(description="Keep sending new entries; false: end after the newest.")] = True,
     ) -> Response:
         if drive is not None:
             drive = context.station(drive).configured_name
@@ -130,7 +134,7 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
 
 
 def _add_outside(app: FastAPI, context: ApiContext) -> None:
-    """What is not under ``/api``."""
+    """Routes outside of ``/api``."""
 
     @app.get(
         "/metrics",
@@ -142,7 +146,7 @@ def _add_outside(app: FastAPI, context: ApiContext) -> None:
     async def metrics() -> Response:
         async with context.rendering:
             scrape = context.collector.gather()
-            # a thousand drives make some megabytes of text, and the drives go on meanwhile
+            # a thousand drives make megabytes of text, and the event loop must not block meanwhile
             text = await anyio.to_thread.run_sync(scrape.text)
             process = context.collector.process_text()
         return Response(text + process, media_type=CONTENT_TYPE)
@@ -155,7 +159,7 @@ def _add_outside(app: FastAPI, context: ApiContext) -> None:
 
 @cache
 def _page() -> tuple[str, str]:
-    """The web page and the policy that lets exactly its own script and style run."""
+    """The web page, and the content security policy that permits its own script and style only."""
     text = (Path(__file__).resolve().parent / "page.html").read_text("utf-8")
 
     def digest(tag: str) -> str:

@@ -1,13 +1,12 @@
 """Limits of connections to the API: their number, the time for each phase, and the memory of each.
 
-The API lives in the farm's own process and event loop, so that whoever can reach its port could take the drives' files,
-memory and time.  Therefore
+The API lives in the farm's own process and event loop, so a client could use up the drives' files, memory
+and time.  Therefore
 
 * there are at most as many connections as the limit says, and fewer where the process has few files left
-  (:func:`connection_limit`): some are set aside for the farm itself;
-* a connection beyond the limit takes the place of the one that has waited longest without a request; where all are at
-  work it is closed;
-* the head of a request must be whole in time, then its body, and a client must read what it is sent.
+  (:func:`connection_limit`): some are reserved for the farm itself;
+* a connection beyond the limit replaces the one that has been idle longest; if none is idle, the new one is closed;
+* the head of a request must arrive in time, then its body, and a client must read the response.
 
 State of a connection   waits for                      at most
 ----------------------  -----------------------------  -----------------
@@ -34,26 +33,26 @@ if TYPE_CHECKING:
 
 __all__ = ["BACKLOG", "Connections", "LimitedProtocol", "connection_limit", "protocol_of"]
 
-#: Most connections that a farm needs: a page, a scrape, some scripts.
+#: Upper limit; a farm needs some for pages, scrapes and scripts.
 MOST = 256
-#: The least that is worth listening for.
+#: Below this number of connections the API does not listen.
 LEAST = 4
-#: Files that the API leaves to the farm: sockets to change interfaces, threads, captures that change their file.
+#: Files reserved for the farm: sockets for changing interfaces, threads, captures that start a new file.
 RESERVED_FILES = 64
-#: Connections that the kernel keeps for us, and that one turn of the event loop accepts before any is looked at.
+#: Backlog of the socket: connections that one turn of the event loop accepts before it serves any.
 BACKLOG = 32
 
 HEAD_SECONDS = 10.0
 BODY_SECONDS = 20.0
 STALL_SECONDS = 20.0
-#: Octets that the kernel keeps of what a client has not read.
+#: Send buffer of a connection in the kernel, octets.
 SEND_BUFFER = 262_144
 
 logger = structlog.get_logger("pnfarm.api")
 
 
 def connection_limit() -> int:
-    """How many connections the API may have at once, as far as this process has files for them."""
+    """The most connections that the API may have at once, given the files that this process may open."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY:
         return MOST
@@ -82,20 +81,20 @@ class Connections:
         self.limit = limit
         self.closed: dict[str, int] = {}
         self._open: set[LimitedProtocol] = set()
-        # a dict keeps the order: who waits longest comes first
+        # in order of waiting: a dict keeps it
         self._idle: dict[LimitedProtocol, None] = {}
 
     def __len__(self) -> int:
         return len(self._open)
 
     def opened(self, connection: LimitedProtocol) -> None:
-        """Take it in, in the place of the one that waits longest where there is no room."""
+        """Add a connection; if the limit is reached, it replaces the one that has waited longest."""
         self._open.add(connection)
         if len(self._open) > self.limit:
             self.close(next(iter(self._idle), connection), "too many connections")
 
     def idle(self, connection: LimitedProtocol, idle: bool) -> None:
-        """A connection waits for a request, or does no more."""
+        """Note whether a connection waits for a request."""
         self._idle.pop(connection, None)
         if idle and connection in self._open:
             self._idle[connection] = None
@@ -105,7 +104,7 @@ class Connections:
         self._idle.pop(connection, None)
 
     def close(self, connection: LimitedProtocol, reason: str) -> None:
-        """At once: what has not been sent to it is lost."""
+        """Close it at once; unsent data is lost."""
         self.gone(connection)
         self.closed[reason] = self.closed.get(reason, 0) + 1
         logger.info("connection closed", reason=reason, client=connection.client[0] if connection.client else "")
@@ -113,7 +112,7 @@ class Connections:
 
 
 class LimitedProtocol(H11Protocol):
-    """One connection; see the module's head.  :func:`protocol_of` makes the class that knows its server."""
+    """One connection, with the states above.  :func:`protocol_of` makes a subclass for one server."""
 
     registry: ClassVar[Connections]
 
@@ -144,12 +143,12 @@ class LimitedProtocol(H11Protocol):
 
     def on_response_complete(self) -> None:
         super().on_response_complete()
-        # the next request has its own time, also where its head is here already
+        # the next request gets its own time, even if its head has already arrived
         self._phase = None
         self._look()
 
     def _look(self) -> None:
-        """Enter the phase that the connection is in; its time runs from here, however little comes meanwhile."""
+        """Enter the connection's present phase and start its timer, which received octets do not restart."""
         if self.transport.is_closing():
             return
         if self.cycle is None or self.cycle.response_complete:

@@ -24,7 +24,7 @@ __all__ = ["ApiContext"]
 
 @dataclass(slots=True)
 class ApiContext:
-    """``now`` reads the farm's clock; ``poke`` makes the runtime look at what a handler changed."""
+    """``now`` reads the farm's clock; ``poke`` makes the runtime handle a handler's change at once."""
 
     core: FarmCore
     collector: FarmCollector
@@ -47,7 +47,7 @@ class ApiContext:
         return drive_snapshot(self.core, station, self.now())
 
     def changed(self, station: Station) -> None:
-        """A handler changed this station: let it finish what follows, and send it."""
+        """Call after a change to this station: handles its events and sends its frames."""
         self.core.settle(station, self.now())
         self.poke()
 

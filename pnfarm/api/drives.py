@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["add_drives"]
 
-#: Drives described between two looks at the event loop: some milliseconds.
+#: Drives described before the event loop runs again: takes some milliseconds.
 DRIVES_AT_ONCE = 64
 
 

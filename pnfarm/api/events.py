@@ -1,7 +1,7 @@
-"""The farm's log as server-sent events (WHATWG HTML, 9.2): one message for each entry, its sequence number as id.
+"""The farm's event log as server-sent events (WHATWG HTML, 9.2): one message for each entry, its sequence number as id.
 
-A stream reads the log by number, so a client that is slow, or that comes back with ``Last-Event-ID``, gets what the
-log still holds; what it no longer holds is told in one message of type ``gap``.
+A stream reads the log by number, so a client that is slow, or that returns with ``Last-Event-ID``, gets what the log
+still holds; a message of type ``gap`` gives the number of entries lost.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 
 __all__ = ["event_stream", "start_of"]
 
-#: A comment now and then tells a proxy that the stream lives.
+#: Interval of the comments that keep an idle stream open through proxies.
 ALIVE_SECONDS = 15.0
-#: Entries that leave in one piece.
+#: Entries sent in one piece.
 PIECE = 64
-#: How soon a browser tries again.
+#: Time until a browser reconnects.
 RETRY_MILLISECONDS = 2000
 
 
 def start_of(context: ApiContext, last_event_id: str | None) -> int:
     """The sequence number after which a stream begins: the client's, or now.
 
-    A number that the log has not reached is one of an earlier run of the farm: everything is news then.
+    A number beyond the end of the log is from an earlier run of the farm: then all entries are sent.
     """
     newest = context.core.log.newest
     if last_event_id is None or not (last_event_id.isascii() and last_event_id.isdigit()):
@@ -42,30 +42,30 @@ def start_of(context: ApiContext, last_event_id: str | None) -> int:
 async def event_stream(
     context: ApiContext, after: int, drive: str | None, *, follow: bool = True
 ) -> AsyncIterator[str]:
-    """Messages for every entry above ``after``, of one drive or of all, until the client or the server goes.
+    """Messages for every entry above ``after``, of one drive or of all, until the client or the server closes the stream.
 
-    Without ``follow`` the stream ends with the newest entry that there is.
+    Without ``follow`` the stream ends with the newest entry.
     """
     wake = anyio.Event()
     log = context.core.log
     newest = log.newest
 
-    def tell() -> None:
+    def wake_up() -> None:
         wake.set()
 
-    unsubscribe = log.subscribe(lambda _: tell())
-    context.streams.add(tell)
+    unsubscribe = log.subscribe(lambda _: wake_up())
+    context.streams.add(wake_up)
     try:
         yield f"retry: {RETRY_MILLISECONDS}\n\n"
         if drive is not None:
-            # a drive's own ring remembers what the farm's has lost to the events of others
+            # a drive's own ring still has entries that the farm's ring has overwritten
             oldest = next((entry.sequence for entry in log.entries(after=after, most=1)), 0)
             kept = [entry for entry in log.entries(drive, after=after) if entry.sequence < oldest]
             if kept:
                 yield "".join(context.messages.of(entry) for entry in kept)
         while not context.closing:
             wake = anyio.Event()
-            # a client takes a piece, and the log goes on meanwhile: what it is too slow for becomes a gap
+            # the log may grow while the client reads a piece; entries it is too slow for become a gap
             entries = log.entries(after=after, most=PIECE)
             if not follow and (not entries or after >= newest):
                 return
@@ -83,8 +83,8 @@ async def event_stream(
             if text:
                 yield text
             else:
-                # a client of a drive that says nothing is not to keep the loop for the whole log
+                # nothing of this drive in this piece: let other tasks run
                 await anyio.lowlevel.checkpoint()
     finally:
         unsubscribe()
-        context.streams.discard(tell)
+        context.streams.discard(wake_up)

@@ -1,4 +1,4 @@
-"""The catalogue of what can be injected, and injections put in force and taken back."""
+"""The catalogue of injections, and starting, listing and ending them."""
 
 from __future__ import annotations
 
@@ -48,25 +48,25 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     async def get_kinds() -> Json:
         return Json({"kinds": [kind.as_dict() for kind in manager().catalogue.values()]})
 
-    @app.get(f"{PREFIX}/faults", tags=tags, summary="Faults that wait or are in force, with their evidence")
+    @app.get(f"{PREFIX}/faults", tags=tags, summary="Pending and active faults, with their evidence")
     async def get_faults() -> Json:
         return Json({"faults": [injection.as_dict() for injection in manager().list()]})
 
-    @app.post(f"{PREFIX}/faults", tags=tags, summary="Put a fault in force", status_code=201, openapi_extra=_SPEC_BODY)
+    @app.post(f"{PREFIX}/faults", tags=tags, summary="Inject a fault", status_code=201, openapi_extra=_SPEC_BODY)
     async def post_fault(request: Request) -> Json:
         injection = manager().inject(await read_object(request), context.now())
         context.poke()
         place = f"{PREFIX}/faults/{quote(injection.id, safe='')}"
         return Json(injection.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
 
-    @app.get(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="One fault, also one that ended not long ago")
+    @app.get(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="One fault, also one that has ended recently")
     async def get_fault(fault_id: str) -> Json:
         try:
             return Json(manager().get(fault_id).as_dict())
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
 
-    @app.delete(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="End a fault; its last evidence")
+    @app.delete(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="End a fault and return its final evidence")
     async def delete_fault(fault_id: str) -> Json:
         try:
             (injection,) = manager().clear(fault_id, context.now())

@@ -1,8 +1,8 @@
-"""Who may use the API: an ASGI layer before everything else.
+"""Access control of the API: an ASGI layer before everything else.
 
-With a token, every client that sends it: ``Authorization: Bearer TOKEN``, or for browsers a cookie, which
-``/?token=TOKEN`` sets and the page that ``/`` shows to everybody else (:mod:`pnfarm.api.login`).
-Without one the farm listens on loopback only; then requests must be meant for this machine, so that a web page
+With a token, every client that sends it may: in ``Authorization: Bearer TOKEN``, or for browsers in a cookie, which is
+set by ``/?token=TOKEN`` and by the login page at ``/`` (:mod:`pnfarm.api.login`).
+Without one the farm listens on loopback only; then requests must address this machine, so that a web page
 elsewhere cannot reach the farm through a browser on this machine: the Host header must name loopback
 (against DNS rebinding), and a request from another origin may change nothing.
 """
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 __all__ = ["COOKIE", "OPEN_PATHS", "Guard", "is_loopback"]
 
 COOKIE = "pnfarm_token"
-#: Asked by orchestrators, which have no token, or without a secret in them.
+#: Open without a token: for orchestrators, or without confidential content.
 OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a host name or address means this machine alone."""
+    """Whether a host name or address is loopback."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -47,14 +47,14 @@ def _same(shown: str, token: str) -> bool:
 
 
 def _let_in(token: str) -> Response:
-    """To the page, with a cookie that opens everything which it asks for."""
+    """Redirect to the page, with a cookie for its requests."""
     response = RedirectResponse("/", status_code=HTTPStatus.SEE_OTHER)
     response.set_cookie(COOKIE, token, httponly=True, samesite="strict")
     return response
 
 
 class Guard:
-    """``token`` None: requests meant for loopback only."""
+    """``token`` None: only requests to loopback are answered."""
 
     def __init__(self, app: ASGIApp, token: str | None = None) -> None:
         self._app = app
@@ -75,20 +75,18 @@ class Guard:
             return None
         if request.scope["path"] == "/":
             return await self._door(request, self._token)
-        sentence = (
-            "this farm asks for its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
-        )
+        sentence = "this farm needs its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
         return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers={"WWW-Authenticate": "Bearer"})
 
     @staticmethod
     async def _door(request: Request, token: str) -> Response:
-        """What a browser gets that has not shown the token yet."""
+        """The response to a browser without a valid token."""
         if request.method == "POST":
             typed = await typed_token(request)
             return _let_in(token) if typed and _same(typed, token) else login_page(wrong=True)
         asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
         if request.method == "GET" and asked and _same(asked[0], token):
-            # the token leaves the address line, and with it the browser's history
+            # removes the token from the address bar and the browser's history
             return _let_in(token)
         return login_page()
 
@@ -100,7 +98,9 @@ class Guard:
             name = ""
         if is_loopback(name):
             return None
-        sentence = f"this farm answers to localhost only, not to {host!r}; to serve others give api: a token"
+        sentence = (
+            f"this farm answers requests to localhost only, not to {host!r}; to serve others, set a token under api:"
+        )
         return problem(HTTPStatus.FORBIDDEN, sentence, request)
 
     @staticmethod

@@ -1,6 +1,6 @@
-"""The page that asks a person for the farm's token, in place of the farm's own.
+"""The login page, shown until a browser has given the farm's token.
 
-It tells nothing of the farm.  What is typed comes back as a form, so that the token stands in no address line.
+It shows nothing about the farm.  The token is sent as a form, so that it does not appear in a URL.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _PAGE = """<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>pnfarm</title><link rel="icon" href="data:,"><style>{style}</style></head>
 <body><h1>pnfarm</h1>
-<p>This farm asks for its token. Its log says where that lies when it starts (<code>api listening</code>);
-in the rig of containers <code>docker compose exec farm cat /run/pnfarm/token</code> prints it.</p>
+<p>This farm needs its token. The farm's log names the file at the start (<code>api listening</code>);
+in the container rig, <code>docker compose exec farm cat /run/pnfarm/token</code> prints it.</p>
 <form method="post" action="/">
 <label>Token <input name="token" type="password" autocomplete="current-password" autofocus required></label>
 <button>Open</button></form>
@@ -42,21 +42,21 @@ in the rig of containers <code>docker compose exec farm cat /run/pnfarm/token</c
 
 
 def login_page(*, wrong: bool = False) -> HTMLResponse:
-    """``wrong``: what was typed is not the token."""
+    """``wrong``: the last token entered was wrong."""
     digest = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
     policy = (
         f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'self'; "
         "frame-ancestors 'none'"
     )
     return HTMLResponse(
-        _PAGE.format(style=_STYLE, alert="That is not its token." if wrong else ""),
+        _PAGE.format(style=_STYLE, alert="Wrong token." if wrong else ""),
         HTTPStatus.FORBIDDEN if wrong else HTTPStatus.OK,
         headers={"Content-Security-Policy": policy, "X-Content-Type-Options": "nosniff", "Cache-Control": "no-store"},
     )
 
 
 async def typed_token(request: Request) -> str:
-    """What the form brings; empty for anything that is no such form."""
+    """The token in the submitted form; empty if the body is not such a form."""
     body = bytearray()
     try:
         async for chunk in request.stream():

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Messages"]
 
-#: Messages that are kept for other streams.
+#: Messages kept for other streams.
 MESSAGES = 256
 
 

@@ -1,4 +1,4 @@
-"""Errors as RFC 9457 asks: ``application/problem+json``, with the sentence that the command line would print.
+"""Errors as problem documents (RFC 9457, ``application/problem+json``), with the message of the command line.
 
 ``title`` is the status's phrase and ``type`` stays ``about:blank`` (RFC 9457, 4.2.1); details for programs
 are in separate members: ``error_number`` (PROFIdrive) and ``errors`` (field by field).
@@ -34,9 +34,9 @@ __all__ = ["install_handlers", "problem"]
 
 logger = structlog.get_logger("pnfarm.api")
 
-#: In the scope of a request whose error has been answered and logged.
-TOLD = "pnfarm.told"
-#: Of a path and of a traceback (its end says what went wrong), so many characters are logged.
+#: Key in the scope of a request whose error has been answered and logged.
+REPORTED = "pnfarm.reported"
+#: Characters of a path, and of the end of a traceback, that are logged.
 MAX_LOGGED, MAX_TRACE = 200, 8000
 
 
@@ -47,7 +47,7 @@ class ProblemResponse(Json):
 def problem(
     status: int, detail: str, request: Request, *, headers: Mapping[str, str] | None = None, **members: Any
 ) -> Response:
-    """A response that says what is wrong in ``detail``, a whole sentence."""
+    """A problem document; ``detail`` is a sentence that says what is wrong."""
     content = {
         "type": "about:blank",
         "title": HTTPStatus(status).phrase,
@@ -75,7 +75,7 @@ def _parameter_status(number: int) -> HTTPStatus:
 
 
 def _pnfarm_error(request: Request, exc: Exception) -> Response:
-    """Who is to blame is the type; here that is a status."""
+    """The HTTP status for an error, by its type."""
     sentence = str(exc)
     match exc:
         case ParameterError():
@@ -102,20 +102,20 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
 
 
 def _gone(request: Request) -> Response:
-    """One line in the log, and an answer that nobody reads."""
+    """Log one line; the response goes to a client that has gone."""
     client = request.client.host if request.client is not None else ""
     logger.info("client hung up", path=request.scope["path"][:MAX_LOGGED], client=client)
     return problem(HTTPStatus.BAD_REQUEST, "the client hung up", request)
 
 
 def _internal(request: Request, exc: Exception) -> Response:
-    request.scope[TOLD] = True
+    request.scope[REPORTED] = True
     if isinstance(exc, ClientDisconnect) or isinstance(exc.__context__, ClientDisconnect):
         return _gone(request)
     # as text: a pretty traceback shows local variables, and takes seconds
     trace = "".join(traceback.format_exception(exc))[-MAX_TRACE:]
     logger.error("internal error", path=request.scope["path"][:MAX_LOGGED], traceback=trace)
-    sentence = f"internal error: {type(exc).__name__}; the farm's log says more"
+    sentence = f"internal error: {type(exc).__name__}; see the farm's log"
     return problem(HTTPStatus.INTERNAL_SERVER_ERROR, sentence, request)
 
 
@@ -133,7 +133,7 @@ def _http_error(request: Request, exc: Exception) -> Response:
     assert isinstance(exc, HTTPException)
     path = request.scope["path"]
     if exc.status_code == HTTPStatus.NOT_FOUND:
-        return problem(404, f"there is no {path}; /openapi.json lists what there is", request)
+        return problem(404, f"no such path: {path}; /openapi.json lists all", request)
     if exc.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
         allowed = ", ".join(_allowed_methods(request))
         sentence = f"{request.method} is not possible on {path}; allowed: {allowed}"

@@ -1,4 +1,4 @@
-"""What the API takes and gives, as types: for its OpenAPI description, and for the bodies that it checks."""
+"""Types of the API's bodies: for its OpenAPI description, and to check requests."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ class FieldError(Schema):
 class Problem(BaseModel):
     """RFC 9457."""
 
-    type: str = Field(description="Always about:blank: the title says it.")
+    type: str = Field(description="Always about:blank; see the title.")
     title: str = Field(description="The status's phrase.")
     status: int
     detail: str = Field(description="What is wrong and what would be right, one sentence.")
     instance: str = Field(description="The path.")
     error_number: int | None = Field(default=None, description="PROFIdrive's error number of a refused parameter.")
-    errors: list[FieldError] | None = Field(default=None, description="Field by field.")
+    errors: list[FieldError] | None = Field(default=None, description="One entry for each wrong field.")
 
 
 class DriveFault(Schema):
@@ -70,10 +70,10 @@ class Drive(Schema):
     """One drive as it is now."""
 
     name: str = Field(description="Name in the farm file.")
-    station_name: str = Field(description="Name of station now; DCP may have changed it.")
+    station_name: str = Field(description="Present name of station; DCP may have changed it.")
     model: str
     behaviour: dict[str, str] = Field(
-        description="Readings that the farm file chose, by open point; the others have their defaults."
+        description="Readings chosen in the farm file, by open point; the others have their defaults."
     )
     mac: str
     ip: str | None = Field(description="Address and prefix length.")
@@ -92,7 +92,7 @@ class Drive(Schema):
     watchdog_seconds: float | None = Field(description="Data hold time of the controller's data.")
     connected_seconds: float | None
     frames_sent: int
-    frames_suppressed: int = Field(description="Cyclic frames that an injected fault kept back.")
+    frames_suppressed: int = Field(description="Cyclic frames that an injected fault suppressed.")
     frames_received: int
     frames_discarded: dict[str, int] = Field(description="By reason.")
     watchdog_expirations: int
@@ -101,32 +101,32 @@ class Drive(Schema):
     fault: DriveFault | None = Field(description="The first active fault.")
     faults: list[DriveFault] = Field(description="All active faults, oldest first.")
     last_fault: DriveFault | None = Field(description="The active fault, or the one acknowledged last.")
-    neighbours: list[Neighbour] = Field(description="Who is at the other end of the cable, by LLDP.")
+    neighbours: list[Neighbour] = Field(description="Neighbour at the other end of the cable, by LLDP.")
     fault_counts: dict[str, int] = Field(description="By number.")
     warning: DriveFault | None
     setpoint_rpm: float
     velocity_rpm: float
     position_revolutions: float
     pitch_millimetres: float | None = Field(
-        description="Of a linear motor: the way of what is called a revolution here; null for a motor that turns."
+        description="Of a linear motor: travel for one revolution; null for a rotary motor."
     )
     current_amperes: float
     following_error_revolutions: float
     torque_newton_metres: float
     bus_volts: float = Field(description="Voltage of the DC link; 0 for a drive without one.")
     thermal_load: float = Field(description="Thermal load of the motor, 1 = its limit (I2t).")
-    signalling: bool = Field(description="The lamp flashes, as a DCP client asked for.")
+    signalling: bool = Field(description="The signal lamp flashes, as requested by DCP.")
     lamps: dict[str, str] = Field(
-        description="The network interface's lamps by name, on, off or how they flash; none where the manual has none."
+        description="Lamps of the network interface by name: on, off or their flashing; empty if the manual has none."
     )
-    signalled_seconds_ago: float | None = Field(description="When a DCP client made it blink last.")
+    signalled_seconds_ago: float | None = Field(description="Time since the last DCP signal request.")
     realism: dict[str, float | list[float]] = Field(
-        description="What makes it less than ideal, with units in the names: noise, latency, boot time, drift."
+        description="Realism settings with units in the names: noise, latency, boot time, drift."
     )
-    faults_injected: list[str] = Field(description="Ids of the injected faults in force.")
+    faults_injected: list[str] = Field(description="Ids of the active injected faults.")
     events: list[dict[str, Any]] = Field(
         default_factory=list,
-        description="What happened last, oldest first; of one drive only, not in a list of drives.",
+        description="Last events, oldest first; only for a single drive, not in a list of drives.",
     )
 
 
@@ -152,7 +152,7 @@ class FarmView(Schema):
 class ParameterWrite(Schema):
     """A parameter's new value."""
 
-    value: int = Field(description="Raw number as on the wire.")
+    value: int = Field(description="Raw value as on the wire.")
 
 
 class ParameterValue(Schema):
@@ -169,7 +169,7 @@ class ParameterValue(Schema):
     default: int
     unit: str
     writable: bool
-    changed: bool = Field(description="Whether the value is another than the model's default.")
+    changed: bool = Field(description="Whether the value differs from the model's default.")
 
 
 class Reset(Schema):
@@ -188,7 +188,7 @@ class Ready(Schema):
     last_tick_seconds_ago: float
 
 
-#: For operations that can fail; merged into each operation's responses.
+#: Error responses, merged into each operation's responses.
 PROBLEMS: dict[int | str, dict[str, Any]] = {
     "default": {
         "description": "An error",

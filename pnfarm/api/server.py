@@ -1,4 +1,4 @@
-"""Serving the API inside of the farm's own event loop."""
+"""Serves the API in the farm's own event loop."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from anyio import TASK_STATUS_IGNORED
 
 from pnfarm.api.app import make_app
 from pnfarm.api.connections import BACKLOG, Connections, connection_limit, protocol_of
-from pnfarm.api.problems import TOLD
+from pnfarm.api.problems import REPORTED
 from pnfarm.api.token import token_of
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.events import ApiListening
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 __all__ = ["listen", "serve", "serve_farm"]
 
-#: How long open requests may take once the server shall stop.
+#: Time that open requests get when the server stops.
 GRACE_SECONDS = 2
 #: Octets of a request's head: a browser sends one or two thousand.
 MAX_HEAD = 16_384
 
 
 class _Server(uvicorn.Server):
-    """Signals belong to the program that the server is a part of."""
+    """A server without signal handlers: the program handles signals."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
@@ -53,9 +53,9 @@ class _Server(uvicorn.Server):
 
 
 class Contained:
-    """The application, whose errors have been answered and logged when they come out of it.
+    """Drops errors of the application that have been answered and logged.
 
-    The framework raises them all the same, and the server would log each a second time.
+    The framework raises them nevertheless, and the server would log each a second time.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -65,18 +65,18 @@ class Contained:
         try:
             await self._app(scope, receive, send)
         except Exception:
-            if not scope.get(TOLD):
+            if not scope.get(REPORTED):
                 raise
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A listening socket; raises :class:`EnvironmentError_` that says what is in the way."""
+    """A listening socket; raises :class:`EnvironmentError_` with the reason and a remedy."""
     where = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         found = socket.socket(family, kind, protocol)
     except socket.gaierror as exc:
-        raise EnvironmentError_(f"{host!r} is no address of this machine ({exc}); give api: HOST:PORT") from exc
+        raise EnvironmentError_(f"{host!r} is not an address of this machine ({exc}); set HOST:PORT under api:") from exc
     except OSError as exc:
         raise EnvironmentError_(f"the API cannot listen on {where}: {exc.strerror}") from exc
     try:
@@ -87,9 +87,9 @@ def listen(host: str, port: int) -> socket.socket:
     except OSError as exc:
         found.close()
         reasons = {
-            errno.EADDRINUSE: "another program (another farm?) has that port; give api: another one",
-            errno.EACCES: "ports below 1024 need CAP_NET_BIND_SERVICE; give api: a higher one",
-            errno.EADDRNOTAVAIL: "no interface of this machine has that address",
+            errno.EADDRINUSE: "another program (another farm?) uses this port; set another one under api:",
+            errno.EACCES: "ports below 1024 need CAP_NET_BIND_SERVICE; set a higher one under api:",
+            errno.EADDRNOTAVAIL: "no interface of this machine has this address",
         }
         why = reasons.get(exc.errno or 0, str(exc))
         raise EnvironmentError_(f"the API cannot listen on {where}: {why}") from exc
@@ -145,7 +145,7 @@ async def _serve(app: FastAPI, found: socket.socket, up: Callable[[tuple[str, in
 
 
 async def _shielded(run: Callable[[], Awaitable[None]]) -> None:
-    """The server is not cancelled: it is asked to stop, and stops when its requests are done."""
+    """Ask the server to stop instead of cancelling it; it stops when its requests are done."""
     with anyio.CancelScope(shield=True):
         await run()
 
@@ -166,16 +166,16 @@ async def serve_farm(
         return
     token = token_of(farm.config)
     app = make_app(farm.core, poke=farm.driver.poke, token=token.value)
-    told: dict[str, str] = {}
+    token_place: dict[str, str] = {}
     if token.file is not None:
-        told["token_file"] = str(token.file)
-    elif token.told is not None:
-        told["token"] = token.told
+        token_place["token_file"] = str(token.file)
+    elif token.in_log is not None:
+        token_place["token"] = token.in_log
 
     def up(address: tuple[str, int]) -> None:
         host, port = address
         url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-        farm.log.record(time.monotonic_ns(), "", ApiListening(url, **told))
+        farm.log.record(time.monotonic_ns(), "", ApiListening(url, **token_place))
         task_status.started(address)
 
     try:

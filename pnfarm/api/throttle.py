@@ -1,7 +1,7 @@
-"""What all requests together may cost: an ASGI layer around the application.
+"""Limits the load of all requests together: an ASGI layer around the application.
 
-A request that finds too many others at work is told to come again.  An answer of megabytes leaves in pieces, each when
-the client has read the one before, so that what a slow client holds is the answer alone, and no copy of it.
+A request above the limit is refused with the advice to retry.  A large response is sent in pieces, each when the client
+has read the one before, so that a slow client takes the memory of the response only once.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 
 __all__ = ["MOST_REQUESTS", "MOST_STREAMS", "PIECE", "Throttle"]
 
-#: Requests that are answered at once, and event streams that are open beside them.
+#: Requests that are served at the same time, and event streams open beside them.
 MOST_REQUESTS = 32
 MOST_STREAMS = 64
-#: Octets of an answer that leave at once.
+#: Octets of a response that are sent at once.
 PIECE = 65_536
-#: When a client that was sent away may come again.
+#: Time after which a refused client may retry.
 AGAIN_SECONDS = 1
 EVENTS = "/api/v1/events"
 
 
 class Throttle:
-    """See the module's head."""
+    """The ASGI layer."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

@@ -1,9 +1,9 @@
-"""The token that clients of a farm show: given, kept in a file, or made.
+"""The token that clients of a farm must send: given, read from a file, or generated.
 
 A farm that listens beyond loopback always has one.  Where the farm file names a ``token_file``, or the farm has a
-state folder, the token is made at the first start and lies in that file from then on, so that Prometheus and scripts
-keep theirs over a restart.  Only its owner may read the file; in a folder with the set-group-id bit, which hands its
-group to what is made in it, that group may, too.
+state folder, the token is generated at the first start and kept in that file, so that Prometheus and scripts
+keep theirs over a restart.  Only its owner may read the file; in a folder with the set-group-id bit, the folder's
+group may read it, too.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ _NEW = 24
 
 @dataclass(frozen=True, slots=True)
 class FarmToken:
-    """``value`` None: no token is required.  ``file`` holds it; ``told`` is a new one that is in no file."""
+    """``value`` None: no token is required.  ``file`` holds it; ``in_log`` is a new token without a file."""
 
     value: str | None = None
     file: Path | None = None
-    told: str | None = None
+    in_log: str | None = None
 
 
 def token_of(config: FarmConfig) -> FarmToken:
-    """The token of a farm's API; makes it, and its file, where there is none yet.
+    """The token of a farm's API; generates it, and its file, if there is none yet.
 
     Raises :class:`EnvironmentError_` for a file that cannot be read or written, or that holds no token.
     """
@@ -52,7 +52,7 @@ def token_of(config: FarmConfig) -> FarmToken:
         if section.token is not None or section.is_loopback:
             return FarmToken(section.token)
         made = secrets.token_urlsafe(_NEW)
-        return FarmToken(made, told=made)
+        return FarmToken(made, in_log=made)
     try:
         kept = _read(file)
         value = section.token or kept or secrets.token_urlsafe(_NEW)
@@ -60,7 +60,9 @@ def token_of(config: FarmConfig) -> FarmToken:
             _write(file, value)
     except OSError as exc:
         why = (exc.strerror or str(exc)).lower()
-        raise EnvironmentError_(f"the token's file {file}: {why}; give api: another token_file, or a token") from exc
+        raise EnvironmentError_(
+            f"the token's file {file}: {why}; set another token_file, or a token, under api:"
+        ) from exc
     return FarmToken(value, file)
 
 
@@ -77,7 +79,7 @@ def _read(file: Path) -> str | None:
 
 
 def _write(file: Path, value: str) -> None:
-    """As a whole or not at all: whoever reads at the same time gets the old one or the new one."""
+    """Write atomically: a reader at the same time gets the old token or the new one."""
     file.parent.mkdir(parents=True, exist_ok=True)
     shared = file.parent.stat().st_mode & stat.S_ISGID
     fresh = file.with_name(f".{file.name}.{os.getpid()}")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Conversation", "Conversations", "CyclicChannel"]
 
-#: Pairs of stations that are told apart; what comes after them is added to the last line.
+#: Pairs of stations that get a line of their own; further ones are added to the last line.
 MOST = 2048
 #: Different reasons of one counter.
 MOST_REASONS = 32

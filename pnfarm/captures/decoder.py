@@ -1,6 +1,6 @@
-"""The decoder of a capture: each frame to the bus that knows it, and its descriptions to lines.
+"""The decoder of a capture: gives each frame to its bus, and makes lines of the descriptions.
 
-What is worth a line of a frame is a generator of descriptions, which may raise :class:`~pnfarm.errors.DecodeError`;
+The descriptions of a frame come from a generator, which may raise :class:`~pnfarm.errors.DecodeError`;
 that becomes a line of its own.  The words for families are those of a capture's filter.
 """
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Decoder", "FrameDecoder", "Line", "PlannedDrive", "family_of"]
 
-#: Families of frames that stand on no bus -> who puts them into words.
+#: Families of frames without a bus -> the function that describes them.
 _NEUTRAL: Mapping[str, Callable[[Packet, Capture], Iterator[Description]]] = MappingProxyType(
     {"arp": arp, "icmp": icmp, "other": other}
 )
 _HEADER, _TAG = 14, 4
-#: Octets of an IPv4 header, and where its protocol stands.
+#: Length of an IPv4 header in octets, and offset of its protocol.
 _IPV4_HEADER, _IPV4_PROTOCOL = 20, 9
 _OUTBOUND = 2
-#: Copies of one frame at several interfaces lie closer together than this.
+#: Largest time between copies of one frame at several interfaces.
 _SAME_NS = 20_000_000
 
 
@@ -49,14 +49,14 @@ class PlannedDrive:
 
 
 class FrameDecoder(Protocol):
-    """What a bus says of the frames of one capture."""
+    """Decodes the frames of one bus in a capture."""
 
     def family_of(self, packet: Packet) -> str | None:
-        """The family of a frame, one of the bus's or ``other``; None for a frame that is none of this bus."""
+        """The family of a frame, one of the bus's or ``other``; None for a frame that is not one of this bus."""
         ...
 
     def describe(self, family: str, packet: Packet) -> Iterator[Description]:
-        """What is worth a line; may raise :class:`~pnfarm.errors.DecodeError`."""
+        """The descriptions of a frame; may raise :class:`~pnfarm.errors.DecodeError`."""
         ...
 
     def cyclic_channels(self) -> Iterable[CyclicChannel]:
@@ -70,7 +70,7 @@ class FrameDecoder(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a capture's story; ``source`` and ``destination`` are addresses, names are the decoder's."""
+    """One line of output; ``source`` and ``destination`` are addresses, which the decoder names."""
 
     number: int
     time_ns: int
@@ -89,9 +89,9 @@ def family_of(packet: Packet) -> str:
 
 
 class Decoder:
-    """Give it the frames of a capture one after the other; it holds a bounded part of what it saw.
+    """Give it the frames of a capture one after the other; its memory is bounded.
 
-    ``buses`` are asked for each frame in their order; what none of them knows is described as what it is without one.
+    ``buses`` are asked for each frame in their order; a frame that none of them knows is described without one.
     """
 
     def __init__(self, capture: Capture, buses: Mapping[str, FrameDecoder]) -> None:
@@ -139,7 +139,7 @@ class Decoder:
         return lines
 
     def _described(self, packet: Packet) -> tuple[str, Iterator[Description]]:
-        """The family of a frame, and what is worth a line of it."""
+        """The family of a frame, and its descriptions."""
         for bus in self.buses.values():
             if (family := bus.family_of(packet)) is not None:
                 return family, bus.describe(family, packet)
@@ -147,12 +147,12 @@ class Decoder:
         return family, _NEUTRAL[family](packet, self.capture)
 
     def summary(self) -> list[dict[str, Any]]:
-        """What each two stations did, plain JSON values, the longest conversation first."""
+        """The conversation of each pair of stations, plain JSON values, the longest first."""
         channels = [channel for bus in self.buses.values() for channel in bus.cyclic_channels()]
         return self._conversations.as_list(self.capture.stations, channels)
 
     def _again(self, frame: CapturedFrame) -> bool:
-        """Whether a group-addressed frame was seen a moment ago: a capture of many drives has it once for each."""
+        """Whether a multicast was seen a moment ago: a capture of many drives has a copy for each."""
         before = self._groups.get(frame.data)
         self._groups[frame.data] = frame.time_ns
         return before is not None and abs(frame.time_ns - before) < _SAME_NS

@@ -1,4 +1,4 @@
-"""Frames of no bus, in words: ARP, ICMP, and the headers of what no decoder knows."""
+"""Describes frames without a bus: ARP, ICMP, and the headers of everything else."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _NOBODY = IPv4Address(0)
 
 
 def udp_words(datagram: UdpDatagram) -> Description:
-    """Ports and length of whatever else comes by UDP."""
+    """Ports and length of any other UDP datagram."""
     return Description(
         "UDP", f"port {datagram.source_port} -> {datagram.destination_port}, {len(datagram.data)} octets"
     )
@@ -41,7 +41,7 @@ def ip_packet(packet: Packet, capture: Capture) -> Ipv4Packet | None:
 
 
 def arp(packet: Packet, capture: Capture) -> Iterator[Description]:
-    """Who asks for whose address."""
+    """ARP: who asks for whose address."""
     pdu = parse_arp(packet.payload)
     capture.stations.learn(pdu.sender_mac, ip=pdu.sender_ip)
     if pdu.operation == OPERATION_REPLY:
@@ -57,7 +57,7 @@ def arp(packet: Packet, capture: Capture) -> Iterator[Description]:
 
 
 def icmp(packet: Packet, capture: Capture) -> Iterator[Description]:
-    """Echo and the rest."""
+    """ICMP: echo and other messages."""
     ip = ip_packet(packet, capture)
     if ip is None:
         return
@@ -68,7 +68,7 @@ def icmp(packet: Packet, capture: Capture) -> Iterator[Description]:
 
 
 def other(packet: Packet, capture: Capture) -> Iterator[Description]:
-    """What no bus knows; its lines are left out unless they are asked for."""
+    """Any other frame; its lines are shown only on request."""
     if packet.ethertype == ETHERTYPE_IPV4:
         ip = ip_packet(packet, capture)
         if ip is not None and ip.protocol == PROTOCOL_UDP:

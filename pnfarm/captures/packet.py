@@ -1,4 +1,4 @@
-"""A frame on its way through the decoder, its description, and what is known of the capture so far."""
+"""A frame in the decoder, its description, and the state that the decoders of all buses share."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Packet:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """One thing worth a line.
+    """One line of description.
 
     ``what`` a few words that stay the same (``Connect.req``); ``text`` the rest; ``counts`` what the summary adds
-    up: counter -> reason ("" for none).  ``family`` is another than the frame's own where only its content told.
+    up: counter -> reason ("" for none).  ``family``: set if only the content shows the family.
     """
 
     what: str

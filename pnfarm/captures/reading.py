@@ -49,7 +49,7 @@ def _quiet() -> Iterator[None]:
 
 
 class _Unpacked(gzip.GzipFile):
-    """A packed file that closes what it reads from."""
+    """A gzip file that also closes the file it reads from."""
 
     def __init__(self, packed: BinaryIO) -> None:
         super().__init__(fileobj=packed, mode="rb")
@@ -63,20 +63,20 @@ class _Unpacked(gzip.GzipFile):
 class FrameReader:
     """Iterate over it; holds one frame at a time.
 
-    Raises :class:`~pnfarm.errors.ConfigError` for a file that is not there or is no capture of Ethernet frames.
+    Raises :class:`~pnfarm.errors.ConfigError` for a file that does not exist or is not a capture of Ethernet frames.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        #: What was wrong with the file's end, once it is reached.
+        #: What is wrong with the file's end; set when it is reached.
         self.complaint: str | None = None
-        #: Packets that are no Ethernet frames.
+        #: Packets that are not Ethernet frames.
         self.foreign = 0
         self.frames = 0
         self._open().close()
 
     def _open(self) -> BinaryIO:
-        """The file at its beginning, unpacked; raises :class:`~pnfarm.errors.ConfigError` where it is no capture."""
+        """The file at its beginning, unpacked; raises :class:`~pnfarm.errors.ConfigError` where it is not a capture."""
         try:
             file: BinaryIO = self._path.open("rb")
             try:
@@ -94,7 +94,7 @@ class FrameReader:
             raise ConfigError(f"{self._path} cannot be read: {why}") from exc
         if magic not in _MAGICS:
             file.close()
-            raise ConfigError(f"{self._path} is no capture: give a pcap or pcapng file")
+            raise ConfigError(f"{self._path} is not a capture: give a pcap or pcapng file")
         return file
 
     def __iter__(self) -> Iterator[CapturedFrame]:
@@ -105,14 +105,14 @@ class FrameReader:
             try:
                 reader: Any = RawPcapReader(file)
             except (Scapy_Exception, OSError, EOFError, zlib.error) as exc:
-                raise ConfigError(f"{self._path} is no capture: {str(exc).strip(' !')}") from exc
+                raise ConfigError(f"{self._path} is not a capture: {str(exc).strip(' !')}") from exc
             yield from self._packets(reader, file)
         if self.foreign and not self.frames:
             raise ConfigError(f"{self._path} holds no Ethernet frames: capture at an interface, not at `any`")
 
     def _packets(self, reader: Any, file: BinaryIO) -> Iterator[CapturedFrame]:
         classic = not hasattr(reader, "interfaces")
-        # the ways to a packet's octets and meta data without dissection; one block at a time, to know where it ends
+        # reads a packet's octets and meta data without dissection; one block at a time, to know where it ends
         read = reader._read_packet if classic else reader._read_block  # noqa: SLF001 - scapy has no public ones
         if classic and reader.linktype != _LINKTYPE_ETHERNET:
             raise ConfigError(
@@ -125,7 +125,7 @@ class FrameReader:
             try:
                 found = read()
                 if found is None:
-                    continue  # a block that is no packet
+                    continue  # a block that is not a packet
                 data, meta = found
                 if classic:
                     if meta.caplen > len(data):

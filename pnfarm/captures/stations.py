@@ -1,4 +1,4 @@
-"""Who is who in a capture: names and models by MAC address, learned from the frames or given by a farm file."""
+"""The stations of a capture: names and models by MAC address, from the frames or from a farm file."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ __all__ = ["Bounded", "Stations"]
 _K = TypeVar("_K")
 _V = TypeVar("_V")
 
-#: Stations, calls, connections kept at a time; the oldest give way.
+#: Stations, calls and connections kept at a time; the oldest are dropped.
 MOST = 4096
 
 
 class Bounded(OrderedDict[_K, _V], Generic[_K, _V]):
-    """A dictionary of at most ``most`` entries; the one set longest ago goes."""
+    """A dictionary of at most ``most`` entries; the one set longest ago is dropped."""
 
     def __init__(self, most: int = MOST) -> None:
         super().__init__()
@@ -35,7 +35,7 @@ class Bounded(OrderedDict[_K, _V], Generic[_K, _V]):
 
 
 class Stations:
-    """What was learned last counts, but a name from an interface of the capture gives way to every other."""
+    """The latest name counts, but any other replaces a name taken from an interface of the capture."""
 
     def __init__(self) -> None:
         self._names: Bounded[bytes, str] = Bounded()
@@ -73,7 +73,7 @@ class Stations:
         return "all" if is_group(mac) else format_mac(mac)
 
     def at(self, ip: IPv4Address) -> str:
-        """The name of who has this address, or the address."""
+        """The name of the station with this IP address, or the address."""
         mac = self._macs.get(ip)
         return self.name(mac) if mac is not None and (mac in self._names or mac in self._guessed) else str(ip)
 

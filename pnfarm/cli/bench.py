@@ -1,4 +1,4 @@
-"""``pnfarm bench``: what the farm costs, beside the floor of this machine, in one run."""
+"""``pnfarm bench``: measures the cost of the farm and compares it with the floor of this machine, in one run."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def flat(seconds: float) -> list[Result]:
         with farm_and_plc(drives, "4ms", 64) as (farm, plc):
             answer, _ = measure(farm, plc, seconds)
         cores[drives] = answer["cpu"] / answer["wall"]
-    # the ticks of the engine cost the same with one drive and with many: what counts is what a drive adds
+    # the engine's ticks cost the same for one drive as for many: measured is what a drive adds
     lower = (cores[256] - cores[16]) / 240 * 1e6
     upper = (cores[512] - cores[256]) / 256 * 1e6
     ratio = upper / lower
@@ -107,7 +107,7 @@ def flat(seconds: float) -> list[Result]:
 
 
 def start(seconds: float) -> list[Result]:
-    """64 drives, from nothing to all exchanging data."""
+    """Time for 64 drives to connect and exchange data."""
     del seconds
     with wire(), ExitStack() as stack:
         begin = time.monotonic()
@@ -124,7 +124,7 @@ def start(seconds: float) -> list[Result]:
 
 
 def connect_storm(seconds: float) -> list[Result]:
-    """256 drives, from nothing to data both ways, both ends on one core, while 64 others run at 4 ms."""
+    """Connect 256 drives at once, both ends on one core, while 64 others run at 4 ms."""
     from pnfarm.cli.bench_storm import storm
 
     return storm(seconds)
@@ -156,7 +156,7 @@ def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
 
 
 def scrape(seconds: float) -> list[Result]:
-    """Prometheus asks 256 connected drives: the best of ten scrapes, in which counters have moved on."""
+    """Prometheus scrapes 256 connected drives: the best of ten scrapes, with changed counters each time."""
     del seconds
     from pnfarm.metrics.collector import FarmCollector
 
@@ -212,7 +212,7 @@ def _figures(head: str, *rest: str) -> tuple[str, ...]:
     return tuple(f"{head}-{word}" for word in rest)
 
 
-#: By name on the command line, where each of the figures is a name, too.
+#: By name on the command line; each figure can be named there as well.
 BENCHMARKS: dict[str, Benchmark] = {
     "frame-cost": Benchmark(frame_cost, 10.0, ("frame-cost-192", "frame-cost-192-floor", "frame-cost-192-controller")),
     "full-port": Benchmark(
@@ -250,7 +250,7 @@ def chosen(names: Sequence[str]) -> dict[str, frozenset[str]]:
         if not any(name == known or name in benchmark.figures for known, benchmark in BENCHMARKS.items()):
             near = did_you_mean(name, [*BENCHMARKS, *(f for b in BENCHMARKS.values() for f in b.figures)])
             known_names = ", ".join(BENCHMARKS)
-            raise ConfigError(f"there is no benchmark {name!r}{near}; there are {known_names}, and their figures")
+            raise ConfigError(f"unknown benchmark {name!r}{near}; allowed are {known_names}, and their figures")
     wanted: dict[str, frozenset[str]] = {}
     for known, benchmark in BENCHMARKS.items():
         whole = not names or known in names
@@ -302,7 +302,7 @@ def _markdown(results: list[Result]) -> str:
 
 
 def _reading(results: list[Result]) -> list[str]:
-    """What the figures do and do not say, with the ones that follow from others."""
+    """Notes on how to read the figures, for the page of documentation."""
     values = {r.name: r.value for r in results}
     lines = ["", "## How to read them", ""]
     few, many = values.get("cpu-16-drives"), values.get("cpu-512-drives")
@@ -327,18 +327,18 @@ def _reading(results: list[Result]) -> list[str]:
 def command(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Which benchmarks, or which of their figures; all when left out."),
+        typer.Argument(metavar="[NAME]...", help="Benchmarks, or single figures of them; default: all."),
     ] = None,
-    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures as JSON.")] = None,
+    json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file as JSON.")] = None,
     markdown_file: Annotated[
-        Path | None, typer.Option("--markdown", help="Write the figures as a page of documentation.")
+        Path | None, typer.Option("--markdown", help="Write the figures to this file as a page of documentation.")
     ] = None,
     seconds: Annotated[
         float | None,
-        typer.Option(min=0.1, max=3600, help="Length of each measurement; left out, each one's own."),
+        typer.Option(min=0.1, max=3600, help="Length of each measurement; default: depends on the benchmark."),
     ] = None,
 ) -> None:
-    """Run the benchmarks: the farm's figures beside the floor of this machine."""
+    """Run the benchmarks, and compare the farm with the floor of this machine."""
     require_address_space(ENGINE)
     wanted = chosen(names or [])
     from pnfarm.links.sandbox import enter_sandbox
@@ -349,7 +349,7 @@ def command(
 
     from pnfarm.cli.running import compile_ahead
 
-    # beforehand, in a process of its own: a benchmark that compiles measures the compiler
+    # compile beforehand, in a process of its own: otherwise the first benchmark would measure the compiler
     anyio.run(compile_ahead)
     results: list[Result] = []
     for name, figures in wanted.items():

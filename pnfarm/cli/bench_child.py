@@ -34,7 +34,7 @@ def _rss() -> int:
         return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def _say(answer: dict[str, Any]) -> None:
+def _answer(answer: dict[str, Any]) -> None:
     sys.stdout.write(json.dumps(answer) + "\n")
     sys.stdout.flush()
 
@@ -65,15 +65,15 @@ async def _commands(core: Any, connected: Any) -> None:
     while line := await anyio.to_thread.run_sync(sys.stdin.readline):
         word, _, argument = line.strip().partition(" ")
         if word == "connected":
-            _say({"connected": await connected(float(argument))})
+            _answer({"connected": await connected(float(argument))})
         elif word == "measure":
             before = _counters(core)
             await anyio.sleep(float(argument))
-            _say(difference(before, _counters(core)))
+            _answer(difference(before, _counters(core)))
         elif word == "mark":
-            _say(_counters(core))
+            _answer(_counters(core))
         elif word == "rss":
-            _say({"rss": _rss()})
+            _answer({"rss": _rss()})
         else:
             return
 
@@ -85,12 +85,12 @@ async def _farm(settings: dict[str, Any]) -> None:
 
     config = parse_farm(settings["file"])
     async with Farm(config, log=EventLog(quiet=True)) as farm:
-        _say({"up": True})
+        _answer({"up": True})
 
         async def connected(seconds: float) -> bool:
             with anyio.move_on_after(seconds):
                 core = farm.core
-                while not all(s.device.connected for s in core.stations):  # noqa: ASYNC110 - stations know no tasks
+                while not all(s.device.connected for s in core.stations):  # noqa: ASYNC110 - stations have no events to wait for
                     await anyio.sleep(0.005)
                 return True
             return False
@@ -99,7 +99,7 @@ async def _farm(settings: dict[str, Any]) -> None:
 
 
 async def _plc(settings: dict[str, Any]) -> None:
-    """With ``hold`` nothing is opened before the question whether all drives are connected."""
+    """With ``hold`` the controller opens its connections only when it is asked for ``connected``."""
     from pnfarm.controller.runtime import Plc
     from pnfarm.farm.file.reading import parse_farm
     from pnfarm.station.event_log import EventLog
@@ -107,15 +107,15 @@ async def _plc(settings: dict[str, Any]) -> None:
     plc = Plc(parse_farm(settings["file"]), log=EventLog(quiet=True))
     if not settings.get("hold"):
         async with plc:
-            _say({"up": True})
+            _answer({"up": True})
             await _commands(plc.core, plc.wait_connected)
         return
-    _say({"up": True})
+    _answer({"up": True})
     seconds = float(sys.stdin.readline().split()[1])
     before = _cpu()
     async with plc:
         connected = await plc.wait_connected(seconds)
-        _say({"connected": connected, "cpu": _cpu() - before})
+        _answer({"connected": connected, "cpu": _cpu() - before})
         await _commands(plc.core, plc.wait_connected)
 
 
@@ -129,11 +129,11 @@ def _floor(settings: dict[str, Any]) -> None:
     libc = ctypes.CDLL(None)
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as sock:
         sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_RCVBUFFORCE", 33), 16 << 20)
-        # bound to one interface where there is one, to all where there are many: as the engine's is
+        # bound to the interface if there is one, otherwise to all, as the engine's socket is
         sock.bind((settings["interface"], ETHERTYPE_PROFINET)) if settings["interface"] else _bind_all(sock)
 
         def run(seconds: float) -> None:
-            # the timer slack that the engine's thread has, too; the kernel's default would make the floor late
+            # the same timer slack as the engine's thread; the kernel's default would make the floor late
             libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
             until = time.monotonic_ns() + int(seconds * 1e9)
             run_floor(
@@ -142,7 +142,7 @@ def _floor(settings: dict[str, Any]) -> None:
             )  # fmt: skip
 
         run(0.001)
-        _say({"up": True})
+        _answer({"up": True})
         while line := sys.stdin.readline():
             word, _, argument = line.strip().partition(" ")
             if word != "measure":
@@ -154,7 +154,7 @@ def _floor(settings: dict[str, Any]) -> None:
             thread = threading.Thread(target=run, args=(float(argument),))
             thread.start()
             thread.join()
-            _say(
+            _answer(
                 {
                     "frames": int(vectors.counts.sum()),
                     "lateness": [int(n) for n in vectors.lateness],
@@ -167,19 +167,19 @@ def _floor(settings: dict[str, Any]) -> None:
 def _bind_all(sock: socket.socket) -> None:
     import ctypes
 
-    # sockaddr_ll with interface 0; Python's own bind wants a name
+    # sockaddr_ll with interface 0; Python's own bind needs a name
     address = (socket.AF_PACKET).to_bytes(2, sys.byteorder) + ETHERTYPE_PROFINET.to_bytes(2, "big") + bytes(16)
     if ctypes.CDLL(None, use_errno=True).bind(sock.fileno(), address, len(address)):
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 
 
 def _leave(interface: str) -> None:
-    """Go into a network namespace of its own, be given ``interface`` by the parent, bring it up."""
+    """Enter a network namespace, wait for the parent to move ``interface`` into it, and bring it up."""
     import ctypes
 
     if ctypes.CDLL(None, use_errno=True).unshare(0x40000000):  # CLONE_NEWNET
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-    _say({"pid": os.getpid()})
+    _answer({"pid": os.getpid()})
     sys.stdin.readline()
     subprocess.run(["ip", "link", "set", interface, "up"], check=True)
 

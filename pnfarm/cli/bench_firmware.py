@@ -1,4 +1,4 @@
-"""What the drives' own firmware costs in each 1 ms step: state machine, ramp or profile, control loops, motor, signals.
+"""Cost of the drives' own firmware in each 1 ms step: state machine, ramp or profile, control loops, motor, signals.
 
 The axes move: farm and controller run in virtual time, and copies of the axes are stepped on from where they are.
 """

@@ -1,6 +1,6 @@
-"""What the benchmarks measure with: farms, controllers and minimal loops as processes of their own, on a wire.
+"""Test bench of the benchmarks: farms, controllers and minimal loops as processes of their own, on a veth pair.
 
-Macvlans on one end of a veth pair in a private network namespace, the other side's one interface in another.  The farm
+One end carries macvlans, in a network namespace; the other end is a single interface in another namespace.  The farm
 is pinned to one CPU, its peer to another.
 """
 
@@ -39,7 +39,7 @@ PARENT, PEER = "pnbench0", "pnbench1"
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One figure.  ``ratio_to_floor`` is None where there is no floor; ``goal`` says what ``ok`` was held against."""
+    """One figure.  ``ratio_to_floor`` is None if there is no floor; ``ok``: ``value`` meets ``goal``."""
 
     name: str
     value: float
@@ -146,7 +146,7 @@ def farm_and_plc(drives: int, cycle: str, watchdog: int) -> Iterator[tuple[Child
         plc.ask("connected 120")
         if not plc.answer()["connected"]:
             raise InternalError(f"{drives} drives did not connect within 120 s")
-        # the start-up's own work (DCP, ARP, records) shall be over before anything is measured
+        # let the start-up (DCP, ARP, records) finish before measuring
         time.sleep(1.0)
         yield farm, plc
 

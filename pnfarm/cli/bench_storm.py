@@ -50,7 +50,7 @@ controller:
 
 
 def _storm_files(realtime: dict[str, int]) -> tuple[str, str, str]:
-    """Of the farm, of the controller whose 64 drives run already, and of the one that connects 256."""
+    """The farm files: of the farm, of the controller whose 64 drives run already, and of the one that connects 256."""
     running = STORM_DRIVES.format(name="run", count=64, ip="10.64.0.11")
     many = STORM_DRIVES.format(name="storm", count=256, ip="10.64.2.1")
     farm = STORM.format(name="bench", parent=PARENT, realtime=json.dumps(realtime), drives=running + many)
@@ -90,7 +90,7 @@ def _storm(seconds: float, realtime: dict[str, int]) -> _Storm:
         calm.ask("connected 60")
         if not calm.answer()["connected"]:
             raise InternalError("64 drives did not connect within 60 s")
-        # what connecting the 64 stirred up settles; then as long a quiet time as the bench was asked for is measured
+        # let the start-up of the 64 settle; then measure a quiet period of the length asked for
         time.sleep(2.0)
         before = _marks(farm)
         time.sleep(seconds)
@@ -103,7 +103,7 @@ def _storm(seconds: float, realtime: dict[str, int]) -> _Storm:
         lost = during["expirations"] + _marks(calm)["expirations"]
     if not connected["connected"]:
         raise InternalError("256 drives did not connect within 120 s")
-    # what the 64 cost anyway does not belong to the connections
+    # subtract what the 64 cost in quiet operation
     farm_cpu = during["cpu"] - quiet["cpu"] / quiet["wall"] * during["wall"]
     return _Storm(
         took,
@@ -116,7 +116,7 @@ def _storm(seconds: float, realtime: dict[str, int]) -> _Storm:
 
 
 def storm(seconds: float) -> list[Result]:
-    """256 drives, from nothing to data both ways, both ends on one core, while 64 others run at 4 ms."""
+    """Connect 256 drives at once, both ends on one core, while 64 others run at 4 ms."""
     first = _storm(seconds, {"cpu": FARM_CPU, "fifo": STORM_FIFO})
     other = _storm(seconds, {"cpu": FARM_CPU})
     took, lost = max(first.seconds, other.seconds), first.lost + other.lost

@@ -1,4 +1,4 @@
-"""``pnfarm decode``: what is in a capture, in words an engineer knows."""
+"""``pnfarm decode``: shows the contents of a capture as text."""
 
 from __future__ import annotations
 
@@ -22,56 +22,62 @@ if TYPE_CHECKING:
 __all__ = ["DecodeFormat", "decode"]
 
 
-#: Stations that are kept apart, and that a sentence names.
+#: Stations that are told apart, and stations that an error message lists.
 _MOST_STATIONS, _NAMED = 65_536, 8
 
 
 class DecodeFormat(StrEnum):
-    """How the lines are printed: JSON is one object a line."""
+    """Output format; JSON is one object per line."""
 
     TEXT = "text"
     JSON = "json"
 
 
 def decode(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Capture, pcap or pcapng.", show_default=False)],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Capture file, pcap or pcapng.", show_default=False)],
     drive: Annotated[
         list[str] | None,
-        typer.Option("--drive", metavar="NAME|MAC", help="Only of these stations.", show_default=False),
+        typer.Option(
+            "--drive", metavar="NAME|MAC", help="Show only frames of this station.  Repeatable.", show_default=False
+        ),
     ] = None,
     only: Annotated[
         list[str] | None,
         typer.Option(
             "--only",
             metavar="KIND",
-            help=f"Only frames of this kind: {', '.join(registry.frame_words())}.",
+            help=f"Show only this kind of frame: {', '.join(registry.frame_words())}.",
             show_default=False,
         ),
     ] = None,
-    summary: Annotated[bool, typer.Option("--summary", help="One paragraph for each two stations, no lines.")] = False,
+    summary: Annotated[
+        bool, typer.Option("--summary", help="Print a summary for each pair of stations instead of lines.")
+    ] = False,
     farm: Annotated[
         Path | None,
         typer.Option(
             "--farm",
             metavar="FILE",
-            help="Farm file: names and layouts where no Connect was captured.",
+            help="Farm file; gives names and data layouts where the capture has no Connect.",
             show_default=False,
         ),
     ] = None,
-    gap: Annotated[float, typer.Option("--gap", metavar="CYCLES", min=1.0, help="Longest silence not told.")] = 3.0,
-    every_frame: Annotated[bool, typer.Option("--every-frame", help="A line for each cyclic frame.")] = False,
-    output: Annotated[DecodeFormat, typer.Option("--format", help="How to print it.")] = DecodeFormat.TEXT,
+    gap: Annotated[
+        float, typer.Option("--gap", metavar="CYCLES", min=1.0, help="Report gaps in cyclic data longer than this.")
+    ] = 3.0,
+    every_frame: Annotated[bool, typer.Option("--every-frame", help="Print a line for every cyclic frame.")] = False,
+    output: Annotated[DecodeFormat, typer.Option("--format", help="Output format.")] = DecodeFormat.TEXT,
 ) -> None:
-    """Tell what is in a capture: connections, records, DCP, alarms, and what changed in the cyclic data."""
+    """Show the contents of a capture: connections, records, DCP, alarms, and changes in the cyclic data."""
     from pnfarm.captures.reading import FrameReader
 
     families = _families(only or ())
     decoder = registry.decoder(gap_cycles=gap, every_frame=every_frame)
     if farm is not None:
-        _know(farm, decoder)
+        _learn_farm(farm, decoder)
     chosen = _Chosen(drive or (), decoder)
     reader = FrameReader(file)
-    # written as soon as known, not flushed: a reader of a pipe may wait for the buffer
+    # written at once but not flushed: flushing each line would slow down a long capture
     write = sys.stdout.write
     for frame in reader:
         lines = decoder.feed(frame)
@@ -84,20 +90,20 @@ def decode(
     if reader.complaint is not None:
         sys.stderr.write(f"{file}: the file cannot be read to its end: {reader.complaint}\n")
     if reader.foreign:
-        sys.stderr.write(f"{file}: {reader.foreign} packets are no Ethernet frames and were left out\n")
+        sys.stderr.write(f"{file}: {reader.foreign} packets are not Ethernet frames and were skipped\n")
     if missing := chosen.missing():
         sys.stdout.flush()
-        raise ConfigError(f"no station {missing[0]!r} speaks in {file}; {chosen.speakers()}")
+        raise ConfigError(f"station {missing[0]!r} is not in {file}; {chosen.seen_stations()}")
 
 
 def _families(words: Sequence[str]) -> frozenset[str]:
-    """Families that these words let through; without any, all but those that no decoder knows."""
+    """The frame families of these kinds; without any, all families that a decoder knows."""
     from pnfarm.captures.families import OTHER
 
     known = registry.frame_words()
     for word in words:
         if word not in known:
-            raise ConfigError(f"there is no kind of frame {word!r}; there are {', '.join(known)}")
+            raise ConfigError(f"unknown kind of frame {word!r}, allowed are {', '.join(known)}")
     return frozenset[str]().union(*(known[word] for word in words or known)) - (frozenset() if words else {OTHER})
 
 
@@ -111,24 +117,24 @@ def _mac(text: str) -> bytes | None:
 
 
 class _Chosen:
-    """The stations that were asked for; names count as soon as they are known."""
+    """The stations of ``--drive``, by name or MAC address; a name matches from the frame that announces it."""
 
     def __init__(self, stations: Iterable[str], decoder: Decoder) -> None:
         self._decoder = decoder
         self._asked = {text: _mac(text) for text in stations}
-        #: Of these something was seen.
+        #: Stations for which a line was found.
         self._found: set[str] = set()
-        self._speakers: dict[bytes, None] = {}
+        self._senders: dict[bytes, None] = {}
         self._addressed: set[bytes] = set()
 
     def see(self, data: bytes) -> None:
-        """One frame of the capture, with or without a line."""
-        if self._asked and len(self._speakers) < _MOST_STATIONS and len(self._addressed) < _MOST_STATIONS:
-            self._speakers[data[6:12]] = None
+        """Note the stations of one frame, whether or not it makes a line."""
+        if self._asked and len(self._senders) < _MOST_STATIONS and len(self._addressed) < _MOST_STATIONS:
+            self._senders[data[6:12]] = None
             self._addressed.add(data[:6])
 
     def wants(self, line: Line) -> bool:
-        """Whether a line is of one of the stations; of any, where none was asked for."""
+        """Whether a line is from or to one of the stations; always, if none was asked for."""
         if not self._asked:
             return True
         ends = (line.source, line.destination)
@@ -138,8 +144,8 @@ class _Chosen:
         return bool(found)
 
     def missing(self) -> list[str]:
-        """The stations that were asked for and that no frame is from or to."""
-        seen = self._speakers.keys() | self._addressed
+        """The stations asked for that no frame is from or to."""
+        seen = self._senders.keys() | self._addressed
         names = {self._decoder.name(mac) for mac in seen}
         return [
             text
@@ -147,13 +153,13 @@ class _Chosen:
             if text not in self._found and (text not in names if mac is None else mac not in seen)
         ]
 
-    def speakers(self) -> str:
-        """Some of those who do speak, as a sentence's end."""
-        names = list(dict.fromkeys(self._decoder.name(mac) for mac in self._speakers))
+    def seen_stations(self) -> str:
+        """The stations that send, for the end of an error message."""
+        names = list(dict.fromkeys(self._decoder.name(mac) for mac in self._senders))
         if not names:
-            return "nobody does"
+            return "it has no frames"
         more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-        return f"those that do are {', '.join(names[:_NAMED])}{more}"
+        return f"it has frames of {', '.join(names[:_NAMED])}{more}"
 
 
 def _text(line: Line, decoder: Decoder) -> str:
@@ -167,8 +173,8 @@ def _text(line: Line, decoder: Decoder) -> str:
     )
 
 
-def _know(path: Path, decoder: Decoder) -> None:
-    """Names, models and planned connections of a farm file."""
+def _learn_farm(path: Path, decoder: Decoder) -> None:
+    """Give the decoder the names, models and planned connections of a farm file."""
     from pnfarm.captures.decoder import PlannedDrive
     from pnfarm.cli.files import read
     from pnfarm.config.ip import IpController, IpDriveConfig
@@ -192,7 +198,7 @@ def _know(path: Path, decoder: Decoder) -> None:
         stations.learn(mac, name=section.name, ip=ip.ip if ip is not None else None)
     own, plan = plan_controller(config, drives)
     members = [(drive, model) for drive, model in zip(drives, models, strict=True) if model.bus == own.name]
-    # plans of devices that no model describes follow those of the drives
+    # devices without a model come after the drives
     planned = [
         PlannedDrive(drive.mac, model, wanted) for (drive, model), wanted in zip(members, plan.devices, strict=False)
     ]

@@ -1,7 +1,7 @@
 """``pnfarm demo``: a farm, a controller, two faults and two recoveries, on any Linux machine, without a PLC.
 
-It makes a network of its own: an ordinary user's user, network and mount namespace, or as root a private network
-namespace.  Where a machine forbids both it runs in memory, paced by the real clock, and says so.
+It runs in a network of its own: as an ordinary user in a user, network and mount namespace, as root in a network
+namespace.  Where the machine permits neither, it runs in memory, paced by the real clock, and says so.
 """
 
 from __future__ import annotations
@@ -42,36 +42,39 @@ GROUP = """
     ip: {ip}/16
     cycle: {cycle}
     load: {{inertia: 2.0e-4, friction: 0.05}}"""
-#: Models beside the AKD, each with a cycle that its manual grants; one drive in eight is of each.
+#: Models beside the AKD, each with a cycle that its manual allows; each gets one drive in eight.
 OTHERS = (("akd-profinet-2012", "8ms"), ("hiwin-e1", "4ms"), ("moog-msd", "4ms"))
 PARENT, PEER = "pndemo0", "pndemo1"
 
 
 def command(
-    drives: Annotated[int, typer.Option(min=1, max=256, help="How many virtual drives.")] = 8,
-    seconds: Annotated[float, typer.Option(min=1.0, help="How long it runs at least.")] = 12.0,
-    json_file: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the summary as JSON.")] = None,
+    drives: Annotated[int, typer.Option(min=1, max=256, help="Number of virtual drives.")] = 8,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Minimum run time.")] = 12.0,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write the summary to this file as JSON.")
+    ] = None,
     svg_file: Annotated[
-        Path | None, typer.Option("--svg", metavar="FILE", help="Write a picture of the table.")
+        Path | None, typer.Option("--svg", metavar="FILE", help="Write a picture of the table to this file.")
     ] = None,
     pcap: Annotated[
-        Path | None, typer.Option("--pcap", metavar="FILE", help="Capture all frames of the drives, pcapng.")
+        Path | None,
+        typer.Option("--pcap", metavar="FILE", help="Capture all frames of the drives to this pcapng file."),
     ] = None,
 ) -> None:
-    """Show a farm at work: drives, a controller, faults and recovery.  No root, no PLC."""
+    """Run a demo farm: drives, a controller, two faults and the recovery.  Needs no root and no PLC."""
     require_address_space(ENGINE)
     for file in (json_file, svg_file, pcap):
         _check_writable(file)
     where, why = _enter()
     _announce(where, why)
-    # numpy and the engine start threads, so they come only after the namespace was entered
+    # numpy and the engine start threads, so they are imported only after the namespace was entered
     import anyio
 
     from pnfarm.cli.demo_run import Demo
     from pnfarm.cli.running import compile_ahead
 
     anyio.run(compile_ahead)
-    # what is told of times is the farm's and the controller's, not the compiler's
+    # the times that are shown do not include compilation
     begin = time.monotonic()
     if where == "memory":
         text = FILE.format(link="{kind: memory}", groups=_groups(drives), where="mac: auto")
@@ -88,7 +91,7 @@ def command(
 
 
 def _groups(drives: int) -> str:
-    """AKDs first, as the faults of the demo are theirs; then drives of every other model."""
+    """AKDs first, since the demo injects its faults there; then drives of every other model."""
     each = drives // 8
     groups, first = "", 1
     for model, cycle, count in (
@@ -103,7 +106,7 @@ def _groups(drives: int) -> str:
 
 
 def _check_writable(file: Path | None) -> None:
-    """Before the demo runs, not after it.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
+    """Check an output file before the demo runs.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
     if file is None:
         return
     if file.is_dir():
@@ -114,7 +117,7 @@ def _check_writable(file: Path | None) -> None:
 
 
 def _enter() -> tuple[str, str]:
-    """Where the demo runs, "user", "root" or "memory", and why it is memory."""
+    """Where the demo runs ("user", "root" or "memory"), and the reason if it is memory."""
     from pnfarm.links.sandbox import enter_sandbox
 
     if os.environ.get("PNFARM_DEMO_MEMORY") == "1":
@@ -128,7 +131,7 @@ def _enter() -> tuple[str, str]:
 
 
 def _try() -> None:
-    """Whether this kernel lets us have what the demo needs: a cable, a macvlan on it, a raw socket."""
+    """Check that the kernel permits what the demo needs: a veth pair, a macvlan on it, a raw socket."""
     from pnfarm.links import bpf
     from pnfarm.links.base import PortSpec
     from pnfarm.links.interfaces import Interfaces
@@ -141,18 +144,19 @@ def _try() -> None:
             (port,) = interfaces.create_macvlans("demo trial", PARENT, [PortSpec("trial", b"\x02\0\0\0\0\x01")])
         open_packet_socket(ETHERTYPE_PROFINET, bpf.ethertype_filter(port.index, port.index)).close()
     finally:
-        # what stands on the cable goes with it
+        # removes the macvlan with it
         _uncable()
 
 
 def _announce(where: str, why: str) -> None:
     if where == "memory":
         typer.echo(
-            f"This machine forbids a network of our own ({why}): the demo runs in memory, in real time.", err=True
+            f"This machine does not permit a network namespace ({why}): the demo runs in memory, in real time.",
+            err=True,
         )
     else:
-        kind = "private network namespace" if where == "root" else "user and network namespace of its own"
-        typer.echo(f"Running in a {kind}: nothing of this machine's network is touched.", err=True)
+        kind = "network namespace" if where == "root" else "user and network namespace"
+        typer.echo(f"Running in a {kind} of its own: the network of this machine is not touched.", err=True)
 
 
 def _cable() -> None:

@@ -1,4 +1,4 @@
-"""The course of the demo: connect, run, break, recover, tell."""
+"""The steps of the demo: connect, run, inject faults, recover, report."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
 __all__ = ["Demo"]
 
-#: Wall time between two looks at the line.
-LOOK_SECONDS = 0.02
-#: How long each stage may take before the demo says that it failed.
+#: Wall time between two checks of a condition.
+POLL_SECONDS = 0.02
+#: Time limit of each stage, after which the demo has failed.
 STAGE_SECONDS = 20.0
-STORY_LINES = 8
+LOG_LINES = 8
 
 
 class Demo:
@@ -60,10 +60,10 @@ class Demo:
         self._in_memory = in_memory
         self._seconds = seconds
         self._begin = begin
-        self._story: list[str] = []
+        self._log_lines: list[str] = []
         self._injected: dict[str, list[str]] = {}
         self._recovered: dict[str, bool] = {}
-        # a pipe has no width of its own; a table cut to 80 columns helps nobody
+        # a pipe has no width, and 80 columns would truncate the table
         self._console = Console(emoji=False, width=None if sys.stdout.isatty() else 132)
         self._live: Live | None = None
         self._line: VirtualLine | None = None
@@ -73,15 +73,15 @@ class Demo:
         self._now: Callable[[], int] = time.monotonic_ns
         self._poke: Callable[[], None] = lambda: None
 
-    # -- course ------------------------------------------------------------------------------------------------------
+    # -- stages ------------------------------------------------------------------------------------------------------
 
     async def run(self) -> dict[str, Any]:
-        """The whole demo; its summary."""
+        """Run the whole demo and return its summary."""
         async with AsyncExitStack() as stack:
             release = await self._open(stack)
             if self._console.is_terminal:
                 self._live = stack.enter_context(Live(console=self._console, refresh_per_second=8, transient=True))
-            ok = await self._course()
+            ok = await self._stages()
             summary = self._summary(ok)
             if self._picture_file is not None:
                 self._draw(self._picture_file)
@@ -118,19 +118,19 @@ class Demo:
 
         return release
 
-    async def _course(self) -> bool:
+    async def _stages(self) -> bool:
         names = [row["name"] for row in self._plc.snapshot()]
         first = await self._until(lambda: any(row["connects"] for row in self._plc.snapshot()))
-        self._tell(f"first drive connected {time.monotonic() - self._begin:.1f} s after the start")
+        self._log(f"first drive connected {time.monotonic() - self._begin:.1f} s after the start")
         connected = first and await self._until(lambda: self._plc.all_connected)
         if not connected:
-            self._tell("not every drive connected")
+            self._log("not every drive connected")
             return False
-        self._tell(f"{len(names)} drives exchange data, each in a cycle that its manual grants")
+        self._log(f"{len(names)} drives exchange data, each in a cycle that its manual allows")
         if not await self._until(lambda: self._plc.all_running):
-            self._tell("not every axis was enabled")
+            self._log("not every axis was enabled")
             return False
-        self._tell("the controller walked every axis to S4 operation and runs a sine of 600 rpm")
+        self._log("the controller enabled every axis (S4, operation) and runs a sine of 600 rpm")
         end = self._now() + round(self._seconds * 1e9)
         await self._pass(1.5)
         ok = await self._break("f702", names[min(2, len(names) - 1)])
@@ -141,27 +141,27 @@ class Demo:
         return ok
 
     async def _break(self, kind: str, name: str) -> bool:
-        """Inject one fault, see it work, see the controller bring the drive back."""
+        """Inject one fault, check its effect, and check that the controller brings the drive back."""
         station = self._farm.station(name)
         before = station.device.connects
         faults_before = dict(station.fault_counts)
         self._injected.setdefault(name, []).append(kind)
         self._recovered[name] = False
-        self._tell(f"injecting {kind} on {name}")
+        self._log(f"injecting {kind} on {name}")
         start = self._now()
         self._injections.inject({"kind": kind, "on": name}, start)
         self._poke()
 
-        def struck() -> bool:
+        def has_effect() -> bool:
             if kind == "timeout":
                 return bool(self._faulted(name, faults_before)) and not station.device.connected
             return bool(self._faulted(name, faults_before))
 
-        if not await self._until(struck):
-            self._tell(f"{kind} had no effect on {name}")
+        if not await self._until(has_effect):
+            self._log(f"{kind} had no effect on {name}")
             return False
         numbers = ", ".join(f"F{n}" for n in self._faulted(name, faults_before))
-        self._tell(f"{name} shows {numbers}" + (", its connection is gone" if kind == "timeout" else ""))
+        self._log(f"{name} shows {numbers}" + (", its connection is gone" if kind == "timeout" else ""))
 
         def back() -> bool:
             reconnected = kind != "timeout" or station.device.connects > before
@@ -173,10 +173,10 @@ class Demo:
             )
 
         if not await self._until(back):
-            self._tell(f"{name} did not recover")
+            self._log(f"{name} did not recover")
             return False
         self._recovered[name] = True
-        self._tell(f"{name} is back in operation {(self._now() - start) / 1e9:.2f} s after the fault")
+        self._log(f"{name} is back in operation {(self._now() - start) / 1e9:.2f} s after the fault")
         return True
 
     def _faulted(self, name: str, before: dict[int, int]) -> list[int]:
@@ -190,11 +190,11 @@ class Demo:
         while not condition():
             if self._now() >= end:
                 return False
-            await self._pass(LOOK_SECONDS)
+            await self._pass(POLL_SECONDS)
         return True
 
     async def _pass(self, seconds: float) -> None:
-        """Let time pass and show it; in memory the world is moved along with the wall clock."""
+        """Let time pass and refresh the display; in memory, virtual time advances with the wall clock."""
         if self._live is not None:
             self._live.update(self._picture())
         if self._line is None:
@@ -204,11 +204,11 @@ class Demo:
         self._line.world.run(seconds)
         await anyio.sleep(max(0.0, seconds - (time.monotonic() - start)))
 
-    # -- what is seen ------------------------------------------------------------------------------------------------
+    # -- output -----------------------------------------------------------------------------------------------------
 
-    def _tell(self, sentence: str) -> None:
+    def _log(self, sentence: str) -> None:
         stamped = f"{time.monotonic() - self._begin:6.2f} s  {sentence}"
-        self._story.append(stamped)
+        self._log_lines.append(stamped)
         if self._live is None:
             self._console.print(stamped, highlight=False)
 
@@ -241,10 +241,10 @@ class Demo:
             )  # fmt: skip
         if len(self._farm.stations) > 24:
             table.add_row(f"... {len(self._farm.stations) - 24} more")
-        return Group(table, Text("\n".join(self._story[-STORY_LINES:])))
+        return Group(table, Text("\n".join(self._log_lines[-LOG_LINES:])))
 
     def _draw(self, file: Path) -> None:
-        """The live table as an SVG without outside fonts."""
+        """Write the live table as an SVG that loads no external fonts."""
         console = Console(emoji=False, record=True, width=104, file=io.StringIO())
         console.print(self._picture())
         svg = console.export_svg(title="pnfarm demo")
@@ -287,7 +287,7 @@ class Demo:
 
     def _report(self, summary: dict[str, Any]) -> None:
         if self._console.is_terminal:
-            for sentence in self._story:
+            for sentence in self._log_lines:
                 self._console.print(sentence, highlight=False)
         table = Table(title="Summary", title_justify="left")
         for column in ("drive", "MAC", "IP", "connected", "sent", "received", "cycle", "faults", "recovered"):

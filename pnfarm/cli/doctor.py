@@ -1,4 +1,4 @@
-"""``pnfarm doctor``: can this machine run a farm, and what mends what is missing."""
+"""``pnfarm doctor``: checks whether this machine can run a farm, and how to fix what is missing."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pnfarm.terminal.settings import Format, FormatOption
 
 __all__ = ["doctor"]
 
-_WORDS = {True: "ok", None: "note", False: "MISSING"}
+_LABELS = {True: "ok", None: "note", False: "MISSING"}
 
 
 def doctor(output: FormatOption = Format.TABLE) -> None:
-    """Look whether this machine can run a farm; what is missing comes with what mends it."""
+    """Check whether this machine can run a farm, and show how to fix what is missing."""
     from pnfarm.errors import EnvironmentError_
     from pnfarm.farm.doctor import examine
     from pnfarm.terminal.output import print_json, print_line, print_table
@@ -24,12 +24,12 @@ def doctor(output: FormatOption = Format.TABLE) -> None:
     if output is Format.JSON:
         print_json({"ok": not missing, "findings": [asdict(finding) for finding in findings]})
     else:
-        rows = [(_WORDS[finding.ok], finding.name, finding.detail) for finding in findings]
+        rows = [(_LABELS[finding.ok], finding.name, finding.detail) for finding in findings]
         print_table(("", "WHAT", "~FINDING"), rows)
         remedies = [finding for finding in findings if finding.remedy]
         if remedies:
             print_line()
-            print_table(("WHAT", "~WHAT MENDS IT"), [(finding.name, finding.remedy) for finding in remedies])
+            print_table(("WHAT", "~HOW TO FIX IT"), [(finding.name, finding.remedy) for finding in remedies])
         print_line()
         print_line(_verdict(len(missing)))
     if missing:

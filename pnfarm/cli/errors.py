@@ -1,4 +1,4 @@
-"""Every way in which a command can go wrong, as one sentence on standard error and an exit code."""
+"""Turns every error of a command into one line on standard error and an exit code."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ __all__ = ["BAD_INPUT", "INTERNAL", "report", "silence_stdout"]
 BAD_INPUT = 2
 INTERNAL = 5
 
-#: The framework's errors of usage; where it keeps them differs between its versions, what they answer to does not.
+#: The base class of the framework's usage errors; its module differs between versions, its ``format_message`` does not.
 _USAGE = next(kind for kind in typer.BadParameter.__mro__[::-1] if hasattr(kind, "format_message"))
 
 
 def report(error: BaseException) -> int:
-    """Say what went wrong; the exit code that belongs to it.
+    """Print the error on standard error; returns its exit code.
 
-    A group of errors, as tasks beside each other raise them, is told by its first error that is meant for a user.
+    Of an exception group, as concurrent tasks raise it, the first error that is meant for a user is printed.
     """
     leaves = list(_leaves(error))
-    told = next((leaf for leaf in leaves if _is_ours(leaf)), leaves[0])
-    if settings.debug and not isinstance(told, _USAGE):
+    shown = next((leaf for leaf in leaves if _is_for_users(leaf)), leaves[0])
+    if settings.debug and not isinstance(shown, _USAGE):
         traceback.print_exception(error, file=sys.stderr)
-    code, text = _told(told)
+    code, text = _code_and_text(shown)
     sys.stderr.write(f"{text}\n")
     return code
 
@@ -47,15 +47,16 @@ def _leaves(error: BaseException) -> Iterator[BaseException]:
         yield error
 
 
-def _is_ours(error: BaseException) -> bool:
+def _is_for_users(error: BaseException) -> bool:
     return isinstance(error, PnfarmError) and not isinstance(error, InternalError)
 
 
-def _told(error: BaseException) -> tuple[int, str]:
+def _code_and_text(error: BaseException) -> tuple[int, str]:
     if isinstance(error, _USAGE):
         return BAD_INPUT, _usage(error)
-    if isinstance(error, PnfarmError) and not isinstance(error, InternalError):
-        # a file's or a fault's errors begin with their own place, one line each
+    if _is_for_users(error):
+        assert isinstance(error, PnfarmError)
+        # the errors of a file or a fault are one line each, and begin with their place
         lines = str(error) if hasattr(error, "issues") else f"pnfarm: {error}"
         return error.exit_code, lines
     if (sentence := is_exhausted(error)) is not None:
@@ -72,11 +73,11 @@ def _usage(error: BaseException) -> str:
 
 
 def silence_stdout() -> None:
-    """Whoever read our output has gone: what is still buffered goes nowhere, without a word."""
+    """The reader of our output has closed the pipe: discard what is still buffered."""
     try:
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, sys.stdout.fileno())
         os.close(null)
     except (OSError, ValueError):
-        # not a real stream (a test's): nothing to flush at the end either
+        # not a real stream (in a test): nothing is flushed at exit
         return

@@ -1,4 +1,4 @@
-"""``pnfarm fault``: faults of a running farm, and the catalogue of what there is."""
+"""``pnfarm fault``: inject faults into a running farm, list and clear them, and print the catalogue."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
-app = typer.Typer(help="Put faults in force on the running farm's drives, and take them back.")
+app = typer.Typer(help="Inject faults into the drives of the running farm, and clear them.")
 app.callback(invoke_without_command=True)(help_without_command)
 
 
 @app.command("kinds")
 def kinds(output: FormatOption = Format.TABLE) -> None:
-    """Print the catalogue: every kind of fault with its parameters."""
+    """List all kinds of fault with their parameters."""
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.terminal.output import print_json, print_table
 
@@ -41,29 +41,31 @@ def add(
     kind: Annotated[str, typer.Argument(metavar="KIND", help="One of `pnfarm fault kinds`.", show_default=False)],
     on: Annotated[
         list[str],
-        typer.Option("--on", metavar="GLOB", help="Drives: a glob over names, model:NAME, or all.  Repeatable."),
+        typer.Option("--on", metavar="GLOB", help="Drives: a name or glob, model:NAME, or all.  Repeatable."),
     ],
     param: Annotated[
         list[str] | None, typer.Option("--param", "-p", metavar="K=V", help="A parameter of the kind.  Repeatable.")
     ] = None,
     duration: Annotated[
-        str | None, typer.Option("--for", metavar="TIME", help="How long, such as 500ms or 5s; then it ends.")
+        str | None, typer.Option("--for", metavar="TIME", help="End after this time, such as 500ms or 5s.")
     ] = None,
-    count: Annotated[int | None, typer.Option(help="Occurrences, then it ends.")] = None,
-    cycles: Annotated[int | None, typer.Option(help="Cycles, then it ends.")] = None,
+    count: Annotated[int | None, typer.Option(help="End after this many occurrences.")] = None,
+    cycles: Annotated[int | None, typer.Option(help="End after this many cycles.")] = None,
     probability: Annotated[
-        float | None, typer.Option(min=0, max=1, help="Of each occurrence, above 0, at most 1.")
+        float | None, typer.Option(min=0, max=1, help="Probability of each occurrence, above 0, at most 1.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="Makes the same run twice.")] = None,
-    direction: Annotated[str | None, typer.Option(help="in, out or both; seen from the drive.")] = None,
-    after_cycles: Annotated[int | None, typer.Option(help="Healthy cycles to let pass first.")] = None,
-    after: Annotated[str | None, typer.Option(metavar="TIME", help="Time to let pass first, such as 1s.")] = None,
-    name: Annotated[str | None, typer.Option("--as", metavar="ID", help="Name to clear it by.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the random choices, to repeat a run.")] = None,
+    direction: Annotated[str | None, typer.Option(help="in, out or both, seen from the drive.")] = None,
+    after_cycles: Annotated[int | None, typer.Option(help="Begin after this many healthy cycles.")] = None,
+    after: Annotated[str | None, typer.Option(metavar="TIME", help="Begin after this time, such as 1s.")] = None,
+    name: Annotated[
+        str | None, typer.Option("--as", metavar="ID", help="Name for the fault, to list and clear it by.")
+    ] = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Put a fault in force."""
+    """Inject a fault."""
     from pnfarm.terminal.client import FarmClient
     from pnfarm.terminal.output import print_json, print_line
 
@@ -91,13 +93,14 @@ def add(
 @app.command("list")
 def show(
     fault_id: Annotated[
-        str | None, typer.Argument(metavar="ID", help="One fault, also one that ended lately.", show_default=False)
+        str | None,
+        typer.Argument(metavar="ID", help="One fault; also one that has ended recently.", show_default=False),
     ] = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Print the faults that wait or are in force, or the one named, with their evidence."""
+    """List the pending and active faults, or one fault, with their evidence."""
     from pnfarm.terminal.client import FarmClient
     from pnfarm.terminal.output import print_json, print_line, print_table
 
@@ -107,7 +110,7 @@ def show(
         print_json(found)
         return
     if not found["faults"]:
-        print_line("no fault waits or is in force")
+        print_line("no fault is pending or active")
         return
     columns = ("ID", "KIND", "STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "~DRIVES")
     rows = [
@@ -128,13 +131,13 @@ def show(
 @app.command("clear")
 def clear(
     fault_id: Annotated[
-        str | None, typer.Argument(metavar="ID", help="One fault; all when left out.", show_default=False)
+        str | None, typer.Argument(metavar="ID", help="One fault; default: all.", show_default=False)
     ] = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """End a fault, or all of them; the drives are as they were."""
+    """Clear a fault, or all of them; the drives return to normal."""
     from pnfarm.terminal.client import FarmClient
     from pnfarm.terminal.output import print_json, print_line
 
@@ -144,7 +147,7 @@ def clear(
         print_json(found)
         return
     cleared = found["cleared"] if fault_id is None else [found["id"]]
-    print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was in force")
+    print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was active")
 
 
 def _parameter(text: str) -> tuple[str, Any]:
@@ -152,12 +155,12 @@ def _parameter(text: str) -> tuple[str, Any]:
 
     key, equals, value = text.partition("=")
     if not equals or not key:
-        raise ConfigError(f"--param {text!r} is no parameter; give NAME=VALUE such as hold=true")
+        raise ConfigError(f"--param {text!r} is not a parameter; give NAME=VALUE such as hold=true")
     return key.strip(), _scalar(value.strip())
 
 
 def _scalar(text: str) -> int | float | bool | str:
-    """A value as a farm file would have it: true and false, numbers, else a word."""
+    """A value as in a farm file: true, false, a number, otherwise text."""
     if text in {"true", "false"}:
         return text == "true"
     for kind in (lambda word: int(word, 0), float):
@@ -165,7 +168,7 @@ def _scalar(text: str) -> int | float | bool | str:
             value = kind(text)
         except ValueError:
             continue
-        # "nan" and "inf" are words here, as in JSON
+        # "nan" and "inf" are text, as in JSON
         return value if abs(value) < float("inf") else text
     return text
 

@@ -1,4 +1,4 @@
-"""``pnfarm validate`` and ``pnfarm schema``, and how every command reads a farm file."""
+"""``pnfarm validate`` and ``pnfarm schema``, and the reading of a farm file for all commands."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class SchemaOf(StrEnum):
 
 
 def known_words() -> Known:
-    """The installed models and the fault catalogue: what a farm file may name."""
+    """The installed models and the fault catalogue, which a farm file refers to."""
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.config.known import catalogue
 
@@ -49,9 +49,9 @@ def read(path: Path) -> FarmConfig:
 
 
 def check_impairments(config: FarmConfig) -> None:
-    """Whether every impairment of the file is a fault that can be; raises :class:`FarmFileError`.
+    """Check the parameters of the file's impairments; raises :class:`FarmFileError`.
 
-    The farm file's own checks know the kinds, the fault catalogue knows what each kind takes.
+    The farm file's own checks only know the kinds; the fault catalogue knows the parameters of each.
     """
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.farm.file.reading import FarmFileError, FileIssue
@@ -74,7 +74,7 @@ def check_impairments(config: FarmConfig) -> None:
 
 
 def validate(file: FarmFile) -> None:
-    """Check a farm file: each error with its line, its key, and what is allowed."""
+    """Check a farm file: report every error with its line, key and allowed values."""
     from pnfarm.terminal.output import print_line
 
     config = read(file)
@@ -83,7 +83,7 @@ def validate(file: FarmFile) -> None:
 
 
 def summary(config: FarmConfig) -> str:
-    """What a file is about, in one line."""
+    """A summary of the farm file in one line."""
     from pnfarm.farm.file.reading import expand
 
     drives = expand(config)
@@ -119,9 +119,9 @@ def counted(number: int, word: str) -> str:
 
 
 def schema(
-    of: Annotated[SchemaOf, typer.Argument(metavar="farm", help="Which file.", show_default=False)],
+    of: Annotated[SchemaOf, typer.Argument(metavar="farm", help="Kind of file.", show_default=False)],
 ) -> None:
-    """Print the JSON Schema of a file, for an editor."""
+    """Print the JSON Schema of the farm file, for editors."""
     from pnfarm.farm.file.schema import farm_schema
     from pnfarm.terminal.output import print_json
 

@@ -15,19 +15,18 @@ if TYPE_CHECKING:
 
 __all__ = ["inspect"]
 
-#: Of the events kept of one drive, so many stand below its table; `--events` shows all.
+#: Events shown below the table of one drive; `--events` shows all that are kept.
 LAST_EVENTS = 8
 
 
 def inspect(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="One drive, in full; all when left out.", show_default=False)
+        str | None,
+        typer.Argument(metavar="NAME", help="Show one drive in full; default: a table of all.", show_default=False),
     ] = None,
-    events: Annotated[
-        bool, typer.Option("--events", help="What happened, and what happens from now on, until Ctrl-C.")
-    ] = False,
+    events: Annotated[bool, typer.Option("--events", help="Show the event log and follow it until Ctrl-C.")] = False,
     follow: Annotated[
-        bool, typer.Option("--follow/--no-follow", help="With --events: go on, or show what is kept and end.")
+        bool, typer.Option("--follow/--no-follow", help="With --events: keep following, or show the log and exit.")
     ] = True,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
@@ -38,7 +37,7 @@ def inspect(
     from pnfarm.terminal.client import FarmClient
 
     if not follow and not events:
-        raise ConfigError("--no-follow shows the events that are kept: give --events")
+        raise ConfigError("--no-follow needs --events")
     with FarmClient(api, token) as farm:
         if name is not None:
             drive = farm.get("drives", name)

@@ -1,9 +1,9 @@
-"""So many log lines a second and no more, whatever a peer does: lines that repeat are counted and summed up.
+"""Limits the rate of log lines, whatever a peer does: repeated lines are counted and summed up.
 
-A line's *kind* is its event and its drive, or the place in the code that wrote it.  Each kind has a credit of some
-lines, which comes back slowly, so that a start-up or a trip is logged line by line while a flood is not; all kinds
-together have a larger one.  What exceeds the credit is held back; once a second the last line of each such kind is
-written with ``repeated``, the number of lines that it stands for.
+A line's *kind* is its event and its drive, or the place in the code that wrote it.  Each kind has a token bucket that
+refills slowly, so that a start-up or a trip is logged line by line while a flood is not; all kinds together share a
+larger one.  Lines above the limit are held back; once a second the last line of each such kind is written with
+``repeated``, the number of lines that it stands for.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 __all__ = ["LineLimit"]
 
-#: Lines of one kind that are written as they come, and how many of them come back in a second.
+#: Burst and rate of the lines of one kind.
 KIND_LINES, KIND_LINES_PER_SECOND = 12.0, 1.0
-#: The same for all kinds together: the start of a thousand drives, and what a disk bears for weeks.
+#: The same for all kinds together: enough for the start of a thousand drives; a disk bears this rate for weeks.
 ALL_LINES, ALL_LINES_PER_SECOND = 20_000.0, 100.0
-#: Kinds that are told apart; what comes above shares one.
+#: Kinds that are limited separately; further ones share one.
 MAX_KINDS = 4096
-#: Kinds that are summed up by a line of their own in one second; the others share one.
+#: Kinds that get a summary line of their own each second; the others share one.
 MAX_SUMS = 20
 PERIOD_SECONDS = 1.0
 
@@ -47,7 +47,7 @@ def _thread_timer(seconds: float, action: Callable[[], None]) -> None:
 
 
 class _Credit:
-    """A bucket of lines that fills again."""
+    """A token bucket of log lines."""
 
     __slots__ = ("_at", "_left", "_most", "_per_second")
 
@@ -122,7 +122,7 @@ class LineLimit:
         if found is not None:
             return found
         if len(self._kinds) >= MAX_KINDS:
-            # a kind that is not held back and has its whole credit is as good as one that never was
+            # a kind with a full bucket and nothing held back can be forgotten
             idle = [k for k, kind in self._kinds.items() if not kind.held and kind.credit.is_full(now)]
             for each in idle:
                 del self._kinds[each]
@@ -134,7 +134,7 @@ class LineLimit:
         try:
             self._timer(PERIOD_SECONDS, self.flush)
         except RuntimeError:
-            # no thread is to be had: the next line that is held back tries again
+            # no thread could be started: the next line that is held back tries again
             with self._lock:
                 self._waiting = False
 

@@ -1,4 +1,4 @@
-"""Log lines go to standard error, structlog's and the libraries' alike; set up once, by the program's callback."""
+"""Set-up of logging: structlog's and the libraries' lines go to standard error."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from pnfarm.cli.log_limit import LineLimit
 
 __all__ = ["configure"]
 
-#: Of a traceback, so many frames are written.
+#: Frames of a traceback that are written.
 MAX_FRAMES = 20
 
 _limits: list[LineLimit] = []
 
 
 def _replace(limit: LineLimit) -> None:
-    """What an earlier set-up held back is written now, and what this one holds back when the program ends."""
+    """Write what an earlier set-up held back; what this one holds back is written when the program ends."""
     if not _limits:
         atexit.register(_flush)
     _flush()
@@ -32,7 +32,7 @@ def _flush() -> None:
 
 
 class _StandardError:
-    """Standard error as it is at each line: a live table on the terminal puts itself in its place for a while."""
+    """Standard error, looked up for each line: a live table on the terminal replaces ``sys.stderr`` while it runs."""
 
     def write(self, text: str) -> int:
         return sys.stderr.write(text)
@@ -80,7 +80,7 @@ def configure(*, as_json: bool, level: str = "info") -> None:
     handler.addFilter(limit)
     root = logging.getLogger()
     root.handlers[:] = [handler]
-    # libraries say at "info" what is the farm's own business
+    # libraries log at "info" what only concerns themselves
     root.setLevel(max(number, logging.WARNING) if number > logging.DEBUG else number)
     logging.captureWarnings(capture=True)
 

@@ -1,7 +1,7 @@
-"""The program ``pnfarm``: its commands, its global options, and what becomes of its errors.
+"""The program ``pnfarm``: its commands, its global options, its exit codes.
 
-Modules of commands import at their head only what describes the command; the rest is imported where it runs, so
-that ``pnfarm --help`` answers at once, and ``demo`` and ``bench`` can enter a namespace before any thread exists.
+A command's module imports at the top only what its help needs; the rest is imported when the command runs, so
+that ``pnfarm --help`` is fast, and ``demo`` and ``bench`` can enter a namespace before any thread exists.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["main", "make_app", "run"]
 
-#: The commands of any farm, in the order of the help; the buses add theirs.
+#: The commands that are independent of the bus, in the order of the help; each bus adds its own.
 COMMANDS = (
     Command("demo", Panel.START, demo.command),
     Command("up", Panel.FARM, up.up),
@@ -52,15 +52,21 @@ def _options(
     context: typer.Context,
     log_format: Annotated[
         LogFormat | None,
-        typer.Option(help="Left out: console on a terminal, else json.", envvar="PNFARM_LOG_FORMAT"),
+        typer.Option(
+            help="Format of log lines; default: console on a terminal, otherwise json.", envvar="PNFARM_LOG_FORMAT"
+        ),
     ] = None,
-    log_level: Annotated[LogLevel, typer.Option(help="The least to log.", envvar="PNFARM_LOG_LEVEL")] = LogLevel.INFO,
-    debug: Annotated[bool, typer.Option("--debug", help="Tracebacks with errors.", envvar="PNFARM_DEBUG")] = False,
+    log_level: Annotated[
+        LogLevel, typer.Option(help="Lowest level that is logged.", envvar="PNFARM_LOG_LEVEL")
+    ] = LogLevel.INFO,
+    debug: Annotated[
+        bool, typer.Option("--debug", help="Show a traceback with each error.", envvar="PNFARM_DEBUG")
+    ] = False,
     version: Annotated[
         bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_version)
     ] = False,
 ) -> None:
-    """A farm of virtual servo drives that a real controller runs."""
+    """Run virtual servo drives that a real PLC controls, and break them on purpose."""
     del version
     settings.log_format, settings.log_level, settings.debug = log_format, log_level, debug
     help_without_command(context)
@@ -87,12 +93,12 @@ def make_app() -> typer.Typer:
     return app
 
 
-#: Global options that may stand behind the command as well -> whether a value follows.
+#: Global options that are also accepted after the command -> whether a value follows.
 _ANYWHERE = {"--log-format": True, "--log-level": True, "--debug": False}
 
 
 def _global_first(arguments: Sequence[str]) -> list[str]:
-    """The same command line with its global options before the command, where the parser wants them."""
+    """The same command line with its global options moved before the command, where the parser expects them."""
     first: list[str] = []
     rest: list[str] = []
     given = list(arguments)
@@ -112,7 +118,7 @@ def _global_first(arguments: Sequence[str]) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command line; its exit code.  Without ``arguments``, the process's own."""
+    """Run one command line and return its exit code.  Without ``arguments``, the process's own."""
     few_threads()
     blank = Settings()
     settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug

@@ -1,4 +1,4 @@
-"""``pnfarm models``: the drive models, and one of them in full with where each value comes from."""
+"""``pnfarm models``: lists the drive models, or shows one in full with the source of each value."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _FACTS = (
 def models(
     model: Annotated[
         str | None,
-        typer.Argument(metavar="MODEL", help="One model, in full; a list when left out.", show_default=False),
+        typer.Argument(metavar="MODEL", help="Show one model in full; default: a list of all.", show_default=False),
     ] = None,
     output: FormatOption = Format.TABLE,
     parameters: Annotated[
         str | None,
         typer.Option(
             metavar="GLOB",
-            help="Its parameters of these names, numbers or effects instead, such as 'HOME.*', 2203, kept or '*'.",
+            help="Show only parameters with this name, number or effect, such as 'HOME.*', 2203, kept or '*'.",
             show_default=False,
         ),
     ] = None,
@@ -44,21 +44,21 @@ def models(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Farm file whose `parameter_lists` adds parameters to the model.",
+            help="Farm file whose `parameter_lists` add parameters to the model.",
             show_default=False,
         ),
     ] = None,
 ) -> None:
-    """List the drive models, or print one with the source of each of its values."""
+    """List the drive models, or show one with the source of each value."""
     from pnfarm.drives import catalogue
     from pnfarm.drives.model_json import as_json
     from pnfarm.errors import ConfigError
 
     if model is None:
         if parameters is not None:
-            raise ConfigError("--parameters wants a model: pnfarm models MODEL --parameters GLOB")
+            raise ConfigError("--parameters needs a model: pnfarm models MODEL --parameters GLOB")
         if farm is not None:
-            raise ConfigError("--farm wants a model: pnfarm models MODEL --farm FILE")
+            raise ConfigError("--farm needs a model: pnfarm models MODEL --farm FILE")
         _list(output)
         return
     found = as_json(catalogue.model(model) if farm is None else _model_in(farm, model))
@@ -225,7 +225,7 @@ def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
 
 
 def _sources(rows: list[dict[str, Any]], most: int = 4) -> list[str]:
-    """The sources of many rows, the commonest first, with how often each stands there."""
+    """The sources of many rows with their counts, the most frequent first."""
     counts: dict[str, int] = {}
     for row in rows:
         counts[row["source"]] = counts.get(row["source"], 0) + 1

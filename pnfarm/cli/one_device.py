@@ -1,4 +1,4 @@
-"""A farm file made of options: the built-in controller and one device that its GSDML file describes."""
+"""The farm file that ``plc --gsdml`` makes of its options: the built-in controller and one device."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["one_device"]
 
-#: What messages name as the file.
+#: The file name in error messages.
 ORIGIN = Path("options")
 
 
@@ -43,12 +43,12 @@ def one_device(
     cycle: str | None,
     watchdog_factor: int | None = None,
 ) -> FarmConfig:
-    """The file, checked as any other.  Raises the framework's usage error, or :class:`FarmFileError`."""
+    """The farm file, checked like any other.  Raises the framework's usage error, or :class:`FarmFileError`."""
     from pnfarm.farm.file.reading import parse_farm
 
     for name, value in (("--device", device), ("--ip", ip), ("--interface", interface)):
         if value is None:
-            raise typer.BadParameter("is needed beside --gsdml", param_hint=name)
+            raise typer.BadParameter("is required with --gsdml", param_hint=name)
     own: dict[str, Any] = {"name": device, "gsdml": str(gsdml), "ip": ip, "modules": _places(modules)}
     own |= {key: value for key, value in (("dap", dap), ("cycle", cycle)) if value is not None}
     section: dict[str, Any] = {"interface": interface}

@@ -13,12 +13,12 @@ __all__ = ["app"]
 app = typer.Typer(help="Read and write a drive's parameters.")
 app.callback(invoke_without_command=True)(help_without_command)
 
-Drive = Annotated[str, typer.Argument(metavar="NAME", help="The drive.", show_default=False)]
+Drive = Annotated[str, typer.Argument(metavar="NAME", help="Drive of the running farm.", show_default=False)]
 Pnu = Annotated[
     str,
     typer.Argument(
         metavar="PNU[.SUB]",
-        help="Number (0x2317 too), with .SUB for an array's element, or the manual's name.",
+        help="Parameter number (also as 0x2317), with .SUB for an array element; or the manual's name.",
         show_default=False,
     ),
 ]
@@ -45,13 +45,13 @@ def put(
     name: Drive,
     pnu: Pnu,
     value: Annotated[
-        str, typer.Argument(metavar="VALUE", help="The number on the wire; 0x for hexadecimal.", show_default=False)
+        str, typer.Argument(metavar="VALUE", help="Value as it is sent on the wire, decimal or 0x.", show_default=False)
     ],
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Write a parameter; prints what the drive then holds."""
+    """Write a parameter and print the value that the drive then has."""
     from pnfarm.terminal.client import FarmClient
 
     wanted = _number(value)
@@ -67,10 +67,10 @@ def _number(text: str) -> int:
     except ValueError:
         pass
     try:
-        # 010 is ten to everybody but C
+        # int(text, 0) would refuse a leading zero: 010 is ten
         return int(text, 10)
     except ValueError as exc:
-        raise ConfigError(f"{text!r} is no value of a parameter; give a whole number such as 12 or 0x0C") from exc
+        raise ConfigError(f"{text!r} is not a parameter value; give a whole number such as 12 or 0x0C") from exc
 
 
 def _show(found: dict[str, Any], output: Format) -> None:

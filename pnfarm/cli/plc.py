@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plc"]
 
-#: How often the live table is drawn anew.
+#: Refresh period of the live table.
 DRAW_SECONDS = 0.25
 
 
@@ -34,37 +34,44 @@ def plc(
     interface: Annotated[
         str | None,
         typer.Option(
-            "--interface", "-i", metavar="IF", envvar="PNFARM_PLC_INTERFACE", help="Existing interface to stand on."
+            "--interface",
+            "-i",
+            metavar="IF",
+            envvar="PNFARM_PLC_INTERFACE",
+            help="Existing network interface for the controller.",
         ),
     ] = None,
     gsdml: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Run one device by its GSDML file; needs --device, --ip and --interface."),
+        typer.Option(
+            metavar="FILE", help="Run one device described by this GSDML file; needs --device, --ip and --interface."
+        ),
     ] = None,
-    device: Annotated[str | None, typer.Option(metavar="NAME", help="That device's station name.")] = None,
-    ip: Annotated[str | None, typer.Option("--ip", metavar="ADDRESS/PREFIX", help="That device's address.")] = None,
-    dap: Annotated[str | None, typer.Option(metavar="ID", help="Its access point, where the file has several.")] = None,
-    module: Annotated[
-        list[str] | None, typer.Option(metavar="SLOT=ID", help="Module in a slot; several times for several slots.")
+    device: Annotated[str | None, typer.Option(metavar="NAME", help="Station name of that device.")] = None,
+    ip: Annotated[str | None, typer.Option("--ip", metavar="ADDRESS/PREFIX", help="IP address of that device.")] = None,
+    dap: Annotated[
+        str | None, typer.Option(metavar="ID", help="Device access point, where the GSDML file has several.")
     ] = None,
-    cycle: Annotated[str | None, typer.Option(help="Its cycle; left out, 16ms.")] = None,
+    module: Annotated[list[str] | None, typer.Option(metavar="SLOT=ID", help="Module in a slot.  Repeatable.")] = None,
+    cycle: Annotated[str | None, typer.Option(help="Cycle time of that device; default: 16ms.")] = None,
     watchdog_factor: Annotated[
-        int | None, typer.Option(metavar="N", help="Missed cycles until it is given up; left out, 3.")
+        int | None, typer.Option(metavar="N", help="Missed cycles until the connection is dropped; default: 3.")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="Run so long, then release the drives; left out, until Ctrl-C.")
+        float | None, typer.Option(min=0.1, help="Run for this time, then release the drives; default: until Ctrl-C.")
     ] = None,
     json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Write a summary at the end.", dir_okay=False)
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Write a summary to this file at the end.", dir_okay=False),
     ] = None,
     output: Annotated[
         Format | None,
-        typer.Option("--format", help="Print the summary at the end; left out: a live table on a terminal."),
+        typer.Option("--format", help="Print a summary at the end; default: a live table on a terminal."),
     ] = None,
 ) -> None:
-    """Run the built-in controller against the file's drives and devices, virtual or real, until Ctrl-C.
+    """Run the built-in controller for the drives and devices of a farm file, virtual or real, until Ctrl-C.
 
-    With --seconds the exit code is 1 when a drive never exchanged data.
+    With --seconds the exit code is 1 if a drive never exchanged data.
     """
     import anyio
 
@@ -74,10 +81,12 @@ def plc(
 
     require_address_space(ENGINE)
     if (file is None) == (gsdml is None):
-        raise typer.BadParameter("is needed, or --gsdml, and not both", param_hint="FILE")
+        raise typer.BadParameter("give either a farm file or --gsdml", param_hint="FILE")
     if file is not None:
         if any((device, ip, dap, module, cycle, watchdog_factor is not None)):
-            raise typer.BadParameter("is for --gsdml; a file says it itself", param_hint="an option of a device")
+            raise typer.BadParameter(
+                "needs --gsdml; a farm file has these settings itself", param_hint="an option of a device"
+            )
         config = read(file)
     else:
         assert gsdml is not None
@@ -116,7 +125,7 @@ def _write(path: Path, summary: dict[str, Any]) -> None:
 async def _run(
     config: FarmConfig, interface: str | None, seconds: float | None, live: bool
 ) -> tuple[list[dict[str, Any]], bool]:
-    """The controller's drives as they were at the end, before it released them; whether a signal was the end."""
+    """The state of the controller's drives before it released them, and whether a signal ended the run."""
     import anyio
 
     from pnfarm.cli.running import compile_ahead, stop_on_signals
@@ -128,7 +137,7 @@ async def _run(
     async with stop_on_signals() as running:
         try:
             with running:
-                controller.check_rights()  # before a minute of compilation
+                controller.check_rights()  # checked before compiling, which may take a minute
                 await compile_ahead()
                 await controller.open()
                 opened = True
@@ -221,7 +230,7 @@ def _cells(row: dict[str, Any]) -> Sequence[object]:
 
 
 def _live_table(controller: Plc, room: int) -> Table:
-    """As many drives as there is room for, those in trouble first."""
+    """A table of at most ``room`` drives; those that are not running come first."""
     from pnfarm.terminal.output import make_table, number, seconds
 
     rows = controller.core.snapshot()

@@ -1,4 +1,4 @@
-"""What commands that run until they are stopped have in common: signals, and the compilation of the first start."""
+"""Shared by commands that run until stopped: signals, and the compilation at the first start."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ if TYPE_CHECKING:
 
 __all__ = ["compile_ahead", "stop_on_signals"]
 
-#: What a first start says.  How long it takes is shown, not promised: it depends on what else the machine does.
-COMPILING = "compiling the engine for this processor; only the first start of a version does"
-#: Between two lines about it, where nobody watches a bar.
-TELL_SECONDS = 5.0
-#: Characters of its errors that are kept.
-KEPT = 4000
+#: Message of a first start; it names no time, which depends on the machine and its load.
+COMPILING = "compiling the engine for this processor (only at the first start of a version)"
+#: Between two log lines about the progress, where there is no progress bar.
+LOG_SECONDS = 5.0
+#: Characters of the compiler's error output that are kept.
+MAX_ERROR_OUTPUT = 4000
 
 logger = structlog.get_logger("pnfarm")
 
 
 @asynccontextmanager
 async def stop_on_signals() -> AsyncIterator[anyio.CancelScope]:
-    """A scope that the first signal to end cancels; what stands outside of it, the cleaning up, goes on.
+    """A scope that the first stop signal cancels; the clean-up goes outside of it.
 
-    These are SIGINT, SIGTERM, SIGQUIT and, where nobody ignores it, SIGHUP.
+    Stop signals are SIGINT, SIGTERM, SIGQUIT and, unless it is ignored, SIGHUP.
     """
     scope = anyio.CancelScope()
     async with anyio.create_task_group() as tasks:
@@ -52,7 +52,7 @@ async def stop_on_signals() -> AsyncIterator[anyio.CancelScope]:
 
 async def _watch(scope: anyio.CancelScope, *, task_status: TaskStatus[None]) -> None:
     wanted = [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # it is under nohup, which means it
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # it is ignored under nohup
         wanted.append(signal.SIGHUP)
     with anyio.open_signal_receiver(*wanted) as signals:
         task_status.started()
@@ -62,9 +62,9 @@ async def _watch(scope: anyio.CancelScope, *, task_status: TaskStatus[None]) -> 
 
 
 async def compile_ahead() -> None:
-    """Compile the engine where no earlier start has, and show how far it is: about a minute, once for each version.
+    """Compile the engine if its machine code is not cached, and show the progress: about a minute, once per version.
 
-    In a process of its own, so that a signal still ends the program, and before any interface is made.
+    Runs in a process of its own, so that a signal still ends the program, and before any interface is created.
     """
     from pnfarm.table.compiled import IS_COMPILED, cache_directory, is_cached
 
@@ -87,7 +87,7 @@ async def compile_ahead() -> None:
     if code == 0:
         logger.info("engine compiled", seconds=round(time.monotonic() - started, 1))
     else:
-        # the engine compiles itself when it starts, and what is wrong is then told in full
+        # the engine compiles itself when it starts, and the error is then shown in full
         logger.warning("engine not compiled ahead", reason="".join(errors).strip()[-500:])
 
 
@@ -100,9 +100,9 @@ async def _lines(stream: ByteReceiveStream) -> AsyncIterator[str]:
 
 
 async def _keep(stream: ByteReceiveStream, kept: list[str]) -> None:
-    """The last of what a process says, so that it is not stopped by a full pipe."""
+    """Read a process's error output, so that it does not block on a full pipe, and keep the end of it."""
     async for text in TextReceiveStream(stream, errors="replace"):
-        kept[:] = ["".join(kept)[-KEPT:], text]
+        kept[:] = ["".join(kept)[-MAX_ERROR_OUTPUT:], text]
 
 
 def _writable(directory: Path) -> bool:
@@ -110,12 +110,12 @@ def _writable(directory: Path) -> bool:
 
 
 class _Progress:
-    """How far the compilation is: a bar on a terminal, else a log line now and then."""
+    """Progress of the compilation: a bar on a terminal, otherwise a log line every few seconds."""
 
     def __init__(self) -> None:
         self._bar: Progress | None = None
         self._task: TaskID | None = None
-        self._started = self._told = time.monotonic()
+        self._started = self._logged = time.monotonic()
 
     def __enter__(self) -> Self:
         if settings.logs_json or not sys.stderr.isatty():
@@ -134,8 +134,8 @@ class _Progress:
         now = time.monotonic()
         if self._bar is not None and self._task is not None:
             self._bar.update(self._task, completed=done, total=functions)
-        elif now - self._told >= TELL_SECONDS:
-            self._told = now
+        elif now - self._logged >= LOG_SECONDS:
+            self._logged = now
             logger.info("compiling", functions=done, of=functions, seconds=round(now - self._started))
 
     def __exit__(self, *_: object) -> None:

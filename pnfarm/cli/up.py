@@ -1,4 +1,4 @@
-"""``pnfarm up`` and ``pnfarm down``: a farm in the foreground, and the removal of what a killed one left."""
+"""``pnfarm up`` and ``pnfarm down``: run a farm in the foreground; remove what a killed run left behind."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 __all__ = ["down", "up"]
 
-#: Rows of the table that a start shows; `pnfarm inspect` shows all.
+#: Rows of the table of drives printed at the start; `pnfarm inspect` shows all.
 MAX_ROWS = 16
 
-#: Where the help shows the options of a capture.
+#: Heading of the capture options in the help.
 _PANEL = "Capture"
 
 #: Parameter of the command -> (key of the farm file, flag, environment).
@@ -48,7 +48,7 @@ def up(
             metavar="HOST:PORT",
             envvar="PNFARM_UP_API",
             show_envvar=False,
-            help="Where the API listens; off: nowhere.",
+            help="Address of the API; off for no API.",
         ),
     ] = None,
     token: Annotated[
@@ -58,7 +58,7 @@ def up(
             metavar="TOKEN",
             envvar="PNFARM_UP_API_TOKEN",
             show_envvar=False,
-            help="The API's bearer token.",
+            help="Bearer token of the API.",
         ),
     ] = None,
     parent: Annotated[
@@ -68,7 +68,7 @@ def up(
             metavar="IF",
             envvar="PNFARM_UP_LINK_PARENT",
             show_envvar=False,
-            help="Interface under the macvlans (link.parent).",
+            help="Parent interface of the macvlans (link.parent).",
         ),
     ] = None,
     state: Annotated[
@@ -78,13 +78,17 @@ def up(
             metavar="DIR",
             envvar="PNFARM_UP_STATE",
             show_envvar=False,
-            help="Folder of the non-volatile memory.",
+            help="Folder for the drives' non-volatile memory.",
         ),
     ] = None,
     cpu: Annotated[
         int | None,
         typer.Option(
-            "--realtime-cpu", metavar="N", envvar="PNFARM_UP_REALTIME_CPU", show_envvar=False, help="CPU of the engine."
+            "--realtime-cpu",
+            metavar="N",
+            envvar="PNFARM_UP_REALTIME_CPU",
+            show_envvar=False,
+            help="CPU to run the engine on.",
         ),
     ] = None,
     fifo: Annotated[
@@ -94,7 +98,7 @@ def up(
             metavar="PRIORITY",
             envvar="PNFARM_UP_REALTIME_FIFO",
             show_envvar=False,
-            help="SCHED_FIFO priority, 1 to 99.",
+            help="SCHED_FIFO priority of the engine, 1 to 99.",
         ),
     ] = None,
     mlockall: Annotated[
@@ -103,7 +107,7 @@ def up(
             "--realtime-mlockall/--no-realtime-mlockall",
             envvar="PNFARM_UP_REALTIME_MLOCKALL",
             show_envvar=False,
-            help="Keep all memory in RAM.",
+            help="Lock all memory in RAM.",
             show_default=False,
         ),
     ] = None,
@@ -114,7 +118,7 @@ def up(
             metavar="OUT",
             envvar="PNFARM_UP_PCAP",
             show_envvar=False,
-            help="Capture all frames of the drives into this pcapng file.",
+            help="Capture the frames of the drives to this pcapng file.",
             rich_help_panel=_PANEL,
         ),
     ] = None,
@@ -125,7 +129,7 @@ def up(
             metavar="GLOB",
             envvar="PNFARM_UP_PCAP_DRIVES",
             show_envvar=False,
-            help="Only of these drives; may stand several times.",
+            help="Capture only these drives.  Repeatable.",
             rich_help_panel=_PANEL,
             show_default=False,
         ),
@@ -137,8 +141,8 @@ def up(
             metavar="KIND",
             envvar="PNFARM_UP_PCAP_ONLY",
             show_envvar=False,
-            help="Only frames of this kind: cyclic, acyclic, dcp, rpc, alarm, lldp, ptcp, snmp, arp, icmp, other; may "
-            "stand several times.",
+            help="Capture only this kind of frame: cyclic, acyclic, dcp, rpc, alarm, lldp, ptcp, snmp, arp, icmp, "
+            "other.  Repeatable.",
             rich_help_panel=_PANEL,
             show_default=False,
         ),
@@ -150,7 +154,7 @@ def up(
             metavar="SIZE",
             envvar="PNFARM_UP_PCAP_SIZE",
             show_envvar=False,
-            help="A ring of files OUT_00001_DATE of this size each, such as 100MB.",
+            help="Start a new file OUT_00001_DATE at this size, such as 100MB.",
             rich_help_panel=_PANEL,
         ),
     ] = None,
@@ -162,17 +166,17 @@ def up(
             min=1,
             envvar="PNFARM_UP_PCAP_FILES",
             show_envvar=False,
-            help="Files of the ring that are kept; the oldest go.",
+            help="Keep only the newest N files.",
             rich_help_panel=_PANEL,
         ),
     ] = None,
 ) -> None:
-    """Run a farm in the foreground until Ctrl-C; its interfaces are removed whatever happens.
+    """Run a farm in the foreground until Ctrl-C; its interfaces are always removed at the end.
 
-    What the file says gives way to the environment (PNFARM_UP_API, PNFARM_UP_API_TOKEN, PNFARM_UP_LINK_PARENT,
-    PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO, PNFARM_UP_REALTIME_MLOCKALL), and that to
-    the options.  PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and
-    PNFARM_UP_PCAP_FILES stand for the options of a capture; several words have blanks between them.
+    Options override environment variables, and these override the farm file: PNFARM_UP_API, PNFARM_UP_API_TOKEN,
+    PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
+    PNFARM_UP_REALTIME_MLOCKALL.  For the capture options: PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES,
+    PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate several values with spaces.
     """
     import anyio
 
@@ -201,7 +205,7 @@ def capture_settings(
     size: str | None,
     files: int | None,
 ) -> CaptureSettings | None:
-    """What the options of a capture ask for; raises :class:`~pnfarm.errors.ConfigError`."""
+    """The settings of the capture options, None without a capture; raises :class:`~pnfarm.errors.ConfigError`."""
     from pnfarm.errors import ConfigError
     from pnfarm.farm.capture import CaptureSettings, parse_size
 
@@ -214,7 +218,7 @@ def capture_settings(
 
 
 def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, Any]) -> FarmConfig:
-    """The file under the environment under the flags; messages name which of them said something wrong."""
+    """The file's settings, overridden by environment and flags; an error names the source of the wrong value."""
     for name, value in given.items():
         if value is None:
             continue
@@ -222,12 +226,12 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
         source = context.get_parameter_source(name)
         origin = variable if source is not None and source.name == "ENVIRONMENT" else flag
         if name == "api" and config.api is not None and value != "off":
-            # another place, the same secret
+            # the address changes, the token stays
             config = config.with_overrides({"api": {"listen": value, **_secret(config)}}, origin)
         elif name == "token":
             listen = "" if config.api is None else f"{_bracketed(config.api.host)}:{config.api.port}"
             if not listen:
-                continue  # without an API nobody asks for a token
+                continue  # no API, no token
             config = config.with_overrides({"api": {"listen": listen, **_secret(config), "token": value}}, origin)
         else:
             config = config.with_overrides({key: value}, origin)
@@ -235,7 +239,7 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
 
 
 def _secret(config: FarmConfig) -> dict[str, str]:
-    """What the file says of the API's token."""
+    """The file's keys of the API's token."""
     section = config.api
     given = {} if section is None else {"token": section.token, "token_file": section.token_file}
     return {key: value for key, value in given.items() if value is not None}
@@ -255,15 +259,15 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
 
-    token_of(config)  # a file that cannot be made is told before anything else is
+    token_of(config)  # report a capture file that cannot be created before any interface is made
     farm = Farm(config, capture=capture)
     if (section := config.api) is not None:
-        # a taken port is told while the drives are still silent: another farm may have theirs on the wire
+        # report a port in use before the drives send anything: another farm may have the same drives on the wire
         farm.on_start.append(lambda _: listen(section.host, section.port).close())
     async with stop_on_signals() as running:
         try:
             with running:
-                farm.check_rights()  # before a minute of compilation
+                farm.check_rights()  # checked before compiling, which may take a minute
                 await compile_ahead()
                 if capture is not None:
                     prepare()
@@ -278,7 +282,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
 
 
 def _say_up(farm: Farm, url: str | None) -> None:
-    """One line for a person or a script; with JSON logs the log's own events say the same."""
+    """Print one line for a user or a script; with JSON logs the log has the same as events."""
     from pnfarm.cli.files import counted, link_words
     from pnfarm.terminal.output import print_line, print_table
 
@@ -298,7 +302,7 @@ def _say_up(farm: Farm, url: str | None) -> None:
 
 
 def down(file: FarmFile) -> None:
-    """Remove what a killed run of this farm, or of its controller, left."""
+    """Remove the interfaces that a killed run of this farm or its controller left behind."""
     from pnfarm.cli.files import read
     from pnfarm.farm.farm import remove_farm
     from pnfarm.terminal.output import print_line
@@ -308,11 +312,11 @@ def down(file: FarmFile) -> None:
     for name in removed:
         print_line(f"removed {name}")
     if not removed:
-        print_line(f"nothing was left of farm {config.farm or 'farm'}")
+        print_line(f"nothing left to remove of farm {config.farm or 'farm'}")
 
 
 def _remove_controller(config: FarmConfig) -> list[str]:
-    """What `pnfarm plc` left that was killed; one that runs keeps its own."""
+    """What a killed `pnfarm plc` left behind; the interfaces of a running one are kept."""
     from pnfarm.errors import EnvironmentError_
     from pnfarm.links.interfaces import remove_leftovers_now
     from pnfarm.links.ownership import FarmLock

@@ -22,10 +22,10 @@ FAULT_KINDS = "fault_kinds"
 def _read_kind(value: Any, info: ValidationInfo) -> str:
     allowed = "a kind of `pnfarm fault kinds`, such as loss or f702"
     if not isinstance(value, str) or not _KIND.fullmatch(value):
-        raise Problem(f"{shown(value)} is no kind of fault", allowed)
+        raise Problem(f"{shown(value)} is not a kind of fault", allowed)
     kinds = (info.context or {}).get(FAULT_KINDS)
     if kinds is not None and value not in kinds:
-        raise Problem(f"{shown(value)} is no kind of fault{did_you_mean(value, kinds)}", allowed)
+        raise Problem(f"{shown(value)} is not a kind of fault{did_you_mean(value, kinds)}", allowed)
     return value
 
 

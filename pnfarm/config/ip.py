@@ -133,7 +133,7 @@ def check_addresses(at: Location, group: IpDrives, report: Report) -> None:
         return
     gateway = int(group.gateway)
     if not first <= gateway <= last:
-        report((*at, "gateway"), f"{group.gateway} is no host of the drives' subnet {network}", _hosts(first, last))
+        report((*at, "gateway"), f"{group.gateway} is not a host of the drives' subnet {network}", _hosts(first, last))
     elif start <= gateway < start + group.count:
         name = expand_name(group.name, group.start + gateway - start)
         report((*at, "gateway"), f"{group.gateway} is the address of the drive {shown(name)}", _hosts(first, last))

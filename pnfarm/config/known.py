@@ -221,7 +221,7 @@ class InstalledModel:
         complaints: list[Complaint] = []
         for name, reading in behaviour.items():
             if name not in points:
-                what = f"is no open point of {self.name}{did_you_mean(name, points)}"
+                what = f"is not an open point of {self.name}{did_you_mean(name, points)}"
                 complaints.append((name, what, ", ".join(points) or "none"))
             elif reading not in points[name].readings:
                 what = f"has no reading {shown(reading)}{did_you_mean(reading, points[name].readings)}"

@@ -63,7 +63,7 @@ def read_farm_name(value: Any) -> str:
     allowed = "a-z, 0-9 and - inside, at most 40 characters"
     text = _text(value, allowed)
     if not _FARM_NAME.fullmatch(text):
-        raise Problem(f"{shown(text)} is no farm name", allowed)
+        raise Problem(f"{shown(text)} is not a farm name", allowed)
     return text
 
 
@@ -92,11 +92,11 @@ def read_cidr(value: Any) -> IPv4Interface:
     allowed = "an IPv4 address with its prefix length, such as 10.77.0.11/24"
     text = _text(value, allowed)
     if not _CIDR.fullmatch(text):
-        raise Problem(f"{shown(text)} is no address with a prefix length", allowed)
+        raise Problem(f"{shown(text)} is not an address with a prefix length", allowed)
     try:
         interface = IPv4Interface(text)
     except (AddressValueError, NetmaskValueError) as error:
-        raise Problem(f"{shown(text)} is no address with a prefix length", allowed) from error
+        raise Problem(f"{shown(text)} is not an address with a prefix length", allowed) from error
     if not 1 <= interface.network.prefixlen <= 30:
         raise Problem(f"/{interface.network.prefixlen} leaves no room for a drive and its controller", "/1 to /30")
     if (what := _unusable(interface.ip)) is not None:
@@ -110,7 +110,7 @@ def read_gateway(value: Any) -> IPv4Address:
     try:
         address = IPv4Address(text)
     except AddressValueError as error:
-        raise Problem(f"{shown(text)} is no address", allowed) from error
+        raise Problem(f"{shown(text)} is not an address", allowed) from error
     if (what := _unusable(address)) is not None:
         raise Problem(f"{address} is {what}", allowed)
     return address
@@ -134,7 +134,7 @@ def read_mac(value: Any) -> bytes | str:
     try:
         mac = parse_mac(text)
     except ValueError as error:
-        raise Problem(f"{shown(text)} is no MAC address", allowed) from error
+        raise Problem(f"{shown(text)} is not a MAC address", allowed) from error
     if mac[0] & 1:
         raise Problem(f"{format_mac(mac)} is a multicast address", allowed)
     if not any(mac):
@@ -148,7 +148,7 @@ def read_interface(value: Any) -> str:
     if len(text.encode()) > MAX_INTERFACE_NAME:
         raise Problem(f"{shown(text)} is longer than an interface name can be", f"{MAX_INTERFACE_NAME} octets")
     if not _INTERFACE.fullmatch(text) or text in {".", ".."}:
-        raise Problem(f"{shown(text)} is no interface name", allowed)
+        raise Problem(f"{shown(text)} is not an interface name", allowed)
     return text
 
 
@@ -157,12 +157,12 @@ def read_listen(value: Any) -> tuple[str, int]:
     text = _text(value, allowed)
     match = _LISTEN.fullmatch(text)
     if match is None:
-        raise Problem(f"{shown(text)} is no HOST:PORT", allowed)
+        raise Problem(f"{shown(text)} is not HOST:PORT", allowed)
     host, port = match[1] or match[2], int(match[3])
     if port > 65535:
-        raise Problem(f"{port} is no TCP port", "0 (any free one) to 65535")
+        raise Problem(f"{port} is not a TCP port", "0 (any free one) to 65535")
     if match[2] and not _is_host(host):
-        raise Problem(f"{shown(host)} is no host", allowed)
+        raise Problem(f"{shown(host)} is not a host", allowed)
     return host, port
 
 
@@ -182,7 +182,7 @@ def read_octets(value: Any) -> bytes:
     try:
         return bytes.fromhex(text)
     except ValueError as error:
-        raise Problem(f"{shown(text)} is no hexadecimal", allowed) from error
+        raise Problem(f"{shown(text)} is not hexadecimal", allowed) from error
 
 
 def read_scalar(value: Any) -> int | float | str | bool:

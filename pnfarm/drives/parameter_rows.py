@@ -118,7 +118,7 @@ def _backing(
         kind = Backing[kind_name.upper()]
     except KeyError:
         raise ConfigError(
-            f"{where}, backed_by: {kind_name!r} is none of {', '.join(b.name.lower() for b in Backing)}"
+            f"{where}, backed_by: {kind_name!r} is not one of {', '.join(b.name.lower() for b in Backing)}"
         ) from None
     if kind is Backing.ALIAS:
         return kind, "", numbers.of(argument, f"{where}, backed_by")
@@ -160,9 +160,9 @@ def _parameter(pnu: int, row: Mapping[str, str], where: str, numbers: ParameterN
         if row[field] not in {"0", "1"}:
             raise ConfigError(f"{where}, {field}: {row[field]!r} is neither 0 nor 1")
     if row["type"] not in _TYPES:
-        raise ConfigError(f"{where}, type: {row['type']!r} is none of {', '.join(_TYPES)}")
+        raise ConfigError(f"{where}, type: {row['type']!r} is not one of {', '.join(_TYPES)}")
     if row["access"] not in {"r", "rw", "w"}:
-        raise ConfigError(f"{where}, access: {row['access']!r} is none of r, rw, w")
+        raise ConfigError(f"{where}, access: {row['access']!r} is not one of r, rw, w")
     for field in ("name", "source", "values_source"):
         if not row[field]:
             raise ConfigError(f"{where}, {field}: empty")

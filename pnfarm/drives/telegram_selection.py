@@ -61,7 +61,7 @@ class TelegramSelection:
         return telegrams[number] if telegrams else NO_TELEGRAM
 
     def plug(self, number: int, module_ident: int | None = None) -> dict[int, int]:
-        """A module of telegram ``number`` is in slot 1, its first if ``module_ident`` is none of its modules.
+        """A module of telegram ``number`` is in slot 1, its first if ``module_ident`` is not one of its modules.
 
         Returns the settings that it applies, PNU -> raw number: none if it is the previous module.
         Raises :class:`ConfigError` for a number that the model does not know.

@@ -58,7 +58,7 @@ def parse_size(text: str, *, minimum: int = MINIMUM_SIZE) -> int:
     """Octets of ``100MB``, ``64MiB``, ``2G``; raises :class:`ConfigError`."""
     found = _SIZE.fullmatch(text.strip())
     if found is None:
-        raise ConfigError(f"{text!r} is no size; give for example 100MB, 64MiB or 2GB")
+        raise ConfigError(f"{text!r} is not a size; give for example 100MB, 64MiB or 2GB")
     number, power, binary = found.groups()
     size = round(float(number) * float(1024 if binary else 1000) ** _POWERS[power.lower()])
     if size < minimum:
@@ -82,7 +82,7 @@ class CaptureSettings:
     def __post_init__(self) -> None:
         for word in self.only:
             if word not in KINDS:
-                raise ConfigError(f"there is no kind of frame {word!r}; there are {', '.join(KINDS)}")
+                raise ConfigError(f"unknown kind of frame {word!r}, allowed are {', '.join(KINDS)}")
         if self.files is not None and self.files < 1:
             raise ConfigError(f"a ring of {self.files} files holds nothing; give 1 or more")
 

@@ -102,7 +102,7 @@ class FarmState:
             try:
                 values[key] = _from_json(json.loads(text))
             except (ValueError, TypeError, RecursionError) as error:
-                raise self.damaged(f"the value {key!r} of station {station!r} is no JSON ({error})") from error
+                raise self.damaged(f"the value {key!r} of station {station!r} is not JSON ({error})") from error
         return values
 
     def save(self, station: str, values: dict[str, Any]) -> None:

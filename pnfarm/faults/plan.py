@@ -58,7 +58,7 @@ def _kind(value: Any, info: ValidationInfo) -> InjectionKind:
     if found is None:
         hint = did_you_mean(value, kinds) if isinstance(value, str) else ""
         allowed = "a kind of `pnfarm fault kinds`: " + ", ".join(kinds)
-        raise Problem(f"{shown(value)} is no kind of fault{hint}", allowed)
+        raise Problem(f"{shown(value)} is not a kind of fault{hint}", allowed)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Talks to a running farm's HTTP API; every failure becomes one of the package's errors."""
+"""Client of a running farm's HTTP API; every failure is raised as one of the package's errors."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FarmClient", "FarmError"]
 
-#: In the environment: a file that holds the token, where neither --token nor PNFARM_TOKEN gives it.
+#: Environment variable that names a file with the token; used if neither --token nor PNFARM_TOKEN is given.
 FILE_VARIABLE = "PNFARM_TOKEN_FILE"
 #: A farm answers in milliseconds; a power cycle or a thousand drives take longer.
 TIMEOUT_SECONDS = 10.0
@@ -37,12 +37,12 @@ def _base(address: str) -> str:
         url = f"http://{url}"
     scheme, _, rest = url.partition("://")
     if scheme not in {"http", "https"} or not rest or "/" in rest.removesuffix("/api/v1"):
-        raise ConfigError(f"{address!r} is no address of a farm; give --api a URL such as http://127.0.0.1:8702")
+        raise ConfigError(f"{address!r} is not the address of a farm; give --api a URL such as http://127.0.0.1:8702")
     return url if url.endswith("/api/v1") else f"{url}/api/v1"
 
 
 def _kept_token() -> str | None:
-    """What the file holds that PNFARM_TOKEN_FILE names."""
+    """The token in the file of PNFARM_TOKEN_FILE, if there is one."""
     name = os.environ.get(FILE_VARIABLE)
     if not name:
         return None
@@ -63,12 +63,12 @@ class FarmClient:
         token = token or _kept_token()
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         try:
-            # farms are on this network: the environment's proxies are not for them
+            # a farm is on the local network: do not use the environment's proxies
             self._client = httpx.Client(
                 base_url=_base(address), headers=headers, timeout=TIMEOUT_SECONDS, trust_env=False
             )
         except (httpx.InvalidURL, UnicodeError) as exc:
-            raise ConfigError(f"{address!r} is no address of a farm ({exc}); give --api a URL") from exc
+            raise ConfigError(f"{address!r} is not the address of a farm ({exc}); give --api a URL") from exc
 
     def __enter__(self) -> Self:
         return self
@@ -79,7 +79,7 @@ class FarmClient:
         self._client.close()
 
     def get(self, *path: str) -> Any:
-        """Read ``path``, each part of which may hold any letters."""
+        """Read ``path``; its parts are quoted and may hold any characters."""
         return self._ask("GET", path)
 
     def put(self, *path: str, body: Mapping[str, Any]) -> Any:
@@ -113,7 +113,7 @@ class FarmClient:
             raise self._not_a_farm() from exc
 
     def events(self, drive: str | None = None, *, follow: bool = True) -> Iterator[dict[str, Any]]:
-        """The farm's log from its oldest entry on, of one drive or of all; with ``follow`` then as it grows, until
+        """The farm's event log from its oldest entry, of one drive or of all; with ``follow`` also new entries until
         the farm stops.
         """
         import httpx
@@ -150,11 +150,11 @@ class FarmClient:
         if response.status_code >= 500:
             raise FarmError(f"{detail} (the farm at {self.address})")
         if response.status_code == 401:
-            raise ConfigError("the farm asks for its token: give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE")
+            raise ConfigError("the farm needs its token: give --token, PNFARM_TOKEN or PNFARM_TOKEN_FILE")
         raise ConfigError(detail)
 
     def _not_a_farm(self) -> RemoteError:
-        return RemoteError(f"what answers at {self.address} is no farm; give its address with --api")
+        return RemoteError(f"the server at {self.address} is not a farm; give the farm's address with --api")
 
     def _unreachable(self, exc: httpx.HTTPError) -> PnfarmError:
         import httpx
@@ -166,7 +166,7 @@ class FarmClient:
         if isinstance(exc, httpx.TimeoutException):
             return RemoteError(f"the farm at {self.address} gave no answer within {TIMEOUT_SECONDS:g} s")
         if isinstance(exc, httpx.UnsupportedProtocol):
-            return ConfigError(f"{self.address!r} is no address of a farm; give --api a URL")
+            return ConfigError(f"{self.address!r} is not the address of a farm; give --api a URL")
         return RemoteError(f"the connection to the farm at {self.address} failed: {exc}")
 
 

@@ -1,4 +1,4 @@
-"""A command of the program: what it runs, and where it stands in the help."""
+"""A command of the program: the function it runs and its place in the help."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Panel(StrEnum):
 class Command:
     """``run`` is a function with Typer's annotations, or a group of such.
 
-    ``behind`` names the command that it follows in the help; within a panel all groups stand behind the others.  The
-    module of a command imports at its head only what describes the command: ``pnfarm --help`` imports all of them.
+    ``behind`` names the command that it follows in the help; within a panel, groups come after plain commands.
+    ``pnfarm --help`` imports the modules of all commands, so they import at the top only what the help needs.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Numbers of a command line: decimal or 0x, and no wider than their field."""
+"""Numbers on the command line: decimal or 0x, limited to the size of their field."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ if TYPE_CHECKING:
 
 __all__ = ["LONG", "WORD", "number_of"]
 
-#: What two and four octets hold at most: SlotNumber, SubslotNumber and Index; API and ModuleIdentNumber.
+#: Largest numbers of two and four octets: SlotNumber, SubslotNumber and Index; API and ModuleIdentNumber.
 WORD, LONG = 0xFFFF, 0xFFFF_FFFF
-#: A wrong text is shown so far.
+#: Characters of a wrong text that an error shows.
 _SHOWN = 40
 
 
@@ -28,7 +28,7 @@ def number_of(what: str, most: int) -> Callable[[str | int], int]:
             value = -1
         if not 0 <= value <= most:
             shown = word if len(word) <= _SHOWN else f"{word[:_SHOWN]}..."
-            raise ConfigError(f"{shown!r} is no {what}; give a number such as 1 or 0x8000, at most 0x{most:X}")
+            raise ConfigError(f"{shown!r} is not a {what}; give a number such as 1 or 0x8000, at most 0x{most:X}")
         return value
 
     return read

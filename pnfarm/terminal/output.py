@@ -1,4 +1,4 @@
-"""Standard output: tables for people, JSON for programs."""
+"""Standard output: tables for users, JSON for programs."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ if TYPE_CHECKING:
 
 __all__ = ["console", "make_table", "number", "print_json", "print_line", "print_table", "seconds"]
 
-#: Columns where standard output is no terminal: nothing is truncated.
+#: Width where standard output is not a terminal: nothing is truncated.
 _UNBOUNDED = 10_000
 
 
 def print_line(text: str = "") -> None:
-    """One line, flushed: another program may wait for it at a pipe."""
+    """Print one line and flush it: another program may wait for it on a pipe."""
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
 
 
 def print_json(value: Any) -> None:
-    """One JSON document, indented."""
+    """Print one JSON document, indented."""
     print_line(json.dumps(value, indent=2, default=str))
 
 
 def console() -> Console:
-    """Standard output; as wide as the terminal, or without bound into a file or pipe."""
+    """Standard output; as wide as the terminal, unlimited for a file or pipe."""
     from rich.console import Console
 
     return Console(
@@ -46,8 +46,8 @@ def console() -> Console:
 def make_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, caption: str = "") -> Table:
     """A table without lines.
 
-    A column whose name begins with ``>`` is set to the right; one that begins with ``~`` holds text, which may take
-    several lines in a narrow terminal, so that the others keep theirs.
+    A column whose name begins with ``>`` is right-aligned; one that begins with ``~`` holds text that may wrap in a
+    narrow terminal, so that the other columns are not truncated.
     """
     from rich.table import Table
     from rich.text import Text
@@ -68,7 +68,7 @@ def make_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, capt
 
 
 def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Print :func:`make_table`; trailing blanks go, so that a line of a pipe ends with its last word."""
+    """Print :func:`make_table`; into a pipe, lines have no trailing blanks."""
     out = console()
     table = make_table(columns, rows)
     if sys.stdout.isatty():
@@ -81,7 +81,7 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Non
 
 
 def seconds(value: float | None) -> str:
-    """A time as people write it: ``16 ms``, ``1.5 s``; empty for None."""
+    """A time with a suitable unit: ``16 ms``, ``1.5 s``; empty for None."""
     if value is None:
         return ""
     if value < 1e-3:
@@ -92,7 +92,7 @@ def seconds(value: float | None) -> str:
 
 
 def number(value: float | None) -> str:
-    """At most one decimal, thousands apart."""
+    """A number with thousands separators, at most one decimal; empty for None."""
     if value is None:
         return ""
     return f"{value:,}" if isinstance(value, int) else f"{value:,.1f}"

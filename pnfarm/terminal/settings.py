@@ -1,4 +1,4 @@
-"""What every command shares: the global options as they were given, and the words that several commands take."""
+"""The global options as given, and the options and arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ __all__ = [
     "settings",
 ]
 
-#: Where a farm serves its API when its file says nothing.
+#: Default address of a farm's API.
 DEFAULT_URL = "http://127.0.0.1:8702"
 
 
 class Format(StrEnum):
-    """How a command prints its result."""
+    """Output format of a command."""
 
     TABLE = "table"
     JSON = "json"
 
 
 class LogFormat(StrEnum):
-    """How log lines are written to standard error."""
+    """Format of the log lines on standard error."""
 
     CONSOLE = "console"
     JSON = "json"
 
 
 class LogLevel(StrEnum):
-    """The least that is logged."""
+    """Lowest level that is logged."""
 
     DEBUG = "debug"
     INFO = "info"
@@ -67,19 +67,19 @@ class Settings:
         return self.log_format is LogFormat.JSON
 
 
-#: Of the command that runs; filled by the program's own callback.
+#: Global options of the running command; set by the program's callback.
 settings = Settings()
 
 FarmFile = Annotated[Path, typer.Argument(help="Farm file, *.pnfarm.yml.", metavar="FILE", show_default=False)]
-FormatOption = Annotated[Format, typer.Option("--format", help="How to print it.")]
+FormatOption = Annotated[Format, typer.Option("--format", help="Output format.")]
 ApiOption = Annotated[
-    str, typer.Option("--api", help="Where the farm serves its API, a URL or HOST:PORT.", envvar="PNFARM_API")
+    str, typer.Option("--api", help="Address of the farm's API, a URL or HOST:PORT.", envvar="PNFARM_API")
 ]
 TokenOption = Annotated[
     str | None,
     typer.Option(
         "--token",
-        help="The API's bearer token, where it asks for one; PNFARM_TOKEN_FILE names a file that holds it.",
+        help="Bearer token of the API, if it needs one; or set PNFARM_TOKEN_FILE to a file that holds it.",
         envvar="PNFARM_TOKEN",
     ),
 ]

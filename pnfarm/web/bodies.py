@@ -1,4 +1,4 @@
-"""Bodies of requests and answers: JSON."""
+"""JSON bodies of requests and responses."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 __all__ = ["PREFIX", "Json", "Schema", "body_of", "checked", "read_object"]
 
-#: Of every path of this version.
+#: Prefix of every path of this version of the API.
 PREFIX = "/api/v1"
-#: Octets of the largest body; a fault is some hundred.
+#: Largest body in octets; a fault needs a few hundred.
 MAX_BODY = 65_536
 
 
 class Schema(BaseModel):
-    """What a body holds, strictly: no other members, no conversions."""
+    """Base of body types: no unknown members, no type conversions."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
@@ -33,7 +33,7 @@ _S = TypeVar("_S", bound=Schema)
 
 
 class Json(JSONResponse):
-    """JSON in ASCII, so that whatever a request brought can be quoted back."""
+    """JSON in ASCII, so that any text of a request can be quoted in a response."""
 
     def render(self, content: Any) -> bytes:
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
@@ -50,9 +50,9 @@ def body_of(schema: type[Schema]) -> dict[str, Any]:
 
 
 def checked(body: dict[str, Any], schema: type[_S], *, allowed: str = "", hint: str) -> _S:
-    """A body as its type; raises :class:`RequestError`, field by field.
+    """A body as its type; raises :class:`RequestError` with an entry for each wrong field.
 
-    ``allowed`` stands beside each wrong field, ``hint`` behind the sentence that names them all.
+    ``allowed`` is given with each wrong field, ``hint`` ends the message that names them all.
     """
     try:
         return schema.model_validate(body)
@@ -78,15 +78,15 @@ async def read_object(request: Request) -> dict[str, Any]:
         async for chunk in request.stream():
             body += chunk
             if len(body) > MAX_BODY:
-                raise TooLargeError(f"the body has more than {MAX_BODY} octets; no request needs as many")
+                raise TooLargeError(f"the body has more than {MAX_BODY} octets; no request needs more")
     except ClientDisconnect as exc:
-        raise ClientGoneError("the client hung up before its request was whole") from exc
+        raise ClientGoneError("the client hung up before its request was complete") from exc
     try:
         value = json.loads(body)
     except RecursionError as exc:
         raise RequestError("the body is nested too deeply", status=HTTPStatus.BAD_REQUEST) from exc
     except ValueError as exc:
-        # also a number with more digits than Python reads, and octets that are no UTF-8
+        # also raised for a number with too many digits for Python, and for octets that are not UTF-8
         raise RequestError(f"the body is not JSON: {exc}", status=HTTPStatus.BAD_REQUEST) from exc
     if not isinstance(value, dict):
         raise RequestError('the body is not a JSON object such as {"value": 1}')

@@ -1,4 +1,4 @@
-"""Requests that cannot be served, by who is to blame; the API makes a problem document (RFC 9457) of each."""
+"""Errors of requests; the API turns each into a problem document (RFC 9457)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["ClientGoneError", "NotFoundError", "RequestError", "TooLargeError"]
 
 
 class RequestError(ConfigError):
-    """A request that cannot be understood; ``errors`` says field by field what is wrong and what is allowed."""
+    """A request that is not valid; ``errors`` lists each wrong field and what is allowed."""
 
     status = HTTPStatus.UNPROCESSABLE_ENTITY
 
@@ -24,7 +24,7 @@ class RequestError(ConfigError):
 
 
 class NotFoundError(ConfigError):
-    """What the path names is not there."""
+    """The path names something that does not exist."""
 
 
 class TooLargeError(ConfigError):

@@ -122,7 +122,7 @@ def test_browser_brings_the_token_once_and_has_a_cookie_then(guarded):
 def test_the_page_of_a_guarded_farm_asks_for_the_token_and_tells_nothing(guarded):
     page = guarded.get("/", base="http://farm.example")
     assert page.status_code == 200
-    assert "asks for its token" in page.text
+    assert "needs its token" in page.text
     assert guarded.line.farm.name not in page.text.replace("pnfarm", "")
     assert "<script" not in page.text
     assert "default-src 'none'" in page.headers["content-security-policy"]
@@ -139,7 +139,7 @@ def test_a_token_that_is_typed_opens_the_farm_and_another_does_not(guarded):
     for body in (b"token=another-one", b"token=", b"", b"\xff\xfe", b"token=" + b"x" * 100_000, b"token=%ff"):
         refused = guarded.request("POST", "/", content=body, headers=form)
         assert refused.status_code == 403
-        assert "That is not its token." in refused.text
+        assert "Wrong token." in refused.text
         assert "set-cookie" not in refused.headers
     elsewhere = {**form, "Origin": "http://evil.example"}
     assert_problem(guarded.request("POST", "/", content=f"token={TOKEN}", headers=elsewhere), 403, "evil.example")

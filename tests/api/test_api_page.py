@@ -153,7 +153,7 @@ def test_a_guarded_farm_asks_a_person_for_its_token(tmp_path):
         browser.ask(
             "document.querySelector('input').value = 'another-secret'; document.querySelector('button').click()"
         )
-        browser.until("document.body !== null && document.body.textContent.includes('That is not its token.')")
+        browser.until("document.body !== null && document.body.textContent.includes('Wrong token.')")
         browser.ask(f"document.querySelector('input').value = '{TOKEN}'; document.querySelector('button').click()")
         browser.until("typeof $ === 'function' && document.querySelectorAll('#drives tr').length === 1")
         assert TOKEN not in browser.ask("location.href")

@@ -37,7 +37,7 @@ def test_on_loopback_nobody_is_asked(tmp_path):
 def test_a_token_of_the_farm_file_lies_in_no_other(tmp_path):
     for listen in ("127.0.0.1:1", "0.0.0.0:1"):
         found = token_of(config(tmp_path, f"{{listen: '{listen}', token: {GIVEN}}}", "state: ./state\n"))
-        assert (found.value, found.file, found.told) == (GIVEN, None, None)
+        assert (found.value, found.file, found.in_log) == (GIVEN, None, None)
 
 
 def test_beyond_loopback_it_is_made_at_the_first_start_and_kept_with_the_state(tmp_path):
@@ -46,7 +46,7 @@ def test_beyond_loopback_it_is_made_at_the_first_start_and_kept_with_the_state(t
     assert len(first.value) >= 24
     assert first.file.read_text() == f"{first.value}\n"
     assert mode(first.file) == 0o600
-    assert first.told is None
+    assert first.in_log is None
     assert token_of(config(tmp_path, "0.0.0.0:1", "state: ./state\n")) == first
     assert [path.name for path in first.file.parent.iterdir()] == ["api-token"]
 
@@ -54,7 +54,7 @@ def test_beyond_loopback_it_is_made_at_the_first_start_and_kept_with_the_state(t
 def test_without_a_place_to_keep_it_there_is_a_new_one_for_each_start(tmp_path):
     first, second = (token_of(config(tmp_path, "0.0.0.0:1")) for _ in range(2))
     assert first.file is None
-    assert first.told == first.value != second.value
+    assert first.in_log == first.value != second.value
 
 
 def test_a_file_of_ones_own_is_filled_at_the_first_start(tmp_path):
@@ -96,7 +96,7 @@ def test_a_file_that_holds_no_token_is_told_and_left_as_it_is(tmp_path, text):
 
 def test_a_place_where_no_file_can_be_is_told(tmp_path):
     (tmp_path / "in").write_text("")
-    with pytest.raises(EnvironmentError_, match=r"the token's file .*in/key: not a directory; give api"):
+    with pytest.raises(EnvironmentError_, match=r"the token's file .*in/key: not a directory; set another token_file"):
         token_of(config(tmp_path, "{listen: '0.0.0.0:1', token_file: in/key}"))
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(EnvironmentError_, match=r"the token's file .*pipe: it is a pipe"):

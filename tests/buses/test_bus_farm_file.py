@@ -61,7 +61,7 @@ def test_a_key_of_another_bus_is_refused_with_that_buss_name(known):
 
 
 def test_a_key_of_no_bus_is_no_key(known):
-    assert "drives[1].nod: is no key here, did you mean node?" in told(known, toy=", nod: 1")
+    assert "drives[1].nod: is not a key here, did you mean node?" in told(known, toy=", nod: 1")
 
 
 def test_a_value_of_a_buss_key_is_told_with_its_bounds(known):

@@ -208,7 +208,7 @@ def test_discards_and_the_last_events_of_a_drive_stand_below_its_fields(ask, far
     assert "frames discarded  1,203" in lines
     assert lines[-12].split() == ["DISCARDED", "REASON", "WHAT", "IT", "MEANS"]
     assert lines[-11].split(maxsplit=2) == ["1,200", "arp-for-another", "ARP request for another address"]
-    assert lines[-10].split(maxsplit=2)[2].startswith("cyclic frame whose cycle counter does not go on")
+    assert lines[-10].split(maxsplit=2)[2].startswith("cyclic frame whose cycle counter does not advance")
     assert lines[-1].endswith("axis-01          watchdog expired  number=702  silent=48 ms")
     assert sum("watchdog expired" in line for line in lines) == 8
 
@@ -292,7 +292,7 @@ def test_fault_list_shows_the_evidence(ask, farm):
 
 def test_a_list_of_no_faults_says_so(ask, farm):
     farm.answer("GET", "faults", {"faults": []})
-    assert ask("fault", "list").out == "no fault waits or is in force\n"
+    assert ask("fault", "list").out == "no fault is pending or active\n"
     assert json.loads(ask("fault", "list", "--format", "json").out) == {"faults": []}
 
 
@@ -309,7 +309,7 @@ def test_fault_clear_ends_one_or_all(ask, farm):
     assert ask("fault", "clear", "trip").out == "cleared trip\n"
     assert ask("fault", "clear").out == "cleared a b\n"
     farm.answer("POST", "reset", {"cleared": []})
-    assert ask("fault", "clear").out == "no fault was in force\n"
+    assert ask("fault", "clear").out == "no fault was active\n"
 
 
 # -- module
@@ -534,7 +534,7 @@ def test_param_set_sends_a_number(ask, farm, text, value):
 def test_param_set_refuses_what_is_no_number(ask, farm):
     found = ask("param", "set", "axis-01", "930", "fast")
     assert found.code == 2
-    assert "'fast' is no value of a parameter" in found.err
+    assert "'fast' is not a parameter value" in found.err
     assert farm.asked == []
 
 
@@ -554,9 +554,9 @@ def test_the_farms_sentence_is_the_commands_sentence(ask, farm):
         (503, {"detail": "the engine stands"}, 4, "the engine stands"),
         (500, {"detail": "internal error: KeyError"}, 5, "internal error: KeyError"),
         (401, {"detail": "token?"}, 2, "PNFARM_TOKEN"),
-        (404, "<html>nothing</html>", 1, "is no farm"),
-        (500, {"error": "x"}, 1, "is no farm"),
-        (200, "<html>hello</html>", 1, "is no farm"),
+        (404, "<html>nothing</html>", 1, "is not a farm"),
+        (500, {"error": "x"}, 1, "is not a farm"),
+        (200, "<html>hello</html>", 1, "is not a farm"),
     ],
 )
 def test_an_error_of_the_api_has_its_exit_code(ask, farm, status, body, code, told):
@@ -578,7 +578,7 @@ def test_a_farm_that_is_not_there_is_told_with_the_way_to_start_one(pnfarm):
 def test_an_address_that_is_none_is_bad_input(pnfarm, address):
     found = pnfarm("inspect", "--api", address)
     assert found.code == 2
-    assert "no address of a farm" in found.err
+    assert "is not the address of a farm" in found.err
 
 
 def test_the_token_is_shown_to_the_farm(ask, farm, monkeypatch):

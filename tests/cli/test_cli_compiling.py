@@ -33,7 +33,7 @@ def uncompiled(monkeypatch, tmp_path):
 
 
 def test_how_many_functions_of_how_many_is_told_now_and_then(uncompiled, monkeypatch):
-    monkeypatch.setattr(running, "TELL_SECONDS", 0.0)
+    monkeypatch.setattr(running, "LOG_SECONDS", 0.0)
     lines = uncompiled('echo "$@" > "$0.asked"; echo "1 of 3"; echo "2 of 3"; echo "3 of 3"; echo "3 in /x, 1.0 s"')
     assert lines[0]["event"] == running.COMPILING
     told = [(line["functions"], line["of"]) for line in lines if line["event"] == "compiling"]

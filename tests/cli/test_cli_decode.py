@@ -86,7 +86,7 @@ def test_a_drive_that_is_not_in_the_capture_is_told_with_those_that_are(pnfarm, 
     found = pnfarm("decode", virtual, "--drive", who, *options)
     assert found.code == 2
     (sentence,) = found.err.splitlines()
-    assert sentence.startswith(f"pnfarm: no station '{who}' speaks in {virtual}; those that do are ")
+    assert sentence.startswith(f"pnfarm: station '{who}' is not in {virtual}; it has frames of ")
     assert {"plc", "axis-01", "axis-02", "axis-03"} <= set(re.split(r"[ ,]+", sentence))
 
 
@@ -153,8 +153,8 @@ def test_what_is_no_capture_is_a_sentence(pnfarm, tmp_path):
     (tmp_path / "text.pcap").write_text("no capture at all")
     (tmp_path / "empty.pcap").write_bytes(b"")
     for name, words in (
-        ("text.pcap", "is no capture: give a pcap or pcapng file"),
-        ("empty.pcap", "is no capture: give a pcap or pcapng file"),
+        ("text.pcap", "is not a capture: give a pcap or pcapng file"),
+        ("empty.pcap", "is not a capture: give a pcap or pcapng file"),
         ("nowhere.pcap", "cannot be read: No such file or directory"),
         (".", "cannot be read: Is a directory"),
     ):
@@ -177,7 +177,7 @@ def test_any_file_is_lines_or_a_sentence(pnfarm, tmp_path, content, like_a_captu
 def test_a_kind_that_is_none_is_a_sentence(pnfarm, virtual):
     found = pnfarm("decode", virtual, "--only", "cyclical")
     assert found.code == 2
-    assert found.err.startswith("pnfarm: there is no kind of frame 'cyclical'; there are cyclic, ")
+    assert found.err.startswith("pnfarm: unknown kind of frame 'cyclical', allowed are cyclic, ")
 
 
 def test_a_capture_that_ends_in_the_middle_says_so(pnfarm, virtual, tmp_path):
@@ -201,9 +201,9 @@ def file(tmp_path, network):
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (["--pcap", "OUT", "--pcap-only", "cyclical"], 2, "there is no kind of frame 'cyclical'"),
+        (["--pcap", "OUT", "--pcap-only", "cyclical"], 2, "unknown kind of frame 'cyclical'"),
         (["--pcap", "OUT", "--pcap-size", "10kB"], 2, "a file of 10kB is too small for a capture"),
-        (["--pcap", "OUT", "--pcap-size", "lots"], 2, "'lots' is no size"),
+        (["--pcap", "OUT", "--pcap-size", "lots"], 2, "'lots' is not a size"),
         (["--pcap", "OUT", "--pcap-drives", "motor-*"], 2, "no drive of the farm is called 'motor-*'"),
         (["--pcap-size", "10MB"], 2, "say where the capture goes: --pcap OUT.pcapng"),
         (["--pcap", "NOWHERE/OUT"], 4, "cannot be written: No such file or directory"),

@@ -65,7 +65,7 @@ def test_validate_knows_the_fault_catalogue(pnfarm, write):
     path = write(FARM + "    impair:\n      - kind: losss\n")
     found = pnfarm("validate", path)
     assert found.code == 2
-    assert f"{path}:9: drives[0].impair[0].kind: 'losss' is no kind of fault, did you mean loss?" in found.err
+    assert f"{path}:9: drives[0].impair[0].kind: 'losss' is not a kind of fault, did you mean loss?" in found.err
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_parameters_of_a_name_a_number_or_an_effect_are_listed(
 def test_a_glob_without_a_parameter_or_without_a_model_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"has no parameter 'NO\.SUCH'"):
         print_models("akd-profinet", Format.TABLE, parameters="NO.SUCH")
-    with pytest.raises(ConfigError, match="--parameters wants a model"):
+    with pytest.raises(ConfigError, match="--parameters needs a model"):
         print_models(None, Format.TABLE, parameters="*")
 
 
@@ -97,7 +97,7 @@ def test_a_model_without_a_list_in_the_farm_file_is_shown_as_it_is(pnfarm) -> No
 def test_a_farm_file_wants_a_model_and_a_list_without_mistakes(pnfarm, tmp_path) -> None:
     found = pnfarm("models", "--farm", E1)
     assert found.code == 2
-    assert "--farm wants a model" in found.err
+    assert "--farm needs a model" in found.err
     (tmp_path / "e1-parameters.csv").write_text("number\nPt20G\n")
     (tmp_path / "a.yml").write_text(E1.read_text().replace("Pt20E: 8388608, Pt210: 1, ", ""))
     for line in (("models", "e1", "--farm"), ("validate",)):

@@ -252,7 +252,7 @@ def test_down_removes_what_a_killed_farm_and_a_killed_controller_left(solo, solo
     assert found.code == 0
     assert sorted(found.out.splitlines()) == sorted(f"removed {name}" for name in left)
     assert own_interfaces(network) == []
-    assert process("down", solo_file).out == "nothing was left of farm solo\n"
+    assert process("down", solo_file).out == "nothing left to remove of farm solo\n"
 
 
 def test_up_clears_away_what_a_killed_run_left(solo, solo_file, background, network):

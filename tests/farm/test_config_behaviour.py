@@ -61,7 +61,7 @@ def test_a_reading_goes_with_the_motor_and_the_identity_of_the_file():
     [
         (
             "{mode-chnge: at-once}",
-            "drives[0].behaviour.mode-chnge: is no open point of akd-profinet, did you mean mode",
+            "drives[0].behaviour.mode-chnge: is not an open point of akd-profinet, did you mean mode",
         ),
         ("{mode-change: at-one}", "drives[0].behaviour.mode-change: has no reading 'at-one', did you mean at-once?"),
         ("{mode-change: 1}", "drives[0].behaviour.mode-change: is 1; allowed: a word"),
@@ -81,7 +81,7 @@ def test_allowed_is_what_the_model_has():
 
 
 def test_an_unknown_model_brings_no_second_complaint():
-    assert "is no model of this version" in the_issue("{mode-change: never}", model="akd-profibus")
+    assert "is not a model of this version" in the_issue("{mode-change: never}", model="akd-profibus")
 
 
 def test_the_schema_names_the_points_and_readings_of_each_model():

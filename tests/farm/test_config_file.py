@@ -120,8 +120,8 @@ def test_the_configurations_have_the_drives_that_they_speak_of():
 
 WRONG = [
     # what stands in GOOD, what replaces it, line, field, words of the message, words of what is allowed
-    ("farm: line-1", "farm: Line_1", 1, "farm", "'Line_1' is no farm name", "a-z"),
-    ("farm: line-1", "farm: " + "x" * 41, 1, "farm", "is no farm name", "40 characters"),
+    ("farm: line-1", "farm: Line_1", 1, "farm", "'Line_1' is not a farm name", "a-z"),
+    ("farm: line-1", "farm: " + "x" * 41, 1, "farm", "is not a farm name", "40 characters"),
     ("farm: line-1", "farm: 7", 1, "farm", "is 7, not a word", "a-z"),
     ("farm: line-1\n", "", 1, "", "neither `farm` nor `controller`", "farm: NAME"),
     ("link: {kind: macvlan, parent: eth1}\n", "", 1, "", "has no `link`", "link:"),
@@ -131,7 +131,7 @@ WRONG = [
     ("{kind: macvlan, parent: eth1}", "eth1", 2, "link", "is 'eth1', not a mapping", "macvlan"),
     (", parent: eth1", "", 2, "link.parent", "is missing", "such as eth1"),
     ("eth1", "a-very-long-interface", 2, "link.parent", "longer than an interface name", "15 octets"),
-    ("eth1", "'eth 1'", 2, "link.parent", "is no interface name", "eth1"),
+    ("eth1", "'eth 1'", 2, "link.parent", "is not an interface name", "eth1"),
     (
         "parent: eth1",
         "parent: eth1, transmit: parrent",
@@ -140,12 +140,12 @@ WRONG = [
         "did you mean parent?",
         "interface, parent",
     ),
-    ("kind: macvlan, parent: eth1", "kind: veth, parent: eth1", 2, "link.parent", "is no key here", "kind, bridge"),
+    ("kind: macvlan, parent: eth1", "kind: veth, parent: eth1", 2, "link.parent", "is not a key here", "kind, bridge"),
     ("state: ./state", "sate: ./state", 3, "sate", "did you mean state?", "farm, link, state"),
     ("state: ./state", "state: ''", 3, "state", "is empty", "relative to this file"),
     ("127.0.0.1:8702", "8702", 4, "api.listen", "is 8702, not a word", "HOST:PORT"),
-    ("127.0.0.1:8702", "127.0.0.1:70000", 4, "api.listen", "70000 is no TCP port", "65535"),
-    ("127.0.0.1:8702", "300.0.0.1:80", 4, "api.listen", "is no host", "HOST:PORT"),
+    ("127.0.0.1:8702", "127.0.0.1:70000", 4, "api.listen", "70000 is not a TCP port", "65535"),
+    ("127.0.0.1:8702", "300.0.0.1:80", 4, "api.listen", "is not a host", "HOST:PORT"),
     (
         "127.0.0.1:8702",
         "{listen: '0.0.0.0:80', token: short}",
@@ -167,7 +167,7 @@ WRONG = [
     ("count: 8", "count: true", 7, "drives[0].count", "is true", "a whole number"),
     ("count: 8", "count: 5000", 7, "drives[0].count", "is 5000", "4094"),
     ("akd-profinet", "akd-profient", 8, "drives[0].model", "did you mean akd-profinet?", "akd-profinet"),
-    ("akd-profinet", "hiwin-e1", 8, "drives[0].model", "is no model of this version", "akd-profinet"),
+    ("akd-profinet", "hiwin-e1", 8, "drives[0].model", "is not a model of this version", "akd-profinet"),
     ("10.77.0.11/24", "10.77.0.11", 9, "drives[0].ip", "no address with a prefix length", "10.77.0.11/24"),
     ("10.77.0.11/24", "10.77.0.256/24", 9, "drives[0].ip", "no address with a prefix length", "10.77.0.11/24"),
     ("10.77.0.11/24", "10.77.0.11/31", 9, "drives[0].ip", "/31 leaves no room", "/30"),
@@ -179,9 +179,9 @@ WRONG = [
     ("10.77.0.11/24", "0.0.0.5/24", 9, "drives[0].ip", "no address of a station", ""),
     ("mac: auto", "gateway: 10.78.0.1", 10, "drives[0].gateway", "no host of the drives' subnet", "10.77.0.1 to"),
     ("mac: auto", "gateway: 10.77.0.12", 10, "drives[0].gateway", "the address of the drive 'axis-02'", ""),
-    ("mac: auto", "gateway: nowhere", 10, "drives[0].gateway", "'nowhere' is no address", "10.77.0.1"),
+    ("mac: auto", "gateway: nowhere", 10, "drives[0].gateway", "'nowhere' is not an address", "10.77.0.1"),
     ("ip: 10.77.0.11/24", "gateway: 10.77.0.1", 9, "drives[0].gateway", "is given without `ip`", "ip:"),
-    ("mac: auto", "mac: 02:00:00:00:00", 10, "drives[0].mac", "is no MAC address", "auto"),
+    ("mac: auto", "mac: 02:00:00:00:00", 10, "drives[0].mac", "is not a MAC address", "auto"),
     ("mac: auto", "mac: 01:0e:cf:00:00:00", 10, "drives[0].mac", "a multicast address", "unicast"),
     ("mac: auto", "mac: 00:00:00:00:00:00", 10, "drives[0].mac", "zeros", "auto"),
     ("mac: auto", "mac: 02:ff:ff:ff:ff:fe", 10, "drives[0].mac", "up into multicast", "lower"),
@@ -341,7 +341,7 @@ def test_every_error_of_a_file_is_said_in_one_run_in_the_files_order():
     lines = str(caught.value).splitlines()
     assert len(lines) == len(caught.value.issues)
     assert lines[1] == (
-        "line.pnfarm.yml:2: link: 'macvlna' is no kind of link, did you mean macvlan?; "
+        "line.pnfarm.yml:2: link: 'macvlna' is not a kind of link, did you mean macvlan?; "
         "allowed: kind: macvlan, veth, tap, memory"
     )
     assert isinstance(caught.value, ConfigError)
@@ -402,7 +402,7 @@ def test_overrides_win_and_the_whole_is_checked_anew():
 def test_a_wrong_override_names_where_it_comes_from():
     with pytest.raises(FarmFileError) as caught:
         parse(GOOD).with_overrides({"api": "nowhere"}, origin="PNFARM_UP_API")
-    assert str(caught.value).startswith("PNFARM_UP_API: api.listen: 'nowhere' is no HOST:PORT")
+    assert str(caught.value).startswith("PNFARM_UP_API: api.listen: 'nowhere' is not HOST:PORT")
 
 
 @pytest.mark.parametrize("key", ["", "api.listen.x", "drives[9].count", "drives.x", "sate", "farm[0]"])

@@ -29,7 +29,7 @@ def test_sizes_as_people_write_them(text, octets):
 
 @pytest.mark.parametrize("text", ["", "much", "-1MB", "1XB", "MB", "1e9", "1MBs"])
 def test_what_is_no_size_is_told(text):
-    with pytest.raises(ConfigError, match="is no size; give for example 100MB"):
+    with pytest.raises(ConfigError, match="is not a size; give for example 100MB"):
         parse_size(text)
 
 
@@ -58,7 +58,7 @@ def test_a_glob_of_no_drive_is_told():
 
 
 def test_a_kind_that_is_none_is_told():
-    with pytest.raises(ConfigError, match="there is no kind of frame 'cyclical'; there are cyclic, dcp"):
+    with pytest.raises(ConfigError, match="unknown kind of frame 'cyclical', allowed are cyclic, dcp"):
         CaptureSettings(Path("x"), only=("cyclical",))
 
 

@@ -137,7 +137,7 @@ def test_params_give_listed_parameters_values_within_their_limits(write):
 def test_what_is_wrong_in_a_list_is_told_by_its_own_file_and_line_behind_the_farm_files(write):
     farm = FARM.replace("model: moog-msd", "model: moog")
     assert [line.split(";")[0] for line in told(write(farm, LIST + "Pt20G,,,,,\nPt201,,uint7,,,\n"))] == [
-        "a.pnfarm.yml:6: drives[1].model: 'moog' is no model of this version, did you mean moog-msd?",
+        "a.pnfarm.yml:6: drives[1].model: 'moog' is not a model of this version, did you mean moog-msd?",
         "e1.csv:4: number: 'Pt20G' is not the number of a parameter",
         "e1.csv:5: type: 'uint7' is not a type",
     ]
@@ -146,7 +146,7 @@ def test_what_is_wrong_in_a_list_is_told_by_its_own_file_and_line_behind_the_far
 @pytest.mark.parametrize(
     ("lists", "what"),
     [
-        ("{hiwin: e1.csv}", "parameter_lists.hiwin: 'hiwin' is no model of this version, did you mean hiwin-e1?"),
+        ("{hiwin: e1.csv}", "parameter_lists.hiwin: 'hiwin' is not a model of this version, did you mean hiwin-e1?"),
         ("{hiwin-e1: e1.csv, e1: e1.csv}", "parameter_lists.e1: hiwin-e1 has a list already"),
         ("{hiwin-e1: e2.csv}", "'e2.csv' cannot be read: no such file or directory"),
         ("{hiwin-e1: .}", "cannot be read: it is a folder"),

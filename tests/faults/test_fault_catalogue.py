@@ -45,7 +45,7 @@ def test_a_kind_in_a_file_of_its_own_is_injected_and_taken_back():
     assert not line.faults.drive("axis-01").in_force()
     line.enable()
     assert catalogue["hiccup"].as_dict()["params"]["pause"]["default"] == "200ms"
-    with pytest.raises(InjectionError, match="'hiccup' is no kind of fault"):
+    with pytest.raises(InjectionError, match="'hiccup' is not a kind of fault"):
         line.add("hiccup")
 
 

@@ -240,7 +240,7 @@ def test_the_faults_of_a_farm_file_are_in_force_on_the_drives_of_their_group():
         (
             "sielnce",
             "press",
-            "impair[0] of drives press to press: fault.kind: 'sielnce' is no kind of fault, did you mean",
+            "impair[0] of drives press to press: fault.kind: 'sielnce' is not a kind of fault, did you mean",
         ),
         ("silence", "axis-01", "impair[0] of drives press to press: `on` means none of them"),
         ("drive-fault", "all", "fault.params.fault: is missing"),

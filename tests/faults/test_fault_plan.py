@@ -43,7 +43,7 @@ def test_every_kind_says_what_it_does_and_has_an_effect(kind):
 
 def test_an_unknown_kind_is_told_with_the_nearest_one():
     message = refused(kind="silense", on="all")
-    assert "fault.kind: 'silense' is no kind of fault, did you mean silence?" in message
+    assert "fault.kind: 'silense' is not a kind of fault, did you mean silence?" in message
     assert "loss" in message
 
 

@@ -168,7 +168,7 @@ def test_the_token_was_made_at_the_first_start_and_its_group_alone_may_read_it(r
     assert told
     assert all(TOKEN_FILE in line and rig.token not in line for line in told)
     # the command line in the container finds it
-    assert rig.compose("exec", "-T", "farm", "pnfarm", "fault", "list").strip() == "no fault waits or is in force"
+    assert rig.compose("exec", "-T", "farm", "pnfarm", "fault", "list").strip() == "no fault is pending or active"
 
 
 def test_the_engine_was_compiled_when_the_image_was_built(rig):

@@ -32,7 +32,7 @@ class Model:
         return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]
 
     def behaviour_complaints(self, behaviour):
-        return [(key, "is no open point", "none") for key in behaviour]
+        return [(key, "is not an open point", "none") for key in behaviour]
 
     def moves_straight(self, kind):
         return kind == "linear"

@@ -105,7 +105,7 @@ def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) 
     model = known.model(group.model)
     if model is None:
         hint = did_you_mean(group.model, known.models)
-        report((*at, "model"), f"{shown(group.model)} is no model of this version{hint}", ", ".join(known.models))
+        report((*at, "model"), f"{shown(group.model)} is not a model of this version{hint}", ", ".join(known.models))
     else:
         _check_model(at, group, model, report)
 

@@ -106,7 +106,7 @@ class Explainer:
         if kind in _LENGTHS:
             return place, *_wrong_length(kind, value, context, field)
         if kind == "string_pattern_mismatch":
-            return place, f"{shown(value)} is no such word", f"{_described(field)} ({context['pattern']})"
+            return place, f"{shown(value)} is not allowed here", f"{_described(field)} ({context['pattern']})"
         return place, f"is {shown(value)}: {error['msg']}", _described(field)
 
     def _unknown_key(self, location: Location) -> tuple[str, str]:
@@ -121,7 +121,7 @@ class Explainer:
                         own = next(own for own in BUSES.values() if _section_of(own, section) in models)
                         what = f"is a key of {bus.title}, and this is {_CALLED[section]} on {own.title}"
                         return what, ", ".join(keys)
-        return f"is no key here{did_you_mean(key, keys)}", ", ".join(keys)
+        return f"is not a key here{did_you_mean(key, keys)}", ", ".join(keys)
 
     def _models_at(self, location: Location) -> list[type[Section]]:
         """The sections that a value may be; those of groups and controller as their bus has them."""
@@ -205,7 +205,7 @@ def _wrong_tag(value: Any) -> tuple[str, str]:
     if isinstance(tag, str) and tag in _LATER_LINKS:
         return _LATER_LINKS[tag], allowed
     hint = did_you_mean(tag, kinds) if isinstance(tag, str) else ""
-    return f"{shown(tag)} is no kind of link{hint}", allowed
+    return f"{shown(tag)} is not a kind of link{hint}", allowed
 
 
 # --- the models behind a location -------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ def with_lists(
         model = known.find(name)
         if model is None:
             hint = did_you_mean(name, known.models)
-            report((KEY, name), f"{shown(name)} is no model of this version{hint}", ", ".join(known.models))
+            report((KEY, name), f"{shown(name)} is not a model of this version{hint}", ", ".join(known.models))
         elif model.name in listed:
             report((KEY, name), f"{model.name} has a list already", "one list for each model")
         else:

@@ -119,7 +119,7 @@ class FarmConfig(FarmSections):
             except YamlError as error:
                 issues.append(FileIssue(origin, 0, 0, key, error.problem.what, error.problem.allowed))
             except LookupError:
-                issues.append(FileIssue(origin, 0, 0, key, "is no key of a farm file", "a path such as link.parent"))
+                issues.append(FileIssue(origin, 0, 0, key, "is not a key of a farm file", "a path such as link.parent"))
             else:
                 set_here.add(location)
 
