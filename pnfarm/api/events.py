@@ -42,7 +42,7 @@ def start_of(context: ApiContext, last_event_id: str | None) -> int:
 async def event_stream(
     context: ApiContext, after: int, drive: str | None, *, follow: bool = True
 ) -> AsyncIterator[str]:
-    """Messages for every entry above ``after``, of one drive or of all, until the client or the server closes the stream.
+    """Messages for every entry above ``after``, of one drive or of all, until the stream is closed.
 
     Without ``follow`` the stream ends with the newest entry.
     """

@@ -76,7 +76,7 @@ def listen(host: str, port: int) -> socket.socket:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         found = socket.socket(family, kind, protocol)
     except socket.gaierror as exc:
-        raise EnvironmentError_(f"{host!r} is not an address of this machine ({exc}); set HOST:PORT under api:") from exc
+        raise EnvironmentError_(f"{host!r} is not an address of this machine ({exc}); set api: HOST:PORT") from exc
     except OSError as exc:
         raise EnvironmentError_(f"the API cannot listen on {where}: {exc.strerror}") from exc
     try:

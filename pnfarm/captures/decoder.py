@@ -52,7 +52,7 @@ class FrameDecoder(Protocol):
     """Decodes the frames of one bus in a capture."""
 
     def family_of(self, packet: Packet) -> str | None:
-        """The family of a frame, one of the bus's or ``other``; None for a frame that is not one of this bus."""
+        """The family of a frame, one of the bus's or ``other``; None for a frame of another bus."""
         ...
 
     def describe(self, family: str, packet: Packet) -> Iterator[Description]:

@@ -28,7 +28,7 @@ def number_of(what: str, most: int) -> Callable[[str | int], int]:
             value = -1
         if not 0 <= value <= most:
             shown = word if len(word) <= _SHOWN else f"{word[:_SHOWN]}..."
-            raise ConfigError(f"{shown!r} is not a {what}; give a number such as 1 or 0x8000, at most 0x{most:X}")
+            raise ConfigError(f"{shown!r} is not a valid {what}; give a number such as 1 or 0x8000, at most 0x{most:X}")
         return value
 
     return read

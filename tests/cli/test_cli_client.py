@@ -232,7 +232,7 @@ def test_the_events_that_are_kept_of_a_farm_are_shown_without_waiting(ask, farm)
 def test_nothing_is_followed_where_no_events_are_asked_for(ask, names):
     found = ask("inspect", *names, "--no-follow")
     assert found.code == 2
-    assert "give --events" in found.err
+    assert "needs --events" in found.err
 
 
 # -- fault
@@ -479,16 +479,16 @@ def test_module_plug_says_that_the_module_is_there_already(ask, farm, output):
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        ("module pull axis-01 one", "'one' is no slot"),
-        ("module pull axis-01 1.", "'' is no subslot"),
-        ("module pull axis-01 1.x", "'x' is no subslot"),
-        ("module pull axis-01 -- -1", "'-1' is no slot"),
-        ("module pull axis-01 1.0x10000", "'0x10000' is no subslot"),
-        ("module plug axis-01 one", "'one' is no slot"),
-        ("module pull axis-01 65536", "'65536' is no slot; give a number such as 1 or 0x8000, at most 0xFFFF"),
-        ("module plug axis-01 0x10000", "'0x10000' is no slot"),
-        ("module plug axis-01 1 --module 0x100000000", "'0x100000000' is no module ident"),
-        ("module plug axis-01 1 --module seven", "'seven' is no module ident"),
+        ("module pull axis-01 one", "'one' is not a valid slot"),
+        ("module pull axis-01 1.", "'' is not a valid subslot"),
+        ("module pull axis-01 1.x", "'x' is not a valid subslot"),
+        ("module pull axis-01 -- -1", "'-1' is not a valid slot"),
+        ("module pull axis-01 1.0x10000", "'0x10000' is not a valid subslot"),
+        ("module plug axis-01 one", "'one' is not a valid slot"),
+        ("module pull axis-01 65536", "'65536' is not a valid slot; give a number such as 1 or 0x8000, at most 0xFFFF"),
+        ("module plug axis-01 0x10000", "'0x10000' is not a valid slot"),
+        ("module plug axis-01 1 --module 0x100000000", "'0x100000000' is not a valid module ident"),
+        ("module plug axis-01 1 --module seven", "'seven' is not a valid module ident"),
         ("module plug axis-01", "SLOT"),
     ],
 )

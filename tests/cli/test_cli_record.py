@@ -63,7 +63,7 @@ READ = ["record", "read", "-i", "nowhere0", "--slot", "0", "--subslot", "1", "--
         ([*READ, "--ip", "10.0.0"], "is no IPv4 address"),
         ([*READ, "--name", "a", "--own-ip", "x"], "is not like 10.0.0.1/24"),
         ([*READ, "--name", "a"], "there is no interface nowhere0"),
-        ([*READ[:-1], "abc", "--name", "a"], "'abc' is no index"),
+        ([*READ[:-1], "abc", "--name", "a"], "'abc' is not a valid index"),
         ([*READ, "--name", ""], "a station name has 1 to 240"),
         ([*READ, "--name", "a" * 241], "a station name has 1 to 240"),
         ([*READ, "--name", "axis-€"], "a station name has 1 to 240"),
@@ -97,7 +97,7 @@ def test_a_number_beyond_its_field_is_one_sentence_and_code_2(
     more = ["00"] if service == "write" else []
     assert main(["record", service, *READ[2:], option, wrong, "--name", "a", *more]) == 2
     (sentence,) = capsys.readouterr().err.splitlines()
-    assert f"is no {what}; give a number such as 1 or 0x8000, at most 0x{most:X}" in sentence
+    assert f"is not a valid {what}; give a number such as 1 or 0x8000, at most 0x{most:X}" in sentence
     assert len(sentence) < 150
 
 
