@@ -216,7 +216,7 @@ def test_a_file_that_is_none_is_said(tmp_path, content, sentence):
         (FILE.format(name="a", more="") + "    - {name: a, gsdml: x}\n", 7, "'a' belongs to 'a' of"),
         (FILE.format(name="a", more="") + "    - {name: b, gsdml: x, ip: 10.77.0.11/23}\n", 7, "10.77.0.11 belongs to"),
         (FILE.format(name="a", more=", modules: {x: DI}"), 6, "'x' is no slot or subslot"),
-        (FILE.format(name="a", more=", module: 1"), 6, "devices[0].module: is no key"),
+        (FILE.format(name="a", more=", module: 1"), 6, "devices[0].module: is not a key"),
         ("controller: {interface: eth9, devices: []}\n", 1, "drives: is missing"),
         ("farm: f\nlink: {kind: memory}\ncontroller: {devices: [{name: a, gsdml: x}]}\n", 1, "drives: is missing"),
     ],
