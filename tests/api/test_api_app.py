@@ -16,13 +16,6 @@ TOKEN = "a-long-secret"  # a test's, nobody's
 
 
 @pytest.fixture(scope="module")
-def still() -> ApiWorld:
-    world = ApiWorld(2, controller=False)
-    world.line.run(0.2)
-    return world
-
-
-@pytest.fixture(scope="module")
 def guarded() -> ApiWorld:
     world = ApiWorld(1, controller=False, token=TOKEN)
     world.line.run(0.2)

@@ -10,14 +10,6 @@ from hypothesis import strategies as st
 from pnfarm.buses.registry import fault_kinds
 
 
-@pytest.fixture(scope="module")
-def still() -> ApiWorld:
-    """Two drives without a controller."""
-    world = ApiWorld(2, controller=False)
-    world.line.run(0.2)
-    return world
-
-
 def test_catalogue_lists_every_kind_with_its_parameters(still):
     kinds = still.get("/api/v1/fault-kinds").json()["kinds"]
     assert [kind["kind"] for kind in kinds] == list(fault_kinds())

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from drives_kit import SHARED, Drive, Running, new_drive
+from model_copy import copy_model
 
 from pnfarm.drives.catalogue import models
 
@@ -26,6 +27,17 @@ def akd() -> Drive:
 def running() -> Running:
     """An AKD whose firmware is stepped by hand."""
     return Running("akd-profinet")
+
+
+@pytest.fixture
+def msd() -> Drive:
+    return new_drive("moog-msd")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A copy of the AKD's model to change."""
+    return copy_model("akd-profinet", tmp_path / "model")
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from pnfarm.table.axis_codes import CMD_POWER_ON
 from pnfarm.table.image import LOST_NOT
 from pnfarm.table.signals import ITIST_GLATT, NSOLL_A, STW1, TORQUE_SETPOINT
 
-MS = 1_000_000
 INERTIA, FRICTION = 2e-4, 0.05
 #: 5.12.4: 2^14 is DRV.IPEAK, 9 A.
 PER_AMPERE = 2**14 / 9.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from model_copy import copy_model, drop_section, rewrite
+from model_copy import drop_section, rewrite
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.loader import load_model
@@ -18,11 +18,6 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
 
 ALARMS = 'alarms = { value = false, source = "5.13"'
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return copy_model("akd-profinet", tmp_path / "model")
 
 
 def loaded(folder: Path, old: str, new: str, more: str = "") -> Model:

@@ -407,11 +407,6 @@ def test_a_wrong_identity_is_refused_by_its_field(overrides: dict[str, object], 
 # a broken folder
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return copy_model("akd-profinet", tmp_path / "model")
-
-
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [

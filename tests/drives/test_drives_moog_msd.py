@@ -28,11 +28,6 @@ MSD = model("moog-msd")
 WIDTHS = {"U8": 1, "U16": 2, "I16": 2, "U32": 4, "I32": 4}
 
 
-@pytest.fixture
-def msd() -> Drive:
-    return new_drive("moog-msd")
-
-
 # parameters
 
 

@@ -5,15 +5,10 @@ from __future__ import annotations
 import struct
 
 import pytest
-from drives_kit import Drive, new_drive
+from drives_kit import Drive
 
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import DecodeError
-
-
-@pytest.fixture
-def msd() -> Drive:
-    return new_drive("moog-msd")
 
 
 def ask(drive: Drive, text: str, index: int = LOCAL) -> str:

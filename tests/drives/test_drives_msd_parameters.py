@@ -6,7 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 import pytest
-from drives_kit import Drive, new_drive
+from drives_kit import Drive
 from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
@@ -32,11 +32,6 @@ DEFAULTS = {
 #: PNU -> range, where the table's does not fit its own type, or is no pair of numbers.
 RANGES = {949: (0, 0xFFFFFFFF), 963: (0, 65535), 1289: (0, 255), 1290: (0, 0xFFFFFFFF), 1291: (0, 0xFFFFFFFF)}
 RANGES |= {1292: (0, 255), 1293: (0, 255), 1294: (0, 0xFFFF), 1295: (0, 0xFFFFFFFF)}
-
-
-@pytest.fixture
-def msd() -> Drive:
-    return new_drive("moog-msd")
 
 
 def table_15_1() -> list[tuple[int, str, str]]:

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from drives_kit import Drive, new_drive
+from drives_kit import Drive
 
 from pnfarm.drives.catalogue import model
 from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
 
 MSD = model("moog-msd")
-
-
-@pytest.fixture
-def msd() -> Drive:
-    return new_drive("moog-msd")
 
 
 #: Output and input words; a double word stands twice.

@@ -13,11 +13,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import parse_response
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 
 
-@pytest.fixture
-def msd() -> Drive:
-    return new_drive("moog-msd")
-
-
 def bits(value: float) -> int:
     return int.from_bytes(struct.pack(">f", value), "big")
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from model_copy import SHIPPED, copy_model, drop_section, rewrite
+from model_copy import SHIPPED, drop_section, rewrite
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.loader import load_model
@@ -32,11 +32,6 @@ def test_the_akds_noise_comes_from_its_manual_and_its_maker() -> None:
     assert facts["realism.velocity_noise"].source.startswith("7.1.4")
     assert "Kollmorgen" in facts["realism.position_noise"].source
     assert facts["realism.position_noise"].value == 2.0**-17
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return copy_model("akd-profinet", tmp_path / "model")
 
 
 @pytest.mark.parametrize(

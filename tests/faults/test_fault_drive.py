@@ -14,15 +14,6 @@ CYCLE = 0.016
 FAULT, WARNING = 0x0008, 0x0080
 
 
-@pytest.fixture
-def line():
-    line = FaultLine()
-    line.connect()
-    line.enable()
-    line.run(0.1)
-    return line
-
-
 def active_fault(line, index=0) -> int:
     return int(line.farm.columns.axis[index].faults.code[0]) & 0xFFFFFF
 

@@ -13,15 +13,6 @@ MS = 1_000_000
 CYCLE = 0.016
 
 
-@pytest.fixture
-def line():
-    line = FaultLine()
-    line.connect()
-    line.enable()
-    line.run(0.1)
-    return line
-
-
 def test_a_silent_drive_is_lost_by_its_controller_within_the_watchdog_and_found_again_afterwards(line):
     before = int(line.input_row().received)
     fault = line.add("silence", for_="2s")

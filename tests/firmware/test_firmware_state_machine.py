@@ -16,8 +16,6 @@ from pnfarm.table.axis_codes import (
 )
 from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 
-READY, INHIBITED = 0x0001, 0x0040
-
 
 def state_bits(zsw1: int) -> tuple[int, int, int, int]:
     return zsw1 & 1, zsw1 >> 1 & 1, zsw1 >> 2 & 1, zsw1 >> 6 & 1

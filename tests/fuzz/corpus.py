@@ -82,7 +82,7 @@ from pnfarm.wire.icmp import IcmpMessage, emit_icmp
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import parse_udp
 
-__all__ = ["BASE_MODE", "CAPTURES", "Conversation", "Corpus", "captured_frames", "gather", "layers"]
+__all__ = ["BASE_MODE", "CAPTURES", "Conversation", "Corpus", "gather", "layers"]
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
 #: Frames of each capture that are kept; cyclic ones are all alike.

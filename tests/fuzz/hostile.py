@@ -68,7 +68,7 @@ from tests.fuzz.corpus import Corpus
 from tests.fuzz.malformed import UDP, about_a_call, deep, deep_blocks, deep_rpc, varied_snmp
 from tests.fuzz.mutate import mutated, random_octets, variation
 
-__all__ = ["Attacker", "Prey", "Shot", "may_end_connections"]
+__all__ = ["Attacker", "Prey", "Shot"]
 
 MAC, IP = bytes.fromhex("020000666601"), IPv4Address("10.77.1.66")
 OWN_UUID = UUID("66666666-0000-4000-8000-000000000001")

@@ -57,10 +57,9 @@ REST_SECONDS = 8.0
 RETURN_SECONDS = 240.0
 #: What the process may grow in an episode's second half: logs and kept inputs fill up, and the allocator keeps pages.
 SLACK = 24 * 1024 * 1024
-REPORT_SECONDS = 30.0
 #: The other models, and the telegram that each is run with.
 MODELS = {"hiwin-e1": 3, "moog-msd": 1}
-SYSTEM, LLDP_MIB = (1, 3, 6, 1, 2, 1, 1), (1, 0, 8802, 1, 1, 2)
+SYSTEM = (1, 3, 6, 1, 2, 1, 1)
 
 
 class Honest(Bystander):

@@ -164,4 +164,4 @@ class Bystander:
             self.settle()
 
 
-__all__ = ["API_NONE", "CALL_PORT", "NIL", "Answer", "Bystander"]
+__all__ = ["API_NONE", "CALL_PORT", "Answer", "Bystander"]

@@ -48,3 +48,12 @@ class FaultLine(VirtualLine):
     def rows_free(self) -> bool:
         """No impairment is left behind."""
         return not self.farm.columns.impairment["kind"].any()
+
+
+def enabled_line() -> FaultLine:
+    """One drive in operation."""
+    line = FaultLine()
+    line.connect()
+    line.enable()
+    line.run(0.1)
+    return line

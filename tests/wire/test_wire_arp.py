@@ -1,6 +1,7 @@
 from ipaddress import IPv4Address
 
 import pytest
+from decode_reason import reason
 from hypothesis import given
 from hypothesis import strategies as st
 from scapy.layers.l2 import ARP
@@ -10,15 +11,6 @@ from pnfarm.wire.arp import OPERATION_REPLY, OPERATION_REQUEST, ArpPacket, emit_
 
 macs = st.binary(min_size=6, max_size=6)
 packets = st.builds(ArpPacket, st.integers(0, 0xFFFF), macs, st.ip_addresses(v=4), macs, st.ip_addresses(v=4))
-
-
-def reason(parse, data):
-    """Why octets were refused, or None."""
-    try:
-        parse(data)
-    except DecodeError as exc:
-        return exc.reason
-    return None
 
 
 @given(packets, st.binary(max_size=18))

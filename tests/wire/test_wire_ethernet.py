@@ -1,12 +1,12 @@
 from pathlib import Path
 
 import pytest
+from decode_reason import reason
 from hypothesis import given
 from hypothesis import strategies as st
 from scapy.layers.l2 import Dot1Q, Ether
 from scapy.utils import PcapReader
 
-from pnfarm.errors import DecodeError
 from pnfarm.wire.ethernet import (
     ETHERTYPE_PROFINET,
     ETHERTYPE_VLAN,
@@ -28,15 +28,6 @@ frames = st.builds(
     payload=st.binary(min_size=46, max_size=200),
     vlan=st.none() | tags,
 )
-
-
-def reason(parse, data):
-    """Why octets were refused, or None."""
-    try:
-        parse(data)
-    except DecodeError as exc:
-        return exc.reason
-    return None
 
 
 @given(frames)

@@ -2,6 +2,7 @@ from functools import partial
 from ipaddress import IPv4Address
 
 import pytest
+from decode_reason import reason
 from hypothesis import given
 from hypothesis import strategies as st
 from scapy.layers.inet import ICMP, IP, UDP, IPOption_NOP
@@ -30,15 +31,6 @@ packets = st.builds(
     fragment_offset=st.integers(0, 0x1FFF).map(lambda units: units * 8),
     tos=octet,
 )
-
-
-def reason(parse, data):
-    """Why octets were refused, or None."""
-    try:
-        parse(data)
-    except DecodeError as exc:
-        return exc.reason
-    return None
 
 
 # -- the checksum ------------------------------------------------------------------------------------------------------

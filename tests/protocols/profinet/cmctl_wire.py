@@ -8,6 +8,7 @@ from ipaddress import IPv4Address
 from uuid import UUID
 
 from cm_support import DRIVE
+from cmctl_pair import Memory
 from cmctl_peers import DEVICE_MAC, make_plan
 
 from pnfarm.protocols.profinet import events as device_events
@@ -25,26 +26,19 @@ SHARED = replace(DRIVE, limits=replace(DRIVE.limits, max_ars=2))
 PAP, TELEGRAM = (0x3A00, 1, 1), (0x3A00, 1, 2)
 
 
-class Memory:
-    """Records that live in a dictionary, with every write in order; what is in ``refused`` is refused."""
+class RefusingMemory(Memory):
+    """With every write in order; what is in ``refused`` is refused."""
 
     def __init__(self) -> None:
-        self.kept: dict[tuple[int, int, int, int], bytes] = {}
+        super().__init__()
         self.writes: list[tuple[int, int, int, int]] = []
         self.refused: set[int] = set()
-
-    def read(
-        self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
-    ) -> bytes | RecordError:
-        found = self.kept.get((api, slot, subslot, index))
-        return RecordError(AccessError.INVALID_INDEX) if found is None else found[:max_length]
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         if index in self.refused:
             return RecordError(AccessError.INVALID_INDEX)
-        self.kept[api, slot, subslot, index] = data
         self.writes.append((api, slot, subslot, index))
-        return None
+        return super().write(ar, api, slot, subslot, index, data, now)
 
 
 @dataclass
@@ -79,7 +73,7 @@ class Wire:
     """``ready`` says whether the device's application gets ready; ``late`` keeps answers of an operation back."""
 
     def __init__(self, description: DeviceDescription = DRIVE) -> None:
-        self.plugged, self.records = Plugged(description), Memory()
+        self.plugged, self.records = Plugged(description), RefusingMemory()
         self.device = CmDevice(description, self.plugged, self.records, mac=DEVICE_MAC, station_name="axis-01")
         self.ends: list[End] = []
         self.now = SECOND

@@ -39,7 +39,7 @@ from pnfarm.protocols.profinet.wire.snmp import (
 
 MIB_2 = (1, 3, 6, 1, 2, 1)
 SYSTEM = (*MIB_2, 1)
-DESCRIPTION, OBJECT_ID, UPTIME, CONTACT, NAME, LOCATION, SERVICES = ((*SYSTEM, arc, 0) for arc in range(1, 8))
+DESCRIPTION, _, UPTIME, CONTACT, NAME, LOCATION, SERVICES = ((*SYSTEM, arc, 0) for arc in range(1, 8))
 IF_TYPE_1 = (*MIB_2, 2, 2, 1, 3, 1)
 HC_IN_OCTETS_1 = (*MIB_2, 31, 1, 1, 1, 6, 1)
 #: One behind the other: a Counter32, the first Counter64, and what version 1 says instead.

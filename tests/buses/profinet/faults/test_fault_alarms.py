@@ -7,17 +7,6 @@ from profinet_looks import alarms, at_rest, iops, station
 from pnfarm.protocols.profinet.wire.rta import RtaType, parse_rta
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 
-CYCLE = 0.016
-
-
-@pytest.fixture
-def line():
-    line = FaultLine()
-    line.connect()
-    line.enable()
-    line.run(0.1)
-    return line
-
 
 @pytest.fixture
 def wire(line):

@@ -1,6 +1,5 @@
 """Injections into a PROFINET drive's connection and records, as the controller sees them."""
 
-import pytest
 from fault_line import FaultLine
 from profinet_looks import API, read
 
@@ -9,15 +8,6 @@ from pnfarm.protocols.profinet.errors import AccessError, RecordError
 
 CYCLE = 0.016
 FAULT, WARNING = 0x0008, 0x0080
-
-
-@pytest.fixture
-def line():
-    line = FaultLine()
-    line.connect()
-    line.enable()
-    line.run(0.1)
-    return line
 
 
 # -- connection

@@ -4,17 +4,6 @@ import pytest
 from fault_line import FaultLine
 from profinet_looks import at_rest, read, station
 
-MS = 1_000_000
-
-
-@pytest.fixture
-def line():
-    line = FaultLine()
-    line.connect()
-    line.enable()
-    line.run(0.1)
-    return line
-
 
 def timed_read(line) -> float:
     """Seconds that a parameter took: a write and a read."""

@@ -14,15 +14,6 @@ CYCLE = 0.016
 BAD, GOOD = 0x40, 0x80
 
 
-@pytest.fixture
-def line():
-    line = FaultLine()
-    line.connect()
-    line.enable()
-    line.run(0.1)
-    return line
-
-
 def data_status(line) -> int:
     line.run(3 * CYCLE)
     return int(line.input_row().data_status)

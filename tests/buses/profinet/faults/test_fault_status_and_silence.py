@@ -8,15 +8,6 @@ from pnfarm.table.channel import DISCARD_INVALID, IOXS_BAD, IOXS_GOOD, STATUS_RU
 CYCLE = 0.016
 
 
-@pytest.fixture
-def line():
-    line = FaultLine()
-    line.connect()
-    line.enable()
-    line.run(0.1)
-    return line
-
-
 @pytest.mark.parametrize("kind", ["iops-bad", "provider-stop"])
 def test_the_status_of_the_drives_data_says_what_is_wrong_and_is_good_again(line, kind):
     def looks_good():
