@@ -24,9 +24,9 @@ class Tool:
     def _receive(self, _, octets, now):
         frame = parse_ethernet(octets)
         (self.dcp if frame.ethertype == ETHERTYPE_PROFINET else self.ip).receive(frame, now)
-        self._send(now)
+        self.send_pending(now)
 
-    def _send(self, now):
+    def send_pending(self, now):
         for octets in (*self.dcp.to_send(now), *self.ip.to_send(now)):
             self.line.world.switch.send(self.port.index, octets, now)
         self.found += self.dcp.events()
@@ -35,7 +35,7 @@ class Tool:
         """Results of a Set, block by block."""
         now = self.line.world.now
         self.dcp.set_blocks(self.line.farm.stations[drive].port.mac, blocks, now=now)
-        self._send(now)
+        self.send_pending(now)
         self.line.run(0.02)
         finished = self.found.pop()
         return [block.error for block in finished.results]
@@ -44,7 +44,7 @@ class Tool:
         """What every drive says, by its MAC address."""
         now = self.line.world.now
         self.dcp.identify(now=now)
-        self._send(now)
+        self.send_pending(now)
         self.line.run(0.02)
         answers = {event.mac: event.info for event in self.found if isinstance(event, IdentifyAnswered)}
         self.found.clear()
@@ -52,7 +52,7 @@ class Tool:
 
     def use(self, address):
         self.ip.set_address(IPv4Interface(address) if address else None)
-        self._send(self.line.world.now)
+        self.send_pending(self.line.world.now)
         self.line.run(0.02)
 
 

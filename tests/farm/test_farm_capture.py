@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import time
 from pathlib import Path
 
 import pytest
@@ -115,10 +116,16 @@ def test_a_capture_writes_what_came_before_it_was_stopped(tmp_path):
 def test_a_disk_that_fills_up_ends_the_capture_with_a_reason(tmp_path):
     import resource
 
+    path = tmp_path / "out.pcapng"
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
     try:
-        capture, told = loopback(CaptureSettings(tmp_path / "out.pcapng", only=("rpc",)))
+        capture, told = loopback(CaptureSettings(path, only=("rpc",)))
+        ask(10)
+        for _ in range(1000):
+            if path.stat().st_size > 10_000:
+                break
+            time.sleep(0.01)
         ask(200)
         capture.stop()
     finally:
@@ -127,5 +134,7 @@ def test_a_disk_that_fills_up_ends_the_capture_with_a_reason(tmp_path):
     ((event, data),) = told
     assert event == "capture failed"
     assert data["reason"].endswith("cannot be written: File too large")
-    with RawPcapNgReader(str(tmp_path / "out.pcapng")) as reader:
-        assert all(meta.ifname == b"axis-01" for _, meta in reader)
+    with RawPcapNgReader(str(path)) as reader:
+        kept = [(meta.ifname, data[42:47]) for data, meta in reader if meta.direction == 2]
+    assert kept == [(b"axis-01", b"\x04" + number.to_bytes(4, "big")) for number in range(len(kept))]
+    assert len(kept) >= 10

@@ -262,7 +262,7 @@ def test_name_servers_outlive_a_restart_when_they_are_permanent():
         tool.dcp.set_ip_suite(
             station.port.mac, IPv4Interface("10.77.0.99/23"), dns=servers, permanent=permanent, now=line.world.now
         )
-        tool._send(line.world.now)
+        tool.send_pending(line.world.now)
         line.run(0.02)
         assert tool.found.pop().error is None
         again = Farm(memory=memory).farm.stations[0]
@@ -444,7 +444,7 @@ def test_announcements_of_many_drives_reach_only_whom_they_concern():
     before = line.farm_link.counters.received
     for wanted in ("10.77.0.11", "10.77.0.99", "10.77.0.18"):
         tool.ip.probe(IPv4Address(wanted), line.world.now)
-    tool._send(line.world.now)
+    tool.send_pending(line.world.now)
     line.run(0.02)
     found = {event.ip: event.conflict_mac for event in tool.ip.events()}
     stations = line.farm.stations

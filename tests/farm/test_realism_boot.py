@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Address
+
 import pytest
+from dcp_tool import Tool
 from virtual_line import VirtualLine
 
 from pnfarm.farm.snapshot import drive_snapshot
@@ -131,6 +134,14 @@ def test_a_drive_that_boots_answers_nobody():
     """Neither DCP nor ARP nor LLDP: it is not there yet, and nothing that was said meanwhile is answered later."""
     line = line_of("{boot_time: {answers: 3s}}")
     station = line.farm.stations[0]
+    tool = Tool(line)
+    tool.use("10.77.1.77/23")
     line.run(1.0)
+    assert station.port.mac not in tool.identify()
+    tool.ip.probe(IPv4Address("10.77.0.11"), line.world.now)
+    tool.send_pending(line.world.now)
+    assert spoken(line, 1.0) == []
     assert station.next_deadline() == 1_000_000_000_000 + 3_000_000_000
-    assert all(count == 0 for count in station.device.discards().values())
+    assert not any(station.device.discards().values())
+    line.run(1.5)
+    assert station.port.mac in tool.identify()

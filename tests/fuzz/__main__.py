@@ -66,10 +66,6 @@ class Run:
         self.parsers = [parser for parser in parsers(self.layers) if fnmatchcase(parser.name, wanted)]
         self.machines = [machine for machine in (*MACHINES, *MORE) if fnmatchcase(machine.name, wanted)]
 
-    @property
-    def names(self) -> list[str]:
-        return [parser.name for parser in self.parsers] + [machine.name for machine in self.machines]
-
     # -- turns -------------------------------------------------------------------------------------------------------
 
     def rng(self, name: str, chunk: int) -> Random:
@@ -212,13 +208,15 @@ def main() -> int:
         return running.main(options)
     if options.storms:
         return storms.main(options)
-    run = Run(options)
-    if not run.names:
+    names = [target.name for target in (*parsers({"block": []}), *MACHINES, *MORE)]
+    wanted = [name for name in names if fnmatchcase(name, options.target)]
+    if not wanted:
         print(f"no target is named {options.target!r}; --list names them", file=sys.stderr)
         return 2
     if options.list:
-        print("\n".join(run.names))
+        print("\n".join(wanted))
         return 0
+    run = Run(options)
     try:
         run.go()
     except FailureFoundError as exc:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import accumulate
 
 import pytest
 from alarm_kit import CONTROLLER, DEVICE, STEP, Pair, alarm, controller_end, device_end, sent
@@ -16,7 +17,17 @@ from pnfarm.protocols.profinet.alarm import (
 )
 from pnfarm.protocols.profinet.errors import OK, ErrorCode, RtaError, pnio_error, rta_status
 from pnfarm.protocols.profinet.wire.alarms import acknowledge, emit_alarm, parse_alarm
-from pnfarm.protocols.profinet.wire.rta import RtaPdu, RtaType, emit_rta, error_of, error_pdu, parse_rta, rta_error
+from pnfarm.protocols.profinet.wire.rta import (
+    FIRST_SEND,
+    RtaPdu,
+    RtaType,
+    emit_rta,
+    error_of,
+    error_pdu,
+    next_sequence,
+    parse_rta,
+    rta_error,
+)
 from pnfarm.wire.ethernet import VlanTag
 
 DATA, ACK, NACK, ERR = 0x11, 0x13, 0x12, 0x14
@@ -60,16 +71,24 @@ def test_an_alarm_takes_four_frames_with_the_numbers_of_the_captured_controller(
 
 def test_the_numbers_go_round_at_7fff_and_those_of_alarms_at_7ff():
     pair = Pair()
-    for count in range(0x8002):
-        pair.device.notify(alarm(count & 0xFFFF), 0)
+    for count in range(0x802):
+        pair.device.notify(alarm(count), 0)
         pair.run()
         assert len(pair.device_events) == count + 1
-        if count in {0x800, 0x8000, 0x8001}:
-            assert pair.received()[-1].sequence_number == count & 0x7FF
-        if count == 0x8001:
-            assert numbers(pair)[-1] == ("device", "ACK", 0, 0)
+        assert pair.received()[-1].sequence_number == count & 0x7FF
         pair.frames.clear()
-    assert pair.device.counts.acknowledged == 0x8002
+    # as after thirty thousand further alarms
+    assert list(accumulate(range(0x8000), lambda number, _: next_sequence(number), initial=FIRST_SEND))[1:] == [
+        *range(0x8000)
+    ]
+    for end in (pair.device, pair.controller):
+        end._low.send_sequence = end._low.expected_sequence = 0x7FFE
+        end._low.last_sent = end._low.last_received = 0x7FFD
+    for wanted in (0x7FFE, 0x7FFF, 0, 1):
+        pair.device.notify(alarm(5), 0)
+        pair.run()
+        assert numbers(pair)[-1] == ("device", "ACK", wanted, wanted)
+    assert pair.device.counts.acknowledged == 0x802 + 4
     assert not pair.device.dropped
 
 

@@ -34,6 +34,7 @@ from pnfarm.protocols.profinet.wire.blocks import BlockType
 from pnfarm.protocols.profinet.wire.blocks_connect import (
     AlarmCrBlockRes,
 )
+from pnfarm.protocols.profinet.wire.iod import parse_read_request
 from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
 from pnfarm.protocols.profinet.wire.rta import emit_rta_error, parse_rta_error, rta_error
 from pnfarm.wire.ethernet import VlanTag
@@ -111,9 +112,13 @@ def test_a_record_without_an_answer_ends_after_its_time_and_the_next_one_goes_ou
 
 def test_the_sequence_number_of_records_wraps() -> None:
     up = established()
-    for n in range(0x10001):
+    up.controller._calls._next_sequence = 0xFFFE
+    up.device.seen.clear()
+    for n in range(4):
         up.controller.read_implicit(n, 0, 0, 1, 1, 8)
-    assert all(isinstance(e, RecordRead) and e.data == b"record" for e in up.run())
+    assert [(e.tag, e.data) for e in up.run() if isinstance(e, RecordRead)] == [(n, b"record") for n in range(4)]
+    asked = [parse_read_request(call.payload).sequence_number for call in up.device.seen]
+    assert asked == [0xFFFE, 0xFFFF, 0, 1]
 
 
 # The end
