@@ -12,7 +12,7 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pnfarm.config.drive import DriveConfig, DriveFields
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.config.ip import Macs
     from pnfarm.config.known import Known, ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
@@ -112,7 +112,7 @@ class FarmFilePart(Protocol[Group, Controller]):
         ...
 
     def drive(
-        self, fields: DriveFields, group: Group, step: int, model: ModelFacts | None, expansion: Expansion
+        self, common: DriveConfig, group: Group, step: int, model: ModelFacts | None, expansion: Expansion
     ) -> DriveConfig:
         """A group's drive number ``step``, whose name is counted already; ``model`` is None where nobody knows it."""
         ...

@@ -68,18 +68,25 @@ class Load(Section):
         default=0.0,
         ge=-1e6,
         le=1e6,
-        description="Torque that the machine puts on the shaft, N m (linear motor: N), signed.",
+        description="Load torque on the shaft, N m (linear motor: N), signed.",
     )
-    gear: float = Field(default=1.0, ge=1e-4, le=1e5, description="Revolutions of the motor to one of what it drives.")
-    driven_inertia: float = Field(default=0.0, ge=0, le=1e9, description="Behind the gear, kg m^2, beside `inertia`.")
+    gear: float = Field(
+        default=1.0, ge=1e-4, le=1e5, description="Revolutions of the motor for one of the driven side."
+    )
+    driven_inertia: float = Field(
+        default=0.0, ge=0, le=1e9, description="Inertia behind the gear, kg m^2, in addition to `inertia`."
+    )
     lead: float | None = Field(
-        default=None, ge=1e-3, le=1e5, description="Way of a spindle or belt in one revolution, mm."
+        default=None, ge=1e-3, le=1e5, description="Travel of a spindle or belt in one revolution, mm."
     )
     mass: float = Field(
-        default=0.0, ge=0, le=1e6, description="What spindle, belt or linear motor move beside `inertia`, kg."
+        default=0.0,
+        ge=0,
+        le=1e6,
+        description="Mass moved by spindle, belt or linear motor, in addition to `inertia`, kg.",
     )
     force: float = Field(
-        default=0.0, ge=-1e7, le=1e7, description="Force against its forward motion, such as a weight's, N, signed."
+        default=0.0, ge=-1e7, le=1e7, description="Force against forward motion, such as a weight's, N, signed."
     )
 
     def referred_inertia(self, pitch: float) -> float:
@@ -107,14 +114,14 @@ class Motor(Section):
 
     kind: str | None = Field(
         default=None,
-        description="rotary, or another kind that `pnfarm models MODEL` shows under motors, such as linear; left out, "
-        "the model's usual one.",
+        description="rotary, or another kind that `pnfarm models MODEL` shows under MOTORS, such as linear; "
+        "left out, the model's default.",
     )
     pitch: float | None = Field(
         default=None,
         ge=0.1,
         le=1e4,
-        description="Of a linear motor, mm: what a revolution is elsewhere; left out, the model's.",
+        description="Pitch of a linear motor, mm, which corresponds to a revolution; left out, the model's.",
     )
     torque_constant: float | None = Field(
         default=None, ge=1e-5, le=1e4, description="N m per ampere (linear motor: N)."
@@ -123,28 +130,37 @@ class Motor(Section):
         default=None, ge=1e-4, le=1e6, description="N m (linear motor: N); 100 % of torque limits that are percentages."
     )
     peak_current: Amperes = Field(default=None, description="A; 100 % of the current signals (DRV.IPEAK).")
-    continuous_current: Amperes = Field(default=None, description="A that the motor bears for ever.")
+    continuous_current: Amperes = Field(default=None, description="Continuous current, A.")
     thermal_time: float | None = Field(
         default=None,
         ge=0,
         le=1e6,
-        description="Thermal time constant, s; 0: it stays cool, and no current is folded back.",
+        description="Thermal time constant, s; 0 for a motor that stays cool, without current foldback.",
     )
     velocity_time_constant: float | None = Field(
-        default=None, ge=1e-5, le=60, description="What the speed controller is tuned for: its closed loop, s."
+        default=None,
+        ge=1e-5,
+        le=60,
+        description="Time constant of the closed speed loop, s, for which the controller is tuned.",
     )
-    current_time_constant: float | None = Field(default=None, ge=0, le=10, description="Closed current loop, s.")
+    current_time_constant: float | None = Field(
+        default=None, ge=0, le=10, description="Time constant of the closed current loop, s."
+    )
     max_velocity: float | None = Field(
         default=None, ge=1e-2, le=1e6, description="Limit of the velocity command, rpm (linear motor: mm/s)."
     )
     resistance: Ohms = Field(default=None, description="Winding of one phase, ohm.")
     inductance: Henries = Field(default=None, description="Winding of one phase, H.")
-    bus_voltage: Volts = Field(default=None, description="DC link, V; 0: voltage limits nothing.")
-    braking_resistor: bool = Field(default=True, description="Whether one holds the DC link while the motor brakes.")
-    encoder_steps: Steps = Field(default=None, description="To one revolution (linear motor: mm); 0: infinitely many.")
+    bus_voltage: Volts = Field(default=None, description="Voltage of the DC link, V; 0: no limit by voltage.")
+    braking_resistor: bool = Field(
+        default=True, description="Whether a resistor limits the DC link voltage while the motor brakes."
+    )
+    encoder_steps: Steps = Field(
+        default=None, description="Increments per revolution (linear motor: per mm); 0: infinite resolution."
+    )
     holding_brake: Friction = Field(default=None, description="Torque of the holding brake, N m; 0: none.")
-    brake_release: BrakeTime = Field(default=None, description="Until it is open, s.")
-    brake_apply: BrakeTime = Field(default=None, description="Until it holds, s.")
+    brake_release: BrakeTime = Field(default=None, description="Time until the brake is open, s.")
+    brake_apply: BrakeTime = Field(default=None, description="Time until the brake holds, s.")
     step_ns: Step | None = Field(
         default=None, alias="step", description="Longest step of controllers and motor, 62.5us to 1ms."
     )

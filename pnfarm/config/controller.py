@@ -24,8 +24,8 @@ class Program(Section):
 
     kind: Literal["constant", "ramp", "sine", "positions", "idle"] = Field(
         default="idle",
-        description="Course of the speed; positions goes from target to target, position mode; idle exchanges data and "
-        "leaves the drive disabled.",
+        description="Kind of motion; positions moves from target to target in position mode; idle exchanges "
+        "data and leaves the drive disabled.",
     )
     speed_rpm: float = Field(
         default=100.0,
@@ -37,14 +37,16 @@ class Program(Section):
         default=[0.0, 1.0],
         min_length=1,
         max_length=TARGETS,
-        description="Of positions, in turn, revolutions (linear motor: pitches) from the home position.",
+        description="Targets of positions, in turn, revolutions (linear motor: pitches) from the home position.",
     )
-    acceleration: float = Field(default=10_000.0, gt=0, le=10_000_000, description="Of positions, up and down, rpm/s.")
-    dwell_ns: Duration = Field(default=0, alias="dwell", description="Of positions, how long it stays in each target.")
-    period_ns: Duration = Field(default=2_000_000_000, alias="period", description="Of one ramp or sine.")
-    enable: bool = Field(default=True, description="Whether it takes the drive to S4 operation.")
+    acceleration: float = Field(
+        default=10_000.0, gt=0, le=10_000_000, description="Acceleration and deceleration of positions, rpm/s."
+    )
+    dwell_ns: Duration = Field(default=0, alias="dwell", description="Pause of positions at each target.")
+    period_ns: Duration = Field(default=2_000_000_000, alias="period", description="Period of one ramp or sine.")
+    enable: bool = Field(default=True, description="Whether it enables the drive (S4, operation).")
     acknowledge_after_ns: Duration | None = Field(
-        default=None, alias="acknowledge_after", description="Acknowledge a fault so long after it; left out, never."
+        default=None, alias="acknowledge_after", description="Acknowledge a fault after this time; left out, never."
     )
 
 
@@ -67,7 +69,7 @@ class ControllerSection(Section):
 
     name: NamePattern = Field(default="plc", description="Its station name.")
     interface: Interface | None = Field(default=None, description="Existing interface to use; it is not changed.")
-    link: Link | None = Field(default=None, description="Link of its own; left out, the farm's.")
+    link: Link | None = Field(default=None, description="Link of the controller; left out, the farm's.")
     program: Program = Field(default_factory=Program)
     reconnect: Annotated[Reconnect | None, BeforeValidator(_open_reconnect)] = Field(
         default_factory=Reconnect, description="`off`: stay disconnected."

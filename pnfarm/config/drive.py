@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
@@ -21,26 +21,27 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
 
-__all__ = ["MAX_DRIVES", "Claim", "DriveConfig", "DriveFields", "DriveGroup"]
+__all__ = ["MAX_DRIVES", "Claim", "DriveConfig", "DriveGroup"]
 
 #: Most drives of one farm.
 MAX_DRIVES = 4094
 
-Identity = Annotated[dict[str, Any], Field(description="What the drive says it is, where it is not the model's own.")]
+Identity = Annotated[dict[str, Any], Field(description="Identity of the drive where it differs from the model's.")]
 
 
 class DriveGroup(Section):
     """One drive, or `count` alike."""
 
     name: NamePattern = Field(description="Station name; {n} counts, {n:02} with leading zeros.")
-    count: int = Field(default=1, ge=1, le=MAX_DRIVES, description="How many.")
-    start: int = Field(default=1, ge=0, le=1_000_000, description="First number that {n} takes.")
+    count: int = Field(default=1, ge=1, le=MAX_DRIVES, description="Number of drives.")
+    start: int = Field(default=1, ge=0, le=1_000_000, description="First number for {n}.")
     model: str = Field(description="Drive model, one of `pnfarm models`.", examples=["akd-profinet"])
     load: Load = Field(default_factory=Load)
     motor: Motor = Field(default_factory=Motor)
     machine: Machine = Field(default_factory=Machine)
     limits: Literal["strict", "lax"] = Field(
-        default="strict", description="strict: refuse what the manual denies; lax: for load tests."
+        default="strict",
+        description="strict: refuse what the manual does not permit; lax: permit more, for load tests.",
     )
     identity: Identity = Field(default_factory=dict)
     realism: DriveRealism = Field(
@@ -50,45 +51,24 @@ class DriveGroup(Section):
     )
     params: dict[str, Scalar] = Field(
         default_factory=dict,
-        description="Parameters at power-on, by the manual's name or by number: whole numbers as on the wire; a number "
-        "with a point is that of a float parameter itself.",
+        description="Parameters at power-on, by the manual's name or by number: whole numbers as on the wire; "
+        "for a float parameter also a number with a decimal point.",
         examples=[{"DRV.OPMODE": 1}],
     )
     motion_tasks: list[Task] = Field(
-        default_factory=list, description="Motion tasks in the drive, as a commissioning tool leaves them there."
+        default_factory=list, description="Motion tasks stored in the drive, as by a commissioning tool."
     )
     behaviour: dict[str, str] = Field(
         default_factory=dict,
-        description="What the drive does where its manual leaves it open: reading by point; `pnfarm models MODEL` "
+        description="Behaviour where the manual leaves it open, a reading for each point; `pnfarm models MODEL` "
         "and docs/behaviour.md list them.",
         examples=[{"control-by-plc": "hold"}],
     )
-    impair: list[Impairment] = Field(default_factory=list, description="Impairments from the start.")
+    impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
 
 #: A value that must be unique in a farm: key of the group, value, and the value in words.
 Claim = tuple[str, object, str]
-
-
-class DriveFields(TypedDict):
-    """Arguments of any bus's :class:`DriveConfig`."""
-
-    index: int
-    group: int
-    name: str
-    model: str
-    load: Load
-    motor: Motor
-    machine: Machine
-    strict: bool
-    identity: Mapping[str, Any]
-    params: Mapping[str, int | float | str | bool]
-    impair: tuple[Impairment, ...]
-    motion_tasks: tuple[MotionTask, ...]
-    behaviour: Mapping[str, str]
-    realism: Realism
-    realism_by_source: bool
-    listed: Model | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,6 +99,11 @@ class DriveConfig:
     realism_by_source: bool = False
     listed: Model | None = None
     mac: bytes = b""
+
+    @classmethod
+    def extending(cls, common: DriveConfig, **own: Any) -> Self:
+        """The drive of a bus: the fields of ``common``, and the bus's ``own``."""
+        return cls(**{each.name: getattr(common, each.name) for each in fields(DriveConfig)} | own)
 
     def claims(self) -> Sequence[Claim]:
         """Values that no other drive of the farm may have, besides its name."""

@@ -38,14 +38,16 @@ FaultKind = Annotated[
 class Impairment(Section):
     """A fault that is there from the start; the kinds are those of `pnfarm fault kinds`."""
 
-    kind: FaultKind = Field(description="What it does, such as loss or f702.")
-    on: Globs | None = Field(default=None, description="Which drives; left out, all of the group.")
-    params: dict[str, Scalar] = Field(default_factory=dict, description="The kind's own parameters.")
-    probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence.")
-    seed: int | None = Field(default=None, ge=0, le=(1 << 64) - 1, description="Makes the same run twice.")
-    direction: Directions | None = Field(default=None, description="Seen from the drive.")
-    after_cycles: int | None = Field(default=None, ge=0, description="Healthy cycles to let pass first.")
-    after_ns: Duration | None = Field(default=None, alias="after", description="Time to let pass first.")
-    count: int | None = Field(default=None, ge=1, description="Occurrences, then it ends.")
-    for_ns: Duration | None = Field(default=None, alias="for", description="How long, then it ends.")
-    cycles: int | None = Field(default=None, ge=1, description="Cycles, then it ends.")
+    kind: FaultKind = Field(description="Kind of fault, such as loss or f702.")
+    on: Globs | None = Field(default=None, description="Drives; left out, all of the group.")
+    params: dict[str, Scalar] = Field(default_factory=dict, description="Parameters of this kind.")
+    probability: float | None = Field(default=None, gt=0, le=1, description="Probability of each occurrence.")
+    seed: int | None = Field(
+        default=None, ge=0, le=(1 << 64) - 1, description="Seed of the random choices, to repeat a run."
+    )
+    direction: Directions | None = Field(default=None, description="Direction, seen from the drive.")
+    after_cycles: int | None = Field(default=None, ge=0, description="Begin after this many healthy cycles.")
+    after_ns: Duration | None = Field(default=None, alias="after", description="Begin after this time.")
+    count: int | None = Field(default=None, ge=1, description="End after this many occurrences.")
+    for_ns: Duration | None = Field(default=None, alias="for", description="End after this time.")
+    cycles: int | None = Field(default=None, ge=1, description="End after this many cycles.")

@@ -32,7 +32,8 @@ class IpDrives(DriveGroup):
     ip: Cidr | None = Field(default=None, description="First drive's address; counts up.")
     gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
     mac: MacSetting = Field(
-        default=AUTO, description="auto: stable, locally administered; or the first drive's address, which counts up."
+        default=AUTO,
+        description="auto: a stable, locally administered address; or the address of the first drive, which counts up.",
     )
 
 

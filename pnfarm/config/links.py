@@ -16,7 +16,7 @@ class MacvlanLink(Section):
     """One macvlan per drive on an interface of this machine: the drives stand on the real wire."""
 
     kind: Literal["macvlan"]
-    parent: Interface = Field(description="Interface that carries the drives, such as eth1; it must be up.")
+    parent: Interface = Field(description="Parent interface, such as eth1; it must be up.")
     transmit: Literal["interface", "parent"] = Field(
         default="interface",
         description="Where cyclic frames leave: each drive's own interface, or the parent, which costs less "
@@ -37,9 +37,7 @@ class TapLink(Section):
     """One TAP per drive: for virtual machines, or where no other interface can be made.  Slower."""
 
     kind: Literal["tap"]
-    bridge: Interface | None = Field(
-        default=None, description="Existing bridge to join; left out, the TAPs stand alone."
-    )
+    bridge: Interface | None = Field(default=None, description="Existing bridge to join; left out, the TAPs join none.")
 
 
 class MemoryLink(Section):

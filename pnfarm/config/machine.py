@@ -46,9 +46,9 @@ Ends = Annotated[list[Place | None], Field(min_length=2, max_length=2), AfterVal
 class Cam(Section):
     """A cam of the machine, and the digital input that its switch is wired to."""
 
-    input: int = Field(ge=0, le=31, description="Digital input of the drive that it puts on, from 0.")
+    input: int = Field(ge=0, le=31, description="Digital input of the drive that it switches on, from 0.")
     between: Annotated[list[Place], Field(min_length=2, max_length=2), AfterValidator(_forwards)] = Field(
-        description="Where it begins and where it ends."
+        description="Its first and its last position."
     )
 
 
@@ -61,13 +61,13 @@ class Machine(Section):
 
     limit_switches: Ends | None = Field(
         default=None,
-        description="Two places: pressed at the first and below, and at the second and above; null for none.",
+        description="Two positions: pressed at and below the first, and at and above the second; null for none.",
     )
     end_stops: Ends | None = Field(
-        default=None, description="Two places that the axis does not go beyond; null for none."
+        default=None, description="Two positions beyond which the axis cannot move; null for none."
     )
     cams: list[Cam] = Field(
-        default_factory=list, max_length=CAMS, description="Up to 4, such as the one of a home switch."
+        default_factory=list, max_length=CAMS, description="Up to 4 cams, such as that of a home switch."
     )
 
 

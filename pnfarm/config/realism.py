@@ -123,23 +123,23 @@ class Noise(Section):
 
     velocity: Annotated[
         float | str | None, PlainValidator(_amount("velocity_noise", "rpm")), _amount_schema("velocity_noise")
-    ] = Field(default=None, description="Of the actual velocity, rpm (linear motor: mm/s).")
+    ] = Field(default=None, description="Noise of the actual velocity, rpm (linear motor: mm/s).")
     current: Annotated[
         float | str | None, PlainValidator(_amount("current_noise", "A")), _amount_schema("current_noise")
-    ] = Field(default=None, description="Of the actual current, A; the torque's follows.")
+    ] = Field(default=None, description="Noise of the actual current, A; that of the torque follows from it.")
     position: Annotated[
         float | str | None, PlainValidator(_amount("position_noise", "rev")), _amount_schema("position_noise")
-    ] = Field(default=None, description="Of the actual position, revolutions (linear motor: mm).")
+    ] = Field(default=None, description="Noise of the actual position, revolutions (linear motor: mm).")
 
 
 class BootTime(Section):
     """How long the drive takes from power-on, at the farm's start and after each power cycle."""
 
     answers: Annotated[int | str | None, PlainValidator(_read_time), _schema(_DURATION_SCHEMA)] = Field(
-        default=None, description="Until it answers on the network."
+        default=None, description="Time until it answers on the network."
     )
     ready: Annotated[int | str | None, PlainValidator(_read_time), _schema(_DURATION_SCHEMA)] = Field(
-        default=None, description="Until S1; left out, the model's `boot_time_ns`."
+        default=None, description="Time until S1; left out, the model's `boot_time_ns`."
     )
 
 
@@ -164,18 +164,19 @@ class Realism(Section):
     """What makes these drives less than ideal; each key is a figure, `on` (the model's own) or `off`."""
 
     noise: Annotated[Noise, BeforeValidator(_open_noise)] = Field(
-        default_factory=Noise, description="Of measured velocity, current and position."
+        default_factory=Noise, description="Noise of the measured velocity, current and position."
     )
     parameter_latency: Annotated[
         tuple[float, float] | str | None, PlainValidator(_read_latency), _range_schema(_DURATION_SCHEMA)
     ] = Field(
         default=None,
-        description="How long the drive works on a parameter request before its answer can be read; two durations are "
-        "a range of which each request has its own.",
+        description="Time until the answer to a parameter request can be read; two durations are a range, from "
+        "which each request gets its own.",
         examples=["20ms", ["5ms", "40ms"]],
     )
     boot_time: Annotated[BootTime, BeforeValidator(_open_boot_time)] = Field(
-        default_factory=BootTime, description="From power-on until it answers and until S1; one duration is both."
+        default_factory=BootTime,
+        description="Time from power-on until it answers and until S1; one duration stands for both.",
     )
     clock_drift: Annotated[
         tuple[float, float] | str | None,
@@ -183,12 +184,15 @@ class Realism(Section):
         _range_schema({"type": "number", "minimum": -BOUNDS["clock_drift"], "maximum": BOUNDS["clock_drift"]}),
     ] = Field(
         default=None,
-        description="How much faster than true the drive's clock runs, ppm; two numbers are a range of which each "
-        "drive has its own.",
+        description="Drift of the drive's clock, ppm, above 0 faster; two numbers are a range, from which each "
+        "drive gets its own.",
         examples=[30, [-50, 50]],
     )
     seed: int = Field(
-        default=1, ge=0, le=(1 << 64) - 1, description="The same seed makes the same run; drives differ by their names."
+        default=1,
+        ge=0,
+        le=(1 << 64) - 1,
+        description="Seed of the random values, to repeat a run; drives differ by their names.",
     )
 
 

@@ -15,14 +15,16 @@ __all__ = ["Task", "drive_task"]
 class Task(Section):
     """One motion task, which the controller starts by its number (SATZANW)."""
 
-    number: int = Field(ge=0, lt=MOTION_TASKS, description="What SATZANW names it by.")
-    position: float = Field(ge=-1e9, le=1e9, description="Target from the home position, or way, revolutions.")
+    number: int = Field(ge=0, lt=MOTION_TASKS, description="Number for SATZANW.")
+    position: float = Field(
+        ge=-1e9, le=1e9, description="Target from the home position, or relative distance, revolutions."
+    )
     velocity: float = Field(ge=1e-3, le=1e6, description="rpm.")
     acceleration: float = Field(ge=1e-3, le=1e9, description="rpm/s.")
     deceleration: float | None = Field(default=None, ge=1e-3, le=1e9, description="rpm/s; left out, as acceleration.")
-    relative: bool = Field(default=False, description="Whether position is a way from where the axis is told to be.")
-    next: int | None = Field(default=None, ge=0, lt=MOTION_TASKS, description="The task that begins behind this one.")
-    wait_ns: Duration = Field(default=0, alias="wait", description="How long the axis stands before the next one.")
+    relative: bool = Field(default=False, description="Whether position is relative to the present set position.")
+    next: int | None = Field(default=None, ge=0, lt=MOTION_TASKS, description="Task that follows this one.")
+    wait_ns: Duration = Field(default=0, alias="wait", description="Pause before the next task.")
 
 
 def drive_task(task: Task) -> MotionTask:

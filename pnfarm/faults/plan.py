@@ -97,16 +97,16 @@ class InjectionSpec(BaseModel):
 
     kind: Kind = Field(description="What it does, one of `pnfarm fault kinds`.")
     on: Globs = Field(description="Which drives: globs over their names, model:NAME, or all.")
-    params: Params = Field(default_factory=dict, description="The kind's own parameters.")
+    params: Params = Field(default_factory=dict, description="Parameters of this kind.")
     probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence; left out, 1.")
-    seed: int | None = Field(default=None, ge=0, lt=1 << 64, description="Makes the same run twice.")
-    direction: Directions | None = Field(default=None, description="Seen from the drive.")
+    seed: int | None = Field(default=None, ge=0, lt=1 << 64, description="Seed of the random choices, to repeat a run.")
+    direction: Directions | None = Field(default=None, description="Direction, seen from the drive.")
     after_cycles: int = Field(
         default=0, ge=0, lt=_COUNT_END, description="Healthy cycles of the connection to let pass first."
     )
-    after_ns: Duration = Field(default=0, alias="after", description="Time to let pass first.")
-    count: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="Occurrences, then it ends.")
-    for_ns: Duration | None = Field(default=None, alias="for", description="How long, then it ends.")
+    after_ns: Duration = Field(default=0, alias="after", description="Begin after this time.")
+    count: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="End after this many occurrences.")
+    for_ns: Duration | None = Field(default=None, alias="for", description="End after this time.")
     cycles: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="Cycles of the connection, then it ends.")
     name: str | None = Field(
         default=None, alias="as", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name to clear it by."

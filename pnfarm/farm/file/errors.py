@@ -75,9 +75,8 @@ class Explainer:
     """Explains the errors of one file: its ``values`` were read as ``root``, by the keys that ``choice`` selects."""
 
     def __init__(self, root: type[Section], values: Any, choice: Choice) -> None:
-        self._root = root
-        self._values = values
         self._choice = choice
+        self._known: dict[Location, tuple[list[type[Section]], Any]] = {(): ([root], values)}
 
     def explain(self, error: Mapping[str, Any]) -> tuple[Location, str, str]:
         """One of pydantic's errors as (place in the file, what is wrong, what is allowed)."""
@@ -86,9 +85,9 @@ class Explainer:
         kind: str = error["type"]
         value = error.get("input")
         context = error.get("ctx", {})
-        field = self._field_at(location)
         if isinstance(found := context.get("error"), Problem):
             return place, found.what, found.allowed
+        field = self._field_at(location)
         if kind == "missing":
             return place, "is missing", _described(field)
         if kind == "extra_forbidden":
@@ -110,7 +109,7 @@ class Explainer:
         return place, f"is {shown(value)}: {error['msg']}", _described(field)
 
     def _unknown_key(self, location: Location) -> tuple[str, str]:
-        models = self._models_at(location[:-1])
+        models, _ = self._at(location[:-1])
         keys = [key for model in models for key in model.listed_keys()]
         key = str(location[-1])
         for section in (DriveGroup, ControllerSection):
@@ -123,24 +122,25 @@ class Explainer:
                         return what, ", ".join(keys)
         return f"is not a key here{did_you_mean(key, keys)}", ", ".join(keys)
 
-    def _models_at(self, location: Location) -> list[type[Section]]:
-        """The sections that a value may be; those of groups and controller as their bus has them."""
-        models: list[type[Section]] = [self._root]
-        value = self._values
-        for step in location:
-            value = _inside(value, step)
-            if isinstance(step, int):
-                models = [self._as_its_bus_has_it(model, value) for model in models]
-                continue
-            tagged = [model for model in models if step in _literals(model.model_fields.get("kind"))]
-            if tagged and len(models) > 1:
-                models = tagged
-                continue
+    def _at(self, location: Location) -> tuple[list[type[Section]], Any]:
+        """The sections that a value may be (those of groups and controller as their bus has them), and the value."""
+        if (known := self._known.get(location)) is not None:
+            return known
+        models, value = self._at(location[:-1])
+        step = location[-1]
+        value = _inside(value, step)
+        tagged = [model for model in models if step in _literals(model.model_fields.get("kind"))]
+        if isinstance(step, int):
+            models = [self._as_its_bus_has_it(model, value) for model in models]
+        elif tagged and len(models) > 1:
+            models = tagged
+        else:
             fields = [field for model in models if (field := _field(model, step)) is not None]
             models = [member for field in fields for member in _members(field.annotation)]
             if not isinstance(value, list):
                 models = [self._as_its_bus_has_it(model, value) for model in models]
-        return models
+        self._known[location] = models, value
+        return models, value
 
     def _as_its_bus_has_it(self, model: type[Section], value: Any) -> type[Section]:
         if model is DriveGroup:
@@ -154,7 +154,7 @@ class Explainer:
         for end in range(len(location), 0, -1):
             step = location[end - 1]
             if isinstance(step, str):
-                for model in self._models_at(location[: end - 1]):
+                for model in self._at(location[: end - 1])[0]:
                     if (field := _field(model, step)) is not None:
                         return field
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.farm_file import Expansion
-from pnfarm.config.drive import DriveFields
+from pnfarm.config.drive import DriveConfig
 from pnfarm.config.ip import IpController, Macs, auto_mac
 from pnfarm.config.links import MemoryLink
 from pnfarm.config.tasks import drive_task
@@ -15,7 +15,6 @@ from pnfarm.farm.file.choice import bus_of
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.config.drive import DriveConfig
     from pnfarm.config.known import Known
     from pnfarm.farm.file.sections import FarmSections
 
@@ -44,7 +43,7 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
         part = bus_of(group).farm_file
         model = known.model(group.model)
         for step in range(group.count):
-            fields = DriveFields(
+            common = DriveConfig(
                 index=index,
                 group=number,
                 name=expand_name(group.name, group.start + step),
@@ -62,5 +61,5 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 realism_by_source=real_link and group.limits == "strict",
                 listed=model.described if model is not None and model.name in known.listed else None,
             )
-            yield part.drive(fields, group, step, model, expansion)
+            yield part.drive(common, group, step, model, expansion)
             index += 1

@@ -46,7 +46,8 @@ class Api(Section):
         default=None,
         min_length=8,
         max_length=512,
-        description="Bearer token that a client must show; left out, a port beyond loopback gets one.",
+        description="Bearer token that clients must send; left out, one is generated unless the API listens on "
+        "loopback only.",
     )
     token_file: str | None = Field(
         default=None,
@@ -94,7 +95,7 @@ def _open_api(value: Any) -> Any:
 class Realtime(Section):
     """How the cyclic engine's thread runs.  `pnfarm doctor` says what this machine permits."""
 
-    cpu: int | None = Field(default=None, ge=0, le=4095, description="CPU to stay on; left out, any.")
+    cpu: int | None = Field(default=None, ge=0, le=4095, description="CPU to run on; left out, any.")
     fifo: int | None = Field(
         default=None, ge=1, le=99, description="SCHED_FIFO priority; left out, the ordinary scheduler."
     )
@@ -102,16 +103,16 @@ class Realtime(Section):
         default=-11,
         ge=-20,
         le=19,
-        description="Niceness of the engine's thread under the ordinary scheduler; it may be refused.",
+        description="Niceness of the engine's thread with the ordinary scheduler; the system may refuse it.",
     )
-    mlockall: bool = Field(default=False, description="Keep all memory in RAM.")
+    mlockall: bool = Field(default=False, description="Lock all memory in RAM.")
     timestamps: bool | None = Field(
         default=None,
-        description="Let the kernel stamp each frame, so that intervals are the controller's own; without, they are as "
-        "exact as the engine's ticks. Left out: with up to 128 drives, where the cost does not matter.",
+        description="Kernel time stamps for each frame, which measure the controller's intervals exactly; "
+        "without them, the resolution is the engine's tick. Left out: on with up to 128 drives.",
     )
     timer_slack_ns: int = Field(
-        default=1, ge=1, le=1_000_000_000, description="How late the kernel may wake the engine, nanoseconds."
+        default=1, ge=1, le=1_000_000_000, description="Timer slack of the engine's thread, nanoseconds."
     )
 
 
@@ -151,18 +152,16 @@ class FarmSections(Section):
     state: str | None = Field(
         default=None,
         min_length=1,
-        description="Folder of the drives' non-volatile memory, relative to this file; left out, they forget.",
+        description="Folder of the drives' non-volatile memory, relative to this file; left out, nothing is kept.",
         examples=["./state"],
     )
     api: Annotated[Api | None, BeforeValidator(_open_api)] = Field(
         default_factory=lambda: Api.model_validate({"listen": DEFAULT_LISTEN}),
-        description="Where the HTTP API listens, HOST:PORT; `off`: nowhere.",
+        description="Address of the HTTP API, HOST:PORT; `off` for no API.",
         examples=[DEFAULT_LISTEN, OFF],
     )
     realtime: Realtime = Field(default_factory=Realtime)
-    lldp: bool = Field(
-        default=True, description="Whether the drives, and the controller, tell their neighbours who they are (LLDP)."
-    )
+    lldp: bool = Field(default=True, description="Whether the drives and the controller send LLDP to their neighbours.")
     parameter_lists: ParameterLists = Field(
         default_factory=dict,
         description="Parameters that a model's manual does not describe, for all drives of the model: model: CSV file, "
@@ -172,6 +171,6 @@ class FarmSections(Section):
     drives: list[AnyGroup] = Field(
         default_factory=list,
         min_length=1,
-        description="The drives, group by group; left out only where the controller has `devices`.",
+        description="The groups of drives; may be left out only if the controller has `devices`.",
     )
     controller: AnyController | None = Field(default=None, description="The built-in controller, for `pnfarm plc`.")

@@ -45,6 +45,6 @@ class ToyPart:
 
     check_controller = check_devices
 
-    def drive(self, fields, group, step, model, expansion):
-        mac = expansion.macs.auto(fields["name"])
-        return ToyDrive(**fields, mac=mac, node=None if group.node is None else group.node + step)
+    def drive(self, common, group, step, model, expansion):
+        mac = expansion.macs.auto(common.name)
+        return ToyDrive.extending(common, mac=mac, node=None if group.node is None else group.node + step)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pnfarm.buses.farm_file import Claims, Expansion, PlacedGroup
-    from pnfarm.config.drive import DriveFields
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.config.known import Known, ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
 
@@ -70,16 +70,16 @@ class ProfinetPart:
 
     def drive(
         self,
-        fields: DriveFields,
+        common: DriveConfig,
         group: ProfinetDrives,
         step: int,
         model: ModelFacts | None,
         expansion: Expansion,
     ) -> ProfinetDriveConfig:
         controller = expansion.controller if isinstance(expansion.controller, ProfinetController) else None
-        return ProfinetDriveConfig(
-            **fields,
-            mac=expansion.macs.of(group, fields["name"], step),
+        return ProfinetDriveConfig.extending(
+            common,
+            mac=expansion.macs.of(group, common.name, step),
             ip=nth_ip(group, step),
             gateway=group.gateway,
             telegram=group.telegram,
