@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from forks import PROGRAM, Fork, can_fork, clean_environment, run_fork
 
 from pnfarm.cli.main import main
-from pnfarm.drives.catalogue import MODELS_VARIABLE
 
 CLONE_NEWNET = 0x40000000
 #: A first start compiles the engine, on a machine that others use as well.
@@ -45,13 +45,7 @@ def pnfarm(capsys, monkeypatch):
 
 
 def command(*arguments: str | Path) -> list[str]:
-    return [sys.executable, "-m", "pnfarm.cli.main", *map(str, arguments)]
-
-
-def clean_environment(**more: str) -> dict[str, str]:
-    """Without the program's own variables, but with the models that the test run knows."""
-    kept = {n: v for n, v in os.environ.items() if not n.startswith("PNFARM_") or n == MODELS_VARIABLE}
-    return kept | more
+    return [sys.executable, "-m", PROGRAM, *map(str, arguments)]
 
 
 @pytest.fixture(scope="session")
@@ -59,14 +53,13 @@ def process():
     """One command line as a process of its own, to its end."""
 
     def run(*arguments: str | Path, timeout: float = START_SECONDS, **environment: str) -> Outcome:
-        done = subprocess.run(
-            command(*arguments),
-            check=False,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-            env=clean_environment(**environment),
-        )
+        wanted = clean_environment(**environment)
+        if can_fork(wanted):
+            done = run_fork(PROGRAM, *arguments, timeout=timeout, env=wanted)
+        else:
+            done = subprocess.run(
+                command(*arguments), check=False, capture_output=True, text=True, timeout=timeout, env=wanted
+            )
         return Outcome(done.returncode, done.stdout, done.stderr)
 
     run.command = command
@@ -102,12 +95,14 @@ class Background:
     def __init__(self, folder: Path, *arguments: str | Path, **environment: str) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self._out, self._err = folder / "out", folder / "err"
-        # under nohup, or behind a shell's &, the tests would hand on that these are ignored
-        handed_on = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGHUP, signal.SIGINT)}
+        wanted = clean_environment(**environment)
         with self._out.open("w") as out, self._err.open("w") as err:
-            self._process = subprocess.Popen(
-                command(*arguments), stdout=out, stderr=err, env=clean_environment(**environment)
-            )
+            if can_fork(wanted):
+                self._process = Fork(PROGRAM, *arguments, stdout=out, stderr=err, env=wanted)
+                return
+            # under nohup, or behind a shell's &, the tests would hand on that these are ignored
+            handed_on = {number: signal.signal(number, signal.SIG_DFL) for number in (signal.SIGHUP, signal.SIGINT)}
+            self._process = subprocess.Popen(command(*arguments), stdout=out, stderr=err, env=wanted)
         for number, handler in handed_on.items():
             signal.signal(number, handler)
 

@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
+from forks import Fork, run_fork
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -74,9 +75,17 @@ class Lab:
     def start(self, where, *arguments, **options):
         return subprocess.Popen(self.command(where, *arguments), env=ENVIRONMENT, **options)
 
+    def fork(self, where, script, *arguments):
+        """A script of this project's that needs no start, since its imports are there."""
+        return Fork(
+            script, *arguments, env=ENVIRONMENT, namespaces=self._pids[where],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+
     def peer_json(self, script, *arguments, timeout=60):
         """A peer's program of this folder; the JSON of its last line."""
-        done = self.run("peer", sys.executable, HERE / script, *arguments, timeout=timeout)
+        done = run_fork(HERE / script, *arguments, timeout=timeout, env=ENVIRONMENT, namespaces=self._pids["peer"])
+        assert done.returncode == 0, f"{script} {arguments}: {done.stdout}\n{done.stderr}"
         return json.loads(done.stdout.strip().splitlines()[-1])
 
 
@@ -84,17 +93,7 @@ class Worker:
     """A farm or a controller in its namespace; ``ask`` a verb of :mod:`interop_worker`."""
 
     def __init__(self, lab, where, kind, path):
-        self._process = lab.start(
-            where,
-            sys.executable,
-            HERE / "interop_worker.py",
-            kind,
-            path,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        self._process = lab.fork(where, HERE / "interop_worker.py", kind, path)
         self._lines = queue.Queue()
         self._complaints = []
         self._readers = [
