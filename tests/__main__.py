@@ -1,18 +1,23 @@
 """The whole suite on all cores: ``python -m tests [options of pytest]``.
 
-First what lives in memory and virtual time, spread over the cores; then, one after the other on a quiet machine, what
-uses real time or the kernel's network (the marker ``exclusive``).  Where machine code is missing, one process makes
-it for all of them, and the tests that need none (the marker ``uncompiled``) run beside it.  With ``PNFARM_DOCKER=1``
-the images of the rig are built beside the first part: that is mostly waiting for packages.
+Three runs of pytest at once:
+
+- what lives in memory and virtual time, spread over the cores, with the scheduler's idle policy: it takes what the
+  others leave;
+- what uses real time or the kernel's network (the marker ``exclusive``): mostly waiting, two files at a time;
+- with ``PNFARM_DOCKER=1`` the rig under a Docker engine, once its images are built.
+
+The replay comes last, because it takes what all others kept (:mod:`stepping`).  Where machine code is missing, one
+process makes it first, and the tests that need none (the marker ``uncompiled``) run beside it.
 
 Byte code is kept, whatever the environment says: else each of some hundred processes would compile the package anew.
-Steps of the firmware are kept for the replay (:mod:`stepping`), which is among the exclusive ones.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +29,10 @@ from tests.conftest import EXCLUSIVE, MIXED, TESTS, UNCOMPILED
 
 #: pytest's exit codes for all passed, and for nothing chosen.
 PASSED, NOTHING = 0, 5
+CORES = os.cpu_count() or 1
+#: Files of real time that run at once.
+SIDE_BY_SIDE = 2
+REPLAY = TESTS / "engine" / "test_engine_replay.py"
 #: The tests of the rig under a Docker engine, and what builds its images.
 RIG, BUILD = TESTS / "interop" / "test_rig_docker.py", TESTS / "interop" / "rig_engine.py"
 
@@ -47,29 +56,51 @@ def _needs_code(options: list[str]) -> bool:
     return IS_COMPILED and not none_calls and not is_cached()
 
 
-def _parts(cores: int, options: list[str], *, warming: bool) -> list[list[str]]:
-    """The arguments of each run of pytest."""
-    spread = ["-n", str(cores), "--dist", "worksteal"]
-    # collecting what is deselected anyhow takes longer than many a test
-    places = [] if _chosen(options) else [str(TESTS / name) for name in (*EXCLUSIVE, *MIXED)]
-    exclusive = ["-m", "exclusive", *options, *places]
-    if not warming:
-        return [[*spread, "-m", "not exclusive", *options], exclusive]
-    beside = ["-n", str(cores - 1), "--dist", "worksteal"] if cores > 2 else []
-    return [
-        [*beside, "-m", "uncompiled and not exclusive", *options],
-        [*spread, "-m", "not uncompiled and not exclusive", *options],
-        exclusive,
-    ]
+class Run:
+    """One run of pytest; where it is not the first of several, what it prints is held back until it ended."""
+
+    def __init__(
+        self, arguments: list[str], environment: dict[str, str], *, quiet: bool = False, idle: bool = False
+    ) -> None:
+        self._output = tempfile.TemporaryFile() if quiet else None  # noqa: SIM115 - closed at the end
+        command = [sys.executable, "-m", "pytest", *arguments]
+        self._process = subprocess.Popen(
+            command, env=environment, stdout=self._output, stderr=subprocess.STDOUT if quiet else None
+        )
+        if idle:
+            os.sched_setscheduler(self._process.pid, os.SCHED_IDLE, os.sched_param(0))
+
+    def end(self) -> int:
+        """Wait for the end, and print what was held back; pytest's exit code."""
+        code = self._process.wait()
+        if self._output is not None:
+            self._output.seek(0)
+            shutil.copyfileobj(self._output, sys.stdout.buffer)
+            sys.stdout.flush()
+            self._output.close()
+        return code
+
+
+def _places(options: list[str]) -> list[str]:
+    """Files and folders of real time; none where the options name some: collecting what is deselected takes long."""
+    return [] if _chosen(options) else [str(path) for name in (*EXCLUSIVE, *MIXED) if (path := TESTS / name) != REPLAY]
+
+
+def _only(path: Path, options: list[str]) -> list[str]:
+    """The options for the tests of one file alone."""
+    chosen = _chosen(options)
+    return [*(option for option in options if not (chosen and _chosen([option]))), str(path)]
+
+
+def _wanted(path: Path, options: list[str]) -> bool:
+    """Whether the options name this file, or nothing."""
+    chosen = _chosen(options)
+    return not chosen or any(path.is_relative_to(place) for place in chosen)
 
 
 @contextlib.contextmanager
-def _images(options: list[str], environment: dict[str, str]) -> Iterator[subprocess.Popen[bytes] | None]:
-    """Builds the images of the rig, where its tests are chosen, in a folder that ``environment`` names from then on."""
-    chosen = _chosen(options)
-    if environment.get("PNFARM_DOCKER") != "1" or (chosen and not any(RIG.is_relative_to(place) for place in chosen)):
-        yield None
-        return
+def _images(environment: dict[str, str]) -> Iterator[subprocess.Popen[bytes]]:
+    """Builds the images of the rig in a folder that ``environment`` names from then on."""
     # paths of unix sockets are short: not under pytest's own folder
     folder = tempfile.mkdtemp(prefix="pnfarm-rig-")
     environment["PNFARM_RIG"] = folder
@@ -82,31 +113,44 @@ def _images(options: list[str], environment: dict[str, str]) -> Iterator[subproc
         subprocess.run([sys.executable, str(BUILD), "remove", folder], check=True)
 
 
+def _warmed(options: list[str], environment: dict[str, str]) -> Iterator[int]:
+    """Makes the machine code that is missing, beside tests that need none; exit codes."""
+    warming = subprocess.Popen([sys.executable, "-m", "pnfarm.engine.warm"], env=environment)
+    beside = ["-n", str(CORES - 1), "--dist", "worksteal"] if CORES > 2 else []
+    yield Run([*beside, "-m", "uncompiled and not exclusive", *options], environment).end()
+    yield warming.wait()
+
+
 def main(options: list[str]) -> int:
-    """All parts, whatever becomes of the first; 0 when all that was chosen passed."""
-    codes = []
+    """All runs, whatever becomes of one; 0 when all that was chosen passed."""
+    codes: list[int] = []
     with contextlib.ExitStack() as stack:
         environment = _environment(stack.enter_context(tempfile.TemporaryDirectory(prefix="pnfarm-steps-")))
-        building = stack.enter_context(_images(options, environment))
-        warming = None
+        has_rig = environment.get("PNFARM_DOCKER") == "1" and _wanted(RIG, options)
+        images = stack.enter_context(_images(environment)) if has_rig else None
+        in_memory = "not exclusive"
         if _needs_code(options):
-            warming = subprocess.Popen([sys.executable, "-m", "pnfarm.engine.warm"], env=environment)
-        *spread, exclusive = _parts(os.cpu_count() or 1, options, warming=warming is not None)
-        for part in spread:
-            codes.append(_pytest(part, environment))
-            if warming is not None and warming.wait() != 0:
-                return warming.returncode
-        if building is not None:
-            # the machine is to be quiet; what went wrong is told by the tests that need the images
-            building.wait()
-        codes.append(_pytest(exclusive, environment))
+            codes += _warmed(options, environment)
+            if codes[-1] != 0:
+                return codes[-1]
+            in_memory = "not uncompiled and not exclusive"
+        spread = ["-n", str(CORES), "--dist", "worksteal"]
+        side_by_side = ["-n", str(SIDE_BY_SIDE), "--dist", "loadfile", "-m", "exclusive"]
+        apart = [f"--ignore={path}" for path in ((REPLAY,) if images is None else (REPLAY, RIG))]
+        running = [
+            Run([*spread, "-m", in_memory, *options], environment, idle=True),
+            Run([*side_by_side, *apart, *options, *_places(options)], environment, quiet=True),
+        ]
+        if images is not None:
+            # what went wrong is told by the tests that need the images
+            images.wait()
+            running.append(Run(_only(RIG, options), environment, quiet=True))
+        codes += [run.end() for run in running]
+        if _wanted(REPLAY, options):
+            codes.append(Run(_only(REPLAY, options), environment).end())
     if all(code == NOTHING for code in codes):
         return NOTHING
     return next((code for code in codes if code not in {PASSED, NOTHING}), PASSED)
-
-
-def _pytest(arguments: list[str], environment: dict[str, str]) -> int:
-    return subprocess.run([sys.executable, "-m", "pytest", *arguments], check=False, env=environment).returncode
 
 
 if __name__ == "__main__":

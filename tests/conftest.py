@@ -24,7 +24,6 @@ EXCLUSIVE = (
     "cli/test_cli_log_limit.py", "cli/test_cli_running.py",
     "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
     "faults/test_fault_real_link.py", "interop", "links", "test_rig_dashboards.py", "test_rig_files.py",
-    "test_rig_warm.py",
 )  # fmt: skip
 #: Files in those folders that live in memory and virtual time after all.
 SHARED = (

@@ -135,13 +135,16 @@ RUN = """
         "tap": lambda: TapLink("line-1"),
     }[sys.argv[1]]()
 
+    # under nohup it is handed on that SIGINT is ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
     async def main():
         task = asyncio.current_task()
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
         await link.open([PortSpec(f"axis-{n}", bytes([2, 0, 0, 0, 0, n])) for n in range(8)])
         try:
             print("ready", flush=True)
-            await asyncio.sleep(60)
+            await asyncio.sleep(600)
         finally:
             await link.close()
 

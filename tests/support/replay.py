@@ -11,6 +11,8 @@ import os
 import struct
 import sys
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,8 @@ from pnfarm.table.compiled import IS_COMPILED
 RELATIVE = 1e-12
 #: One step of so many is done on the records themselves.
 RECORDS_EVERY = 8
+#: Steps that one process does at a time.
+PART = 256
 NAMES = ("axis", "image")
 
 
@@ -76,18 +80,26 @@ def compare(step: Any, way: Callable[[Any], tuple[bytes, ...]]) -> list[str]:
     return told
 
 
+def differing(file: Path, start: int) -> list[str]:
+    """What is wrong with some of a file's steps, from ``start`` on."""
+    told = []
+    for number, step in enumerate(np.fromfile(file, STEP, PART, offset=start * STEP.itemsize), start):
+        lines = compare(step, on_plain_objects)
+        if number % RECORDS_EVERY == 0:
+            lines += compare(step, on_records)
+        told += [f"{file.name}, step {number}: {line}" for line in lines]
+    return told
+
+
 def main(folder: str) -> int:
     if IS_COMPILED:
         raise SystemExit("NUMBA_DISABLE_JIT=1 is not set")
-    np.seterr(all="ignore")
-    count, told = 0, []
-    for file in sorted(Path(folder).iterdir()):
-        for step in np.fromfile(file, STEP):
-            lines = compare(step, on_plain_objects)
-            if count % RECORDS_EVERY == 0:
-                lines += compare(step, on_records)
-            told += [f"{file.name}, step {count}: {line}" for line in lines]
-            count += 1
+    np.seterr(all="ignore")  # the processes inherit it
+    files = [(file, file.stat().st_size // STEP.itemsize) for file in sorted(Path(folder).iterdir())]
+    parts = [(file, start) for file, steps in files for start in range(0, steps, PART)]
+    with ProcessPoolExecutor(mp_context=get_context("fork")) as pool:
+        told = [line for lines in pool.map(differing, *zip(*parts, strict=True)) for line in lines] if parts else []
+    count = sum(steps for _, steps in files)
     sys.stdout.write("\n".join((f"{count} steps, {len(told)} differences", *told[:40], "")))
     return 1 if told or not count else 0
 
