@@ -79,7 +79,7 @@ def rows():
     return {name: terms for name, terms, _ in found if name != "package"}
 
 
-def test_the_terms_of_every_locked_package_are_told():
+def test_the_terms_of_every_locked_package_are_listed():
     told = rows()
     named = {package for name in LOCKS for package in licenses.pinned(name)}
     assert set(told) == named
@@ -102,7 +102,7 @@ def test_the_terms_are_those_of_the_packages_metadata():
         pytest.skip("nothing is installed as locks/ has it: `make LOCKED=1 test`")
 
 
-def test_the_licence_of_the_project_and_that_of_scapy_are_told_as_they_are():
+def test_the_licences_of_the_project_and_of_scapy_are_named():
     assert PROJECT["project"]["license"] == "GPL-2.0-or-later"
     assert rows()["scapy"] == "GPL-2.0-only"
     text = " ".join(licenses.PAGE.read_text("utf-8").split())

@@ -298,7 +298,7 @@ def test_promtool_has_nothing_to_remark():
     assert (done.returncode, done.stdout + done.stderr) == (0, b"")
 
 
-def test_a_thousand_drives_tell_all_they_have_in_one_scrape(monkeypatch):
+def test_a_thousand_drives_have_all_their_series_in_one_scrape(monkeypatch):
     # no addresses, or a thousand drives would announce theirs to a thousand
     monkeypatch.setattr(virtual_line, "FILE", virtual_line.FILE.replace("    ip: 10.77.0.11/23\n", ""))
     line = VirtualLine(1024, controller=False)

@@ -112,7 +112,7 @@ def test_browser_brings_the_token_once_and_has_a_cookie_then(guarded):
     assert "set-cookie" not in guarded.get("/?token=another", base="http://farm.example").headers
 
 
-def test_the_page_of_a_guarded_farm_asks_for_the_token_and_tells_nothing(guarded):
+def test_the_page_of_a_guarded_farm_asks_for_the_token_and_shows_nothing(guarded):
     page = guarded.get("/", base="http://farm.example")
     assert page.status_code == 200
     assert "needs its token" in page.text
@@ -193,7 +193,7 @@ def test_metrics_are_the_farms_and_the_process(still):
     assert {"pnfarm_axis_state", "pnfarm_faults_active", "process_cpu_seconds"} <= families
 
 
-def test_events_that_nobody_follows_end_with_the_newest():
+def test_events_without_follow_end_with_the_newest():
     world = ApiWorld(2, controller=False)
     for number in range(20):
         world.line.log.record(number, f"axis-{number % 2 + 1:02}", Something("try", {"number": number}))

@@ -31,7 +31,7 @@ def test_list_of_drives_shows_farm_engine_and_every_drive(still):
     assert view.drives[0].controller is None
 
 
-def test_running_drive_tells_state_controller_and_frames():
+def test_running_drive_shows_state_controller_and_frames():
     world = ApiWorld(1)
     world.line.connect()
     world.line.enable()
@@ -47,7 +47,7 @@ def test_running_drive_tells_state_controller_and_frames():
     assert drive.frames_sent > 30 < drive.frames_received
 
 
-def test_a_drive_tells_what_happened_to_it_last():
+def test_a_drive_shows_its_last_events():
     world = ApiWorld(2)
     world.line.connect()
     events = Drive.model_validate(world.get("/api/v1/drives/axis-01").json()).events

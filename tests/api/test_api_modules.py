@@ -59,7 +59,7 @@ def test_one_submodule_is_pulled_by_its_subslot(world):
     assert [s.subslot for s in drive.submodules] == ["0x0001"]
 
 
-def test_a_wrong_module_stands_there_with_its_ident(world):
+def test_a_wrong_module_is_listed_with_its_ident(world):
     (_, drive) = modules(world.put(f"{PATH}/1", {"module_ident": 0x1234}))
     assert (drive.module_ident, drive.telegram, drive.held) == ("0x00001234", None, True)
     assert frame_status(world) == (0x40, False)
@@ -101,7 +101,7 @@ def test_what_follows_the_controller_is_not_replaced_by_plugging_what_was_never_
         ("PUT", "/1", {"colour": "red"}, 422, ("colour", "allowed: telegram")),
     ],
 )
-def test_what_cannot_be_pulled_or_plugged_is_told_in_a_sentence(world, method, path, body, status, words):
+def test_what_cannot_be_pulled_or_plugged_is_reported_in_a_sentence(world, method, path, body, status, words):
     response = world.request(method, PATH + path, **({} if body is None else {"json": body}))
     assert_problem(response, status, *words)
 

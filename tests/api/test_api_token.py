@@ -28,7 +28,7 @@ def mode(path):
     return stat.S_IMODE(path.stat().st_mode)
 
 
-def test_on_loopback_nobody_is_asked(tmp_path):
+def test_on_loopback_no_token_is_asked_for(tmp_path):
     found = token_of(config(tmp_path, "127.0.0.1:8702", "state: ./state\n"))
     assert (found.value, found.file) == (None, None)
     assert not (tmp_path / "state").exists()
@@ -86,7 +86,7 @@ def test_a_folder_that_hands_its_group_on_lets_that_group_read(tmp_path):
 @pytest.mark.parametrize(
     "text", ["", "short", "two words here", "eins-zwei-dr\u00e4i", "x" * 600, "line-one\nline-two"]
 )
-def test_a_file_that_holds_no_token_is_told_and_left_as_it_is(tmp_path, text):
+def test_a_file_that_holds_no_token_is_reported_and_left_as_it_is(tmp_path, text):
     (tmp_path / "key").write_text(text)
     with pytest.raises(EnvironmentError_, match="key holds no token: 8 to 512 visible characters") as caught:
         token_of(config(tmp_path, "{listen: '0.0.0.0:1', token_file: key}"))
@@ -94,7 +94,7 @@ def test_a_file_that_holds_no_token_is_told_and_left_as_it_is(tmp_path, text):
     assert (tmp_path / "key").read_text() == text
 
 
-def test_a_place_where_no_file_can_be_is_told(tmp_path):
+def test_a_place_where_no_file_can_be_is_reported(tmp_path):
     (tmp_path / "in").write_text("")
     with pytest.raises(EnvironmentError_, match=r"the token's file .*in/key: not a directory; set another token_file"):
         token_of(config(tmp_path, "{listen: '0.0.0.0:1', token_file: in/key}"))
@@ -103,7 +103,7 @@ def test_a_place_where_no_file_can_be_is_told(tmp_path):
         token_of(config(tmp_path, "{listen: '0.0.0.0:1', token_file: pipe}"))
 
 
-def test_a_link_that_somebody_laid_is_not_followed(tmp_path):
+def test_a_symbolic_link_is_not_followed(tmp_path):
     (tmp_path / "other").write_text("untouched")
     fresh = tmp_path / f".key.{os.getpid()}"
     fresh.symlink_to(tmp_path / "other")

@@ -64,7 +64,7 @@ def test_a_key_of_no_bus_is_no_key(known):
     assert "drives[1].nod: is not a key here, did you mean node?" in told(known, toy=", nod: 1")
 
 
-def test_a_value_of_a_buss_key_is_told_with_its_bounds(known):
+def test_a_value_of_a_buss_key_is_reported_with_its_bounds(known):
     assert "drives[1].node: is 127; allowed: a number from 0 to 126" in told(known, toy=", node: 127")
 
 
@@ -72,7 +72,7 @@ def test_a_buss_own_checks_are_made(known):
     assert "drives[1].node: counts past the last node; allowed: 0 to 126" in told(known, toy=", node: 126")
 
 
-def test_what_stands_once_on_a_bus_is_told_where_it_stands_twice(known):
+def test_a_value_that_must_be_unique_on_a_bus_is_reported_where_it_is_repeated(known):
     twice = text(toy=", node: 5") + "  - {name: other, model: toy-servo, node: 6}\n"
     with pytest.raises(FarmFileError) as caught:
         parse_farm(twice, "f", known)

@@ -38,7 +38,7 @@ def bare():
     return made
 
 
-def test_a_command_of_a_further_bus_stands_in_its_panel_and_runs(bare, capsys):
+def test_a_command_of_a_further_bus_is_in_its_help_panel_and_runs(bare, capsys):
     with registry.registered(bare):
         assert main(["--help"]) == 0
         shown = capsys.readouterr().out
@@ -86,11 +86,11 @@ def names(*behind):
     return [command.name for command in arranged(known, further)]
 
 
-def test_commands_behind_the_same_one_keep_their_order():
+def test_commands_placed_after_the_same_one_keep_their_order():
     assert names("up", "down", "up", "new-0") == ["up", "new-0", "new-3", "new-2", "down", "new-1"]
 
 
-def test_a_command_has_a_name_of_its_own_and_stands_behind_one_that_there_is():
+def test_a_command_has_its_own_name_and_is_placed_after_a_known_one():
     with pytest.raises(ValueError, match="behind sideways, which is no command"):
         names("sideways")
     taken = Command("up", Panel.FARM, listen, behind="up")

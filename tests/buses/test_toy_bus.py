@@ -118,7 +118,7 @@ def test_silence_on_one_bus_stops_its_drive_and_no_other(mixed):
     assert found.index(ToyConnected) < found.index(ToyLost)
 
 
-def test_metrics_of_both_stand_in_one_scrape(mixed):
+def test_metrics_of_both_are_in_one_scrape(mixed):
     assert mixed.metric("pnfarm_drive_info", drive="toy-01", model="toy-servo", bus="toybus") == 1
     assert mixed.metric("pnfarm_drive_info", drive="axis-01", model="akd-profinet", bus="profinet") == 1
     mixed.run_it(1.0)
@@ -166,7 +166,7 @@ def test_what_only_the_other_bus_can_have_is_refused_with_the_reason(mixed):
         mixed.inject("toy-mute", "axis-01")
 
 
-def test_its_routes_stand_in_the_api_beside_those_of_others(mixed):
+def test_its_routes_are_in_the_api_beside_those_of_others(mixed):
     mixed.run_it(0.5)
     app = make_app(mixed.farm, now=lambda: mixed.world.now, poke=lambda: None)
 
@@ -197,7 +197,7 @@ def test_a_power_cycle_and_a_frame_of_the_other_bus_leave_it_well(mixed):
     assert mixed.toy.device.connects == 2
 
 
-def test_its_command_stands_in_the_program_while_it_is_registered(toybus_there, capsys):
+def test_its_command_is_in_the_program_while_it_is_registered(toybus_there, capsys):
     assert main(["toy-order", "600"]) == 0
     assert capsys.readouterr().out == emit_order(Order(enable=True, speed=600)).hex() + "\n"
     assert main(["models", "toy-servo"]) == 0

@@ -32,7 +32,7 @@ def uncompiled(monkeypatch, tmp_path):
     return compiler
 
 
-def test_how_many_functions_of_how_many_is_told_now_and_then(uncompiled, monkeypatch):
+def test_progress_is_reported_as_functions_done_of_all(uncompiled, monkeypatch):
     monkeypatch.setattr(running, "LOG_SECONDS", 0.0)
     lines = uncompiled('echo "$@" > "$0.asked"; echo "1 of 3"; echo "2 of 3"; echo "3 of 3"; echo "3 in /x, 1.0 s"')
     assert lines[0]["event"] == running.COMPILING
@@ -47,7 +47,7 @@ def test_no_time_is_promised(uncompiled):
     assert "compiling" not in [line["event"] for line in lines]  # too soon for a line of its own
 
 
-def test_a_compiler_that_fails_at_length_is_told_with_its_last_words(uncompiled):
+def test_a_long_compiler_error_is_reported_with_its_last_lines(uncompiled):
     lines = uncompiled("head -c 1000000 /dev/zero | tr '\\0' x >&2; echo 'the last word' >&2; exit 1")
     assert lines[-1]["event"] == "engine not compiled ahead"
     assert lines[-1]["reason"].endswith("the last word")
@@ -96,7 +96,7 @@ def test_machine_code_is_ready_only_when_all_of_it_is(monkeypatch, tmp_path):
     assert not compiled.is_cached()
 
 
-def test_a_cache_that_nobody_may_write_is_no_error(monkeypatch, tmp_path):
+def test_a_missing_cache_folder_is_no_error(monkeypatch, tmp_path):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "none"))
     compiled.mark_cached()
     assert not compiled.is_cached()

@@ -59,7 +59,7 @@ def virtual(tmp_path_factory):
     return folder / "line.pcapng"
 
 
-def test_a_capture_is_told_line_by_line(pnfarm, virtual):
+def test_a_capture_is_shown_line_by_line(pnfarm, virtual):
     found = pnfarm("decode", virtual)
     assert (found.code, found.err) == (0, "")
     pattern = r"\d\d:\d\d:\d\d\.\d{6} plc -> axis-01 Connect\.req AR .*cycle 16 ms, watchdog 20 x, telegram 1"
@@ -82,7 +82,7 @@ def test_a_drive_can_be_named_by_its_address(pnfarm, virtual):
 
 @pytest.mark.parametrize("options", [(), ("--summary",), ("--format", "json"), ("--only", "dcp")])
 @pytest.mark.parametrize("who", ["nosuch", "02:00:00:00:00:99"])
-def test_a_drive_that_is_not_in_the_capture_is_told_with_those_that_are(pnfarm, virtual, who, options):
+def test_a_drive_that_is_not_in_the_capture_is_reported_with_those_that_are(pnfarm, virtual, who, options):
     found = pnfarm("decode", virtual, "--drive", who, *options)
     assert found.code == 2
     (sentence,) = found.err.splitlines()
@@ -90,7 +90,7 @@ def test_a_drive_that_is_not_in_the_capture_is_told_with_those_that_are(pnfarm, 
     assert {"plc", "axis-01", "axis-02", "axis-03"} <= set(re.split(r"[ ,]+", sentence))
 
 
-def test_of_two_drives_the_one_that_is_there_is_told_all_the_same(pnfarm, virtual):
+def test_of_two_drives_the_one_in_the_capture_is_still_shown(pnfarm, virtual):
     both = pnfarm("decode", virtual, "--drive", "axis-01", "--drive", "nosuch")
     assert (both.code, both.out) == (2, pnfarm("decode", virtual, "--drive", "axis-01").out)
     assert "'nosuch'" in both.err
@@ -165,7 +165,7 @@ def test_what_is_no_capture_is_a_sentence(pnfarm, tmp_path):
 
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.binary(max_size=300), st.booleans())
-def test_any_file_is_lines_or_a_sentence(pnfarm, tmp_path, content, like_a_capture):
+def test_any_file_gives_lines_or_an_error_in_one_sentence(pnfarm, tmp_path, content, like_a_capture):
     path = tmp_path / "any.pcap"
     path.write_bytes((bytes.fromhex("d4c3b2a1") if like_a_capture else b"") + content)
     found = pnfarm("decode", path)
@@ -174,7 +174,7 @@ def test_any_file_is_lines_or_a_sentence(pnfarm, tmp_path, content, like_a_captu
     assert (found.code == 2) <= found.err.startswith("pnfarm: ")
 
 
-def test_a_kind_that_is_none_is_a_sentence(pnfarm, virtual):
+def test_an_unknown_kind_is_an_error_in_one_sentence(pnfarm, virtual):
     found = pnfarm("decode", virtual, "--only", "cyclical")
     assert found.code == 2
     assert found.err.startswith("pnfarm: unknown kind of frame 'cyclical', allowed are cyclic, ")

@@ -51,7 +51,7 @@ def test_every_file_that_comes_with_the_project_is_valid(pnfarm, path):
     assert pnfarm("validate", path).code == 0
 
 
-def test_validate_tells_every_error_with_its_line(pnfarm, write):
+def test_validate_reports_every_error_with_its_line(pnfarm, write):
     path = write(FARM.replace("count: 3", "count: many").replace("akd-profinet", "akd-profibus"))
     found = pnfarm("validate", path)
     assert found.code == 2
@@ -146,7 +146,7 @@ def test_another_address_or_token_keeps_the_tokens_file():
 @pytest.mark.parametrize(
     ("sources", "origin"), [({}, "--parent"), ({"parent": "ENVIRONMENT"}, "PNFARM_UP_LINK_PARENT")]
 )
-def test_a_wrong_setting_is_told_with_where_it_comes_from(sources, origin):
+def test_a_wrong_setting_is_reported_with_where_it_comes_from(sources, origin):
     with pytest.raises(FarmFileError) as caught:
         overridden(FARM, {"parent": "a name with blanks"}, **sources)
     assert str(caught.value).startswith(f"{origin}: link.parent: ")

@@ -50,7 +50,7 @@ def test_a_name_of_a_file_is_no_folder_to_make(pnfarm, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_an_unknown_model_and_a_folder_that_cannot_be_made_are_said(pnfarm, tmp_path):
+def test_an_unknown_model_and_a_folder_that_cannot_be_made_are_reported(pnfarm, tmp_path):
     done = pnfarm("gsdml", "akd-profient")
     assert (done.code, done.out) == (2, "")
     assert "there is no drive model 'akd-profient'" in done.err

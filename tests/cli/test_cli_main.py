@@ -80,14 +80,14 @@ def test_bad_usage_is_one_sentence_and_code_2(pnfarm, line, told):
     ("error", "code"),
     [(ConfigError("a"), 2), (RemoteError("a"), 1), (EnvironmentError_("a"), 4), (PnfarmError("a"), 5)],
 )
-def test_whose_fault_it_is_decides_the_exit_code(failing, error, code):
+def test_the_kind_of_error_decides_the_exit_code(failing, error, code):
     found = failing(error)
     assert found.code == code
     assert found.err == "pnfarm: a\n"
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError("by nought"), InternalError("by nought")])
-def test_what_nobody_expected_is_an_internal_error_without_traceback(failing, error):
+def test_an_unexpected_exception_is_an_internal_error_without_traceback(failing, error):
     found = failing(error)
     assert found.code == 5
     assert found.err.startswith("pnfarm: internal error: ")
@@ -101,7 +101,7 @@ def test_debug_shows_the_traceback(failing):
     assert "Traceback" in found.err
 
 
-def test_of_errors_of_several_tasks_the_one_for_the_user_is_told(failing):
+def test_of_errors_of_several_tasks_the_one_for_the_user_is_shown(failing):
     group = BaseExceptionGroup("tasks", [ValueError("x"), ExceptionGroup("inner", [EnvironmentError_("no privilege")])])
     found = failing(group)
     assert found.code == 4
@@ -113,7 +113,7 @@ def test_ctrl_c_ends_a_short_command_without_a_word(failing):
     assert (found.code, found.err.strip()) == (130, "")
 
 
-def test_a_reader_that_goes_early_is_no_error():
+def test_a_closed_pipe_is_no_error():
     line = f"{sys.executable} -m pnfarm.cli.main models akd-profinet --format json | head -n 1; echo ${{PIPESTATUS[0]}}"
     run = subprocess.run(["bash", "-c", line], check=False, capture_output=True, text=True)
     assert run.stdout.split() == ["{", "0"]
@@ -138,7 +138,7 @@ def log_line(*options: str) -> str:
     return run.stderr
 
 
-def test_logs_are_json_where_nobody_watches():
+def test_logs_are_json_where_there_is_no_terminal():
     first, second = map(json.loads, log_line("validate", "x").splitlines())
     assert (first["event"], first["drive"], first["level"]) == ("hello", "axis-01", "info")
     assert (second["event"], second["logger"], second["level"]) == ("careful 1", "library", "warning")
@@ -147,7 +147,7 @@ def test_logs_are_json_where_nobody_watches():
 @pytest.mark.parametrize(
     "line", [("--log-format", "console", "validate", "x"), ("validate", "x", "--log-format=console")]
 )
-def test_logs_are_readable_when_asked_for_before_or_behind_the_command(line):
+def test_logs_are_readable_when_asked_for_before_or_after_the_command(line):
     first, second = log_line(*line).splitlines()
     assert "hello" in first
     assert "drive=axis-01" in first

@@ -94,7 +94,7 @@ def test_a_model_without_a_list_in_the_farm_file_is_shown_as_it_is(pnfarm) -> No
     assert len(json.loads(found.out)["parameters"]) == len(model("moog-msd").parameters)
 
 
-def test_a_farm_file_wants_a_model_and_a_list_without_mistakes(pnfarm, tmp_path) -> None:
+def test_a_farm_file_needs_a_model_and_a_correct_parameter_list(pnfarm, tmp_path) -> None:
     found = pnfarm("models", "--farm", E1)
     assert found.code == 2
     assert "--farm needs a model" in found.err

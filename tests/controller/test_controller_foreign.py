@@ -134,7 +134,7 @@ def test_a_send_clock_that_was_named_is_not_replaced_and_a_cycle_that_was_not_is
         plans(tmp_path)
 
 
-def test_the_outputs_of_a_device_that_nobody_knows_stay_zero(tmp_path):
+def test_the_outputs_of_an_unknown_device_stay_zero(tmp_path):
     write(tmp_path)
     line = Line(plans(tmp_path))
     assert line.connect()
@@ -177,13 +177,13 @@ def test_a_device_without_an_address_gets_a_free_one(tmp_path):
         (", submodules: {1: {3: X}}", r"slot 1, subslot 3 takes no submodule 'X', it takes none at all"),
     ],
 )
-def test_what_the_device_cannot_is_said_with_its_file(tmp_path, more, sentence):
+def test_what_the_device_cannot_do_is_reported_with_its_file(tmp_path, more, sentence):
     write(tmp_path)
     with pytest.raises(ConfigError, match=sentence):
         plans(tmp_path, more)
 
 
-def test_a_start_up_that_the_controller_is_told_and_the_device_does_not_know_is_said(tmp_path):
+def test_a_configured_start_up_that_the_device_does_not_support_is_reported(tmp_path):
     gsdml = describe_model(model("akd"))
     (dap,) = gsdml.daps
     only = replace(dap, interfaces=(replace(dap.interfaces[0], startup_modes=("Advanced",)),))
@@ -201,7 +201,7 @@ def test_a_start_up_that_the_controller_is_told_and_the_device_does_not_know_is_
         ("<!DOCTYPE a><a/>", r"a document type is declared, GSDML files have none"),
     ],
 )
-def test_a_file_that_is_none_is_said(tmp_path, content, sentence):
+def test_a_file_that_is_not_a_gsdml_file_is_reported(tmp_path, content, sentence):
     if content is not None:
         (tmp_path / "drive.xml").write_text(content)
     with pytest.raises(ConfigError, match=sentence):

@@ -60,7 +60,7 @@ def test_a_few_drives_are_asked_for_by_their_names():
 
 
 @pytest.mark.parametrize("drives", [2, 20])
-def test_a_name_that_two_drives_have_is_told_with_both_and_the_first_is_run(drives):
+def test_a_name_that_two_drives_have_is_reported_with_both_and_the_first_is_run(drives):
     line = VirtualLine(drives=drives)
     twins = line.farm.stations[0], line.farm.stations[-1]
     twins[1].device.dcp.name = "axis-01"
@@ -75,7 +75,7 @@ def test_a_name_that_two_drives_have_is_told_with_both_and_the_first_is_run(driv
     assert line.plc.sessions[-1].measures.last_reason == "no station of this name answers"
 
 
-def test_names_given_twice_are_told_in_order_and_nameless_stations_are_none():
+def test_names_given_twice_are_reported_in_order_and_unnamed_stations_do_not_count():
     def answer(mac, name):
         return IdentifyAnswered(1, bytes([2, 0, 0, 0, 0, mac]), StationInfo(name=name), ())
 
@@ -114,7 +114,7 @@ def test_connect_reconnect_reaction_and_recovery_are_measured():
     assert 0.2 < row["recovery_seconds"] < 1.0
 
 
-def test_a_fault_whose_cause_stays_is_acknowledged_again_and_again_until_it_goes():
+def test_a_fault_is_acknowledged_repeatedly_until_its_cause_is_gone():
     line = VirtualLine()
     line.connect()
     line.enable()
@@ -127,7 +127,7 @@ def test_a_fault_whose_cause_stays_is_acknowledged_again_and_again_until_it_goes
     assert line.farm.columns.axis[0].faults.counter == 1
 
 
-def test_another_module_than_expected_is_told_and_its_axis_stays_offline():
+def test_another_module_than_expected_is_reported_and_its_axis_stays_offline():
     line = VirtualLine(telegram=350)
     station = line.farm.stations[0]
     other = next(
@@ -198,7 +198,7 @@ def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
     assert {ar.initiator_name for ar in first.device.cm.ars} == {"plc"}
 
 
-def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_anew():
+def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_again():
     """The data hold timer starts with the first frame; without one nothing else would tell."""
     line = VirtualLine()
     (station,) = line.farm.stations

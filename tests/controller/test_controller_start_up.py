@@ -77,7 +77,7 @@ def test_a_drive_that_is_never_ready_is_given_up_after_the_files_time(given: str
     assert f"no ApplicationReady from the device within {seconds:g} s" in line.session.measures.last_reason
 
 
-def test_a_drive_with_much_time_is_told_so_and_is_waited_for() -> None:
+def test_a_long_time_for_application_ready_is_given_to_the_drive_and_waited_for() -> None:
     line = StartUpLine(startup="legacy\n  application_ready: 60s")
     line.add("late-application-ready", params={"delay": "50s"})
     line.until_state(CmctlState.W_ARDY)
@@ -93,7 +93,7 @@ def test_a_time_that_no_device_can_have_is_refused(value: str) -> None:
         parse_farm(f"controller: {{ip: 10.0.0.1/24, interface: eth1, application_ready: '{value}'}}")
 
 
-def test_a_plugged_module_whose_parameters_nobody_answers_costs_the_connection_and_comes_back_with_the_next() -> None:
+def test_a_plugged_module_whose_parameters_are_not_answered_ends_the_connection_and_is_back_with_the_next() -> None:
     line = StartUpLine()
     line.connect()
     station = line.farm.stations[0]
@@ -109,7 +109,7 @@ def test_a_plugged_module_whose_parameters_nobody_answers_costs_the_connection_a
     assert line.session.unusable == {}
 
 
-def test_a_module_whose_readiness_comes_late_after_a_plug_is_used_all_the_same() -> None:
+def test_a_module_that_is_ready_late_after_a_plug_is_used() -> None:
     line = StartUpLine()
     line.connect()
     station = line.farm.stations[0]

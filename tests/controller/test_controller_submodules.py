@@ -69,7 +69,7 @@ def test_a_plugged_module_is_parametrised_and_its_axis_runs_again() -> None:
     assert line.farm.columns.axis[0].motor.velocity == pytest.approx(60.0, abs=0.5)
 
 
-def test_parameters_are_written_anew_while_the_axis_runs() -> None:
+def test_parameters_are_written_again_while_the_axis_runs() -> None:
     line = VirtualLine()
     line.connect()
     line.enable()
@@ -257,6 +257,6 @@ def test_many_drives_are_identified_a_few_at_a_time() -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x00", bytes.fromhex("0020 0004 0100 0000"), bytes.fromhex("0021 0002 0100")])
-def test_an_im_record_that_is_none_is_an_error_and_nothing_else(data: bytes) -> None:
+def test_a_malformed_im_record_is_a_decode_error(data: bytes) -> None:
     with pytest.raises(DecodeError):
         read_im(None, data)

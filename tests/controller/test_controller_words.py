@@ -30,7 +30,7 @@ def logged(line: VirtualLine, event: CmctlEvent) -> list[tuple[str, str, str]]:
     return [(entry["log_level"], entry["event"], entry["detail"]) for entry in shown]
 
 
-def test_a_module_that_differs_is_told_by_its_sentence(line: VirtualLine) -> None:
+def test_a_module_that_differs_is_reported_by_its_sentence(line: VirtualLine) -> None:
     text = "slot 1 subslot 0x0001: wrong submodule, device has 0x00000999"
     ready = ApplicationReadyReceived((ModuleDeviation(0, 1, 1, text, fits=False),), after_plug=False)
     assert logged(line, ready) == [("warning", "module differs", text)]
@@ -80,12 +80,12 @@ def test_the_end_of_a_diagnosis_is_no_warning_whatever_its_alarm_type(
 
 
 @pytest.mark.parametrize("items", [(), (AlarmItem(0x1234, b"diagdata"),)], ids=["none", "the maker's"])
-def test_a_diagnosis_that_says_nothing_of_its_end_is_a_warning(line: VirtualLine, items: tuple[AlarmItem, ...]) -> None:
+def test_a_diagnosis_without_channel_data_is_a_warning(line: VirtualLine, items: tuple[AlarmItem, ...]) -> None:
     alarm = AlarmNotification(AlarmType.DIAGNOSIS, 0, 1, 1, items=items)
     assert logged(line, AlarmIndicated(alarm, "words")) == [("warning", "alarm", "words")]
 
 
-def test_a_submodule_that_another_controller_gave_up_is_not_said_to_be_a_supervisors() -> None:
+def test_a_submodule_released_by_another_controller_is_not_reported_as_a_supervisors() -> None:
     """AlarmType Released: of a shared device, whose submodules come back one by one when a controller goes."""
     alarm = AlarmNotification(AlarmType.RELEASED, 0, 1, 1)
     assert alarm_in_words(alarm) == "released by its former owner on slot 1 subslot 0x0001"

@@ -134,7 +134,7 @@ AXIS = IdentificationSlot(1, 0x20, ((1, 0xFFFF), (2, 0x68)))
 APIS = (0, 0xF821)
 
 
-def test_a_device_that_tells_no_apis_is_asked_for_the_usual_ones():
+def test_a_device_that_lists_no_apis_is_asked_for_the_usual_ones():
     modules, places = asked({(0, 0xF000): identification(0, DAP), (0x3A00, 0xF000): identification(0x3A00, AXIS)})
     assert places == [APIS, (0, 0xF000), (0x3A00, 0xF000)]
     assert [(m.slot, m.ident, [s.api for s in m.submodules]) for m in modules] == [
@@ -148,7 +148,7 @@ def test_a_device_without_the_drives_api_has_its_other_modules():
     assert [m.slot for m in modules] == [0, 1]
 
 
-def test_a_module_in_two_apis_stands_once():
+def test_a_module_in_two_apis_is_listed_once():
     own = IdentificationSlot(1, 0x20, ((9, 0x99),))
     modules, places = asked({
         APIS: Answer(emit_block(ApiData((0, 0x3A00, 0)))),
@@ -165,12 +165,12 @@ def test_an_answer_in_the_older_form_is_of_the_api_that_was_asked_for():
     assert {s.api for s in modules[0].submodules} == {0x3A00}
 
 
-def test_a_device_that_tells_nothing_ends_with_its_own_reason():
+def test_a_device_that_answers_nothing_ends_with_its_own_reason():
     with pytest.raises(RemoteError, match="no such index there"):
         asked({(0, 0xF000): Answer(reason="no such index there")})
 
 
-def test_a_malformed_answer_is_said():
+def test_a_malformed_answer_is_reported():
     with pytest.raises(RemoteError, match="RealIdentificationData is malformed"):
         asked({(0, 0xF000): Answer(b"\x00\x13\x00\x40\x01\x01")})
     with pytest.raises(RemoteError, match="APIData is malformed"):

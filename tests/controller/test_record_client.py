@@ -85,7 +85,7 @@ def test_a_submodule_that_a_controller_owns_is_not_written_by_hand() -> None:
 
 
 @pytest.mark.parametrize("implicit", [True, False])
-def test_a_record_that_is_none_is_refused_in_words(implicit: bool) -> None:
+def test_an_unknown_record_is_refused_with_a_reason(implicit: bool) -> None:
     line = VirtualLine(controller=False)
     client = run(line, RecordTask("axis-01", (0, 0, 1, 0x1234), implicit=implicit))
     assert client.data is None
@@ -95,13 +95,13 @@ def test_a_record_that_is_none_is_refused_in_words(implicit: bool) -> None:
 
 
 @pytest.mark.parametrize("target", ["nobody", IPv4Address("10.77.0.99")])
-def test_a_device_that_is_not_there_is_told(target: str | IPv4Address) -> None:
+def test_a_device_that_is_not_there_is_reported(target: str | IPv4Address) -> None:
     line = VirtualLine(controller=False)
     with pytest.raises(RemoteError, match=r"no station .* answers"):
         run(line, RecordTask(target, IM0)).check()
 
 
-def test_a_device_without_an_address_is_told() -> None:
+def test_a_device_without_an_address_is_reported() -> None:
     line = VirtualLine(controller=False)
     station = line.farm.stations[0]
     station.device.dcp.address = None

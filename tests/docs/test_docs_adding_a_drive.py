@@ -57,7 +57,7 @@ def test_the_drive_is_listed_beside_those_that_are_shipped(drive_folder):
 
 
 @pytest.mark.parametrize(("name", "old", "new", "message"), MISTAKES, ids=[new for _, _, new, _ in MISTAKES])
-def test_a_wrong_line_is_told_as_the_page_says(drive_folder, name, old, new, message):
+def test_a_wrong_line_is_reported_as_the_page_says(drive_folder, name, old, new, message):
     path = drive_folder / name
     text = path.read_text(encoding="utf-8")
     assert text.count(old) == 1

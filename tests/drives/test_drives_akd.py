@@ -166,7 +166,7 @@ def test_5_6_digital_inputs_are_read_one_by_one(akd: Drive) -> None:
     assert [akd.store.get(f"DIN{n}.STATE") for n in range(1, 8)] == [1, 0, 1, 0, 0, 0, 1]
 
 
-def test_5_6_dissources_tells_why_the_power_stage_is_off(akd: Drive) -> None:
+def test_5_6_dissources_shows_why_the_power_stage_is_off(akd: Drive) -> None:
     assert akd.store.get("DRV.DISSOURCES") == 0x11, "not started up yet, and off by software"
     akd.axis.drive.state = 1
     assert akd.store.get("DRV.DISSOURCES") == 0x01
@@ -174,7 +174,7 @@ def test_5_6_dissources_tells_why_the_power_stage_is_off(akd: Drive) -> None:
     assert akd.store.get("DRV.DISSOURCES") == 0x03
 
 
-def test_5_6_faults_and_warnings_stand_in_their_parameters_in_the_order_they_came(running: Running) -> None:
+def test_5_6_faults_and_warnings_are_in_their_parameters_in_order_of_time(running: Running) -> None:
     store = running.drive.store
     for number in (502, 301, 702):
         store.handle.push_command(CMD_RAISE_FAULT, number)

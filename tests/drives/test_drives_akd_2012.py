@@ -92,7 +92,7 @@ def test_each_source_is_a_section_of_the_manual_or_says_where_else_it_comes_from
             assert re.search(rf"^#+ \**{re.escape(section)} ", manual, re.MULTILINE), section
 
 
-def test_cover_identification_tells_firmware_1_06(akd_2012: Drive) -> None:
+def test_cover_identification_shows_firmware_1_06(akd_2012: Drive) -> None:
     assert akd_2012.store.read(964, 0, 5) == [0x0105, 1, 106, 2012, 103]
     assert akd_2012.store.read(975, 0, 8) == [0x0105, 1, 106, 2012, 103, 1, 5, 1]
     assert akd_2012.store.read(965) == [0x0329]
@@ -161,7 +161,7 @@ def test_5_6_has_every_pnu_of_its_tables(manual: str) -> None:
         assert parameter.signed == kind.endswith("S16") or parameter.pnu == 52
 
 
-def test_5_6_5_8_and_the_text_give_all_pnus_and_none_lies_above_1007() -> None:
+def test_5_6_5_8_and_the_text_give_all_pnus_and_none_is_above_1007() -> None:
     assert [p.pnu for p in model(NAME).parameters.values() if p.source != "profile"] == [
         1, 2, 5, 6, 32, 33, 34, 35, 36, 37, 38, 52, 915, 916, 922, 923, 930, 944, 947, 964, 965, 975, *range(980, 990),
         1001, 1002, 1004, 1005, 1006, 1007,

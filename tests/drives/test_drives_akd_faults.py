@@ -103,7 +103,7 @@ def test_an_action_is_permanent_once_it_is_saved() -> None:
     assert {570, 451} <= set(drive.axis.faults.settings.ignored)
 
 
-def test_the_model_tells_which_parameter_a_fault_goes_by() -> None:
+def test_the_model_says_which_parameter_a_fault_depends_on() -> None:
     told = {fault["number"]: fault["action"] for fault in as_json(model(NAME))["faults"]}
     described = model(NAME)
     assert {number for number, pnu in told.items() if pnu} == set(NUMBERS)

@@ -33,7 +33,7 @@ def sources(drive: Running) -> int:
     return drive.drive.store.get("DRV.DISSOURCES")
 
 
-def test_5_8_1_bit_4_is_the_hardware_disable_that_dissources_and_hwenable_tell_of() -> None:
+def test_5_8_1_bit_4_is_the_hardware_disable_that_dissources_and_hwenable_show() -> None:
     drive = operating(0x00A3)
     assert (inputs(drive), sources(drive), drive.drive.store.get("DRV.HWENABLE")) == (TORQUE_ALLOWED, 0, 1)
     drive.axis.drive.settings.interlocks = LACKS_ENABLE
@@ -82,7 +82,7 @@ def test_5_6_an_inverted_input_for_a_controlled_stop_stops_while_it_is_low() -> 
     assert drive.axis.drive.state == 2
 
 
-def test_5_6_without_supply_the_dc_link_discharges_and_dissources_tells_of_it() -> None:
+def test_5_6_without_supply_the_dc_link_discharges_and_dissources_shows_it() -> None:
     drive = operating()
     store = drive.drive.store
     drive.axis.drive.settings.interlocks = LACKS_SUPPLY
@@ -140,7 +140,7 @@ def test_5_6_the_cause_of_an_undervoltage_shows_in_vbus_value_while_it_is_there(
     assert store.get("VBUS.VALUE") == 560_000
 
 
-def test_5_6_an_undervoltage_warning_stands_down_to_an_empty_dc_link() -> None:
+def test_5_6_an_undervoltage_warning_stays_down_to_an_empty_dc_link() -> None:
     drive = operating()
     drive.drive.store.set("VBUS.UVWTHRESH", 300)
     drive.axis.drive.settings.interlocks = LACKS_SUPPLY

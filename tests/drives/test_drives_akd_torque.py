@@ -103,7 +103,7 @@ def test_5_9_a_stop_in_torque_mode_brakes_along_the_stop_ramp_and_switches_off()
     assert (float(running.axis.motor.velocity), int(running.axis.drive.state)) == (0.0, 1)
 
 
-def test_5_6_velocity_mode_hears_no_current_and_torque_mode_no_velocity() -> None:
+def test_5_6_velocity_mode_ignores_current_and_torque_mode_velocity() -> None:
     running = Torque(telegram=1, mapped=False)
     running.image.received[NSOLL_A] = 0x00A3
     running.run(100)

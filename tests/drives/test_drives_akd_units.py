@@ -167,7 +167,7 @@ def test_6_2_the_other_reading_is_the_formula_as_it_stands() -> None:
     assert store.get("PL.FB") == 100 * 65536
 
 
-def test_6_2_defaults_of_places_stay_where_a_farm_file_gives_another_unit() -> None:
+def test_6_2_default_positions_stay_where_a_farm_file_gives_another_unit() -> None:
     drive = new_drive(NAME)
     places = (
         float(drive.axis.travel.settings.high),
@@ -187,7 +187,7 @@ def test_6_2_defaults_of_places_stay_where_a_farm_file_gives_another_unit() -> N
     assert (drive.axis.travel.settings.high, drive.store.get("SWLS.LIMIT1")) == (16.0, 1_048_576)
 
 
-def test_6_2_the_numbers_follow_the_scale_and_the_places_stay(akd: Drive) -> None:
+def test_6_2_the_numbers_follow_the_scale_and_the_positions_stay(akd: Drive) -> None:
     akd.store.set("HOME.P", 65536)
     akd.store.set("PLS.P1", -2000)
     place = float(akd.axis.homing.settings.position)
@@ -204,7 +204,7 @@ def test_6_2_the_numbers_follow_the_scale_and_the_places_stay(akd: Drive) -> Non
     assert akd.store.get("HOME.P") == 360
 
 
-def test_6_2_a_value_written_behind_a_new_scale_counts_in_it(akd: Drive) -> None:
+def test_6_2_a_value_written_after_a_new_scale_counts_in_it(akd: Drive) -> None:
     akd.store.set("PN.POSSCALE", 100_000)
     akd.store.set("HOME.P", 655)
     assert akd.axis.homing.settings.position == pytest.approx(1.0, abs=1e-3)
@@ -212,7 +212,7 @@ def test_6_2_a_value_written_behind_a_new_scale_counts_in_it(akd: Drive) -> None
     assert akd.store.get("HOME.P") == 65_500
 
 
-def test_every_position_parameter_keeps_its_place_over_nvsave_and_a_power_cycle() -> None:
+def test_every_position_parameter_keeps_its_position_over_nvsave_and_a_power_cycle() -> None:
     drive = new_drive(NAME)
     drive.store.set("PN.POSSCALE", 100)
     drive.store.set("SWLS.LIMIT0", -655_360)

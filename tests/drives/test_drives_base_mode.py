@@ -342,7 +342,7 @@ def test_no_response_outgrows_its_block(addresses: list[ParameterAddress]) -> No
 # descriptions
 
 
-def test_a_description_tells_type_limits_and_name(akd: Drive) -> None:
+def test_a_description_has_type_limits_and_name(akd: Drive) -> None:
     response = parse_response(ask(akd, emit_request(requester.describe_request(1, 2135))))
     entry = response.entries[0]
     assert (response.response_id, entry.format) == (REQUEST_READ, 0x0A)
@@ -361,7 +361,7 @@ def test_a_description_tells_type_limits_and_name(akd: Drive) -> None:
     assert read(akd, ParameterAddress(947, 2, 1, ATTRIBUTE_DESCRIPTION)).entries[0].values == (0, 64)
 
 
-def test_each_parameter_has_a_description_or_the_drive_has_none(drive: Drive) -> None:
+def test_each_parameter_has_a_description_or_the_drive_has_no_such_parameter(drive: Drive) -> None:
     if not drive.model.access.descriptions:
         for pnu in drive.model.parameters:
             response = read(drive, ParameterAddress(pnu, 0, 1, ATTRIBUTE_DESCRIPTION))

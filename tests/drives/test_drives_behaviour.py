@@ -111,7 +111,7 @@ def test_a_reading_that_a_model_does_not_have_is_refused(chosen: dict[str, str],
         ('parameter_access.disabled_only" = [2117, 2135]', 'limits.ports" = 2', r"the section must be one of"),
     ],
 )
-def test_a_mistake_in_the_file_is_told_by_its_place(old: str, new: str, message: str, folder: Path) -> None:
+def test_a_mistake_in_the_file_is_reported_with_its_place(old: str, new: str, message: str, folder: Path) -> None:
     assert old in POINT
     head, found, tail = POINT.rpartition(old)
     file_of(folder, "behaviour.toml").write_text(head + new + tail if found else POINT)

@@ -402,7 +402,7 @@ def test_constant_rows_read_the_same_whatever_the_drive_does(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_json_tells_the_effect_of_every_row(name: str) -> None:
+def test_json_shows_the_effect_of_every_row(name: str) -> None:
     described = model(name)
     shown = {row["pnu"]: row["effect"] for row in as_json(described)["parameters"]}
     assert shown == {p.pnu: effect_of(described, p).value for p in described.parameters.values()}

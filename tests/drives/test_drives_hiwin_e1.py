@@ -70,7 +70,7 @@ def test_2_3_two_connectors_and_2_4_2_the_api() -> None:
     assert {s.api for telegram in E1.profidrive.telegrams.values() for s in telegram.module.submodules} == {0x3A00}
 
 
-def test_aliases_and_assumptions_are_told() -> None:
+def test_aliases_and_assumptions_are_shown() -> None:
     assert model("e1").name == E1.name
     for assumed in ("identity.device_id", "communication_loss.fault", "parameter_access.record_indexes"):
         assert E1.facts[assumed].source == "assumed"
@@ -266,7 +266,7 @@ def test_4_2_no_other_pt_parameter_is_named(manual: str) -> None:
     assert all(E1.resolve(f"0x{pnu}") == E1.resolve(f"Pt{name}") for name, pnu in tables), "as the tables print it"
 
 
-def test_4_2_pt100_whose_meaning_stands_in_another_manual_is_kept(e1: Drive) -> None:
+def test_4_2_pt100_whose_meaning_is_in_another_manual_is_kept(e1: Drive) -> None:
     assert effect_of(E1, E1.parameters[0x2100]) is Effect.KEPT
     e1.store.set("Pt100", 400)
     e1.store.power_on()
@@ -517,7 +517,7 @@ def test_5_1_every_fault_with_number_code_and_name(manual: str) -> None:
         assert fault.name == f"{alarm} {name}"
 
 
-def test_5_1_codes_stand_in_the_axis_for_the_signal(e1: Drive) -> None:
+def test_5_1_the_axis_has_the_codes_for_the_signal(e1: Drive) -> None:
     assert {n: int(word) for n, word in enumerate(e1.axis.profidrive.settings.fault_words) if word} == {
         fault.number: fault.word for fault in E1.faults.values() if not fault.warning
     }

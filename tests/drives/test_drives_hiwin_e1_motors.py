@@ -137,7 +137,7 @@ def test_6_8_a_direct_drive_jogs_with_60_rpm_by_default() -> None:
     assert not direct.store.changed(direct.model.parameters[0x2533])
 
 
-def test_4_1_pnu_979_tells_a_linear_encoder_and_its_increment_in_nm(linear: Drive) -> None:
+def test_4_1_pnu_979_shows_a_linear_encoder_and_its_increment_in_nm(linear: Drive) -> None:
     assert linear.store.read(979, 0, 7) == [0x5111, 0x80000001, 100, 0, 0, 0, 0]
     assert drive_with(None).store.read(979, 0, 7) == [0x5111, 0x80000000, 1 << 23, 0, 0, 1, 0]
 
@@ -158,7 +158,7 @@ def test_another_pitch_carries_everything_over() -> None:
         (None, 5.0, "turns and has no pitch"),
     ],
 )
-def test_a_motor_that_the_model_does_not_have_is_told(kind: str | None, pitch: float | None, message: str) -> None:
+def test_a_motor_that_the_model_does_not_have_is_reported(kind: str | None, pitch: float | None, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         with_motor(model("hiwin-e1"), kind, pitch)
 

@@ -245,7 +245,7 @@ def test_tasks_of_a_commissioning_tool_are_there_at_power_on_and_can_be_loaded_a
     assert list(axis.motion_tasks.settings.kind.nonzero()[0]) == [7, 8]
 
 
-def test_a_task_of_a_commissioning_tool_goes_further_than_the_32_bits_of_mt_p_tell():
+def test_a_task_of_a_commissioning_tool_goes_further_than_the_32_bits_of_mt_p_show():
     drive = ParameterStore(AKD, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
     drive.commission_tasks([MotionTask(1, 40_000.0, 99_999.0, 30_000.0, 30_000.0)])
     drive.power_on()

@@ -140,7 +140,7 @@ def test_less_than_a_header_is_no_request(msd: Drive) -> None:
         ("02 00 01 30 01 03 96 00 00 42 01 00 05", 0x20),
     ],
 )
-def test_each_error_that_the_drive_has_a_reason_for_is_told(msd: Drive, request_: str, number: int) -> None:
+def test_each_error_with_a_reason_is_reported(msd: Drive, request_: str, number: int) -> None:
     assert error(msd, f"07 {request_}") == number
 
 

@@ -143,7 +143,7 @@ def test_every_model_takes_a_list_with_each_motor_and_reading(name: str):
     assert (row["effect"], row["source"]) == ("kept", "list.csv:2")
 
 
-def test_defined_parameters_are_told_with_the_listed_ones():
+def test_defined_parameters_are_shown_with_the_listed_ones():
     """PNU 980 on: every array ends with the number of the next one."""
     store = store_of("number\n10000..10005\n", "akd-profinet")
     told = {number for pnu in range(980, 990) for number in store.read(pnu, 0, 117)}
@@ -195,7 +195,7 @@ def test_defined_parameters_are_told_with_the_listed_ones():
         ('number,note\nPt200,"x\ny"\nPt20x\n', [(4, "number", "'Pt20x' is not the number of a parameter")]),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_its_line_and_column(text: str, problems: list[tuple[int, str, str]]):
+def test_what_is_wrong_is_reported_with_its_line_and_column(text: str, problems: list[tuple[int, str, str]]):
     assert wrong(text) == problems
     assert all(problem.allowed for problem in read_parameter_list(text, E1, "list.csv")[1])
 
@@ -207,7 +207,7 @@ def test_a_parameter_that_is_there_with_another_reading_only_cannot_be_listed():
     assert problem.what == "hiwin-e1 has 965 itself"
 
 
-def test_every_wrong_line_is_told_in_the_files_order_and_the_others_count():
+def test_every_wrong_line_is_reported_in_the_files_order_and_the_others_count():
     described, problems = read_parameter_list("number,max\nPt20F..Pt200,\nPt200,x\nPt201,5\n", E1, "list.csv")
     assert [problem.line for problem in problems] == [2, 3]
     assert described.parameters[0x2201].maximum == 5
@@ -282,7 +282,7 @@ def test_numbers_are_read_as_manuals_print_them(text: str, number: int | None):
         ({"prefix": 5}, "prefix"),
     ],
 )
-def test_a_models_numbering_that_cannot_be_is_told_by_its_key(fields: dict[str, object], key: str):
+def test_an_impossible_numbering_of_a_model_is_reported_by_its_key(fields: dict[str, object], key: str):
     facts = {name: Fact(value, "x") for name, value in fields.items()}
     with pytest.raises(ConfigError, match=rf"^model\.toml, numbering\.{key}: "):
         read_numbering(Section("numbering", facts, lambda section, key: f"model.toml, {section}.{key}"))

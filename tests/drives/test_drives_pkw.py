@@ -258,9 +258,7 @@ def test_a_description_has_the_twelve_elements_of_table_8_15(channel: Channel, p
         (1262, 100 / 0x40000000),
     ],
 )
-def test_the_standardisation_factor_makes_the_value_that_the_manual_speaks_of(
-    channel: Channel, pnu: int, factor: float
-) -> None:
+def test_the_standardisation_factor_gives_the_value_of_the_manual(channel: Channel, pnu: int, factor: float) -> None:
     """Table 8.15, sub index 3: what the drive makes of the number inside is not in it."""
     assert channel.ask(4, pnu, 3).value == bits(factor)
 
@@ -346,7 +344,7 @@ def test_the_cache_holds_what_a_length_can_say_and_is_empty_at_first(channel: Ch
 # how long a task lasts
 
 
-def test_a_task_is_carried_out_once_however_long_it_stands(channel: Channel) -> None:
+def test_a_task_is_carried_out_once_however_long_it_is_sent(channel: Channel) -> None:
     task = Pkw(2, 971, value=1)
     for _ in range(100):
         assert channel.answer(task) == Pkw(1, 971, value=1)

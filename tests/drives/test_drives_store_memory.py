@@ -105,7 +105,7 @@ def test_nvload_and_rstvar_replace_values_except_in_operation(akd: Drive) -> Non
     assert akd.store.get("DRV.ACC") == 3_000_000
 
 
-def test_factory_values_tell_when_they_change_the_telegram(akd: Drive) -> None:
+def test_factory_values_report_a_change_of_the_telegram(akd: Drive) -> None:
     akd.store.write(922, 0, [9])
     akd.store.events()
     akd.store.set("DRV.RSTVAR", 1)

@@ -77,7 +77,7 @@ def test_data_hold_time_expires_once_and_raises_702():
     assert 3 * MS < silent_ns <= 5 * MS
 
 
-def test_controller_that_comes_back_is_told_as_a_first_frame_and_recovers_the_drive():
+def test_a_controller_that_comes_back_is_reported_as_a_first_frame_and_recovers_the_drive():
     pair = Pair()
     pair.run(0.5)
     pair.controller.ppm[0].active = 0
@@ -89,7 +89,7 @@ def test_controller_that_comes_back_is_told_as_a_first_frame_and_recovers_the_dr
     assert pair.farm.axis[0].faults.code[0] == 0
 
 
-def test_a_fault_is_seen_acknowledged_and_its_reaction_time_told():
+def test_a_fault_is_seen_and_acknowledged_and_its_reaction_time_reported():
     pair = Pair()
     pair.run(0.5)
     axis = pair.farm.axis[0]
@@ -194,7 +194,7 @@ def test_a_frame_that_is_not_as_agreed_is_counted_and_dropped(change, reason):
     assert pair.farm.cpm[0].discarded[reason] == 10
 
 
-def test_frames_of_nobody_are_counted_as_unknown_and_for_the_station_at_whose_port_they_came():
+def test_frames_without_a_consumer_are_counted_as_unknown_and_for_the_station_of_their_port():
     pair = Pair()
     pair.farm.image[0].port, pair.farm.image[0].mac = pair.farm.cpm[0].port, pair.farm.cpm[0].destination
     pair.run(0.1)

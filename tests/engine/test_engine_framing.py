@@ -38,7 +38,7 @@ def test_a_provider_of_another_framing_leaves_the_trailer_of_this_one_alone() ->
     assert (bytes(frame[end - 4 : end]), int(provider.counter)) == (sealed, counter)
 
 
-def test_the_units_and_types_of_cyclic_frames_stand_once_in_the_project() -> None:
+def test_the_units_and_types_of_cyclic_frames_are_defined_once_in_the_project() -> None:
     wanted = {31_250: "wire/rtc.py", 0xFC00: "wire/rtc.py", 0xFC01: "wire/rtc.py", 0xFE01: "wire/rtc.py"}
     root = Path(pnfarm.__file__).parent
     found: dict[int, list[str]] = {number: [] for number in wanted}

@@ -41,7 +41,7 @@ def test_the_drives_of_a_group_have_its_readings_and_the_others_the_defaults():
     assert first.readings == {"mode-change": "disabled-only"}
 
 
-def test_a_running_drive_tells_the_readings_that_its_file_chose():
+def test_a_running_drive_shows_the_readings_that_its_file_chose():
     line = VirtualLine(2, behaviour="{control-by-plc: coast}")
     assert drive_snapshot(line.farm, line.farm.stations[1], line.world.now)["behaviour"] == {"control-by-plc": "coast"}
     assert line.farm.columns.axis[1].profidrive.settings.without_control == 1
@@ -69,7 +69,7 @@ def test_a_reading_goes_with_the_motor_and_the_identity_of_the_file():
         ("{homing-bit: levl}", "drives[0].behaviour.homing-bit: "),
     ],
 )
-def test_what_is_wrong_is_told_with_its_line_and_the_nearest_word(behaviour, said):
+def test_what_is_wrong_is_reported_with_its_line_and_the_nearest_word(behaviour, said):
     issue = the_issue(behaviour)
     assert issue.startswith("<text>:7: ")
     assert said in issue

@@ -51,7 +51,7 @@ def test_a_drive_that_cannot_be_run_at_the_usual_cycle_gets_its_slowest(text, mi
 
 
 @pytest.mark.parametrize("cycle", ["soon", "3ms", "8ms"])
-def test_a_wrong_cycle_is_told_once_with_a_drive_that_is_not_slow_either(cycle):
+def test_a_wrong_cycle_is_reported_once_with_fast_drives_too(cycle):
     assert the_issue(QUICK + f"controller: {{cycle: {cycle}}}\n").field == "controller.cycle"
 
 
@@ -118,7 +118,7 @@ def test_one_wrong_thing_of_the_controller_gives_one_issue(text, field, what):
         assert issue.line == 16
 
 
-def test_a_controller_on_the_parent_is_refused_where_it_would_hear_nothing():
+def test_a_controller_on_the_parent_is_refused_where_no_frame_would_reach_it():
     text = GOOD.replace("parent: eth1", "parent: eth1, transmit: parent")
     parse(text)
     issue = the_issue(text + "controller: {}\n")

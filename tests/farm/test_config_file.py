@@ -107,7 +107,7 @@ def test_the_configurations_that_come_with_it_are_valid(path):
     assert len({drive.name for drive in drives}) == len({drive.mac for drive in drives}) == len(drives)
 
 
-def test_the_configurations_have_the_drives_that_they_speak_of():
+def test_the_configurations_have_the_drives_that_their_comments_name():
     assert len(expand(load_farm(CONFIGS / "demo.pnfarm.yml"))) == 8
     assert len(expand(load_farm(CONFIGS / "one-drive.pnfarm.yml"))) == 1
     drives = expand(load_farm(CONFIGS / "akd-64.pnfarm.yml"))
@@ -312,7 +312,7 @@ controller:
 """
 
 
-def test_every_error_of_a_file_is_said_in_one_run_in_the_files_order():
+def test_every_error_of_a_file_is_reported_in_one_run_in_the_files_order():
     with pytest.raises(FarmFileError) as caught:
         parse(ALL_WRONG)
     assert [(issue.line, issue.field) for issue in caught.value.issues] == [
@@ -393,7 +393,7 @@ def test_a_file_that_is_no_mapping_is_refused(text):
 # --- overrides --------------------------------------------------------------------------------------------------
 
 
-def test_overrides_win_and_the_whole_is_checked_anew():
+def test_overrides_win_and_the_whole_file_is_checked_again():
     farm = parse(GOOD).with_overrides({"api": "off", "link.parent": "eth7", "realtime.cpu": "3", "drives[0].count": 2})
     assert (farm.api, farm.link.parent, farm.realtime.cpu, len(expand(farm))) == (None, "eth7", 3, 2)
     assert len(expand(parse(GOOD).with_overrides({}))) == 8
@@ -486,14 +486,14 @@ def test_a_gsdml_file_that_is_a_pipe_is_refused_and_not_waited_for(pipe):
         ("api: {listen: '0.0.0.0:1', token: ''}", "api.token: is empty; allowed: 8 to 512 characters"),
     ],
 )
-def test_a_wrong_length_is_told_with_the_lengths_allowed_and_without_the_secret(text, told):
+def test_a_wrong_length_is_reported_with_the_lengths_allowed_and_without_the_secret(text, told):
     (found,) = issues(GOOD.replace("api: 127.0.0.1:8702", text))
     assert told in str(found)
     assert "secret" not in str(found)
     assert "sss" not in str(found)
 
 
-def test_a_list_with_a_wrong_length_is_told_with_its_entries():
+def test_a_list_with_a_wrong_length_is_reported_with_its_entries():
     program = "controller:\n  name: plc\n  program: {kind: positions, targets: [%s]}\n"
     (found,) = issues(GOOD + program % ", ".join("1.0" for _ in range(40)))
     assert f"targets: has 40 entries; allowed: 1 to {TARGETS} entries" in str(found)

@@ -57,7 +57,7 @@ def told(**keys: Any) -> str:
         ),
     ],
 )
-def test_a_number_that_no_axis_has_is_told_with_what_is_allowed(keys: dict[str, Any], words: list[str]) -> None:
+def test_an_impossible_number_is_reported_with_what_is_allowed(keys: dict[str, Any], words: list[str]) -> None:
     message = told(**keys)
     assert [word for word in words if word not in message] == []
 
@@ -77,7 +77,7 @@ def test_a_number_that_no_axis_has_is_told_with_what_is_allowed(keys: dict[str, 
         ({"load": {"lead": 1e-3, "gear": 1e5}}, ["drives[0].load: makes 1e+08 revolutions of the motor to one unit"]),
     ],
 )
-def test_numbers_that_make_no_axis_together_are_told(keys: dict[str, Any], words: list[str]) -> None:
+def test_numbers_that_contradict_each_other_are_reported(keys: dict[str, Any], words: list[str]) -> None:
     message = told(**keys)
     assert [word for word in words if word not in message] == []
 
@@ -91,7 +91,7 @@ def test_numbers_that_make_no_axis_together_are_told(keys: dict[str, Any], words
         "drives: [{name: a, behaviour: {x: }, motor: {kind: 5, pitch: }}]",
     ],
 )
-def test_what_is_wrong_in_a_group_without_a_model_is_told(text: str) -> None:
+def test_what_is_wrong_in_a_group_without_a_model_is_reported(text: str) -> None:
     with pytest.raises(FarmFileError, match="model: is"):
         parse_farm(f"farm: a\nlink: {{kind: memory}}\n{text}")
 

@@ -145,7 +145,7 @@ def test_in_memory_and_with_lax_limits_nothing_is_on_by_itself(model, link, limi
     assert [one.shown() for one in flaws("{}", link=link, limits=limits, model=model)] == [{}]
 
 
-def test_one_key_that_is_said_leaves_the_others_as_they_are():
+def test_a_given_key_leaves_the_others_as_they_are():
     (one,) = flaws("{parameter_latency: 20ms, noise: {position: off}}", link=REAL)
     assert set(one.shown()) == {"velocity_noise_rpm", "parameter_latency_seconds"}
 
@@ -193,7 +193,7 @@ def test_drives_of_a_group_have_seeds_of_their_own_by_name():
         ("{seed: -1}", "realism.seed: is -1; allowed: a number from 0 to 18446744073709551615"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_with_its_line_and_what_is_allowed(realism, complaint):
+def test_what_is_wrong_is_reported_with_its_line_and_what_is_allowed(realism, complaint):
     (line,) = complaints(realism)
     assert line.startswith(f"<text>:9: drives[0].{complaint}"), line
 
@@ -203,7 +203,7 @@ def test_a_wrong_key_hides_no_other_mistake_of_the_file():
     assert [line.split(":")[1] for line in lines] == ["8", "9"]
 
 
-def test_on_for_a_figure_that_a_model_does_not_have_is_told(monkeypatch):
+def test_on_for_a_figure_that_a_model_does_not_have_is_reported(monkeypatch):
     described = catalogue.model("moog-msd")
     facts = {key: fact for key, fact in described.facts.items() if not key.startswith("realism.")}
     monkeypatch.setattr(catalogue, "_loaded", lambda folder: replace(described, facts=facts, realism=Realism()))

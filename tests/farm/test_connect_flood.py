@@ -46,7 +46,7 @@ def test_drives_that_lose_their_connection_in_a_flood_are_back_as_soon_after_a_l
     line.connect(within=3.0)
 
 
-def test_a_station_that_asks_too_often_is_not_heard_for_a_while_and_the_controller_is() -> None:
+def test_a_station_that_asks_too_often_is_ignored_for_a_while_and_the_controller_is_not() -> None:
     line = running(1)
     impostor = Impostor(line, MAC, IP)
     impostor.flood(400, 0.5)

@@ -22,7 +22,7 @@ def overrun(columns) -> None:
         emit(engine, columns.events, 0, 0, int(engine.now_ns), 0)
 
 
-def test_a_connection_whose_end_the_ring_lost_ends_all_the_same() -> None:
+def test_a_connection_ends_although_the_ring_lost_its_end() -> None:
     line = connected()
     (station,) = line.farm.stations
     ((row, _),) = next(iter(station.device.ars.values())).consumers
@@ -35,7 +35,7 @@ def test_a_connection_whose_end_the_ring_lost_ends_all_the_same() -> None:
     assert line.farm.events_lost >= 5
 
 
-def test_a_connection_that_stands_survives_what_the_ring_lost() -> None:
+def test_an_open_connection_survives_what_the_ring_lost() -> None:
     line = connected()
     (station,) = line.farm.stations
     overrun(line.farm.columns)

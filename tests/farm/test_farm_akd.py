@@ -141,7 +141,7 @@ def test_5_10_1_telegram_7_starts_a_motion_task_by_satzanw_and_the_edge_of_bit_6
     assert line.actual("AKTSATZ") == 0
 
 
-def test_5_10_1_bit_6_that_stands_starts_nothing_and_each_rise_starts_once():
+def test_5_10_1_bit_6_that_stays_set_starts_nothing_and_each_rise_starts_once():
     line = position_line()
     task(line, 1, 1.0, control=0x01)
     line.send(START, SATZANW=1, frames=100)

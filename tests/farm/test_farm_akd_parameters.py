@@ -47,7 +47,7 @@ def faults_of(line):
 
 
 @pytest.mark.parametrize(("missing", "reason"), [("enable", 0x04), ("supply", 0x08)])
-def test_5_8_1_what_not_ready_takes_away_shows_in_the_parameters_that_tell_of_it(missing, reason):
+def test_5_8_1_what_not_ready_takes_away_is_shown_by_its_parameters(missing, reason):
     line = HandLine()
     faults, add = faults_of(line)
     line.enable_axis(0x047F)

@@ -29,18 +29,18 @@ def test_sizes_as_people_write_them(text, octets):
 
 
 @pytest.mark.parametrize("text", ["", "much", "-1MB", "1XB", "MB", "1e9", "1MBs"])
-def test_what_is_no_size_is_told(text):
+def test_a_wrong_size_is_reported(text):
     with pytest.raises(ConfigError, match="is not a size; give for example 100MB"):
         parse_size(text)
 
 
-def test_too_small_a_file_is_told():
+def test_too_small_a_file_is_reported():
     with pytest.raises(ConfigError, match="a file of 10kB is too small for a capture; give at least 1MB"):
         parse_size("10kB")
 
 
 @given(st.text())
-def test_any_text_is_a_size_or_a_sentence(text):
+def test_any_text_is_a_size_or_an_error(text):
     with contextlib.suppress(ConfigError):
         assert parse_size(text) >= 1_000_000
 
@@ -53,17 +53,17 @@ def test_drives_are_chosen_by_globs(globs, places):
     assert CaptureSettings(Path("x"), drives=globs).chosen(NAMES) == places
 
 
-def test_a_glob_of_no_drive_is_told():
+def test_a_glob_without_a_drive_is_reported():
     with pytest.raises(ConfigError, match="no drive of the farm is called 'axes-\\*'"):
         CaptureSettings(Path("x"), drives=("axis-*", "axes-*")).chosen(NAMES)
 
 
-def test_a_kind_that_is_none_is_told():
+def test_an_unknown_kind_is_reported():
     with pytest.raises(ConfigError, match="unknown kind of frame 'cyclical', allowed are cyclic, dcp"):
         CaptureSettings(Path("x"), only=("cyclical",))
 
 
-def test_a_ring_of_no_files_is_told():
+def test_a_ring_without_files_is_reported():
     with pytest.raises(ConfigError, match="a ring of 0 files holds nothing"):
         CaptureSettings(Path("x"), files=0)
 
@@ -76,7 +76,7 @@ def test_size_and_number_of_files_complete_each_other(size, files, ring):
     assert CaptureSettings(Path("x"), size=size, files=files).ring == ring
 
 
-def test_a_file_that_cannot_be_written_is_told_before_anything_starts(tmp_path):
+def test_a_file_that_cannot_be_written_is_reported_before_anything_starts(tmp_path):
     settings = CaptureSettings(tmp_path / "nowhere" / "out.pcapng")
     with pytest.raises(EnvironmentError_, match="cannot be written: No such file"):
         FarmCapture(settings, "line-1", NAMES, note=lambda event: None)

@@ -289,7 +289,7 @@ def greetings(tool):
 
 
 @pytest.mark.parametrize(("hello", "expected"), [(True, 3), (False, 0)])
-def test_a_drive_says_hello_at_power_on_if_the_farm_file_wants_it(hello, expected):
+def test_a_drive_sends_hello_at_power_on_if_the_farm_file_says_so(hello, expected):
     line = Farm(hello=hello)
     tool = Tool(line)
     line.run(1.0)
@@ -335,7 +335,7 @@ def test_a_fast_start_up_record_can_switch_hello_off(mode):
     assert greetings(tool) == []
 
 
-def test_greetings_of_a_whole_farm_do_not_go_round_in_it():
+def test_hellos_of_a_farm_do_not_circulate_in_it():
     line = Farm(30, hello=True)
     tool = Tool(line)
     line.run(1.0)
@@ -410,7 +410,7 @@ def test_an_address_of_the_farm_file_that_another_station_has_is_not_used():
     assert shown(line)["ip_conflict"] == tool.mac.hex(":")
 
 
-def test_a_conflict_that_lasts_is_told_once():
+def test_a_conflict_that_lasts_is_reported_once():
     line = Farm()
     line.run(1.1)
     tool = Tool(line)
@@ -433,7 +433,7 @@ def test_another_address_ends_the_conflict():
 # -- many drives -------------------------------------------------------------------------------------------------------
 
 
-def test_announcements_of_many_drives_reach_only_whom_they_concern():
+def test_announcements_of_many_drives_reach_only_those_they_concern():
     line = Farm(60)
     tool = Tool(line)
     line.run(1.0)

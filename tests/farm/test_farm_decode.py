@@ -117,14 +117,14 @@ def test_a_start_up_in_words(farm_capture):
     )
 
 
-def test_a_connect_tells_cycle_watchdog_and_telegram(farm_capture):
+def test_a_connect_shows_cycle_watchdog_and_telegram(farm_capture):
     (line,) = [line for line in texts(farm_capture) if line.startswith("plc -> axis-01 Connect.req")]
     assert line.endswith(
         "legacy start-up, cycle 16 ms, watchdog 3 x, telegram 1 (module 0x10001), input frame id 0x8000"
     )
 
 
-def test_cyclic_frames_tell_only_what_changes(farm_capture):
+def test_of_cyclic_frames_only_changes_are_shown(farm_capture):
     lines = [line for line in texts(farm_capture) if "axis-01" in line and ("STW1" in line or "ZSW1" in line)]
     in_order(
         lines,
@@ -179,7 +179,7 @@ def reads_and_pulls(tmp_path_factory):
     return texts(path)
 
 
-def test_records_that_were_read_are_told_by_their_fields_in_one_line(reads_and_pulls):
+def test_records_that_were_read_are_shown_by_their_fields_in_one_line(reads_and_pulls):
     in_order(
         [line for line in reads_and_pulls if "axis-01 -> plc Read.res OK" in line],
         "axis-01 -> plc Read.res OK, slot 0 subslot 0x0001 index 0xAFF0 (I&M0), 60 octets: "
@@ -231,12 +231,12 @@ def test_every_frame_is_a_line_when_asked_for(farm_capture):
     assert any("NSOLL_A" in line.description.text for line in cyclic)
 
 
-def test_a_broadcast_that_every_drive_heard_is_one_line(farm_capture):
+def test_a_broadcast_to_every_drive_is_one_line(farm_capture):
     lines = [line for line in texts(farm_capture) if "Identify.req name axis-01" in line]
     assert len(lines) == 1
 
 
-def test_the_same_world_without_a_capture_ends_alike():
+def test_a_world_ends_the_same_with_and_without_a_capture():
     def course(pcap: Path | None) -> tuple:
         line = asyncio.run(VirtualLine.create(parse_farm(FARM), pcap=pcap, epoch_ns=0))
         line.world.run(3.0)
@@ -272,7 +272,7 @@ def test_frames_without_a_connect_are_judged_by_their_counter():
     ]
 
 
-def test_a_counter_that_stays_is_told_and_then_only_counted():
+def test_a_cycle_counter_that_stays_is_shown_and_then_only_counted():
     frames = [cyclic(n, b"") for n in range(4)] + [cyclic(n, b"", counter=384) for n in range(4, 200)]
     lines = [line for line in described(frames) if line.startswith("cycle counter")]
     assert lines[0] == "cycle counter 384 -> 384 (stays)"
@@ -280,7 +280,7 @@ def test_a_counter_that_stays_is_told_and_then_only_counted():
     assert len(lines) == 50
 
 
-def test_frames_out_of_order_by_some_microseconds_are_no_story():
+def test_frames_out_of_order_by_some_microseconds_are_not_shown():
     frames = [cyclic(n, b"") for n in range(20)]
     frames[10] = replace(frames[10], time_ns=frames[9].time_ns - 5000)
     assert len(described(frames)) == 1
@@ -393,7 +393,7 @@ FRAME = st.builds(
 
 @settings(max_examples=300)
 @given(st.lists(st.one_of(FRAME, st.binary(max_size=80)), max_size=12), st.booleans())
-def test_any_frames_are_lines_and_nothing_else(frames, every):
+def test_any_frames_give_lines_and_no_exception(frames, every):
     decoder = make_decoder(every_frame=every)
     for number, data in enumerate(frames):
         for line in decoder.feed(CapturedFrame(number, number * 1_000_000, data)):
@@ -413,7 +413,7 @@ def family_of_frame(frame: CapturedFrame) -> str:
 
 @settings(max_examples=200)
 @given(st.data())
-def test_a_farms_frames_with_wrong_octets_are_lines_and_nothing_else(frames, data):
+def test_a_farms_frames_with_wrong_octets_give_lines_and_no_exception(frames, data):
     decoder = make_decoder()
     for frame in frames[:60]:
         octets = bytearray(frame.data)
@@ -424,7 +424,7 @@ def test_a_farms_frames_with_wrong_octets_are_lines_and_nothing_else(frames, dat
 
 @settings(max_examples=300)
 @given(st.binary(max_size=400))
-def test_any_octets_are_frames_or_a_sentence(tmp_path_factory, content):
+def test_any_octets_are_frames_or_an_error(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("any") / "any.pcap"
     path.write_bytes(content)
     with pytest.raises(ConfigError, match=r"any\.pcap"):
@@ -436,7 +436,7 @@ MAGICS = [bytes.fromhex(x) for x in ("d4c3b2a1", "a1b2c3d4", "4d3cb2a1", "a1b23c
 
 @settings(max_examples=300)
 @given(st.sampled_from(MAGICS), st.binary(max_size=400), st.booleans())
-def test_any_octets_behind_a_captures_beginning_are_frames_or_a_sentence(tmp_path_factory, magic, content, packed):
+def test_any_octets_after_a_captures_beginning_are_frames_or_an_error(tmp_path_factory, magic, content, packed):
     path = tmp_path_factory.mktemp("any") / "any.pcap"
     path.write_bytes(gzip.compress(magic + content) if packed else magic + content)
     with contextlib.suppress(ConfigError):
@@ -446,7 +446,7 @@ def test_any_octets_behind_a_captures_beginning_are_frames_or_a_sentence(tmp_pat
 
 @settings(max_examples=100)
 @given(st.data())
-def test_a_capture_that_is_cut_gives_what_is_whole(farm_capture, tmp_path_factory, data):
+def test_a_capture_that_is_cut_gives_its_whole_frames(farm_capture, tmp_path_factory, data):
     content = farm_capture.read_bytes()
     path = tmp_path_factory.mktemp("cut") / "cut.pcapng"
     path.write_bytes(content[: data.draw(st.integers(1000, 20_000))])
@@ -455,7 +455,7 @@ def test_a_capture_that_is_cut_gives_what_is_whole(farm_capture, tmp_path_factor
     assert found == whole[: len(found)]
 
 
-def test_frames_that_are_none_of_ethernet_are_told(tmp_path):
+def test_frames_of_another_link_type_are_reported(tmp_path):
     path = tmp_path / "any.pcap"
     path.write_bytes(struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 113))
     with pytest.raises(ConfigError, match="holds frames of link type 113, not of Ethernet"):

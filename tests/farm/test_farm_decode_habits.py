@@ -77,7 +77,7 @@ def changed(frame: CapturedFrame, before: bytes, after: bytes) -> CapturedFrame:
     return replace(frame, data=frame.data.replace(before, after))
 
 
-def test_padding_of_any_value_is_no_story(start_up):
+def test_padding_of_any_value_is_not_shown(start_up):
     frames = [
         changed(frame, b"\x00\x07axis-01\x00", b"\x00\x07axis-01\x0f") if kind == "Connect.res" else frame
         for kind, frame in start_up
@@ -161,7 +161,7 @@ def test_calls_are_calls_at_whatever_port(start_up):
     assert {line.family for line in ready} == {"rpc"}
 
 
-def test_a_long_datagram_that_is_no_call_is_other_once_it_is_whole():
+def test_a_long_datagram_that_is_no_call_is_of_the_kind_other_once_complete():
     data = bytes(3000)
     datagram = struct.pack(">HHHH", 5000, 5001, 8 + len(data), 0) + data
     decoder = make_decoder()
@@ -190,7 +190,7 @@ def synced(sequence: int, master: str) -> CapturedFrame:
     return ptcp(PtcpPdu(0x0080, sequence, tlvs=(PtcpTlv(TlvType.SUBDOMAIN, domain),)))
 
 
-def test_the_measurement_of_a_cable_is_told_once_and_counted():
+def test_a_cable_measurement_is_shown_once_and_counted():
     frames = [CapturedFrame(n, n * 200_000_000, DELAY_REQUEST.ljust(60, b"\0")) for n in range(10)]
     decoder = make_decoder()
     lines = [line for frame in frames for line in decoder.feed(frame)]
@@ -201,7 +201,7 @@ def test_the_measurement_of_a_cable_is_told_once_and_counted():
     assert talk["cyclic"] == []
 
 
-def test_another_master_of_the_clock_is_told():
+def test_another_master_of_the_clock_is_shown():
     masters = ["020000000001"] * 3 + ["020000000002"] * 3
     found = described([synced(n, master) for n, master in enumerate(masters, 1)])
     assert [line.partition(", domain")[0] for line in found] == [

@@ -217,7 +217,7 @@ def test_3_4_and_3_6_both_ends_count_from_1_to_15_with_each_frame(telegram):
     assert axis_of(line).life.errors == 0
 
 
-def test_a_count_that_stands_is_the_fieldbus_alarm_after_pnu_925_frames():
+def test_a_sign_of_life_that_stays_is_the_fieldbus_alarm_after_pnu_925_frames():
     line = line_of()
     line.enable()
     line.run(0.1)
@@ -243,7 +243,7 @@ def test_pnu_925_over_the_wire_changes_the_tolerance():
     assert axis_of(line).life.errors > 300
 
 
-def test_a_drive_without_sign_of_life_gets_none():
+def test_a_drive_without_sign_of_life_is_sent_none():
     line = VirtualLine(cycle="16ms", telegram=9)
     line.connect()
     line.run(0.5)

@@ -94,7 +94,7 @@ class FastPlc(E1Plc):
 
 
 @BOTH_TELEGRAMS
-def test_table_2_2_1_at_500_us_the_drive_hears_an_edge_of_one_frame_and_moves_on_in_each(telegram):
+def test_table_2_2_1_at_500_us_the_drive_takes_an_edge_of_one_frame_and_moves_on_in_each(telegram):
     plc = FastPlc(telegram, cycle="500us")
     for target, frames in ((50.0, 7), (60.0, 7), (70.0, 401)):
         plc.task(target)
@@ -118,7 +118,7 @@ def test_a_tick_that_is_less_late_than_the_one_before_is_a_step_of_the_drive_all
         assert plc.axis.last_ns == now
 
 
-def test_table_3_13_1_a_bit_that_is_held_over_a_power_cycle_sets_the_reference_point_anew():
+def test_table_3_13_1_a_bit_that_is_held_over_a_power_cycle_sets_the_reference_point_again():
     """The drive forgot the home position, and that it saw the bit."""
     plc = E1Plc(111)
     plc.put(STW1=RUN | JOG_FORWARDS, wait=200)

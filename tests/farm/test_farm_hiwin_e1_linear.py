@@ -140,7 +140,7 @@ def test_the_built_in_controller_knows_the_linear_motors_steps():
         ("{kind: linear, pitch: 0}", "pitch"),
     ],
 )
-def test_a_motor_that_the_drive_does_not_have_is_told_with_its_place(motor, told):
+def test_a_motor_that_the_drive_does_not_have_is_reported_with_its_place(motor, told):
     text = f"farm: f\nlink: {{kind: memory}}\ndrives: [{{name: a, model: e1, motor: {motor}}}]\n"
     with pytest.raises(ConfigError, match=told):
         parse_farm(text)

@@ -67,7 +67,7 @@ def test_without_control_by_the_plc_a_running_task_keeps_its_data():
 
 
 @BOTH_TELEGRAMS
-def test_6_6_1_an_absolute_task_runs_with_its_units_and_tells_each_step(telegram):
+def test_6_6_1_an_absolute_task_runs_with_its_units_and_shows_each_step(telegram):
     """Table of 6.6.1: 1 is one control unit; 1 is 1000 control units a minute; 0x4000 is 100 % of Pt534 and Pt537."""
     plc = E1Plc(telegram)
     plc.task(10.0)
@@ -127,7 +127,7 @@ def test_3_1_and_6_6_1_a_task_without_velocity_or_ramp_or_with_a_negative_one_is
 
 
 @BOTH_TELEGRAMS
-def test_3_2_note_2_without_mdi_nothing_starts_and_the_words_tell(telegram):
+def test_3_2_note_2_without_mdi_nothing_starts_and_the_status_words_show_it(telegram):
     """The drive keeps no position blocks: only the MDI submode works."""
     plc = E1Plc(telegram)
     active = (lambda: plc["AKTSATZ"]) if telegram == 9 else (lambda: plc["POS_ZSW1"])
@@ -172,7 +172,7 @@ def test_3_3_2_bit_5_stops_on_the_way_and_goes_on(telegram):
 
 
 @BOTH_TELEGRAMS
-def test_3_3_2_bit_4_throws_the_task_away(telegram):
+def test_3_3_2_bit_4_rejects_the_task(telegram):
     plc = E1Plc(telegram)
     plc.task(5.0)
     assert plc.go()
@@ -272,7 +272,7 @@ def test_3_12_and_3_13_reserved_bits_do_nothing():
     assert not plc.bit(HOMED)
 
 
-def test_table_3_13_1_the_place_becomes_the_reference_point_with_the_edge():
+def test_table_3_13_1_the_position_becomes_the_reference_point_with_the_edge():
     plc = E1Plc(111)
     plc.task(2.5)
     assert plc.go()
@@ -289,7 +289,7 @@ def test_table_3_13_1_the_place_becomes_the_reference_point_with_the_edge():
 
 
 @pytest.mark.parametrize("pause", [False, True])
-def test_table_3_13_1_a_task_ends_where_its_number_is_behind_a_new_reference_point(pause):
+def test_table_3_13_1_a_task_ends_at_its_number_counted_from_a_new_reference_point(pause):
     """In the run, or in its intermediate stop: MDI_TARPOS counts from the reference point."""
     plc = E1Plc(111)
     plc.task(10.0)
@@ -308,7 +308,7 @@ def test_table_3_13_1_a_task_ends_where_its_number_is_behind_a_new_reference_poi
     assert float(plc.axis.motor.position) == pytest.approx(10.0 + before, abs=0.05)
 
 
-def test_table_3_13_1_a_relative_task_keeps_its_way_behind_a_new_reference_point():
+def test_table_3_13_1_a_relative_task_keeps_its_distance_after_a_new_reference_point():
     plc = E1Plc(111)
     plc.task(4.0, relative=True)
     assert plc.go()

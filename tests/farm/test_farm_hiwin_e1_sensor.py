@@ -98,7 +98,7 @@ def test_3_7_reserved_bits_do_nothing(plc):
         assert plc["G1_XIST2"] == 0
 
 
-def test_3_7_bit_14_parks_the_encoder_while_the_drive_stands(plc):
+def test_3_7_bit_14_parks_the_encoder_at_standstill(plc):
     turn(plc, 60.0, 300)
     place = plc["G1_XIST1"]
     plc.put(STW1=0x0406)
@@ -112,7 +112,7 @@ def test_3_7_bit_14_parks_the_encoder_while_the_drive_stands(plc):
     assert plc["G1_XIST1"] == pytest.approx(place, abs=COUNTS // 100)
 
 
-def test_3_8_bit_15_tells_of_an_encoder_that_fails_and_bit_11_of_its_acknowledgement(plc):
+def test_3_8_bit_15_shows_an_encoder_error_and_bit_11_its_acknowledgement(plc):
     plc.inject("encoder-error")
     plc.wait(4)
     assert plc["G1_ZSW"] == ERROR

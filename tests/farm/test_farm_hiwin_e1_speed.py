@@ -33,7 +33,7 @@ def test_table_3_5_1_1_the_status_word_of_each_step_of_the_start_up(plc):
     assert plc["ZSW2"] & 0x0FFF == 0, "table 3.6.1.1: nothing but the sign of life"
 
 
-def test_table_3_3_1_1_stop_bits_are_shown_one_by_one_while_the_drive_stands(plc):
+def test_table_3_3_1_1_stop_bits_are_shown_one_by_one_at_standstill(plc):
     assert plc.put(STW1=0x0402) & 0x0030 == 0x0010, "no coast stop, quick stop"
     assert plc.put(STW1=0x0404) & 0x0030 == 0x0020, "coast stop, no quick stop"
     assert plc.put(STW1=0x0406) & 0x0071 == 0x0031

@@ -118,7 +118,7 @@ def test_a_power_cycle_forgets_the_home_position_and_keeps_the_parameters(telegr
 
 
 @BOTH_TELEGRAMS
-def test_6_7_homing_runs_while_bit_11_stands_and_tells_its_end(telegram):
+def test_6_7_homing_runs_while_bit_11_is_set_and_shows_its_end(telegram):
     plc = E1Plc(telegram)
     plc.task(2.25)
     assert plc.go()

@@ -291,7 +291,7 @@ def test_one_request_reads_several_parameters_and_errors_name_the_failing_one():
     assert [type(item).__name__ == "ParameterError" for item in outcome] == [False, True, False]
 
 
-def test_reading_a_response_that_nobody_asked_for_is_a_state_conflict():
+def test_reading_a_response_without_a_request_is_a_state_conflict():
     line = VirtualLine()
     line.connect()
     event = record(line, 1, 1, 47, api=API)

@@ -83,7 +83,7 @@ def test_the_example_of_a_machine_homes_at_its_home_switch():
     assert homed(plc) == pytest.approx(40.0, abs=0.1)
 
 
-def test_a_place_is_a_turn_behind_the_gear_where_nothing_moves_straight():
+def test_a_position_is_a_turn_behind_the_gear_where_there_is_no_spindle():
     drive = expand(parse(GOOD.replace("inertia: 2.0e-4", "gear: 4")))[0]
     assert drive.load.revolutions(0.0) == 4.0
     assert drive.load.revolutions(32.0) == 1 / 32.0

@@ -83,7 +83,7 @@ def test_everything_that_the_file_says_of_the_motor_arrives():
         ("{}", "{force: 3}", "load", "lead"),
     ],
 )
-def test_what_cannot_be_is_told_with_its_field(motor, load, field, words):
+def test_an_impossible_value_is_reported_with_its_field(motor, load, field, words):
     with pytest.raises(FarmFileError) as wrong:
         parse_farm(FILE.format(model="akd-profinet", motor=motor, load=load))
     (issue,) = wrong.value.issues

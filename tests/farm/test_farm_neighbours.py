@@ -35,14 +35,14 @@ def test_every_drive_knows_the_controller_and_the_controller_every_drive():
         assert neighbour.ip == IPv4Address("10.77.1.250")
 
 
-def test_drives_of_one_farm_do_not_hear_each_other():
+def test_drives_of_one_farm_do_not_receive_each_others_lldp():
     line = VirtualLine(3, controller=False)
     line.run(20)
     assert all(station.device.neighbours.lldp.sent >= 4 for station in line.farm.stations)
     assert not any(station.device.neighbours.lldp.neighbours for station in line.farm.stations)
 
 
-def test_a_frame_that_all_drives_hear_is_parsed_once(monkeypatch):
+def test_a_frame_to_all_drives_is_parsed_once(monkeypatch):
     parsed = []
     original = segment.parse_lldp
     monkeypatch.setattr(segment, "parse_lldp", lambda data: parsed.append(1) or original(data))
@@ -52,7 +52,7 @@ def test_a_frame_that_all_drives_hear_is_parsed_once(monkeypatch):
     assert len(parsed) == 1
 
 
-def test_the_drives_do_not_speak_together():
+def test_the_drives_do_not_send_at_the_same_time():
     line = VirtualLine(50, controller=False)
     moments = []
     line.farm_link.send = lambda port, frame: moments.append(line.world.now) if frame[12:14] == b"\x88\xcc" else None
@@ -77,7 +77,7 @@ def test_a_snapshot_shows_the_neighbour():
     }
 
 
-def test_without_lldp_nobody_speaks_and_nobody_is_known():
+def test_without_lldp_no_drive_sends_and_no_neighbour_is_known():
     line = VirtualLine(top="lldp: false")
     line.world.run(30)
     assert line.plc.lldp is None
@@ -98,7 +98,7 @@ def test_a_renamed_drive_is_another_neighbour_at_once():
     assert stations_known(line) == ["press-7"]
 
 
-def test_a_drive_that_is_switched_off_ages_out_and_knows_nobody_when_it_is_back():
+def test_a_drive_that_is_switched_off_ages_out_and_has_no_neighbours_when_it_is_back():
     line = VirtualLine(1)
     line.run(6)
     station = line.farm.stations[0]
@@ -114,7 +114,7 @@ def test_a_drive_that_is_switched_off_ages_out_and_knows_nobody_when_it_is_back(
     assert len(station.device.neighbours.lldp.neighbours) == 1
 
 
-def test_a_farm_that_stops_says_good_bye():
+def test_neighbours_of_a_farm_that_stops_forget_it():
     line = VirtualLine(3)
     line.run(6)
     line.farm.stop(line.world.now)
@@ -135,7 +135,7 @@ def test_a_pulled_cable_leaves_a_drive_alone_until_it_is_plugged():
     assert len(pulled.device.neighbours.lldp.neighbours) == 1
 
 
-def test_a_drive_is_found_by_the_port_that_it_hangs_on():
+def test_a_drive_is_found_by_the_port_that_it_is_connected_to():
     line = VirtualLine(1)
     ask = DcpPdu(0xFEFE, 5, 0, 1, (AliasBlock("port-001.plc"),))
     assert not identify_matches(ask, line.farm.stations[0].device.dcp)

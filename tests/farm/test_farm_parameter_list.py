@@ -100,7 +100,7 @@ def test_a_listed_pt_parameter_is_read_and_written_by_records_and_outlives_a_pow
     assert read_value(again, GAIN, index) == "01010001" + "0601" + f"{1234:04x}", "another run of the farm"
 
 
-def test_a_kept_value_of_a_parameter_that_is_not_listed_any_more_is_told_and_left_out(tmp_path):
+def test_a_kept_value_of_a_parameter_that_is_no_longer_listed_is_reported_and_left_out(tmp_path):
     line = line_of(tmp_path, VolatileMemory())
     line.connect()
     change_value(line, GAIN, 7)
@@ -134,7 +134,7 @@ def test_params_give_listed_parameters_values_within_their_limits(write):
     ]
 
 
-def test_what_is_wrong_in_a_list_is_told_by_its_own_file_and_line_behind_the_farm_files(write):
+def test_what_is_wrong_in_a_list_is_reported_by_its_own_file_and_line_after_the_farm_files(write):
     farm = FARM.replace("model: moog-msd", "model: moog")
     assert [line.split(";")[0] for line in told(write(farm, LIST + "Pt20G,,,,,\nPt201,,uint7,,,\n"))] == [
         "a.pnfarm.yml:6: drives[1].model: 'moog' is not a model of this version, did you mean moog-msd?",
@@ -156,7 +156,7 @@ def test_what_is_wrong_in_a_list_is_told_by_its_own_file_and_line_behind_the_far
         ("e1.csv", "parameter_lists: is 'e1.csv'"),
     ],
 )
-def test_a_wrong_list_is_told_at_its_key(write, lists, what):
+def test_a_wrong_list_is_reported_at_its_key(write, lists, what):
     farm = FARM.replace("{hiwin-e1: e1.csv}", lists).replace(", params: {Pt200: 500, speed loop gain: 600}", "")
     (line,) = told(write(farm))
     assert line.startswith("a.pnfarm.yml:3: parameter_lists")
@@ -170,7 +170,7 @@ def test_a_wrong_list_is_told_at_its_key(write, lists, what):
         (b"number\nPt200\nPt2\xff\n", "is not UTF-8 in line 3"),
     ],
 )
-def test_a_file_that_is_no_list_is_told_at_its_key(write, data, what):
+def test_a_file_that_is_no_list_is_reported_at_its_key(write, data, what):
     (line,) = told(write(FARM.replace(", params: {Pt200: 500, speed loop gain: 600}", ""), data))
     assert what in line
 
@@ -187,7 +187,7 @@ def test_a_list_of_a_spreadsheet_begins_with_a_byte_order_mark(write):
     assert model_of(expand(config)[0]).resolve("Pt30F")[0].pnu == 0x230F
 
 
-def test_a_setting_from_outside_reads_the_list_anew(write):
+def test_a_setting_from_outside_reads_the_list_again(write):
     path = write()
     config = load_farm(path)
     (path.parent / "e1.csv").write_text(LIST.replace(",400,", ",401,"))

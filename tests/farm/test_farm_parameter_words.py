@@ -91,7 +91,7 @@ def test_a_telegram_without_the_channel_takes_no_task():
         line.plc.put_parameter_task("axis-77", NO_TASK)
 
 
-def test_a_write_that_stands_is_carried_out_once_and_again_after_task_0():
+def test_a_write_that_is_repeated_is_carried_out_once_and_again_after_task_0():
     """8.2.4: a task stays in the telegrams until its answer was seen, through many cycles."""
     line = line_of()
     store = Pkw(2, 971, value=1)
@@ -128,7 +128,7 @@ def test_a_write_of_the_next_task_shows_the_answer_of_the_last_one_until_it_is_c
     assert found == sorted(found, key=found.index)
 
 
-def test_bad_outputs_are_no_task_and_good_ones_bring_it_anew():
+def test_bad_outputs_are_no_task_and_good_ones_start_it_again():
     """16: with IOPS BAD all output data are zero, so that the task that comes back is a new one."""
     line = line_of()
     store = Pkw(2, 971, value=1)
@@ -182,7 +182,7 @@ def test_a_standard_telegram_after_one_with_the_channel_answers_nothing():
     assert station.handle.axis.profidrive.settings.parameter_channel
 
 
-def test_a_lost_word_of_a_task_is_told_again():
+def test_a_lost_event_of_a_task_is_repeated():
     """The engine's events are a ring; what a slow reader loses is not lost for ever."""
     line = line_of()
     image = line.farm.stations[0].handle.image

@@ -69,7 +69,7 @@ def test_a_move_takes_the_time_of_its_trapezoid_and_some_cycles(name, telegram, 
     assert least * 0.98 <= took <= least * 1.05 + 8 * cycles + 0.1
 
 
-def test_a_fault_in_a_move_ends_the_task_and_the_next_one_counts_from_where_it_stands():
+def test_a_fault_in_a_move_ends_the_task_and_the_next_one_counts_from_the_present_position():
     line = line_of(*EVERY[5], targets="50, 0")
     line.enable()
     line.run(1.0)

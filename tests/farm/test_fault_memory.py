@@ -58,7 +58,7 @@ def test_a_fault_that_was_active_then_is_history_after_the_start(memory):
     assert again.farm.stations[0].store.read(947, 0, 9) == [0] * 8 + [502]
 
 
-def test_10_9_the_moogs_error_memory_is_kept_alike(memory):
+def test_10_9_the_moogs_error_memory_is_kept_too(memory):
     line = start(memory, model="moog-msd", cycle="1ms")
     trip(line, "3-1")
     trip(line, "21-1")

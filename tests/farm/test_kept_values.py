@@ -119,7 +119,7 @@ def test_what_a_drive_writes_has_the_shape_that_it_boots_with(tmp_path: Path) ->
             line.farm.settle(station, line.world.now)
 
 
-def test_a_farm_that_dies_between_any_two_writes_comes_back_with_what_was_saved_and_no_more(tmp_path: Path) -> None:
+def test_a_farm_killed_between_any_two_writes_comes_back_with_what_was_saved_and_no_more(tmp_path: Path) -> None:
     rng = Random(64)
     line = booted(FarmState(tmp_path))
     saved = {name: line.farm.stations[0].store.get(name) for name in ("DRV.ACC", "DRV.DEC")}
@@ -149,7 +149,7 @@ def test_keys_of_a_newer_program_are_kept(tmp_path: Path) -> None:
         assert (state.load("axis-01") or {})["tomorrow"] == [1, {"a": None}]
 
 
-def test_what_another_model_kept_is_told_and_left_out(tmp_path: Path) -> None:
+def test_what_another_model_kept_is_reported_and_left_out(tmp_path: Path) -> None:
     with FarmState(tmp_path) as state:
         state.save("axis-01", {"drive": {"model": "x", "parameters": {"64000": 1, "nothing": 2}}})
         line = booted(state)

@@ -293,7 +293,7 @@ def test_a_float_of_the_farm_file_is_the_number_itself_with_a_point_and_its_bits
         ("{P-1278: 65536}", r"params\.P-1278: is 65536; allowed: a whole number from 0 to 65535"),
     ],
 )
-def test_a_parameter_of_the_farm_file_that_the_drive_cannot_hold_is_told_with_its_line(
+def test_a_parameter_of_the_farm_file_that_the_drive_cannot_hold_is_reported_with_its_line(
     params: str, complaint: str
 ) -> None:
     with pytest.raises(ConfigError, match=complaint):

@@ -124,7 +124,7 @@ def test_a_set_point_in_the_profile_generating_mode_follows_p_1278() -> None:
 
 
 @pytest.mark.parametrize("telegram", [7, 8, 9, 101, 106, 121])
-def test_without_a_task_or_a_deviation_the_axis_stands(telegram: int) -> None:
+def test_without_a_task_or_a_deviation_the_axis_stands_still(telegram: int) -> None:
     line = msd(telegram=telegram)
     assert line.farm.stations[0].store.telegram_number == telegram
     line.run(1.0)
@@ -231,7 +231,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("mode", [1, 2, 3])
-def test_a_fault_is_told_in_the_layout_of_p_1256_and_gone_when_it_is_acknowledged(mode: int) -> None:
+def test_a_fault_is_a_diagnosis_in_the_layout_of_p_1256_until_it_is_acknowledged(mode: int) -> None:
     line = running(params=f"{{P-1256: {mode}}}")
     (station,) = line.farm.stations
     line.add("drive-fault", params={"fault": "11-1"})
@@ -281,7 +281,7 @@ def test_an_error_in_the_moment_of_the_acknowledgement_takes_the_place_of_the_on
     assert len(station.device.records.diagnosis) == 0
 
 
-def test_10_9_only_the_first_error_of_a_situation_is_told_as_diagnosis() -> None:
+def test_10_9_only_the_first_error_of_a_situation_is_a_diagnosis() -> None:
     line = running(params="{P-1256: 2}")
     (station,) = line.farm.stations
     for fault in ("11-1", "21-1"):
@@ -292,7 +292,7 @@ def test_10_9_only_the_first_error_of_a_situation_is_told_as_diagnosis() -> None
 
 
 @pytest.mark.parametrize("mode", [0, 4, 65535])
-def test_other_modes_tell_nothing(mode: int) -> None:
+def test_other_modes_report_nothing(mode: int) -> None:
     line = running(params=f"{{P-1256: {mode}}}")
     line.add("drive-fault", params={"fault": "11-1"})
     line.run(0.5)
@@ -312,7 +312,7 @@ def test_a_controller_that_comes_back_finds_the_diagnosis_of_the_loss() -> None:
     assert len(station.device.records.diagnosis) == 0
 
 
-def test_a_cause_that_stays_over_a_power_cycle_is_told_again_and_goes_with_the_fault() -> None:
+def test_a_cause_that_stays_over_a_power_cycle_is_reported_again_and_ends_with_the_fault() -> None:
     line = running(params="{P-1256: 2}")
     (station,) = line.farm.stations
     fault = line.add("drive-fault", params={"fault": "11-1", "hold": True})
@@ -346,7 +346,7 @@ def living(tolerance: int, telegram: int = 3) -> MsdLine:
 
 
 @pytest.mark.parametrize("telegram", [2, 3, 5])
-def test_both_ends_count_with_each_telegram_and_of_bits_0_to_11_of_zsw2_only_pulses_are_told(telegram: int) -> None:
+def test_both_ends_count_with_each_telegram_and_of_bits_0_to_11_of_zsw2_only_pulses_are_shown(telegram: int) -> None:
     """Table 10.17: bit 10."""
     line = living(65535, telegram)
     counts = []
@@ -399,7 +399,7 @@ def test_four_errors_with_a_limit_of_four_are_fault_32_3_and_silence_clears_the_
     assert line.farm.stations[0].store.get("P-1296") == 0
 
 
-def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin_anew() -> None:
+def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin_again() -> None:
     line = living(4)
     store = line.farm.stations[0].store
     assert store.get("P-0953") == 0
@@ -415,7 +415,7 @@ def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin
     assert store.get("P-0953") == 0x0001, "the timeout instead"
 
 
-def test_p_0953_tells_a_bus_timeout_until_telegrams_come_again() -> None:
+def test_p_0953_shows_a_bus_timeout_until_telegrams_come_again() -> None:
     """Table 15.1: warnings such as bus timeout and PLC stop mode; which bits they are is assumed."""
     line = running(params="{P-1283: 0}")
     store = line.farm.stations[0].store
@@ -428,7 +428,7 @@ def test_p_0953_tells_a_bus_timeout_until_telegrams_come_again() -> None:
     assert store.get("P-0953") == 0
 
 
-def test_p_0953_tells_that_the_watchdog_ran_out_before_the_connection_did() -> None:
+def test_p_0953_shows_that_the_watchdog_expired_before_the_connection_ended() -> None:
     line = MsdLine(params="{P-1283: 20}", watchdog=200)
     line.connect()
     line.enable()
@@ -442,7 +442,7 @@ def test_p_0953_tells_that_the_watchdog_ran_out_before_the_connection_did() -> N
     assert store.get("P-0953") == 0
 
 
-def test_p_0953_tells_of_telegrams_that_stay_away_after_the_connection_was_taken_down() -> None:
+def test_p_0953_shows_missing_telegrams_after_the_connection_was_released() -> None:
     line = running(params="{P-1283: 400}")
     store = line.farm.stations[0].store
     line.add("silence", **{"for": "5s"})
@@ -463,7 +463,7 @@ def test_p_0953_forgets_a_bus_timeout_at_power_on() -> None:
     assert station.store.get("P-0953") == 0
 
 
-def test_p_0953_tells_the_stop_of_the_controller_while_it_lasts() -> None:
+def test_p_0953_shows_the_stop_of_the_controller_while_it_lasts() -> None:
     line = running()
     store = line.farm.stations[0].store
     line.plc.columns.image[0].good = 0

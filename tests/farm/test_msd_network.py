@@ -67,7 +67,7 @@ def test_a_name_differs_from_the_factorys_whoever_gave_it(line):
     assert (name_of(line), changed(line)) == ("DRIVE", (False, False))
 
 
-def test_the_factorys_name_can_be_written_back_and_is_none(line):
+def test_the_factory_setting_of_the_name_can_be_written_and_is_no_name(line):
     """15, table 15.1: P-1289 takes what it has by default; no station has capitals in its name."""
     (station,) = line.farm.stations
     write_name(line, "DRIVE")

@@ -42,7 +42,7 @@ def spoken(line: VirtualLine, seconds: float) -> list[bytes]:
 
 
 @pytest.mark.parametrize(("model", "telegram", "cycle"), MODELS)
-def test_a_drive_that_boots_says_nothing_then_connects_then_comes_to_s1(model, telegram, cycle):
+def test_a_drive_that_boots_is_silent_then_connects_then_reaches_s1(model, telegram, cycle):
     line = line_of(BOOT, model, telegram, cycle)
     axis = line.farm.columns.axis[0]
     assert spoken(line, 2.9) == []
@@ -86,7 +86,7 @@ def test_a_drive_without_boot_time_answers_at_once():
     assert line.farm.stations[0].on_the_wire
 
 
-def test_the_supply_that_goes_while_the_drive_boots_begins_the_time_anew():
+def test_a_loss_of_supply_while_the_drive_boots_restarts_the_boot_time():
     line = line_of("{boot_time: {answers: 3s}}")
     station = line.farm.stations[0]
     line.run(2.0)
@@ -130,7 +130,7 @@ def test_the_power_cycle_of_the_fault_catalogue_boots_the_drive():
     line.enable()
 
 
-def test_a_drive_that_boots_answers_nobody():
+def test_a_drive_that_boots_does_not_answer():
     """Neither DCP nor ARP nor LLDP: it is not there yet, and nothing that was said meanwhile is answered later."""
     line = line_of("{boot_time: {answers: 3s}}")
     station = line.farm.stations[0]

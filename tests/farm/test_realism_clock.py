@@ -59,7 +59,7 @@ def test_the_drives_frames_slide_at_its_own_rate(model, telegram, cycle, ppm):
 
 @pytest.mark.parametrize("ppm", [-1000, 1000])
 @pytest.mark.parametrize(("model", "telegram", "cycle"), MODELS)
-def test_a_connection_lives_with_it_through_many_slips(model, telegram, cycle, ppm):
+def test_a_connection_survives_many_slips_of_the_clock(model, telegram, cycle, ppm):
     line = line_of(str(ppm), model, telegram, cycle)
     line.enable()
     # ten cycles' worth of sliding, at least
@@ -126,7 +126,7 @@ def test_its_sign_of_life_counts_its_own_frames(model, telegram, ppm):
     assert {(after - before) % 15 for before, after in pairwise(counts)} == {1}
 
 
-def test_durations_that_the_log_tells_are_no_difference_of_two_clocks():
+def test_durations_in_the_log_are_no_difference_of_two_clocks():
     line = line_of("1000", program="{kind: constant, speed_rpm: 60, acknowledge_after: 1s}")
     line.enable()
     # by now the drive's clock is a tenth of a second ahead

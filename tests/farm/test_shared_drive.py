@@ -40,7 +40,9 @@ def test_two_controllers_are_in_data_and_the_owner_of_the_telegram_moves_the_dri
     assert station.handle.axis.motor.velocity == pytest.approx(60.0, abs=0.1)
 
 
-def test_who_does_not_own_the_telegram_cannot_feed_the_drive_nor_fault_it_by_going_away(line: SharedLine) -> None:
+def test_a_controller_that_does_not_own_the_telegram_cannot_drive_the_axis_nor_fault_it_by_leaving(
+    line: SharedLine,
+) -> None:
     (station,) = line.farm.stations
     line.run(1.0)
     line.controllers[HEAD].columns.ppm["active"] = 0

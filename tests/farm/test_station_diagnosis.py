@@ -24,7 +24,7 @@ def store_of(drive) -> ParameterStore:
     return store
 
 
-def test_a_model_without_forms_of_its_own_tells_the_plain_one() -> None:
+def test_a_model_without_forms_of_its_own_uses_the_plain_one() -> None:
     entry = fault_entry(store_of(replace(MSD, diagnosis_coding=None)), WATCHDOG)
     assert entry is not None
     assert (entry.place, entry.usi, entry.error_type) == ((0x3A00, 1, 1), 0x8000, 0x9008)
@@ -35,11 +35,11 @@ def test_a_model_without_forms_of_its_own_tells_the_plain_one() -> None:
     [replace(MSD, limits=replace(MSD.limits, alarms=False)), model("akd-profinet")],
     ids=["alarms denied", "akd"],
 )
-def test_a_drive_without_alarms_tells_nothing(drive) -> None:
+def test_a_drive_without_alarms_reports_nothing(drive) -> None:
     assert fault_entry(store_of(replace(drive, diagnosis_coding=None)), WATCHDOG) is None
 
 
-def test_a_fault_that_the_data_do_not_name_is_not_told() -> None:
+def test_a_fault_that_the_data_do_not_name_is_not_reported() -> None:
     assert fault_entry(store_of(replace(MSD, diagnosis_coding=None)), UNKNOWN) is None
 
 
@@ -52,7 +52,7 @@ def test_the_makers_form_carries_fault_and_warning() -> None:
     assert (entry.subslot, entry.usi, entry.data.hex()) == (2, 1, "0001000b00020014")
 
 
-def test_what_was_told_goes_as_it_came_even_if_the_form_changes_meanwhile() -> None:
+def test_a_diagnosis_disappears_as_it_appeared_even_if_the_form_changes_meanwhile() -> None:
     store, diagnosis = store_of(MSD), DiagnosisStore()
     told = FaultDiagnosis(store, diagnosis)
     store.set("P-1256", 1)

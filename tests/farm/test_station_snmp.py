@@ -153,7 +153,7 @@ def test_cyclic_frames_count_before_during_and_after_a_connection():
     line.run(5.0)
 
 
-def test_counters_start_anew_with_the_power():
+def test_counters_start_again_at_power_on():
     line = VirtualLine(1)
     tool = Tool(line)
     line.connect()
@@ -194,7 +194,7 @@ def test_the_interface_is_behind_the_ports_and_has_the_address(line):
 
 
 @pytest.mark.parametrize("name", ["akd-profinet", "moog-msd"])
-def test_what_lldp_mib_tells_of_the_drive_is_what_its_frames_say(name):
+def test_lldp_mib_and_frames_of_a_drive_agree(name):
     line = VirtualLine(1, controller=False, model=name)
     sent = []
     line.world.switch.attach(TOOL_MAC, lambda _port, frame, _now: sent.append(parse_ethernet(frame)))
@@ -215,12 +215,12 @@ def test_what_lldp_mib_tells_of_the_drive_is_what_its_frames_say(name):
 
 
 @pytest.mark.parametrize(("enabled", "status"), [(True, 3), (False, 4)])
-def test_a_station_says_whether_its_port_speaks_lldp(line, enabled, status):
+def test_a_station_says_whether_its_port_sends_lldp(line, enabled, status):
     line.farm.stations[0].device.neighbours.enabled = enabled
     assert Tool(line).get((1, 0, 8802, 1, 1, 2, 1, 1, 6, 1, 2, 1)) == [status]
 
 
-def test_a_manager_reads_who_hangs_on_the_drives_port():
+def test_a_manager_reads_the_neighbour_on_the_drives_port():
     line = VirtualLine(1, limits="lax", cycle="4ms")
     line.run(6)
     tool = Tool(line)

@@ -42,7 +42,7 @@ def test_a_run_ends_at_the_first_look_at_which_its_condition_holds():
     assert line.world.now - begun == 577 * MS
 
 
-def test_frame_by_frame_or_many_at_once_the_sign_of_life_counts_alike():
+def test_the_sign_of_life_counts_the_same_frame_by_frame_or_many_at_once():
     one, many = (HandPlc("hiwin-e1", 111) for _ in range(2))
     for _ in range(40):
         one.wait()

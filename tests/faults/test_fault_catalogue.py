@@ -55,7 +55,7 @@ def test_each_file_of_a_package_of_kinds_is_found_in_the_order_of_its_name():
     assert {"loss", "silence", "f702", "power-cycle"} < set(found)
 
 
-def test_a_file_of_kinds_that_declares_none_is_told(tmp_path, monkeypatch):
+def test_a_file_without_a_kind_is_reported(tmp_path, monkeypatch):
     package = tmp_path / "empty_kinds"
     package.mkdir()
     (package / "__init__.py").touch()
@@ -66,7 +66,7 @@ def test_a_file_of_kinds_that_declares_none_is_told(tmp_path, monkeypatch):
         kinds_in(importlib.import_module("empty_kinds"))
 
 
-def test_two_kinds_of_one_name_and_a_family_that_there_is_none_of_are_told():
+def test_two_kinds_of_one_name_and_an_unknown_family_are_reported():
     (kind,) = kinds_in(toy_kinds)
     with pytest.raises(InternalError, match="two kinds of injections named hiccup"):
         Catalogue([kind, kind])
@@ -76,7 +76,7 @@ def test_two_kinds_of_one_name_and_a_family_that_there_is_none_of_are_told():
 
 
 @pytest.mark.parametrize("name", BUSES)
-def test_a_bus_brings_kinds_that_stand_in_its_room(name):
+def test_kinds_of_a_bus_are_in_its_folder_and_need_parts_of_its_drives(name):
     kinds = tuple(bus(name).fault_kinds())
     assert kinds
     for kind in kinds:
@@ -85,7 +85,7 @@ def test_a_bus_brings_kinds_that_stand_in_its_room(name):
         assert inspect.getmodule(kind.effect).__name__.startswith(f"pnfarm.buses.{name}.")
 
 
-def test_a_bus_that_there_is_none_of_is_told():
+def test_an_unknown_bus_is_reported():
     with pytest.raises(ConfigError, match="there is no bus 'token-ring'; there are profinet"):
         bus("token-ring")
 

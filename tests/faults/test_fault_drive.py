@@ -53,7 +53,7 @@ def test_a_held_fault_cannot_be_acknowledged_before_it_is_cleared(line):
     assert active_fault(line) == 0
 
 
-def test_two_who_hold_one_fault_must_both_let_it_go(line):
+def test_a_fault_held_by_two_injections_ends_with_the_last(line):
     line.add("undervoltage", as_="one")
     line.add("undervoltage", as_="two")
     line.run(0.5)
@@ -92,7 +92,7 @@ def test_a_limit_switch_warns_and_the_drive_goes_on(line, side, number):
     assert int(line.farm.columns.axis[0].machine.limit_switch) == 0
 
 
-def test_a_drive_without_a_warning_of_its_own_stands_on_the_switch_alone():
+def test_a_model_without_a_limit_warning_only_has_the_switch_set():
     line = FaultLine(model="hiwin-e1", telegram=3, cycle="1ms")
     line.enable()
     two = [line.add("limit-switch", params={"side": "negative"}) for _ in range(2)]
@@ -137,7 +137,7 @@ def test_the_earlier_warning_shows_again_when_the_later_one_ends(line):
     assert int(line.farm.columns.axis[0].warnings.code) == 107
 
 
-def test_warnings_stand_beside_each_other_and_all_are_back_after_a_power_cycle(line):
+def test_several_warnings_are_shown_together_and_all_are_back_after_a_power_cycle(line):
     store = line.farm.stations[0].store
     line.add("drive-warning", params={"warning": 107}, as_="one")
     line.add("limit-switch", params={"side": "negative"}, as_="two")
@@ -153,7 +153,7 @@ def test_warnings_stand_beside_each_other_and_all_are_back_after_a_power_cycle(l
     assert [store.get(f"DRV.WARNING{n}") for n in (1, 2, 3)] == [108, 0, 0]
 
 
-def test_a_fault_that_the_model_does_not_have_is_told_and_nothing_happens(line):
+def test_a_fault_that_the_model_does_not_have_is_refused_and_nothing_happens(line):
     with pytest.raises(ConfigError, match=r"axis-01: kollmorgen-akd-profinet has no fault '9999'|has no fault"):
         line.add("drive-fault", params={"fault": 9999})
     with pytest.raises(ConfigError, match="is a warning"):
@@ -291,7 +291,7 @@ def test_loads_that_are_gone_leave_exactly_nothing(line):
     )
 
 
-def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_drive_trips_on_the_overload(line):
+def test_a_stuck_axis_draws_the_peak_current_until_the_drive_trips_on_the_overload(line):
     axis = _turning(line)
     assert axis.motor.velocity != 0.0
     fault = line.add("stuck-axis")
@@ -309,7 +309,7 @@ def test_a_stuck_axis_stands_with_all_the_current_that_the_drive_has_and_the_dri
     ("params", "words"),
     [({"torque": "x"}, "number"), ({"inertia": -1.0}, "from 0"), ({"friction": float("nan")}, "from 0")],
 )
-def test_a_load_that_is_none_is_refused(line, params, words):
+def test_an_impossible_load_is_refused(line, params, words):
     with pytest.raises(ConfigError, match=words):
         line.add("load", params=params)
 

@@ -180,7 +180,7 @@ def test_a_pulled_cable_ends_the_connection_and_plugging_it_brings_the_drive_bac
     assert line.rows_free()
 
 
-def test_two_who_pull_one_cable_must_both_plug_it(line):
+def test_a_cable_pulled_by_two_injections_is_plugged_with_the_last(line):
     line.add("link-down", as_="one")
     line.add("link-down", as_="two")
     line.run(0.1)
@@ -240,7 +240,7 @@ def test_the_virtual_world_comes_to_rest_while_nothing_is_connected():
     assert line.faults.next_deadline() is None
 
 
-def test_carrier_changes_of_a_real_link_follow_each_other_and_a_refusal_is_told():
+def test_carrier_changes_of_a_real_link_follow_each_other_and_a_refusal_is_reported():
     from pnfarm.errors import EnvironmentError_
     from pnfarm.faults.carrier import Carriers
 

@@ -124,7 +124,7 @@ def test_a_rule_may_let_something_else_pass_and_another_still_loses_it():
     assert lossy.evidence().activations == 1
 
 
-def test_a_rule_acts_on_frames_of_its_classes_alone_and_the_port_tells_which_class_a_frame_is_of():
+def test_a_rule_acts_on_frames_of_its_classes_alone_and_the_port_says_which_class_a_frame_is_of():
     wire = Wire()
     rule = GateRule(("out",), {"r", "s"})
     wire.link.add(wire.port, rule)
@@ -246,7 +246,7 @@ def test_the_faults_of_a_farm_file_are_in_force_on_the_drives_of_their_group():
         ("drive-fault", "all", "fault.params.fault: is missing"),
     ],
 )
-def test_a_wrong_fault_of_a_farm_file_is_told_with_its_place(what, whom, told):
+def test_a_wrong_fault_of_a_farm_file_is_reported_with_its_place(what, whom, told):
     with pytest.raises(ConfigError) as caught:
         impaired(what, whom)
     assert told in str(caught.value)

@@ -78,7 +78,7 @@ def test_telegram_111_shows_the_code_of_the_oldest_fault():
     assert line.until(lambda: line.seen(FAULT_CODE) == 0)
 
 
-def test_a_lost_frame_is_one_failed_sign_of_life_and_stands_in_the_metric():
+def test_a_lost_frame_is_one_failed_sign_of_life_and_is_in_the_metric():
     line = E1Line(watchdog=100)
     collector = FarmCollector(line.farm)
     try:

@@ -39,7 +39,7 @@ def test_the_table_has_56_faults():
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name.split()[0])
-def test_table_5_1_1_each_fault_stops_the_drive_is_told_and_can_be_acknowledged(plc, fault):
+def test_table_5_1_1_each_fault_stops_the_drive_is_reported_and_can_be_acknowledged(plc, fault):
     """ZSW1.3, FAULT_CODE, PNU 944, 945, 947, the name on the panel; which reaction each has is assumed."""
     run(plc)
     changes = plc.store.read(944)[0]

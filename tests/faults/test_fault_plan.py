@@ -41,13 +41,13 @@ def test_every_kind_says_what_it_does_and_has_an_effect(kind):
             spec.read(spec.default)
 
 
-def test_an_unknown_kind_is_told_with_the_nearest_one():
+def test_an_unknown_kind_is_reported_with_the_nearest_one():
     message = refused(kind="silense", on="all")
     assert "fault.kind: 'silense' is not a kind of fault, did you mean silence?" in message
     assert "loss" in message
 
 
-def test_every_wrong_field_is_told_with_what_is_allowed():
+def test_every_wrong_field_is_reported_with_what_is_allowed():
     message = refused(kind="loss", on=[], probability=2, cout=1, for_=3)
     lines = message.splitlines()
     assert len(lines) == 4
@@ -86,11 +86,11 @@ def test_every_wrong_field_is_told_with_what_is_allowed():
         ({"kind": "module-missing", "count": 2}, "fault.count: means nothing for module-missing"),
     ],
 )
-def test_a_field_that_the_kind_does_not_take_is_told(fields, told):
+def test_a_field_that_the_kind_does_not_take_is_reported(fields, told):
     assert told in refused(**{"on": "all", **fields})
 
 
-def test_several_misfits_with_the_kind_are_told_at_once():
+def test_several_misfits_with_the_kind_are_reported_at_once():
     message = refused(kind="f702", on="all", direction="in", probability=0.5)
     assert "fault.direction" in message
     assert "fault.probability" in message
@@ -165,7 +165,7 @@ def test_globs_mean_drives_by_either_name_by_model_or_all(globs, meant):
     assert matching(globs, DRIVES) == meant
 
 
-def test_a_glob_that_means_nobody_is_told_with_the_nearest_drive():
+def test_a_glob_without_a_drive_is_reported_with_the_nearest_drive():
     with pytest.raises(InjectionError, match="no drive matches 'axis-1', did you mean axis-01"):
         matching(["axis-1"], DRIVES)
     with pytest.raises(InjectionError, match=r"no drive is of model 'akd'.*akd-profinet"):

@@ -52,7 +52,7 @@ def test_5_4_homing_ends_when_bit_11_fell_while_bit_10_was_0():
 
 
 @pytest.mark.parametrize("by_edge", [0, 1])
-def test_5_10_3_a_bit_11_that_stands_through_a_task_homes_behind_it_by_its_level_and_not_by_its_edge(by_edge):
+def test_5_10_3_a_bit_11_that_stays_set_through_a_task_homes_after_it_by_its_level_and_not_by_its_edge(by_edge):
     drive = Positioner()
     drive.axis.homing.settings.method = HOME_AT_ONCE
     drive.axis.homing.settings.by_edge = by_edge

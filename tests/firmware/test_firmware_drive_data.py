@@ -122,7 +122,7 @@ def test_a_direct_set_point_passes_the_ramp_generator_and_stops_keep_their_ramps
     assert abs(float(bench.axis.ramp.command) - 750.0) < 10.0
 
 
-def test_bits_4_to_6_work_where_the_ramp_generator_is_passed_by_and_not_where_there_is_none() -> None:
+def test_bits_4_to_6_work_where_the_ramp_generator_is_bypassed_and_not_where_there_is_none() -> None:
     for kind, rpm in ((RAMP_PASSED_BY, 0.0), (RAMP_ABSENT, 1000.0)):
         bench = enabled(BenchAxis())
         bench.axis.ramp.settings.generator, bench.axis.profidrive.settings.velocity_step = kind, 1.0
@@ -171,7 +171,7 @@ def test_a_controller_in_stop_sends_telegrams_and_one_that_then_goes_is_missed()
     assert faults(bench) == [702]
 
 
-def test_a_loss_is_told_once_and_not_before_the_first_telegram() -> None:
+def test_a_loss_is_reported_once_and_not_before_the_first_telegram() -> None:
     bench = BenchAxis()
     bench.axis.faults.settings.loss_delay_ns = 50 * MS
     bench.run(200)

@@ -181,7 +181,7 @@ def test_a_dc_link_below_its_limit_is_a_fault_at_any_time_or_once_the_power_stag
     drive.enable()
 
 
-def test_a_drive_without_a_dc_link_in_its_data_watches_none():
+def test_a_drive_without_a_dc_link_in_its_data_does_not_monitor_one():
     drive = BenchAxis()
     drive.axis.supply.settings.undervoltage_limit, drive.axis.supply.settings.undervoltage_fault = 600.0, 502
     drive.axis.supply.settings.levels[0], drive.axis.supply.settings.warning[0] = 600.0, 502

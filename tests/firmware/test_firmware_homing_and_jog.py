@@ -77,7 +77,7 @@ def test_5_4_bit_4_that_falls_alone_leaves_a_real_time_jog_alone():
     assert drive.axis.motor.velocity == pytest.approx(240.0, abs=0.5)
 
 
-def test_5_4_real_time_jogging_goes_by_the_telegrams_data_whatever_satzanw_names():
+def test_5_4_real_time_jogging_uses_the_telegrams_data_whatever_satzanw_names():
     drive = Positioner()
     task(drive, 5, 1.0)
     drive.data(0.0, velocity=240.0)

@@ -211,7 +211,7 @@ def test_homing_that_is_taken_back_in_any_leg_ends_at_rest():
         assert not drive.axis.homing.current_limit
 
 
-def test_what_hits_an_end_stop_stands_and_takes_its_energy_out_of_the_axis():
+def test_an_axis_that_hits_an_end_stop_stops_and_loses_its_energy():
     drive = machine(0, 1, parts=STOPS)
     drive.axis.positioning.settings.following_limit = 0.0
     home(drive)

@@ -96,7 +96,7 @@ def test_jog_1_and_2_run_their_own_speeds_on_their_own_ramps():
     assert drive.axis.motor.velocity == pytest.approx(-50.0, abs=0.1)
 
 
-def test_both_jog_bits_at_once_stand_still():
+def test_both_jog_bits_at_once_stop_the_axis():
     drive = BenchAxis()
     drive.enable()
     drive.write(0x070F, run=100)

@@ -38,7 +38,7 @@ def test_5_8_a_feedrate_of_0_holds_a_passing_task_and_the_next_one_waits_for_its
 
 
 @pytest.mark.parametrize(("bit", "stands"), [(0x0100, 2.0), (0x0200, -1.0)])
-def test_5_4_a_jog_never_leads_against_its_direction_where_the_axis_stands_beyond_the_software_limit(bit, stands):
+def test_5_4_a_jog_never_moves_against_its_direction_where_the_axis_is_beyond_the_software_limit(bit, stands):
     """AKD PROFINET manual 5.4: a jog runs up to its set point; limits by software may be narrowed around the axis."""
     drive = Positioner()
     axis = drive.axis

@@ -205,7 +205,7 @@ def test_tasks_by_command_homing_and_jogging_need_no_telegram_of_tasks():
 # homing by the level of STW1.11
 
 
-def test_5_10_1_homing_waits_for_a_running_task_and_begins_behind_it():
+def test_5_10_1_homing_waits_for_a_running_task_and_begins_after_it():
     drive = Positioner()
     drive.move(1.0)
     drive.stw(HOME, 50)
@@ -217,7 +217,7 @@ def test_5_10_1_homing_waits_for_a_running_task_and_begins_behind_it():
     drive.until(HOMED | STOPPED | ON_TARGET)
 
 
-def test_a_bit_11_that_stands_homes_once_and_again_after_it_fell():
+def test_a_bit_11_that_stays_set_homes_once_and_again_after_it_fell():
     drive = Positioner(homed=False)
     drive.stand_at(0.4)
     drive.stw(HOME, 1500)
@@ -321,7 +321,7 @@ def test_mt_feedrate_scales_the_velocity_of_a_task_while_it_runs():
 # DRV.MOTIONSTAT, ZSW1 and warnings
 
 
-def test_motion_status_tells_of_tasks_homing_and_their_errors():
+def test_motion_status_shows_tasks_homing_and_their_errors():
     drive = Positioner(homed=False)
     drive.axis.positioning.settings.target_velocity_window = 10.0
     drive.data(1.0)
@@ -375,7 +375,7 @@ def test_edition_b_5_5_bit_13_needs_that_no_task_is_active():
     assert not earlier.zsw1 & STOPPED
 
 
-def test_edition_b_5_5_bit_10_stands_while_no_motion_is_active():
+def test_edition_b_5_5_bit_10_is_set_while_no_motion_is_active():
     drive = Positioner()
     drive.axis.profidrive.settings.reached_without_task = 1
     assert drive.zsw1 & ON_TARGET or drive.stw(READY) & ON_TARGET
@@ -426,7 +426,7 @@ def test_a_software_limit_does_not_take_the_place_of_another_warning():
     assert axis.warnings.code == 77
 
 
-def test_5_8_1_bit_6_tells_that_torque_is_allowed_until_it_is_safely_off():
+def test_5_8_1_bit_6_shows_that_torque_is_allowed_until_it_is_safely_off():
     drive = Positioner()
     assert not drive.image.sent[DRIVE_INPUTS] & 0x40, "a drive without this fault"
     drive.axis.faults.settings.sto_fault = 602

@@ -7,7 +7,7 @@ from pnfarm.table.axis_codes import CMD_HOME, CMD_START_TASK, TASK_PASSING
 from pnfarm.table.signals import AKTSATZ, DRIVE_MOTION_STATUS, SATZANW
 
 
-def test_5_10_1_satzanw_starts_the_motion_task_of_its_number_and_aktsatz_tells_which_runs():
+def test_5_10_1_satzanw_starts_the_motion_task_of_its_number_and_aktsatz_shows_which_runs():
     drive = Positioner()
     task(drive, 5, 2.0)
     task(drive, 6, -1.0, relative=True)
@@ -25,7 +25,7 @@ def test_5_10_1_satzanw_starts_the_motion_task_of_its_number_and_aktsatz_tells_w
     assert drive.place == pytest.approx(1.0, abs=2e-3)
 
 
-def test_5_10_1_aktsatz_tells_of_the_running_motion_task_while_satzanw_prepares_another():
+def test_5_10_1_aktsatz_shows_the_running_motion_task_while_satzanw_prepares_another():
     drive = Positioner()
     task(drive, 5, 2.0)
     drive.image.received[SATZANW] = 5
@@ -110,7 +110,7 @@ def test_a_chain_whose_next_task_cannot_begin_ends_with_the_error_of_it_until_an
     assert (drive.axis.warnings.code, drive.zsw1 & 0x0088) == (0, 0)
 
 
-def test_a_passing_task_whose_next_one_cannot_begin_tells_of_it():
+def test_a_passing_task_whose_next_one_cannot_begin_reports_it():
     drive = Positioner()
     task(drive, 1, 1.0, following=9)
     drive.axis.motion_tasks.settings.kind[1] |= TASK_PASSING

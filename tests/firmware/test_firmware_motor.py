@@ -126,7 +126,7 @@ def test_the_current_limit_gives_the_greatest_acceleration():
     )
 
 
-def test_behind_the_current_limit_the_speed_does_not_overshoot_more_than_in_front_of_it():
+def test_a_speed_step_at_the_current_limit_does_not_overshoot():
     drive = Motor()
     drive.enable(6000.0)
     peak = max(v for (v,) in drive.watch(200, "motor.velocity"))
@@ -357,7 +357,7 @@ class TestHoldingBrake:
         assert drive.axis.motor.velocity == 0.0
 
 
-def test_a_coarse_encoder_tells_whole_steps_only_and_makes_the_current_restless():
+def test_a_coarse_encoder_shows_whole_steps_only_and_makes_the_current_noisy():
     def ripple(steps):
         drive = Motor(motor__encoder_steps=steps, load__friction=0.05)
         drive.enable(33.0)

@@ -144,7 +144,7 @@ def test_bit_14_runs_at_the_velocity_until_it_is_ended() -> None:
     assert bench.place == pytest.approx(0.0, abs=0.002)
 
 
-def test_bit_14_stands_at_a_velocity_of_0() -> None:
+def test_bit_14_is_set_at_a_velocity_of_0() -> None:
     bench = positioner()
     move(bench, 0.0, TASKS | ENDLESS, run=150)
     assert bench.speed == pytest.approx(600, abs=2)
@@ -219,7 +219,7 @@ def test_driving_sets_are_kept_and_their_number_is_seen_while_the_axis_rests() -
 # 12.1
 
 
-def test_homing_begins_with_the_edge_of_bit_11_and_bit_11_of_zsw1_tells_its_end() -> None:
+def test_homing_begins_with_the_edge_of_bit_11_and_bit_11_of_zsw1_shows_its_end() -> None:
     bench = positioner()
     bench.axis.motor.position += 0.3
     bench.axis.profile.position += 0.3

@@ -87,7 +87,7 @@ def test_table_10_11_bits_4_to_6_must_be_zero(bit: int) -> None:
 
 
 @pytest.mark.parametrize("config", [0, 0x0100])
-def test_a_jog_begins_only_while_the_motor_stands(config: int) -> None:
+def test_a_jog_begins_only_at_standstill(config: int) -> None:
     bench = jogger(config)
     bench.send(100, STW1=RUN, NSOLL_A=500)
     bench.send(3, STW1=BARE | JOG_1, NSOLL_A=0)
@@ -128,7 +128,7 @@ def test_10_3_3_the_speeds_may_be_process_data() -> None:
     assert round(bench.speed) == 30
 
 
-def test_a_fault_or_a_stop_ends_the_jog_and_a_bit_that_stands_starts_it_anew_at_rest() -> None:
+def test_a_fault_or_a_stop_ends_the_jog_and_a_bit_that_stays_set_starts_it_again_at_standstill() -> None:
     bench = jogger(0)
     play(bench, BARE, JOG_1)
     bench.send(60, STW1=(BARE | JOG_1) & ~0x0004)

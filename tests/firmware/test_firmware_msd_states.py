@@ -42,7 +42,7 @@ def push(bench: MsdBench, command: int, fault: str) -> None:
 # table 10.2 and table 10.7, transition by transition
 
 
-def test_transition_0_the_drive_boots_into_the_inhibit_and_tells_it() -> None:
+def test_transition_0_the_drive_boots_into_the_inhibit_and_shows_it() -> None:
     """Table 10.2, states 0 to 2; ZSW1.6, and bit 14 with ENPO and safe stop set."""
     bench = MsdBench()
     assert bench.state == 1
@@ -155,7 +155,7 @@ def test_transition_11_coast_stop_switches_off_at_once() -> None:
     assert bench.speed > 900
 
 
-def test_transitions_13_and_14_a_fault_with_a_stop_reacts_and_then_stands() -> None:
+def test_transitions_13_and_14_a_fault_with_a_stop_reacts_and_then_the_drive_is_in_fault() -> None:
     """States 7 and 8: set points are ignored."""
     bench = running()
     push(bench, CMD_RAISE_FAULT, "11-1")
@@ -304,7 +304,7 @@ def test_without_access_permission_nothing_is_taken_over() -> None:
     assert bench.speed == pytest.approx(SPEED, abs=1)
 
 
-def test_with_another_control_location_the_control_word_is_not_heard() -> None:
+def test_with_another_control_location_the_control_word_is_ignored() -> None:
     """14.1.1: P-0159 = 7 is a prerequisite; ZSW1.9 tells the permission (table 10.8)."""
     bench = running()
     assert bench.zsw1 & 0x0200
@@ -357,7 +357,7 @@ def test_bit_10_is_the_speed_reached_or_exceeded() -> None:
     assert not bench.zsw1 & 0x0400, "the other direction"
 
 
-def test_bit_7_and_bit_3_tell_warnings_and_faults() -> None:
+def test_bit_7_and_bit_3_show_warnings_and_faults() -> None:
     bench = ready()
     assert bench.zsw1 & 0x0088 == 0
     push(bench, CMD_RAISE_WARNING, "20-1")

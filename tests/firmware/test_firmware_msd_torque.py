@@ -227,7 +227,7 @@ def test_the_end_of_operation_in_torque_control_brakes_as_in_the_other_modes() -
     assert (round(bench.speed), bench.state) == (0, 2)
 
 
-def test_status_words_in_torque_control_tell_of_no_speed_set_point() -> None:
+def test_status_words_in_torque_control_show_no_speed_set_point() -> None:
     """Tables 10.8 and 10.9: bits 8 and 10 are of speeds, and the profile generator rests."""
     bench = torque_line(P_0295=float_bits(0.001))
     assert bench.zsw1 & 0x0500 == 0

@@ -37,7 +37,7 @@ def test_a_warning_by_command_stays_in_front_and_is_not_cleared_by_cooling(drive
     assert [shown(drive, heat) for heat in (0.9, 0.5)] == [I2T, 0]
 
 
-def test_3_16_both_bits_of_meldw_tell_of_their_warnings_while_both_stand(drive):
+def test_3_16_both_bits_of_meldw_show_their_warnings_while_both_are_active(drive):
     drive.command(CMD_RAISE_WARNING, OVERLOAD)
     assert shown(drive, 0.9) == OVERLOAD
     assert not drive.image.sent[MELDW] & 0x00C0

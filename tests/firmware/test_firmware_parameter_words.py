@@ -44,7 +44,7 @@ def image():
 
 
 @pytest.mark.parametrize("octets", [TASK, NEXT, -1, 1, 1 << 31, -(1 << 31), (1 << 63) - 1, -(1 << 63)])
-def test_a_task_is_told_once_and_its_answer_sent(image, octets):
+def test_a_task_is_reported_once_and_its_answer_sent(image, octets):
     image.put(octets)
     assert image.told()
     assert int(image.row.parameter_task) == octets
@@ -66,7 +66,7 @@ def test_the_next_task_waits_for_the_answer_to_this_one(image):
     assert image.sent == 5
 
 
-def test_no_task_is_nothing_to_tell(image):
+def test_no_task_is_nothing_to_report(image):
     assert not image.told(10 * REPEAT_NS)
 
 

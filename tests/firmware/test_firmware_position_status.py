@@ -28,7 +28,7 @@ def test_5_10_3_bits_10_11_and_13_stay_0_until_homing_is_over_also_where_it_turn
     assert drive.axis.motor.position == pytest.approx(1.0 + distance, abs=0.01)
 
 
-def test_5_5_bit_13_stands_when_a_coasting_axis_turns_slower_than_standstill():
+def test_5_5_bit_13_is_set_when_a_coasting_axis_turns_slower_than_standstill():
     """AKD PROFINET manual 5.5: axis is not moving; without dry friction it never comes to rest altogether."""
     drive = Positioner()
     drive.axis.load.settings.friction, drive.axis.load.settings.damping = 0.0, 1e-3

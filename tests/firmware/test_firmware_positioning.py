@@ -45,7 +45,7 @@ from pnfarm.table.signals import (
 )
 
 
-def test_a_task_moves_to_its_absolute_target_and_tells_in_zsw1():
+def test_a_task_moves_to_its_absolute_target_and_shows_it_in_zsw1():
     drive = Positioner()
     assert drive.zsw1 & (ON_TARGET | HOMED | ACKNOWLEDGED | STOPPED | ACTIVE) == ON_TARGET | HOMED | STOPPED
     drive.data(3.0)
@@ -223,7 +223,7 @@ def test_a_target_beyond_the_software_limits_is_refused_and_jogging_ends_at_them
     assert drive.image.sent[DRIVE_INPUTS] == 1, "5.8.1: the negative one"
 
 
-def test_a_velocity_beyond_the_motors_is_the_motors_and_one_below_zero_is_none():
+def test_a_velocity_beyond_the_motors_is_limited_and_a_negative_one_is_not_taken():
     drive = Positioner()
     drive.axis.motor.settings.max_velocity = 900.0
     drive.move(50.0, velocity=1800.0)
@@ -284,7 +284,7 @@ def test_power_off_forgets_the_home_position():
     assert not drive.zsw1 & HOMED
 
 
-def test_111_pos_stw1_selects_and_pos_zsw_tells():
+def test_111_pos_stw1_selects_and_pos_zsw_shows():
     drive = Positioner()
     drive.axis.profidrive.settings.task_form = TASKS_POS_STW
     drive.image.received[OVERRIDE] = 0x4000
@@ -404,7 +404,7 @@ def test_a_task_can_begin_with_the_step_that_shows_the_axis_stopped():
 
 
 @pytest.mark.parametrize(("word", "taken"), [(0x7FFF, True), (0x8000, False), (0xFFFF, False), (1, True)])
-def test_hiwin_3_1_ramps_with_a_sign_are_none_below_zero(word, taken):
+def test_hiwin_3_1_a_task_with_negative_ramps_is_not_taken(word, taken):
     for signal in (MDI_ACC, MDI_DEC):
         drive = Positioner()
         drive.axis.profidrive.settings.task_ramps_signed = 1

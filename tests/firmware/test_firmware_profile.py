@@ -117,7 +117,7 @@ def test_the_path_does_not_depend_on_the_step(step):
         assert profile.axis.profile.velocity == pytest.approx(fine.axis.profile.velocity, abs=1e-6)
 
 
-def test_a_target_behind_the_stopping_distance_is_met_from_behind():
+def test_a_target_within_the_stopping_distance_is_reached_after_turning_back():
     profile = Profile(0.0, 10.0).task(0.1, 10.0, 100.0, 100.0)
     path = profile.until_over()
     assert max(position for position, _ in path) == pytest.approx(0.5, abs=1e-3), "10 rev/s stop in 0.5 rev"

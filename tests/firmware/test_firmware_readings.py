@@ -40,7 +40,7 @@ def test_a_word_without_bit_10_is_held_is_nothing_or_counts(reading, state, spee
         assert bench.axis.motor.velocity == pytest.approx(speed, abs=1.0)
 
 
-def test_an_acknowledgement_without_bit_10_is_none_until_its_edge_comes_with_it():
+def test_an_acknowledgement_needs_its_edge_together_with_bit_10():
     bench = BenchAxis()
     bench.command(CMD_RAISE_FAULT, 502)
     assert bench.write(0x0080) & FAULT
@@ -137,7 +137,7 @@ def test_zsw1_8_compares_with_the_ramp_with_the_set_point_or_with_nothing(readin
 
 @pytest.mark.parametrize(("reading", "beyond"), [(0, False), (1, True), (2, False)])
 @pytest.mark.parametrize("way", [1.0, -1.0])
-def test_zsw1_10_stands_beyond_the_set_point_or_not(reading, beyond, way):
+def test_zsw1_10_is_set_beyond_the_set_point_or_not(reading, beyond, way):
     bench = running(1000.0 * way, profidrive__speed_reached_bit=reading)
     assert bool(bench.zsw1 & REACHED) is (reading != readings.SPEED_BIT_ZERO)
     assert bool(bench.write(RUN, 500.0 * way, run=20) & REACHED) is beyond
@@ -166,7 +166,7 @@ def jogging(**fields: float) -> BenchAxis:
     ("reading", "behind_1", "behind_2", "from_rest"),
     [(0, 0.0, 0.0, 0.0), (1, 100.0, 100.0, 100.0), (2, 100.0, -50.0, 0.0)],
 )
-def test_both_jog_bits_stand_take_the_first_speed_or_keep_the_first_bit(reading, behind_1, behind_2, from_rest):
+def test_both_jog_bits_stop_take_the_first_speed_or_keep_the_first_bit(reading, behind_1, behind_2, from_rest):
     bench = jogging(jog__both_bits=reading)
     for first, speed in ((JOG_1, behind_1), (JOG_2, behind_2), (0, from_rest)):
         bench.write(JOGGING | first, run=300)

@@ -341,7 +341,7 @@ def test_bits_that_a_drive_reserves_do_nothing_and_are_not_shown(sensor: SensorB
     assert sensor.ask(ABSOLUTE | SET_HOME) == 0
 
 
-def test_an_illegal_word_that_stands_on_is_an_error_again(sensor: SensorBench) -> None:
+def test_an_illegal_word_that_stays_is_an_error_again(sensor: SensorBench) -> None:
     sensor.ask(0x50)
     sensor.ask(0x50 | ACKNOWLEDGE)
     sensor.run(2)

@@ -197,7 +197,7 @@ def test_a_new_connection_begins_with_a_clean_count(drive):
     assert (drive.axis.life.errors, drive.axis.life.count) == (3, 0)
 
 
-def test_a_fault_comes_back_while_the_count_stands_and_stays_away_when_it_runs(drive):
+def test_a_fault_comes_back_while_the_sign_of_life_stays_and_not_when_it_counts(drive):
     drive.good(20)
     drive.stand(10)
     assert drive.faults == [FAULT]
@@ -246,7 +246,7 @@ def test_it_is_watched_without_control_by_the_plc(drive):
 
 
 @pytest.mark.parametrize("bit", [0x0400, 0x0800])
-def test_pulses_are_told_by_the_bit_of_the_telegram_and_by_none_without(drive, bit):
+def test_pulses_are_shown_by_the_bit_of_the_telegram_if_it_has_one(drive, bit):
     for opmode in (1, 2):
         drive.axis.drive.settings.opmode = opmode
         drive.frame()

@@ -153,7 +153,7 @@ def test_a_very_light_load_stays_stable_under_the_brake():
 # 3.16, FAULT_CODE, PNU 944 and 952
 
 
-def test_meldw_tells_enable_ready_and_pulses(drive):
+def test_meldw_shows_enable_ready_and_pulses(drive):
     assert message_word(drive.axis) == 0x01C2
     drive.enable()
     drive.run(1)

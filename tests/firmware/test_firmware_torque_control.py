@@ -80,7 +80,7 @@ def test_a_load_heavier_than_the_set_point_turns_the_shaft_backwards(drive):
     assert drive.speed == pytest.approx(-gain(0.5 - FRICTION, 20), rel=1e-2)
 
 
-def test_the_current_signal_tells_the_set_point_back(drive):
+def test_the_current_signal_returns_the_set_point(drive):
     drive.torque(0.25, 5)
     assert int(drive.image.sent[ITIST_GLATT]) == pytest.approx(0.25 / STEP, abs=1)
 
@@ -219,7 +219,7 @@ class TestAdditive:
         drive.torque(0.2, 20)
         assert drive.speed == pytest.approx(gain(0.5 - FRICTION, 20), rel=1e-2)
 
-    def test_an_additive_speed_counts_behind_the_ramp_within_the_limits_and_in_operation_alone(self):
+    def test_an_additive_speed_counts_after_the_ramp_within_the_limits_and_in_operation_only(self):
         drive = BenchAxis()
         drive.axis.travel.settings.velocity_limit_positive = 1000.0
         drive.enable(600.0)

@@ -18,7 +18,7 @@ def fuzz(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=300)
 
 
-def test_every_parser_and_machine_stands_some_thousand_inputs():
+def test_every_parser_and_machine_survives_some_thousand_inputs():
     done = fuzz("--count", "20000")
     assert done.returncode == 0, done.stdout + done.stderr
     found = re.search(r"^(\d+) inputs in .*nothing but DecodeError$", done.stdout, re.MULTILINE)
@@ -39,7 +39,7 @@ def test_the_same_seed_makes_the_same_inputs():
 
 
 @pytest.mark.parametrize(("mode", "ends"), [("stranger", False), ("impostor", True)])
-def test_a_running_farm_stands_a_hostile_station_and_the_same_seed_makes_the_same_one(mode, ends):
+def test_a_running_farm_survives_a_hostile_station_and_the_same_seed_makes_the_same_one(mode, ends):
     options = ("--running", "--mode", mode, "--episode", "1", "--shots", "2000", "--drives", "2", "--seed", "5")
     first, second = (fuzz(*options) for _ in range(2))
     assert first.returncode == 0, first.stdout + first.stderr
@@ -54,7 +54,7 @@ def test_a_storm_of_faults_ends_with_every_drive_back():
     assert re.fullmatch(r"episode 1: .*; every drive is back\n", done.stdout)
 
 
-def test_a_finding_is_told_with_its_shots_and_how_to_repeat_it(monkeypatch, capsys):
+def test_a_finding_is_reported_with_its_shots_and_how_to_repeat_it(monkeypatch, capsys):
     """The bound of memory made absurd: the first look finds something."""
     monkeypatch.syspath_prepend(str(ROOT))
     monkeypatch.syspath_prepend(str(ROOT / "tests" / "support"))

@@ -96,7 +96,7 @@ def test_every_spelling_of_a_duration_is_read_in_every_place(place, text, durati
         ("400000h", "'400000h' is not a duration; allowed: at most a year"),
     ],
 )
-def test_a_wrong_duration_is_told_in_the_same_words_in_every_place(place, text, told):
+def test_a_wrong_duration_is_reported_in_the_same_words_in_every_place(place, text, told):
     with pytest.raises(ConfigError) as caught:
         place(text)
     assert told in str(caught.value)

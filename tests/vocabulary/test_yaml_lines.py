@@ -49,7 +49,7 @@ def test_aliases_and_merges_work_and_own_keys_win():
     assert document.root.plain()["w"] == {"a": 1, "b": 2}
 
 
-def test_duplicate_keys_are_told_and_the_first_is_taken():
+def test_duplicate_keys_are_reported_and_the_first_is_taken():
     document = parse_yaml("a: 1\nb: {c: 1, c: 2}\na: 3\n")
     assert [(p.line, p.column, p.field) for p in document.problems] == [(2, 11, "b.c"), (3, 1, "a")]
     assert document.root.plain() == {"a": 1, "b": {"c": 1}}

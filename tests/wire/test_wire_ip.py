@@ -124,7 +124,7 @@ def test_scapy_agrees_on_the_datagram_and_its_checksum():
     assert emit_udp(UdpDatagram(34964, 49152, b"odd"), A, B) == scapys[20:]
 
 
-def test_a_checksum_that_a_network_card_was_to_finish_is_told_from_a_damaged_one():
+def test_a_checksum_that_a_network_card_was_to_finish_is_distinguished_from_a_damaged_one():
     octets = bytearray(emit_udp(UdpDatagram(1, 2, b"data"), A, B))
     pseudo_header = A.packed + B.packed + bytes([0, PROTOCOL_UDP, 0, 12])
     octets[6:8] = (0xFFFF - internet_checksum(pseudo_header)).to_bytes(2, "big")

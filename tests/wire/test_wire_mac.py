@@ -30,7 +30,7 @@ def test_a_number_beyond_48_bits_is_refused():
         mac_from_int(1 << 48)
 
 
-def test_group_and_local_bits_are_told():
+def test_group_and_local_bits_are_read():
     assert is_group(BROADCAST)
     assert is_group(parse_mac("01:0e:cf:00:00:00"))
     assert not is_group(parse_mac("02:00:00:00:00:01"))

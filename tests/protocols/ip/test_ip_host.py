@@ -474,7 +474,7 @@ def test_giving_up_a_claimed_address_ends_the_claim():
     assert machine.events() == []
 
 
-def test_an_address_given_again_starts_anew():
+def test_an_address_given_again_starts_over():
     machine = claiming()
     feed(machine, HELD_BY_B)
     machine.claim_address(IPv4Interface("10.0.0.7/24"), None, SECOND)

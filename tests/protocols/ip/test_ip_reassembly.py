@@ -48,7 +48,7 @@ def test_overlapping_pieces_give_the_packet_up():
     assert reassembler.next_deadline() is None
 
 
-def test_pieces_behind_the_last_one_give_the_packet_up():
+def test_fragments_beyond_the_last_one_discard_the_packet():
     dropped = Counter()
     reassembler = Reassembler(dropped)
     reassembler.receive(piece(8, b"end", more=False), 0)

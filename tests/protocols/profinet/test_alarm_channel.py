@@ -382,7 +382,7 @@ def test_an_alarm_ack_for_another_alarm_ends_the_channel():
     assert device.events() == [AlarmFailed(RtaError.ALARM_IND_ERROR, "an AlarmAck that answers another alarm")]
 
 
-def test_an_alarm_ack_that_nobody_asked_for_is_acknowledged_and_counted():
+def test_an_unexpected_alarm_ack_is_acknowledged_and_counted():
     device = device_end()
     device.receive(to_device(DATA, 0xFFFF, 0xFFFE, emit_alarm(acknowledge(alarm(2)))), 0)
     assert [pdu.pdu_type for pdu in sent(device)] == [ACK]
@@ -516,7 +516,7 @@ def test_a_peer_that_counts_twice_is_never_taken_for_one_that_counts_once():
     assert not device.dropped
 
 
-def test_an_idle_channel_wants_no_time():
+def test_an_idle_channel_needs_no_timer():
     for channel in (device_end(), controller_end()):
         assert channel.next_deadline() is None
         channel.handle_timeout(10**15)

@@ -95,7 +95,7 @@ def test_a_real_drives_request_reads_as_its_engineer_would_say_it():
     assert (alarm.rta_retries, alarm.max_alarm_data_length) == (3, 256)
 
 
-def test_padding_between_the_records_of_a_multiple_write_and_none_behind_the_last():
+def test_padding_between_the_records_of_a_multiple_write_and_none_after_the_last():
     header = iod.IodWriteReqHeader(0, UUID(int=7), iod.API_NONE, 0xFFFF, 0xFFFF, iod.INDEX_MULTIPLE_WRITE)
     writes = [
         iod.RecordWrite(iod.IodWriteReqHeader(n, UUID(int=7), 0, 1, 1, 100 + n, len(data)), data)

@@ -235,7 +235,7 @@ def test_bits_between_the_reserved_ones_of_iocr_properties_are_not_looked_at(bit
     assert Bench().connect(iocr(properties=P.inputs.properties | 1 << bit))[0].ok
 
 
-def test_a_device_without_supervisors_refuses_one_that_wants_io_data():
+def test_a_device_without_supervisors_refuses_one_with_io_data():
     alone = replace(DRIVE, limits=replace(DRIVE.limits, max_supervisor_ars=0))
     status, _ = Bench(alone).connect(ar(ar_type=6))
     assert (status.error_code1, status.error_code2) == (1, 4)

@@ -316,7 +316,7 @@ def test_an_unanswered_application_ready_aborts_the_ar_and_says_why():
 
 
 @pytest.mark.parametrize("change", ["command", "session", "type", "empty", "two"])
-def test_a_confirmation_that_is_none_aborts_the_ar(change):
+def test_a_malformed_confirmation_aborts_the_ar(change):
     bench, call = waiting_for_confirmation()
     answer = control_response(parse_blocks(call.payload)[0])
     payload = {
@@ -330,7 +330,7 @@ def test_a_confirmation_that_is_none_aborts_the_ar(change):
     assert bench.events()[0].error_code2 == RtaError.PROTOCOL_VIOLATION
 
 
-def test_a_result_that_nobody_waits_for_is_dropped():
+def test_an_unexpected_result_is_dropped():
     bench, call = waiting_for_confirmation()
     bench.confirm(call)
     bench.confirm(call)
@@ -395,7 +395,7 @@ def test_a_second_controller_finds_no_resources():
     assert [ar.uuid for ar in bench.cm.ars] == [UUID_1]
 
 
-def test_a_device_for_two_controllers_tells_the_second_what_the_first_owns():
+def test_a_device_for_two_controllers_reports_to_the_second_what_the_first_owns():
     bench = Bench(replace(DRIVE, limits=replace(DRIVE.limits, max_ars=2)))
     bench.establish()
     bench.events()
@@ -420,7 +420,7 @@ def test_a_second_controller_cannot_change_the_telegram_under_the_first():
 DEVICE_ACCESS = replace(P.ar, ar_uuid=UUID_2, ar_type=6, properties=0x111, station_name=b"tool")
 
 
-def test_an_acyclic_ar_stands_beside_the_controllers():
+def test_an_acyclic_ar_exists_beside_the_controllers():
     bench = Bench()
     key = bench.establish()
     status, answer = bench.call(0, emit_blocks((DEVICE_ACCESS,)))
@@ -529,7 +529,7 @@ ACTIONS = st.lists(
 
 @settings(max_examples=200)
 @given(ACTIONS)
-def test_any_order_of_happenings_keeps_the_machine_whole(actions):
+def test_any_order_of_events_keeps_the_machine_consistent(actions):
     bench = Bench()
     pending = []
     for action in actions:

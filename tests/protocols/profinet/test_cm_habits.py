@@ -61,7 +61,7 @@ def beside(*submodules):
     return drive(submodules=(*P.drive.submodules, *submodules))
 
 
-def test_an_expected_submodule_in_no_iocr_is_taken_and_a_missing_one_told_by_the_module_diff_block():
+def test_an_expected_submodule_in_no_iocr_is_accepted_and_a_missing_one_is_in_the_module_diff_block():
     bench = Bench()
     missing = ExpectedSubmodule(3, 0xFFFF010A, 0, (DataDescription(1, 0),))
     event, blocks = connected(bench, beside(missing))
@@ -157,7 +157,7 @@ def test_the_lengths_of_discarded_status_octets_mean_nothing(lengths):
     assert Bench().connect(telegram_sub(properties=3 | DISCARD, data=both))[0].ok
 
 
-def test_data_may_stand_without_status_octets_in_both_directions():
+def test_data_may_be_without_status_octets_in_both_directions():
     # the data end where the frame ends, and leave no octet for a status
     telegram_alone = (IocrApi(P.drive.api, (FrameSlot(1, 2, 28),), (FrameSlot(1, 2, 0),)),)
     bare = replace(

@@ -69,7 +69,7 @@ def write(bench, index, data, slot=0, subslot=1, api=0, uuid=UUID_1):
 DRIVE_PLACE = {"api": DRIVE_API, "slot": 1, "subslot": 1}
 
 
-def test_im0_says_who_the_drive_is(bench):
+def test_im0_identifies_the_drive(bench):
     bench.establish()
     (im0,) = parse_blocks(record(bench, 0xAFF0))
     assert im0.order_id == b"AKD-P00306-NBPN-0000"
@@ -292,7 +292,7 @@ def test_the_module_difference_can_be_read_again():
     assert record(clean, 0xE002) == b""
 
 
-def test_ar_data_lists_the_ars_that_stand(bench):
+def test_ar_data_lists_the_open_ars(bench):
     assert record(bench, 0xF820, uuid=NIL_UUID, opnum=5) == b""
     bench.establish()
     (data,) = parse_blocks(record(bench, 0xF820))
@@ -348,6 +348,6 @@ def test_im1_to_im4_are_there_when_the_drive_says_so():
     assert write(bench, 0xAFF1, b"")[0].error_code1 == 0xB1
 
 
-def test_target_uuids_of_nobody_read_like_no_ar(bench):
+def test_unknown_target_uuids_read_like_no_ar(bench):
     target = UUID(int=1)
     assert read(bench, 0xE001, uuid=NIL_UUID, target=target, opnum=5)[0].error_code1 == 0xB5

@@ -112,7 +112,7 @@ def test_a_plugged_module_is_usable_only_once_its_parameters_have_come():
     assert bench.cm.ars[0].module_diff is None
 
 
-def test_a_wrong_module_is_told_as_such_and_stays_unusable():
+def test_a_wrong_module_is_reported_as_such_and_stays_unusable():
     bench, controller = one_controller()
     bench.cm.plug(1, telegram(0x555, 0x70, 12, 12), 0)
     assert places(controller.pump()) == [
@@ -125,7 +125,7 @@ def test_a_wrong_module_is_told_as_such_and_stays_unusable():
     assert states(diff)[1, 2] == (IdentInfo.WRONG, ArInfo.OWN)
 
 
-def test_a_wrong_module_in_a_slot_that_was_empty_at_connect_is_told_and_its_going_as_well():
+def test_a_wrong_module_in_a_slot_that_was_empty_at_connect_is_reported_and_its_removal_too():
     bench = Bench()
     bench.plugged.pull(1)
     controller = Controller(bench, 1)
@@ -138,7 +138,7 @@ def test_a_wrong_module_in_a_slot_that_was_empty_at_connect_is_told_and_its_goin
     assert controller.pump() == []
 
 
-def test_a_substitute_is_usable_and_said_to_be_one():
+def test_a_substitute_is_usable_and_reported_as_one():
     bench, controller = one_controller()
     bench.cm.pull(1, None, 0)
     controller.pump()
@@ -167,7 +167,7 @@ def test_a_connect_to_a_substitute_is_accepted_with_a_difference_that_says_so():
     assert states(diff) == {(1, 1): (IdentInfo.OK, 0), (1, 2): (IdentInfo.SUBSTITUTE, 0)}
 
 
-def test_a_module_pulled_during_start_up_is_told_by_application_ready_and_by_no_alarm():
+def test_a_module_pulled_during_start_up_is_reported_by_application_ready_and_by_no_alarm():
     bench = Bench()
     controller = Controller(bench, 1)
     controller.connect()
@@ -179,7 +179,7 @@ def test_a_module_pulled_during_start_up_is_told_by_application_ready_and_by_no_
     assert diff.apis[0].modules[0].state == ModuleState.NO_MODULE
 
 
-def test_a_module_pulled_between_application_ready_and_data_is_told_by_an_alarm_once_data_flow():
+def test_a_module_pulled_between_application_ready_and_data_is_reported_by_an_alarm_once_data_flow():
     bench = Bench()
     controller = Controller(bench, 1)
     controller.connect()
@@ -269,14 +269,14 @@ def test_a_slot_put_back_as_it_was_is_what_the_controller_expects_and_takes_its_
     assert unusable(bench) == frozenset()
 
 
-def test_a_slot_put_as_it_is_tells_nobody_anything():
+def test_a_slot_plugged_without_a_change_raises_no_alarm():
     bench, controller = one_controller()
     bench.cm.put(1, bench.plugged.state(1), 0)
     assert controller.pump() == []
     assert unusable(bench) == frozenset()
 
 
-def test_a_slot_that_is_free_again_follows_the_controller_that_stands():
+def test_a_slot_that_is_free_again_gets_what_the_connected_controller_expects():
     bench = Bench()
     other = bench.plugged.state(1)
     bench.plugged.put(1, SlotState(None, held=True))
@@ -425,7 +425,7 @@ def test_one_supervisor_at_a_time():
 # parameters again
 
 
-def test_a_controller_parametrises_anew_while_data_flow():
+def test_a_controller_parametrises_again_while_data_flow():
     bench, controller = one_controller()
     assert controller.prm_begin(TELEGRAM)[0].ok
     assert len(bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0, high=True)) == 1
@@ -488,7 +488,7 @@ def test_an_alarm_carries_its_items_and_is_confirmed_by_its_number():
     assert (event.alarm_type, event.status.ok, event.sequence) == (AlarmType.DIAGNOSIS, True, 0)
 
 
-def test_alarms_that_nobody_acknowledges_end_the_ar():
+def test_unacknowledged_alarms_end_the_ar():
     bench, _ = one_controller()
     bench.cm.alarm(AlarmType.PROCESS, TELEGRAM, 0, high=True)
     for step in range(1, 60):
@@ -499,7 +499,7 @@ def test_alarms_that_nobody_acknowledges_end_the_ar():
     assert event.error_code2 == 0x08
 
 
-def test_an_ar_without_submodules_there_hears_nothing_and_device_access_has_no_channel():
+def test_an_ar_without_present_submodules_gets_no_alarms_and_device_access_has_no_channel():
     bench = shared_bench()
     first = Controller(bench, 1, dap_only)
     first.establish()
@@ -528,7 +528,7 @@ def test_alarms_that_a_held_channel_kept_leave_in_order_as_its_queue_has_room():
     assert bench.cm.dropped["alarm-queue-full"] == 0
 
 
-def test_a_plug_that_finds_the_alarm_queue_full_is_told_when_there_is_room():
+def test_a_plug_that_finds_the_alarm_queue_full_is_reported_when_there_is_room():
     bench, controller = one_controller()
     bench.cm.pull(1, 2, 0)
     controller.pump()
@@ -543,7 +543,7 @@ def test_a_plug_that_finds_the_alarm_queue_full_is_told_when_there_is_room():
     assert unusable(bench) == frozenset()
 
 
-def test_a_plug_that_was_not_told_yet_is_not_told_once_the_submodule_is_pulled_again():
+def test_a_plug_not_yet_reported_is_dropped_once_the_submodule_is_pulled_again():
     bench, controller = one_controller()
     bench.cm.pull(1, 2, 0)
     controller.pump()

@@ -44,7 +44,7 @@ def carry(up: Line, device: AlarmChannel, *, acks: bool = True) -> list[VlanTag]
     return tags
 
 
-def test_an_alarm_is_acknowledged_at_once_and_told_in_words() -> None:
+def test_an_alarm_is_acknowledged_at_once_and_reported_as_text() -> None:
     up, device = established(), device_end()
     raised = replace(alarm(2), items=(AlarmItem(0x8000, bytes.fromhex("800008000010")),))
     device.notify(raised, 0)
@@ -67,7 +67,7 @@ def test_an_alarm_is_acknowledged_at_once_and_told_in_words() -> None:
     assert up.controller.alarms.counts.received == 3
 
 
-def test_an_owner_that_wants_to_answers_alarms_itself() -> None:
+def test_an_owner_may_answer_alarms_itself() -> None:
     up, device = established(on_alarm="ask"), device_end()
     device.notify(alarm(2), 0)
     carry(up, device)

@@ -130,7 +130,7 @@ def test_a_recorded_device_is_started_with_the_octets_of_the_recorded_controller
     assert events[-1] == ArEstablished()
 
 
-def test_the_substitutes_that_a_recorded_drive_names_are_told_in_words() -> None:
+def test_the_substitutes_that_a_recorded_drive_names_are_reported_as_text() -> None:
     requests, responses = conversation(NAMES[0])
     controller = CmController(plan_of(requests))
     controller.connect(0)

@@ -159,7 +159,7 @@ def test_a_substitute_does_not_fail_the_start_up() -> None:
     assert up.start()[-1] == ArEstablished()
 
 
-def test_a_wrong_module_told_with_application_ready_is_refused_when_the_plan_says_so() -> None:
+def test_a_wrong_module_reported_with_application_ready_is_refused_when_the_plan_says_so() -> None:
     up = line(on_module_diff="fail")
     up.controller.connect(0)
     up.run()
@@ -219,7 +219,7 @@ def test_a_refused_parameter_record_fails_the_start_up_and_names_the_record(mult
     assert all(call.opnum != Opnum.CONTROL for call in up.device.seen)
 
 
-def test_a_refused_parameter_record_is_told_and_passed_over_when_the_plan_says_so() -> None:
+def test_a_refused_parameter_record_is_reported_and_passed_over_when_the_plan_says_so() -> None:
     up = line(ScriptedDevice(refused_indexes={11: REFUSED}), records=RECORDS, on_record_error="go-on")
     assert up.start()[-1] == ArEstablished()
     assert RecordWriteDone(RECORDS[1], REFUSED) in up.events
@@ -324,6 +324,6 @@ def test_application_ready_is_confirmed_again_and_after_a_plug_with_its_own_bloc
     assert up.run() == [ApplicationReadyReceived(()), ApplicationReadyReceived((), after_plug=True)]
 
 
-def test_an_application_ready_call_tells_its_ar() -> None:
+def test_an_application_ready_call_names_its_ar() -> None:
     assert addressed_ar(ready_payload(make_plan())) == AR_UUID
     assert addressed_ar(b"\x01") is None

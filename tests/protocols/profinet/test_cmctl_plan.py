@@ -52,7 +52,7 @@ def test_a_short_frame_is_padded_to_forty_octets_and_a_long_one_is_not() -> None
     assert [layout.data_length for layout in plan_frames(make_plan(submodules=wide))] == [107, 40]
 
 
-def test_discarded_status_octets_stand_in_no_frame_and_the_request_names_the_place_all_the_same() -> None:
+def test_discarded_status_octets_are_in_no_frame_and_the_request_still_names_the_submodule() -> None:
     discard = SubmoduleProperties.DISCARD_IOXS
     without = tuple(s if s.input_bytes else replace(s, properties=discard) for s in SUBMODULES)
     plan = make_plan(submodules=without)
@@ -95,7 +95,7 @@ def test_expected_submodules_come_in_one_block_per_api_or_one_per_slot(plan: ArP
 
 
 @pytest.mark.parametrize(("startup", "properties"), [("legacy", 0x00000011), ("advanced", 0x40000011)])
-def test_the_start_up_mode_stands_in_the_ar_properties(startup: str, properties: int) -> None:
+def test_the_start_up_mode_is_in_the_ar_properties(startup: str, properties: int) -> None:
     plan = make_plan(startup=startup)
     ar = next(b for b in parse_blocks(connect_payload(plan, *plan_frames(plan))) if isinstance(b, ArBlockReq))
     assert ar.properties == properties

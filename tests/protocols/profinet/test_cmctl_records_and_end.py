@@ -214,7 +214,7 @@ def test_an_abort_before_the_connect_has_gone_out_sends_nothing() -> None:
     assert up.device.seen == []
 
 
-def test_a_farewell_that_nobody_confirms_is_counted() -> None:
+def test_an_unconfirmed_release_is_counted() -> None:
     device = ScriptedDevice({Opnum.CONNECT: lambda *_: (OK, b""), Opnum.RELEASE: lambda *_: None})
     up = line(device)
     up.start()

@@ -56,7 +56,7 @@ def test_a_start_up_goes_from_connect_over_writes_and_prm_end_to_application_rea
     assert not up.controller.dropped
 
 
-def test_connected_tells_the_frame_ids_as_the_device_answered_them() -> None:
+def test_connected_has_the_frame_ids_of_the_devices_answer() -> None:
     up = line(input_frame_id=0x8061)
     connected = up.start()[0]
     assert isinstance(connected, Connected)

@@ -112,7 +112,7 @@ def test_a_submodule_that_is_missing_at_connect_gets_no_records_and_is_taken_onc
     assert wire.records.writes[-2:] == OF_TELEGRAM
 
 
-def test_a_submodule_that_is_pulled_again_while_its_parameters_come_needs_none() -> None:
+def test_a_submodule_that_is_pulled_again_during_its_parameters_needs_none() -> None:
     wire = Wire()
     end = wire.up(records=RECORDS)
     wire.device.pull(1, 2, wire.now)
@@ -220,7 +220,7 @@ def test_an_owner_that_accepts_the_plug_later_writes_the_parameters_then() -> No
     assert end.machine.unusable == {}
 
 
-def test_a_release_in_the_midst_of_parameters_leaves_nothing_behind() -> None:
+def test_a_release_during_parameters_leaves_nothing_behind() -> None:
     wire = Wire()
     end = wire.up(records=RECORDS)
     wire.device.pull(1, 2, wire.now)
@@ -238,7 +238,7 @@ def test_a_release_in_the_midst_of_parameters_leaves_nothing_behind() -> None:
 # PrmBegin
 
 
-def test_a_controller_parametrises_anew_while_data_flow() -> None:
+def test_a_controller_parametrises_again_while_data_flow() -> None:
     wire = Wire()
     end = wire.up(records=RECORDS)
     wire.records.writes.clear()
@@ -255,7 +255,7 @@ def test_a_controller_parametrises_anew_while_data_flow() -> None:
     assert end.take(ParametersEnded) == [ParametersEnded((TELEGRAM,), after_plug=False)]
 
 
-def test_all_that_can_be_used_is_parametrised_anew() -> None:
+def test_all_usable_submodules_are_parametrised_again() -> None:
     wire = Wire()
     end = wire.up(records=RECORDS)
     wire.device.pull(1, 2, wire.now)
@@ -380,7 +380,7 @@ def test_two_controllers_share_a_device() -> None:
     assert second.unusable() == {}
 
 
-def test_of_two_controllers_that_want_the_same_the_second_waits_for_it() -> None:
+def test_of_two_controllers_with_the_same_submodule_the_second_waits() -> None:
     wire = Wire(SHARED)
     first = wire.up(records=RECORDS)
     second = wire.up(records=RECORDS)

@@ -129,7 +129,7 @@ def test_a_name_given_twice_shows_as_two_answers():
     assert len(client.events()) == 2
 
 
-def test_nobody_there_is_an_answer_too():
+def test_no_device_is_a_result_too():
     client = DcpClient(PLC)
     xid = client.identify(now=0, window_ns=5)
     client.to_send(0)
@@ -193,7 +193,7 @@ def test_signal_and_resets_arrive():
     assert [event.error for event in client.events()] == [None] * 3
 
 
-def test_a_refusal_is_told_in_words():
+def test_a_refusal_is_reported_as_text():
     client, (machine,) = DcpClient(PLC), farm(1)
     machine.in_operation = True
     client.set_ip(machine.mac, IPv4Interface("10.0.0.99/24"), now=0)
@@ -299,7 +299,7 @@ def test_every_filter_finds_its_device_by_multicast_and_by_unicast(block):
         ((0xFE, 3), 77, "manufacturer's option (254/3): error 77"),
     ],
 )
-def test_numbers_are_told_in_words(option_id, error, words):
+def test_numbers_are_reported_as_text(option_id, error, words):
     client = DcpClient(PLC)
     mac = bytes([2, 0, 0, 0, 1, 1])
     xid = client.set_name(mac, "spindle", now=0)
@@ -333,7 +333,7 @@ def test_a_silent_device_ends_in_an_error_after_all_tries():
     assert event.error == "no answer from 02:00:00:00:01:01"
 
 
-def test_an_unsupported_service_and_an_unknown_error_are_told():
+def test_an_unsupported_service_and_an_unknown_error_are_reported():
     client, (machine,) = DcpClient(PLC), farm(1)
     for service_type, blocks in ((5, ()), (1, (ResponseBlock(OptionId(2, 2), 99),))):
         xid = client.set_name(machine.mac, "spindle", now=0)
@@ -357,7 +357,7 @@ def test_an_answer_from_a_stranger_is_not_the_answer():
 # -- the rest -----------------------------------------------------------------------------------------------
 
 
-def test_hello_is_heard():
+def test_hello_is_received():
     client, (machine,) = DcpClient(PLC), farm(1)
     machine.hello_settings = HelloSettings()
     machine.link_up(0)

@@ -72,7 +72,7 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, par
 # -- Identify -----------------------------------------------------------------------------------------------
 
 
-def test_everybody_is_asked_and_the_device_tells_all_about_itself():
+def test_identify_all_is_answered_with_all_blocks_of_the_device():
     machine = device(OEM, hello=HelloSettings())
     machine.receive(frame(request(SERVICE_IDENTIFY, AllSelectorBlock()), IDENTIFY_MULTICAST), 0)
     (octets,) = machine.to_send(0)
@@ -110,7 +110,7 @@ def test_a_new_device_has_an_empty_name_and_no_address():
         (True, True, False, 0x80),
     ],
 )
-def test_block_info_tells_whether_the_address_is_in_use_and_disputed(named, conflict, in_use, info):
+def test_block_info_shows_whether_the_address_is_in_use_and_in_conflict(named, conflict, in_use, info):
     machine = device(named=named)
     machine.ip_conflict, machine.ip_in_use = conflict, in_use
     machine.receive(frame(request(SERVICE_IDENTIFY, AllSelectorBlock()), IDENTIFY_MULTICAST), 0)
@@ -207,7 +207,7 @@ def test_all_filters_must_fit():
         assert not identify(named_device(), *MATCHING[:3], wrong, *MATCHING[3:])
 
 
-def test_a_request_without_any_filter_fits_nobody():
+def test_a_request_without_any_filter_matches_no_device():
     assert not identify(named_device())
     assert not identify_matches(request(SERVICE_IDENTIFY), named_device())
 
@@ -276,7 +276,7 @@ def test_a_station_that_asks_again_and_again_leaves_room_for_everybody_else():
     assert [answer.xid for answer in waiting] == [99, 1000]
 
 
-def test_who_asks_when_too_many_wait_is_answered_at_once_and_pushes_nobody_out():
+def test_a_request_beyond_the_queue_is_answered_at_once_and_replaces_no_other():
     machine = device()
     for number in range(PENDING_LIMIT):
         ask(machine, asker(number), number)
@@ -349,7 +349,7 @@ def test_an_unknown_service_is_answered_as_not_supported():
 # -- who is listened to -------------------------------------------------------------------------------------
 
 
-def test_after_a_request_only_this_client_is_heard_for_three_seconds():
+def test_after_a_request_only_this_client_is_served_for_three_seconds():
     machine = device()
     ask = request(SERVICE_GET, requested=[NameBlock.ID])
     machine.receive(frame(ask), 0)
@@ -471,7 +471,7 @@ def test_a_tagged_identify_is_answered_untagged(tag):
     assert len(answers(machine)) == 1
 
 
-def test_identify_by_broadcast_is_none():
+def test_identify_by_broadcast_is_ignored():
     machine = device()
     machine.receive(frame(request(SERVICE_IDENTIFY, AllSelectorBlock()), b"\xff" * 6), 0)
     assert answers(machine) == []

@@ -23,7 +23,7 @@ def hellos(machine: DcpDevice, until: int, step: int = 10 * MS) -> list[int]:
     return [now for now in range(0, until, step) for _ in machine.to_send(now)]
 
 
-def test_hello_tells_everybody_who_came_up():
+def test_hello_announces_name_and_address_to_all():
     machine = device(OEM, hello=HelloSettings())
     machine.link_up(0)
     (octets,) = machine.to_send(0)
@@ -60,14 +60,14 @@ def test_hello_is_repeated_as_it_is_set(settings, times):
 
 
 @pytest.mark.parametrize("missing", ["name", "address"])
-def test_who_has_no_name_or_no_address_does_not_say_hello(missing):
+def test_a_device_without_name_or_address_sends_no_hello(missing):
     machine = device(hello=HelloSettings())
     setattr(machine, missing, "" if missing == "name" else None)
     machine.link_up(0)
     assert hellos(machine, 1000 * MS) == []
 
 
-def test_hello_ends_when_somebody_sets_something():
+def test_hello_ends_with_the_first_set():
     machine = device(hello=HelloSettings())
     machine.link_up(0)
     assert len(answers(machine, 0)) == 1

@@ -162,7 +162,7 @@ def test_an_invalid_address_is_refused(address, mask, gateway):
 
 
 @pytest.mark.parametrize("gateway", ["0.0.0.0", "10.0.0.1", "10.0.0.254"], ids=["none", "itself", "a neighbour"])
-def test_a_gateway_is_none_or_in_the_subnet(gateway):
+def test_a_gateway_is_0_or_in_the_subnet(gateway):
     assert check_ip_suite(ADDRESS, MASK, IPv4Address(gateway)) is None
 
 

@@ -147,7 +147,7 @@ def test_a_block_without_the_shape_of_its_option_keeps_its_octets():
     assert parse_dcp(emit_dcp(sent)) == sent
 
 
-def test_the_mode_of_a_reset_stands_beside_bit_0():
+def test_the_mode_of_a_reset_is_beside_bit_0():
     assert ResetToFactoryBlock(0x0004).mode == ResetMode.COMMUNICATION
     assert ResetToFactoryBlock(0x0005).mode == ResetMode.COMMUNICATION
     assert ResetToFactoryBlock().info == 0x0004

@@ -104,7 +104,7 @@ def test_a_full_store_refuses_and_counts_but_still_takes_changes(store):
     assert store.add(entries[6])
 
 
-def test_clearing_a_submodule_tells_one_event_for_each_channel(store):
+def test_clearing_a_submodule_gives_one_event_for_each_channel(store):
     beside = replace(HOT, subslot=2)
     for entry in (HOT, SHORT, replace(HOT, channel=7), OWN, beside):
         store.add(entry)
@@ -136,7 +136,7 @@ def test_the_flags_of_an_alarm_are_those_of_the_captured_one(store):
     assert store.alarm_specifier(short.place, {(0, 2, 1)}) == 0x2800
 
 
-def test_maintenance_is_no_fault_and_stands_in_an_item_of_its_own(store):
+def test_maintenance_is_no_fault_and_has_an_item_of_its_own(store):
     store.add(WORN)
     (event,) = store.events()
     assert event.alarm_specifier == 0x0800

@@ -132,7 +132,7 @@ def test_lengths_other_than_the_files_are_refused(drive_model):
         assert not connected(replace(plan, submodules=longer), device).ok
 
 
-def test_signals_stand_in_the_file_by_name_and_in_the_order_of_the_telegram(drive_model):
+def test_signals_are_in_the_file_by_name_and_in_the_order_of_the_telegram(drive_model):
     gsdml, _ = described(drive_model)
     for number, telegram in drive_model.profidrive.telegrams.items():
         data = gsdml.module(f"TELEGRAM_{number}").submodules[-1]
@@ -172,7 +172,7 @@ def test_the_largest_frames_are_those_of_the_largest_telegram(drive_model):
 # records
 
 
-def test_identification_stands_at_the_access_point_as_the_file_says(drive_model):
+def test_identification_is_at_the_access_point_as_the_file_says(drive_model):
     gsdml, device = described(drive_model)
     (dap,) = gsdml.daps
     records = Bench(device).records
@@ -306,7 +306,7 @@ def heard():
     return frames
 
 
-def test_the_protocols_of_the_file_are_those_that_a_station_speaks(drive_model, heard):
+def test_the_protocols_of_the_file_are_those_of_a_station(drive_model, heard):
     (dap,) = described(drive_model)[0].daps
     speaks = set()
     if any(frame.ethertype == 0x88CC for frame in heard):
@@ -341,7 +341,7 @@ def test_models_of_one_device_id_share_an_ident_only_where_it_means_the_same():
     assert len(access_points) == len(NAMES)
 
 
-def test_other_abilities_are_told_as_they_are():
+def test_other_abilities_are_in_the_file_as_given():
     able = replace(STATION, protocols=("SNMP", "LLDP"), sends_hello=True, reset_modes=(2,), startup_modes=("Legacy",))
     (dap,) = describe_model(model(NAMES[0]), able).daps
     (interface,) = dap.interfaces
@@ -366,7 +366,7 @@ def test_faults_that_are_reported_as_diagnosis_have_their_texts_in_the_file():
     assert described(drive_model)[0].diagnoses == ()
 
 
-def test_every_diagnosis_that_a_fault_of_the_drive_becomes_stands_in_the_file_and_no_other(drive_model):
+def test_every_diagnosis_that_a_fault_of_the_drive_becomes_is_in_the_file_and_no_other(drive_model):
     gsdml, _ = described(drive_model)
     store = ParameterStore(drive_model, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
     store.power_on()
@@ -393,7 +393,7 @@ def test_every_diagnosis_that_a_fault_of_the_drive_becomes_stands_in_the_file_an
     assert {(d.user_structure, d.api) for d in gsdml.unit_diagnoses} == {(usi, None) for usi in units}
 
 
-def test_diagnosis_stands_where_the_schema_has_it():
+def test_diagnosis_is_where_the_schema_has_it():
     text = emit_gsdml(describe_model(model("moog-msd")))
     process = ET.fromstring(text).find("{*}ProfileBody/{*}ApplicationProcess")
 
@@ -426,7 +426,7 @@ def test_limits_that_leave_no_send_clock_of_1_ms_cannot_be_described():
         describe_model(replace(drive_model, limits=limits))
 
 
-def test_another_identity_stands_in_the_file():
+def test_another_identity_is_in_the_file():
     own = with_identity(model("akd-profinet"), {"device": 0x0777, "telegrams": {1: 0x4711}, "order_number": "X-1"})
     gsdml, _ = described(own)
     assert (gsdml.device_id, gsdml.module("TELEGRAM_1").ident, gsdml.daps[0].info.order_number) == (

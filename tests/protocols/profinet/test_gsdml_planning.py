@@ -113,7 +113,7 @@ def test_an_access_point_has_to_be_chosen_where_there_are_several(gsdml):
     assert from_gsdml(two, dap="D2").submodules[0].module_ident == 0x12
 
 
-def test_a_module_that_the_file_names_and_does_not_describe_is_said(gsdml):
+def test_a_module_that_the_file_names_and_does_not_describe_is_reported(gsdml):
     with pytest.raises(ConfigError, match="names module 'END' for slot 4 and does not describe it"):
         from_gsdml(replace(gsdml, modules=gsdml.modules[:2]))
 

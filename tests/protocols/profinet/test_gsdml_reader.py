@@ -129,7 +129,7 @@ def test_diagnoses_carry_their_texts_with_extended_ones_a_profiles_and_a_makers_
         (AlarmItem(8, b"xy"), "USI 0x0008 7879"),
     ],
 )
-def test_an_alarm_is_told_in_the_words_of_the_devices_file(item, words):
+def test_an_alarm_is_reported_with_the_texts_of_the_devices_file(item, words):
     gsdml = read()
     texts = DescribedDiagnosis(gsdml.diagnoses, gsdml.unit_diagnoses)
     assert item_in_words(item, 0x3A00, texts) == words
@@ -223,7 +223,7 @@ def test_strings_are_filled_up_and_bit_areas_that_leave_their_octet_are_refused(
         ("utf-8", "no-such-code", "not-xml|encoding", r"unknown encoding"),
     ],
 )  # fmt: skip
-def test_what_is_missing_or_wrong_is_said_with_line_element_and_what_is_allowed(old, new, reason, sentence):
+def test_what_is_missing_or_wrong_is_reported_with_line_element_and_what_is_allowed(old, new, reason, sentence):
     with pytest.raises(DecodeError, match=sentence) as caught:
         changed(old, new)
     assert caught.value.reason in reason.split("|")

@@ -58,7 +58,7 @@ def test_the_schema_finds_what_is_wrong(schema, pattern, replacement):
 
 
 @pytest.mark.parametrize("name", PROFINET_MODELS)
-def test_the_classes_of_the_device_stand_in_the_file(name):
+def test_the_classes_of_the_device_are_in_the_file(name):
     (dap,) = parse_gsdml(emit_gsdml(describe_model(model(name))).encode()).daps
     classes = dap.certification
     assert (classes.conformance_class, classes.application_classes, classes.netload_class) == ("B", (), "I")

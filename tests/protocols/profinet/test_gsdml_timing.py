@@ -119,7 +119,7 @@ def test_every_cycle_that_the_device_takes_can_be_had_by_the_file(limited):
             assert factor * ratio in in_file
 
 
-def test_every_send_clock_that_the_format_knows_and_the_device_takes_stands_in_the_file(limited):
+def test_every_send_clock_that_the_format_knows_and_the_device_takes_is_in_the_file(limited):
     gsdml, device = described(limited)
     fastest = limited.limits.min_cycle_ns // 31_250
     taken = [

@@ -67,7 +67,7 @@ def run(machine, start, end):
 # -- sending
 
 
-def test_it_speaks_every_five_seconds_and_keeps_the_frame():
+def test_it_sends_every_five_seconds_and_keeps_the_frame():
     sent = run(agent(), T0, T0 + 60 * SECOND)
     assert [now for now, _ in sent] == [T0 + i * 5 * SECOND for i in range(13)]
     assert len({id(frame) for _, frame in sent}) == 1
@@ -88,7 +88,7 @@ def test_what_a_drive_says():
     assert SystemCapabilities(0x80, 0x80) in pdu.tlvs
 
 
-def test_a_drive_without_name_and_address_goes_by_its_mac_address():
+def test_a_drive_without_name_and_address_is_identified_by_its_mac_address():
     pdu = said(agent(name="", address=None).to_send(T0)[0])
     assert pdu.chassis == ChassisId(4, DRIVE)
     assert ManagementAddress(6, DRIVE, 2, 1) in pdu.tlvs
@@ -254,7 +254,7 @@ def test_two_neighbours_on_one_port_are_both_known_and_age_apart():
     assert [n.port_name for n in drive.neighbours] == ["port-002"]
 
 
-def test_a_pulled_cable_leaves_nobody():
+def test_a_pulled_cable_clears_the_neighbour():
     drive = agent()
     heard(drive, plc("a").to_send(T0)[0], T0)
     heard(drive, plc("b").to_send(T0)[0], T0)
@@ -271,7 +271,7 @@ def test_a_flood_of_neighbours_is_bounded():
     assert drive.dropped["too-many-neighbours"] == 100 - MAXIMUM_NEIGHBOURS
 
 
-def test_our_own_frame_come_back_is_nobody():
+def test_our_own_frame_come_back_is_no_neighbour():
     drive = agent()
     assert not heard(drive, drive.to_send(T0)[0], T0)
     assert drive.neighbours == ()

@@ -14,7 +14,7 @@ def noted(bench, book, now):
         book.note(event, now)
 
 
-def test_the_book_tells_how_each_connection_began_and_ended():
+def test_the_book_shows_how_each_connection_began_and_ended():
     bench, book = Bench(), LogBook()
     key = bench.establish()
     noted(bench, book, 10)
@@ -44,7 +44,7 @@ def test_only_the_last_entries_are_kept():
     assert [e.detail for e in book.data(10).entries] == [7, 8, 9]
 
 
-def test_the_end_of_a_connection_that_nobody_noted_has_no_uuid():
+def test_the_end_of_a_connection_without_an_entry_has_no_uuid():
     bench, book = Bench(), LogBook()
     bench.establish()
     bench.events()

@@ -108,7 +108,7 @@ def test_counters_are_the_links_and_an_interface_has_their_sum():
     assert parse_blocks(bench.read(0x8072, 0x8000)) == (p.PortStatistic(1, 4, 5, 6, 7, 8),)
 
 
-def test_counters_that_nobody_keeps_are_marked_and_zero():
+def test_counters_without_a_source_are_marked_and_zero():
     (value,) = parse_blocks(Bench().read(0x8072))
     assert value == p.PortStatistic(status=0x3F, version=0x0101)
 
@@ -307,7 +307,7 @@ def test_a_neighbour_that_comes_in_time_was_never_missing():
     assert bench.device.events() == []
 
 
-def test_a_check_that_is_written_again_does_not_take_back_that_nobody_is_there():
+def test_a_check_that_is_written_again_keeps_the_missing_peer_reported():
     bench = Bench()
     bench.check(peers())
     bench.device.handle_timeout(T0 + 5 * SECOND)

@@ -98,7 +98,7 @@ PEERS = b.CheckPeers((b.ExpectedPeer(b"port-001", b"switch-1"),))
 UNPADDED = bytes.fromhex("020a 0015 0100 01 08") + b"port-001\x08switch-1"
 
 
-def test_padding_may_lie_inside_or_behind_a_block_or_be_missing():
+def test_padding_may_be_inside_or_after_a_block_or_be_missing():
     mau = bytes.fromhex("020c 0004 0100 0010")
     inside = UNPADDED[:3] + bytes([0x16]) + UNPADDED[4:] + b"\0"
     assert len(UNPADDED) == 25

@@ -34,7 +34,7 @@ def test_a_captured_request_for_the_delay_of_a_cable():
 
 
 @given(pdus, st.binary(max_size=20))
-def test_a_frame_survives_the_wire_and_the_padding_behind_it(pdu, padding):
+def test_a_frame_survives_the_wire_and_the_padding_after_it(pdu, padding):
     assert parse_ptcp(emit_ptcp(pdu) + padding) == pdu
 
 
@@ -53,7 +53,7 @@ def test_a_missing_end_is_forgiven():
         (b"\x80\x00" + bytes(40), "bad-type"),
     ],
 )
-def test_what_is_none_is_refused(octets, reason):
+def test_malformed_frames_are_refused(octets, reason):
     with pytest.raises(DecodeError) as caught:
         parse_ptcp(octets)
     assert caught.value.reason == reason
@@ -65,7 +65,7 @@ def test_a_tlv_that_does_not_fit_is_refused():
             emit_ptcp(PtcpPdu(0xFF40, 1, tlvs=(tlv,)))
 
 
-def test_short_tlvs_name_nobody():
+def test_short_tlvs_name_no_station():
     pdu = PtcpPdu(0x0080, 1, tlvs=(PtcpTlv(TlvType.SUBDOMAIN, b"\x02"), PtcpTlv(TlvType.DELAY_PARAMETER, b"\x02")))
     assert pdu.master is pdu.subdomain is pdu.port_mac is None
 

@@ -46,7 +46,7 @@ def expected(number, *, where):
 
 @pytest.mark.parametrize("number", TOLD)
 @pytest.mark.parametrize("place", [AXIS, (DRIVE_API, 1, 2), (0, 0, 0x8001), (0, 0, 1)])
-def test_each_index_tells_its_severities_and_codings_in_every_scope(bench, number, place):
+def test_each_index_has_its_severities_and_codings_in_every_scope(bench, number, place):
     api, slot, subslot = place
     spot = {"api": api, "slot": slot, "subslot": subslot}
     assert told(bench, 0x8000 | number, **spot) == expected(number, where=lambda p: p == place)
@@ -55,7 +55,7 @@ def test_each_index_tells_its_severities_and_codings_in_every_scope(bench, numbe
     assert told(bench, 0xF000 | number, **spot) == expected(number, where=lambda p: p[0] == api)
 
 
-def test_the_whole_device_tells_everything_without_an_ar(bench):
+def test_the_whole_devices_diagnosis_is_read_without_an_ar(bench):
     assert told(bench, 0xF80C, uuid=NIL_UUID) == expected(0x0C, where=lambda _: True)
 
 

@@ -283,7 +283,7 @@ def test_the_log_book_is_a_record():
     assert (data.time_stamp, [(e.time_stamp, e.ar_uuid) for e in data.entries]) == (9, [(7, UUID_1)])
 
 
-def test_an_ar_without_submodules_stands_in_the_devices_list_and_in_no_apis():
+def test_an_ar_without_submodules_is_in_the_devices_list_and_in_no_apis():
     bench = Bench()
     bench.establish()
     connect_tool(bench)

@@ -27,7 +27,7 @@ def bench():
     return made
 
 
-def test_what_was_written_is_read_by_anyone_and_told_once(bench):
+def test_what_was_written_is_read_by_anyone_and_reported_once(bench):
     for index, text in ((0xAFF1, TAG), (0xAFF2, DATE), (0xAFF3, ImText(0x23, b"x" * 54)), (0xAFF4, SIGNATURE)):
         assert write(bench, index, emit_block(text)) == 0
         assert read_blocks(bench, index, uuid=NIL_UUID) == (text,)
@@ -129,7 +129,7 @@ def test_a_carrier_that_is_pulled_is_not_listed():
     assert [b.block_type for b in read_blocks(bench, 0xF840, uuid=NIL_UUID)] == [0x30, 0x32]
 
 
-def test_a_submodule_that_nobody_stands_for_has_no_im():
+def test_a_submodule_without_a_carrier_has_no_im():
     bench = Bench(replace(WITH_IM, im_carriers=(ImCarrier(1, 1),)))
     bench.establish()
     assert isinstance(read(bench, 0xAFF0, api=DRIVE_API, slot=1), bytes)

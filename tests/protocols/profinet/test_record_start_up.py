@@ -132,7 +132,7 @@ CAPTURED = contents(
 )
 
 
-def test_every_record_of_a_container_is_written_and_told(bench):
+def test_every_record_of_a_container_is_written_and_reported(bench):
     assert write(bench, 0x80B0, CAPTURED, subslot=0x8000) == 0
     assert read(bench, 0x8071, subslot=0x8000) == INTERFACE_ADJUST
     assert read(bench, 0xB050, subslot=0x8000) == PLL
@@ -141,7 +141,7 @@ def test_every_record_of_a_container_is_written_and_told(bench):
     assert told == [(0x8000, 0x8071), (0x8000, 0xB050), (0x8001, 0xB060)]
 
 
-def test_a_container_holds_records_of_the_application_and_needs_no_padding_behind_the_last(bench):
+def test_a_container_holds_records_of_the_application_and_needs_no_padding_after_the_last(bench):
     place = tuple(DATA_PLACE.values())
     odd = contents((*place, 5, b"abc"), (*place, 6, b"defgh"))
     assert len(odd) % 4 == 1
@@ -183,7 +183,7 @@ def test_a_container_of_another_shape_is_refused_as_a_whole(bench, data):
     assert read(bench, 0x8071, subslot=0x8000) == b""
 
 
-def test_a_container_stands_at_a_submodule_of_its_writer(bench):
+def test_a_container_is_at_a_submodule_of_its_writer(bench):
     assert write(bench, 0x80B0, CAPTURED, slot=9) == 0xB2
     assert write(bench, 0x80B0, CAPTURED, api=7) == 0xB4
     connect_tool(bench)

@@ -22,7 +22,7 @@ def bench():
     return made
 
 
-def test_it_is_zero_until_it_is_written_and_then_stands_beside_the_outputs(bench):
+def test_it_is_zero_until_it_is_written_and_then_read_beside_the_outputs(bench):
     assert read_blocks(bench, 0x801E, **DATA_PLACE) == (ZERO,)
     assert write(bench, 0x801E, emit_block(VALUE), **DATA_PLACE) == 0
     assert read_blocks(bench, 0x801E, **DATA_PLACE) == (VALUE,)

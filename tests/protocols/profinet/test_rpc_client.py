@@ -254,7 +254,7 @@ def test_answers_of_strangers_and_to_older_calls_are_dropped():
     assert caller.dropped["call-is-over"] == 1
 
 
-def test_a_learned_boot_time_is_told_and_unlearned_when_refused():
+def test_a_learned_boot_time_is_sent_and_forgotten_when_refused():
     caller = client()
     call(caller)
     put(caller, reply(sent(caller)[0], server_boot_time=6))
@@ -430,7 +430,7 @@ def test_a_busy_server_is_asked_again_after_a_longer_and_longer_pause():
     assert caller.events() == [CallFailed(number, reason, PEER, int(NcaStatus.SERVER_TOO_BUSY))]
 
 
-def test_a_long_request_to_a_busy_server_begins_anew():
+def test_a_long_request_to_a_busy_server_starts_over():
     caller = client()
     call(caller, bytes(4096))
     [first] = sent(caller)
@@ -463,7 +463,7 @@ def test_an_answer_longer_than_asked_for_is_a_bad_response():
         assert good or event.reason == "bad-response"
 
 
-def test_an_answer_from_port_0_is_of_nobody():
+def test_an_answer_from_port_0_is_ignored():
     caller = client()
     call(caller)
     [asked] = sent(caller)

@@ -171,7 +171,7 @@ def test_an_unknown_kind_of_inquiry_finds_nothing():
     assert Tool(mapper()).list(inquiry=9) == []
 
 
-def test_the_mapper_tells_a_new_address_at_once():
+def test_the_mapper_gives_a_new_address_at_once():
     server = mapper()
     server.set_address(IPv4Address("192.168.0.9"))
     assert {entry.tower.address for entry in Tool(server).list()} == {IPv4Address("192.168.0.9")}

@@ -84,7 +84,7 @@ def test_octets_beyond_the_bound_are_refused():
     assert whole.add(1, b"x", last=True) == "too-long"
 
 
-def test_sequence_numbers_live_on_a_circle():
+def test_sequence_numbers_wrap_in_comparisons():
     assert is_newer(1, 0)
     assert is_newer(0, 0xFFFFFFFF)
     assert not is_newer(0, 0)

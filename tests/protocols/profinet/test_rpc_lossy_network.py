@@ -110,7 +110,7 @@ def test_every_datagram_late_and_twice_in_turn(swap):
     assert list(one.runs.values()) == [1]
 
 
-def test_a_client_reads_while_it_writes_and_nobody_waits_for_the_long_ones():
+def test_a_client_reads_while_it_writes_and_short_calls_do_not_wait_for_long_ones():
     net = Network([one := station(11)])
     client, other = net.client("10.77.0.1"), net.client("10.77.0.2")
     long_write = net.call(client, one, payload(30_000, 1), opnum=Opnum.WRITE)

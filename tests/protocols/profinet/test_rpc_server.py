@@ -218,7 +218,7 @@ def test_an_older_sequence_number_is_a_late_duplicate():
     assert device.dropped["old-sequence"] == 1
 
 
-def test_an_older_sequence_number_after_a_pause_is_a_client_that_began_anew():
+def test_an_older_sequence_number_after_a_pause_is_a_restarted_client():
     device = server()
     put(device, request(5))
     device.respond(received(device).call, OK, b"", 0)
@@ -271,7 +271,7 @@ def test_what_cannot_be_served_is_rejected_with_its_reason(fields, status, littl
     assert device.activities == {}
 
 
-def test_a_server_that_knows_its_boot_time_tells_it():
+def test_a_server_that_knows_its_boot_time_sends_it():
     device = server(boot_time=7)
     put(device, request(server_boot_time=0))
     device.respond(received(device).call, OK, b"", 0)
@@ -325,7 +325,7 @@ def test_an_application_may_answer_with_a_fault():
     assert [pdu.kind for pdu in put(device, request())] == [PacketType.FAULT]
 
 
-def test_a_cancel_is_told_and_acknowledged():
+def test_a_cancel_is_reported_and_acknowledged():
     device = server()
     put(device, request())
     call = received(device).call

@@ -57,7 +57,7 @@ def test_fragments_that_forbid_it_are_not_acknowledged():
     assert received(device).payload == bytes(3000)
 
 
-def test_a_ping_during_reassembly_tells_how_much_arrived():
+def test_a_ping_during_reassembly_is_answered_with_how_much_arrived():
     device = server()
     parts = fragments(request(payload=bytes(3000)))
     put(device, parts[0])

@@ -196,14 +196,14 @@ def test_a_number_ahead_is_a_new_call_however_far(step):
 
 
 @pytest.mark.parametrize("step", [0x80000000, 0xFFFFFFFF])
-def test_a_number_behind_is_old(step):
+def test_a_lower_number_is_old(step):
     device = in_state(ServerState.REPLIED)
     assert put(device, request(5 + step & 0xFFFFFFFF)) == []
     assert device.events() == []
     assert device.dropped["old-sequence"] == 1
 
 
-def test_another_operation_under_the_last_number_is_a_client_that_began_anew():
+def test_another_operation_under_the_last_number_is_a_restarted_client():
     device = server()
     put(device, request(0, opnum=Opnum.CONNECT))
     device.respond(received(device).call, OK, b"connected", 0)
@@ -292,7 +292,7 @@ def test_a_reply_without_acknowledgement_is_sent_no_more_after_some_times_but_ke
 # -- cancels ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_call_that_is_cancelled_before_it_is_whole_never_runs():
+def test_a_call_that_is_cancelled_before_it_is_complete_never_runs():
     device = in_state(ServerState.RECEIVING)
     ack, fault = put(device, PDUS["CANCEL"])
     assert parse_cancel_ack(ack.body, little_endian=True) == CancelAckBody(7, accepting=True)
@@ -304,7 +304,7 @@ def test_a_call_that_is_cancelled_before_it_is_whole_never_runs():
 
 
 @pytest.mark.parametrize("little", [False, True])
-def test_a_cancel_that_comes_too_late_is_told_so(little):
+def test_a_cancel_that_comes_too_late_is_reported_as_late(little):
     device = server()
     call = request(little=little)
     put(device, call)
@@ -434,7 +434,7 @@ def test_the_last_fragments_serial_number_is_acknowledged():
     assert len(device.events()) == 1
 
 
-def test_a_lost_fragment_is_told_by_the_number_before_it():
+def test_a_lost_fragment_is_reported_by_the_number_before_it():
     device = server()
     numbers = []
     for part in (PARTS[0], PARTS[2], PARTS[2], PARTS[1]):
@@ -464,7 +464,7 @@ def after_lookups(number):
 
 
 @pytest.mark.parametrize("number", [0, 1, 3])
-def test_a_client_may_count_anew_behind_its_lookups(number):
+def test_a_client_may_count_again_from_0_after_its_lookups(number):
     """py-profinet looks a device up under 1, 2 and 3 and connects under 0, all in one activity."""
     device = after_lookups(3)
     assert put(device, request(number, opnum=Opnum.CONNECT)) == []
@@ -474,7 +474,7 @@ def test_a_client_may_count_anew_behind_its_lookups(number):
     assert [answer.kind for answer in sent(device)] == [PacketType.RESPONSE]
 
 
-def test_behind_the_first_call_numbers_count_for_lookups_too():
+def test_after_the_first_call_numbers_count_for_lookups_too():
     """So that a Connect that the network delivers twice is not run twice, whatever came between."""
     device = after_lookups(1)
     connect = request(5, opnum=Opnum.CONNECT, flags1=0)

@@ -95,7 +95,7 @@ acks = st.builds(
 
 
 @given(pdus, st.binary(max_size=40))
-def test_an_rta_pdu_survives_the_wire_and_the_padding_behind_it(pdu, padding):
+def test_an_rta_pdu_survives_the_wire_and_the_padding_after_it(pdu, padding):
     octets = rta.emit_rta(pdu)
     assert rta.parse_rta(octets) == pdu
     assert rta.parse_rta(octets + padding) == pdu

@@ -82,7 +82,7 @@ def test_a_request_without_variables_is_answered_without(manager, version):
         assert manager.ask(tag, version=version, community=b"private").varbinds == ()
 
 
-def test_version_2_tells_a_missing_object_from_a_missing_instance_in_its_place(manager):
+def test_version_2_distinguishes_a_missing_object_from_a_missing_instance(manager):
     pdu = manager.get(SERVICES, (*SYSTEM, 99, 0), (*SERVICES[:-1], 5), SERVICES[:-1], (*MIB_2, 2, 2, 1, 3, 77), (1, 0))
     assert outcome(pdu) == (ErrorStatus.NO_ERROR, 0)
     assert [varbind.value.tag for varbind in pdu.varbinds[1:]] == [
@@ -248,7 +248,7 @@ def test_an_answer_that_does_not_fit_is_too_big_in_each_versions_form():
     assert outcome(manager.get(DESCRIPTION)) == (ErrorStatus.NO_ERROR, 0)
 
 
-def test_where_not_even_the_error_fits_nothing_is_said():
+def test_where_not_even_the_error_fits_nothing_is_answered():
     # the error's index takes an octet more than the request's, and the variables go back as they came
     varbinds = (*[VarBind(SERVICES, octets(b"abc"))] * 128, VarBind((1, 3, 6), octets(b"abc")))
     request = emit_snmp(SnmpMessage(VERSION_1, b"public", Pdu(GET, 1, varbinds=varbinds)))
@@ -307,7 +307,7 @@ def test_one_bad_variable_leaves_all_as_they_were(manager, name, value, new, old
             assert manager.agent.statistics[counter] == 1
 
 
-def test_who_may_only_read_sets_nothing(manager):
+def test_a_read_only_community_sets_nothing(manager):
     wanted = ((CONTACT, octets(b"x")), (NAME, octets(b"y")))
     assert outcome(manager.set(*wanted, community=b"public")) == (ErrorStatus.NO_ACCESS, 1)
     assert outcome(manager.set(*wanted, community=b"public", version=VERSION_1)) == (ErrorStatus.NO_SUCH_NAME, 1)
@@ -354,7 +354,7 @@ def test_octets_that_are_no_message_are_counted_by_their_reason(manager):
     assert manager.agent.statistics[6] == 3  # snmpInASNParseErrs
 
 
-def test_an_agent_never_wants_to_be_called(manager):
+def test_an_agent_has_no_deadline(manager):
     manager.get(SERVICES)
     assert manager.agent.next_deadline() is None
     manager.agent.handle_timeout(10**18)

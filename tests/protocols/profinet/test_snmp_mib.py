@@ -162,7 +162,7 @@ def test_what_a_neighbour_says_can_be_shown_whatever_it_is():
     assert walked[(*PNO, 3, 1, 1, 6, *row)] == b"?"
 
 
-def test_texts_are_cut_and_made_ascii_for_who_reads_them():
+def test_texts_are_cut_and_made_ascii():
     view = replace(VIEW, system=SystemView("d" * 300, 0, contact="Jürgen"))
     assert content(*MIB_2, 1, 1, 0, view=view) == b"d" * 255
     assert content(*MIB_2, 1, 4, 0, view=view) == b"J?rgen"

@@ -103,7 +103,7 @@ def test_messages_of_net_snmp_are_read_as_they_were_meant():
         assert emit_snmp(parse_snmp(data)) == data
 
 
-def test_a_message_of_version_3_is_told_from_a_broken_one():
+def test_a_message_of_version_3_is_distinguished_from_a_broken_one():
     with pytest.raises(DecodeError) as error:
         parse_snmp(DISCOVERY_V3)
     assert error.value.reason == "bad-version"
@@ -252,7 +252,7 @@ def test_nesting_however_deep_costs_no_recursion(depth):
     assert parse_snmp(emit_snmp(message)) == message
 
 
-def test_octets_behind_a_message_are_no_part_of_it():
+def test_octets_after_a_message_are_no_part_of_it():
     with pytest.raises(DecodeError) as error:
         parse_snmp(GET_V1 + b"\0")
     assert error.value.reason == "trailing"

@@ -78,7 +78,7 @@ def test_a_storm_that_does_not_wait_fills_the_queue_and_counts_what_it_could_not
 @pytest.mark.parametrize(
     "said", ["pull", "plug", "plug-wrong-submodule", "controlled-by-supervisor", "released", "pull-module"]
 )
-def test_a_storm_that_says_a_submodule_went_or_came_ends_with_how_it_is(line, said, wait):
+def test_after_a_storm_of_submodule_alarms_the_drive_is_in_operation_again(line, said, wait):
     fault = line.add("alarm-storm", params={"type": said, "wait": wait, "interval": "200us"})
     line.run(0.02)
     assert fault.evidence().activations > 1
@@ -203,7 +203,7 @@ def test_only_the_last_of_two_ends_is_a_return(line):
 
 
 @pytest.mark.parametrize("loses", [True, False])
-def test_no_return_is_told_to_a_connection_that_never_saw_it_bad(line, loses):
+def test_no_return_is_reported_to_a_connection_that_never_saw_it_bad(line, loses):
     fault = line.add("iops-bad", **({} if loses else {"after_cycles": 1000}))
     line.run(0.1)
     if loses:

@@ -55,7 +55,7 @@ def test_of_two_refusals_each_has_its_own_end():
     line.connect()
 
 
-def test_without_application_ready_the_start_up_hangs_until_the_fault_is_cleared():
+def test_without_application_ready_the_start_up_waits_until_the_fault_is_cleared():
     line = FaultLine()
     fault = line.add("no-application-ready")
     line.run(3.0)

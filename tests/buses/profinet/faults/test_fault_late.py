@@ -111,7 +111,7 @@ def test_what_is_held_back_leaves_when_the_fault_is_cleared(line, kind):
 
 
 @pytest.mark.parametrize("kind", ["rpc-delay", "record-delay"])
-def test_what_is_held_back_dies_with_the_drives_supply(line, kind):
+def test_frames_held_back_are_lost_with_the_drives_supply(line, kind):
     fault = line.add(kind, params={"delay": "400ms"}, count=1)
     start_read(line)
     line.run(0.1)

@@ -36,7 +36,7 @@ def reconnect(line):
 # -- modules
 
 
-def test_a_missing_module_is_told_by_an_alarm_its_data_are_bad_and_its_return_is_told(line):
+def test_a_missing_module_raises_an_alarm_its_data_are_bad_and_its_return_is_reported(line):
     fault = line.add("module-missing")
     assert iops(line) == BAD
     assert alarms(line) == ["module pulled on slot 1"]
@@ -65,7 +65,7 @@ def test_a_missing_submodule_leaves_the_other_one_there(line):
     assert at_rest(line)
 
 
-def test_a_module_that_is_missing_from_the_start_stands_in_the_module_diff_and_comes_back_as_the_controller_wants_it():
+def test_a_module_that_is_missing_from_the_start_is_in_the_module_diff_and_comes_back_as_the_controller_expects_it():
     line = FaultLine(telegram=9)
     fault = line.add("module-missing")
     line.run(0.01)
@@ -104,7 +104,7 @@ def test_the_wrong_module_may_be_another_telegrams_or_of_any_ident(line, params,
     assert [(slot, found) for slot, found, _ in diff(line)] == [(1, wanted)]
 
 
-def test_a_wrong_submodule_stands_in_a_proper_module(line):
+def test_a_submodule_can_be_wrong_in_a_proper_module(line):
     fault = line.add("module-wrong", params={"subslot": 2, "ident": 0xABCD})
     line.run(0.1)
     assert [(slot, list(subs)) for slot, _, subs in diff(line)] == [(1, [2])]
@@ -114,7 +114,7 @@ def test_a_wrong_submodule_stands_in_a_proper_module(line):
     assert at_rest(line)
 
 
-def test_a_substitute_works_and_is_told_at_connect(line):
+def test_a_substitute_works_and_is_reported_at_connect(line):
     fault = line.add("module-wrong", params={"ident": 0x1234, "substitute": True})
     assert iops(line) == GOOD
     assert alarms(line) == []
@@ -194,7 +194,7 @@ def test_what_hands_pulled_before_is_still_out_when_the_fault_ends(line):
         ("alarm-storm", {"slot": 3}, "fault.params.slot: axis-01 has no slot 3"),
     ],
 )
-def test_what_a_drive_cannot_do_is_told_and_nothing_has_changed(line, kind, params, told):
+def test_what_a_drive_cannot_do_is_refused_and_changes_nothing(line, kind, params, told):
     with pytest.raises(ConfigError) as caught:
         line.add(kind, params=params)
     assert str(caught.value).startswith(told)
@@ -261,7 +261,7 @@ def test_a_problem_goes_with_its_submodule(line):
     assert data_status(line) == STATUS_GOOD & ~STATUS_NO_PROBLEM
 
 
-def test_a_diagnosis_that_is_there_at_connect_stands_in_the_module_diff():
+def test_a_diagnosis_that_is_there_at_connect_is_in_the_module_diff():
     early = FaultLine()
     fault = early.add("diagnosis")
     early.run(0.01)

@@ -40,7 +40,7 @@ def datagram(source: int, destination: int, *, protocol: int = 17, fragment: int
         (MACS, OTHER),
     ],
 )
-def test_dcp_and_rpc_are_told_apart_from_all_else(frame, known):
+def test_dcp_and_rpc_are_distinguished_from_all_else(frame, known):
     assert frame_class(frame) == known
 
 
@@ -69,7 +69,7 @@ def rta(kind: int, body: bytes = b"", *, tag: bytes = TAG, frame_id: int = ALARM
         (MACS + bytes.fromhex("8892feff") + bytes(40), DCP),
     ],
 )
-def test_what_can_acknowledge_an_alarm_is_told_apart(frame, known):
+def test_what_can_acknowledge_an_alarm_is_distinguished(frame, known):
     assert frame_class(frame) == known
 
 
