@@ -34,7 +34,7 @@ def test_on_loopback_no_token_is_asked_for(tmp_path):
     assert not (tmp_path / "state").exists()
 
 
-def test_a_token_of_the_farm_file_lies_in_no_other(tmp_path):
+def test_a_token_of_the_farm_file_is_written_to_no_other(tmp_path):
     for listen in ("127.0.0.1:1", "0.0.0.0:1"):
         found = token_of(config(tmp_path, f"{{listen: '{listen}', token: {GIVEN}}}", "state: ./state\n"))
         assert (found.value, found.file, found.in_log) == (GIVEN, None, None)

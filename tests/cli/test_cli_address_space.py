@@ -35,7 +35,7 @@ def limited(kilobytes: int, *line: str) -> subprocess.CompletedProcess[str]:
         (400_000, ("bench", "scrape")),
     ],
 )
-def test_too_little_address_space_is_a_sentence(kilobytes, line):
+def test_too_little_address_space_is_an_error_in_one_sentence(kilobytes, line):
     found = limited(kilobytes, *line)
     assert (found.returncode, found.stdout) == (4, "")
     (sentence,) = found.stderr.splitlines()

@@ -149,7 +149,7 @@ def test_a_farm_file_lends_its_layouts_where_no_connect_was_captured(pnfarm, vir
     assert re.search(r"axis-01 -> plc ZSW1 .* S3 -> S4 operation", known)
 
 
-def test_what_is_no_capture_is_a_sentence(pnfarm, tmp_path):
+def test_a_file_that_is_no_capture_is_an_error_in_one_sentence(pnfarm, tmp_path):
     (tmp_path / "text.pcap").write_text("no capture at all")
     (tmp_path / "empty.pcap").write_bytes(b"")
     for name, words in (
@@ -210,7 +210,9 @@ def file(tmp_path, network):
         (["--pcap", "/dev/full"], 4, "capture /dev/full cannot be written: No space left on device"),
     ],
 )
-def test_what_a_capture_cannot_be_is_a_sentence(process, file, tmp_path, network, options, code, words):
+def test_impossible_capture_options_are_an_error_in_one_sentence(
+    process, file, tmp_path, network, options, code, words
+):
     found = process("up", file, *(o.replace("OUT", str(tmp_path / "out")) for o in options))
     assert found.code == code
     assert words in found.err.splitlines()[-1]

@@ -20,7 +20,7 @@ def test_the_file_is_written_and_its_path_printed(pnfarm, tmp_path, name):
     assert parse_gsdml(path.read_bytes()).daps[0].modules
 
 
-def test_it_goes_to_the_folder_of_the_moment(pnfarm, tmp_path, monkeypatch):
+def test_it_is_written_to_the_current_folder(pnfarm, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = pnfarm("gsdml", "akd")
     (path,) = tmp_path.iterdir()

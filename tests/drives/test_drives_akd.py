@@ -263,7 +263,7 @@ def test_5_6_sm_move_turns_the_motor_for_its_time() -> None:
     assert not running.drive.store.get("DRV.MOTIONSTAT") & 0x200
 
 
-def test_5_6_service_motion_goes_to_and_fro_until_drv_stop() -> None:
+def test_5_6_service_motion_moves_back_and_forth_until_drv_stop() -> None:
     running = service_ready()
     store = running.drive.store
     store.set("SM.MODE", 3)

@@ -108,7 +108,7 @@ def test_tasks_outlive_a_power_cycle_only_after_drv_nvsave():
         ({"1": [1]}, "no such task"),
     ],
 )
-def test_kept_tasks_that_do_not_fit_are_left_out_with_a_sentence(tasks, words):
+def test_kept_tasks_that_do_not_fit_are_left_out_with_a_reason(tasks, words):
     drive = ParameterStore(AKD, AxisHandle(AXIS.allocate(1)[0], IMAGE.allocate(1)[0]))
     (sentence,) = drive.restore({"model": "akd-profinet", "parameters": {}, "motion_tasks": tasks})
     assert words in sentence

@@ -236,7 +236,7 @@ def test_of_a_set_point_that_is_mapped_twice_the_first_words_count(msd: Drive) -
     assert msd.store.read(915, 0, 3) == [967, 1278, 1278]
 
 
-def test_four_elements_of_arrays_are_mapped_each_as_often_as_one_likes(msd: Drive) -> None:
+def test_four_array_elements_are_mapped_each_any_number_of_times(msd: Drive) -> None:
     """The drive shows four stored parameters at once (assumed)."""
     msd.axis.powered = 1
     msd.store.write(202, 0, [10, 11, 12, 13, 14])

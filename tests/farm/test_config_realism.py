@@ -279,7 +279,7 @@ _ANYTHING = st.recursive(
 
 
 @given(_ANYTHING)
-def test_any_value_is_taken_or_refused_with_a_sentence_and_makes_finite_figures(value):
+def test_any_value_is_taken_or_refused_with_a_reason_and_gives_finite_figures(value):
     config = parse_farm(text("off"))
     try:
         changed = config.with_overrides({"drives[0].realism": value})

@@ -102,7 +102,7 @@ def test_one_malformed_block_does_not_hide_the_others(start_up):
     assert any(talk["counts"].get("malformed") == 1 for talk in talks)
 
 
-def test_a_length_that_leads_astray_leaves_the_blocks_before_it(start_up):
+def test_a_wrong_length_keeps_the_blocks_before_it(start_up):
     frames = [
         changed(frame, b"\x81\x06\x00\x0c\x01\x00", b"\x81\x06\xff\x0c\x01\x00") if kind == "Connect.res" else frame
         for kind, frame in start_up

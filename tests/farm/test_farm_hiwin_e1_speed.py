@@ -122,7 +122,7 @@ def test_6_5_the_coast_stop_brakes_or_runs_free_by_pt001(method, fast):
 
 
 @pytest.mark.parametrize(("method", "held"), [(0, True), (1, False), (2, False)])
-def test_6_5_after_the_stop_the_brake_stays_or_lets_go(method, held):
+def test_6_5_after_the_stop_the_brake_stays_applied_or_is_released(method, held):
     """A torque on the shaft turns it against the brake slowly, and freely without."""
     plc = HandPlc("hiwin-e1", 3, params=f"{{Pt001: {method}}}")
     plc.axis.load.settings.torque = 0.06

@@ -177,7 +177,7 @@ def _json() -> st.SearchStrategy[Any]:
     suppress_health_check=[HealthCheck.too_slow],
 )
 @given(st.dictionaries(st.sampled_from(KEYS), _json(), min_size=1, max_size=3))
-def test_any_memory_boots_a_drive_or_is_refused_in_a_sentence(values: dict[str, Any]) -> None:
+def test_any_memory_boots_a_drive_or_is_refused_with_a_reason(values: dict[str, Any]) -> None:
     state = FarmState(None)
     try:
         state.save("axis-01", values)

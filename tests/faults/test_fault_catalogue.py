@@ -134,13 +134,13 @@ def test_a_drive_without_a_connection_cannot_count_its_cycles():
         manager.inject({"kind": "still", "on": "all", "after_cycles": 3}, 1)
 
 
-def test_an_effect_that_asks_for_a_part_without_having_named_it_is_an_error_of_the_house():
+def test_an_effect_that_uses_a_part_that_it_does_not_name_is_a_program_error():
     drive = InjectedDrive("axis-07", lambda: ("axis-07",), (), {}, lambda: None)
     with pytest.raises(InternalError, match="uses servo of axis-07"):
         drive.part(SERVO)
 
 
-def test_what_is_in_force_goes_into_the_machines_of_a_drive_that_booted():
+def test_what_is_in_force_applies_to_a_drive_that_booted():
     told, machines = [], [object()]
 
     class Noted(DrivePart):

@@ -115,7 +115,7 @@ def test_octets_are_read_from_hexadecimal_digits():
     assert data("") == b""
 
 
-def test_a_spec_goes_through_json_and_back():
+def test_a_spec_survives_json():
     spec = KINDS.parse(
         {"kind": "loss", "on": "axis-*", "probability": 0.25, "seed": 7, "for": "1.5s", "after": "31.25us", "as": "x"}
     )

@@ -436,7 +436,7 @@ def test_words_count_with_control_by_plc_and_are_zero_without_valid_data(sensor:
     assert sensor.zsw == 0
 
 
-def test_a_drive_that_boots_knows_of_no_request(sensor: SensorBench) -> None:
+def test_a_drive_that_boots_has_no_request(sensor: SensorBench) -> None:
     sensor.ask(0x50)
     assert sensor.error() == 0x0F01
     sensor.image.received[G1_STW] = 0

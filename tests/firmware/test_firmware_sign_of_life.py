@@ -81,7 +81,7 @@ def test_a_controller_in_sequence_raises_nothing(drive):
     assert drive.faults == []
 
 
-def test_a_controller_without_a_sign_of_life_is_left_in_peace(drive):
+def test_a_controller_without_a_sign_of_life_is_not_monitored(drive):
     for count in (0, 5):
         for _ in range(50):
             drive.frame(count)

@@ -127,7 +127,7 @@ def test_the_dynamic_brake_stops_a_motor_that_runs_free_for_long():
     assert stopped_after(0, brake=0.0)[1] > 1000
 
 
-def test_the_brake_stays_on_or_lets_go_after_the_stop():
+def test_the_brake_stays_applied_or_is_released_after_the_stop():
     speeds = []
     for method in (0, 1):
         drive, _ = stopped_after(method)

@@ -1,7 +1,7 @@
 """Injections into a PROFINET drive's connection and records, as the controller sees them."""
 
 from fault_line import FaultLine
-from profinet_looks import API, read
+from profinet_state import API, read
 
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterRequest, emit_request
 from pnfarm.protocols.profinet.errors import AccessError, RecordError

@@ -2,7 +2,7 @@
 
 import pytest
 from fault_line import FaultLine
-from profinet_looks import at_rest, read, station
+from profinet_state import at_rest, read, station
 
 
 def timed_read(line) -> float:

@@ -4,7 +4,7 @@ import pytest
 from fault_line import FaultLine
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from profinet_looks import alarms, at_rest, iops, station
+from profinet_state import alarms, at_rest, iops, station
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.errors import ConfigError

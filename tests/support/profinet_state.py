@@ -1,4 +1,4 @@
-"""What tests of injections look at in a PROFINET drive and its controller; ``line`` is a ``FaultLine``."""
+"""The state of a PROFINET drive and of its controller that tests of injections compare; ``line`` is a ``FaultLine``."""
 
 from __future__ import annotations
 
