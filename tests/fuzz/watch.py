@@ -69,7 +69,7 @@ def machines_of(station: Station) -> list[object]:
     device = station.device
     return [
         device.dcp, device.ip, device.rpc, device.client, device.neighbours.lldp, device.snmp, device.cm.alarms,
-        device.cm.diagnosis, device.cm.ars, device.dropped, device._outbox, device._calls, device.records.log_book,
+        device.cm.diagnosis, device.cm.ars, device.dropped, device._pump._calls, device.records.log_book,
         device.records.im.texts, device.neighbours.pdev.written, station.fault_counts, device.aborts,
     ]  # fmt: skip
 

@@ -347,7 +347,7 @@ class CmDevice:
             self._changed(ar)
         self._take_alarms(now)
 
-    def tell_diagnosis(self, now: int) -> bool:
+    def report_diagnosis(self, now: int) -> bool:
         """Alarms for what has changed in :attr:`diagnosis`, and the ARs' DataStatus; False when nothing has."""
         changes = self.diagnosis.events()
         for change in changes:

@@ -1,7 +1,7 @@
-"""One virtual drive on the wire: joins its protocol machines, its parameters and its row of the table.
+"""A PROFINET drive on the wire: its protocol machines, its parameters and its rows of the table.
 
-A station takes bytes and ``now`` and returns frames, like the machines that it consists of; the farm's runtime carries
-the frames.  The station itself connects the machines:
+A device takes bytes and ``now`` and returns frames, like the machines that it consists of; the farm's runtime carries
+the frames.  :mod:`pump` carries events between the machines.  Here
 
 * an address set by DCP goes to the IP host and into non-volatile memory;
 * a connected AR opens rows of the channel tables, an ended one closes them;
@@ -18,55 +18,41 @@ from pnfarm.buses.profinet.device.address import StationAddress
 from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels, channel_rows
 from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
 from pnfarm.buses.profinet.device.connections import StationConnections
-from pnfarm.buses.profinet.device.factory_reset import clear_memory
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.kept_values import check_kept
-from pnfarm.buses.profinet.device.neighbours import StationNeighbours, port_diagnosis
+from pnfarm.buses.profinet.device.neighbours import StationNeighbours
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
-from pnfarm.buses.profinet.device.record_memory import record_word, records_of
+from pnfarm.buses.profinet.device.pump import CALL_PORT, DevicePump
+from pnfarm.buses.profinet.device.record_memory import records_of
 from pnfarm.buses.profinet.device.snmp import snmp_view
 from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
 from pnfarm.buses.profinet.device.traffic import PortTraffic
 from pnfarm.buses.profinet.device.view import connection_of, losses_in_words, losses_of, view_of
 from pnfarm.buses.profinet.uuids import uuid_source
-from pnfarm.errors import DecodeError, InternalError
-from pnfarm.protocols.ip.host import DatagramReceived
+from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.cmdev import CmDevice
-from pnfarm.protocols.profinet.dcp_rules import (
-    AbortRequired,
-    DcpIdentity,
-    FactoryReset,
-    IpSet,
-    NameSet,
-    SignalBegan,
-    Stored,
-)
+from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
 from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.mib_view import SystemText
-from pnfarm.protocols.profinet.pdev_checks import CheckFailed
 from pnfarm.protocols.profinet.record_store import DeviceRecords
 from pnfarm.protocols.profinet.rpc_client import RpcClient
 from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
-from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceived, CallReturned, RpcServerConfig
-from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.rpc_events import RpcServerConfig
 from pnfarm.protocols.profinet.rpc_server import RpcServer
 from pnfarm.protocols.profinet.snmp import SnmpAgent
 from pnfarm.protocols.profinet.wire.epm import annotation
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.names import check_station_name
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum, object_uuid
+from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
-from pnfarm.station.events import (
-    ControllerModeChanged,
-    OutputsChanged,
-)
+from pnfarm.station.events import ControllerModeChanged, OutputsChanged
 from pnfarm.table import engine_row
 from pnfarm.table.channel import W_START
-from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -74,9 +60,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profinet.device.config import DeviceConfig
-    from pnfarm.drives.store import (
-        ParameterStore,
-    )
+    from pnfarm.drives.store import ParameterStore
     from pnfarm.engine.closed_channels import ClosedChannels
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
@@ -90,12 +74,8 @@ __all__ = ["ProfinetDevice"]
 
 #: The ethertype as in a frame.
 LLDP = ETHERTYPE_LLDP.to_bytes(2, "big")
-#: UDP port from which a device calls its controller (any free one; the response comes back to it).
-CALL_PORT = 49_152
 #: Drop reason of cyclic frames that belong to no connection.
 STRAY = "unknown-frame-id"
-#: Longest response of the controller, octets.
-ARGS_MAXIMUM = 16_384
 
 
 class ProfinetDevice:
@@ -112,12 +92,9 @@ class ProfinetDevice:
         rows = channel_rows(self.model.limits.io_controllers)
         drift = station.flaws.drift
         self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
-        #: A reset that restarts the drive was requested, and its response is still to be sent.
-        self._reboot_due = False
         self.connections = StationConnections(self)
         self.budget = ConnectBudget()
-        self._outbox: list[bytes] = []
-        self._calls: dict[int, int] = {}
+        self._pump = DevicePump(self)
         self._built = False
         self.cm: CmDevice
 
@@ -138,7 +115,7 @@ class ProfinetDevice:
             # the machines are recreated; their drop counters are kept
             self.dropped = self.discards()
             self.connections.forget()
-            self._calls.clear()
+            self._pump.forget_calls()
         self._built = True
         self._take_written_name(kept)
         kept = dict(kept)
@@ -370,180 +347,8 @@ class ProfinetDevice:
         self.parameter_words.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
-        """See :class:`pnfarm.station.device.Device`: passes events between the machines until none is left."""
-        # due timers must raise their events here: fetching the frames after the loop would be too late
-        self.dcp.handle_timeout(now)
-        self.ip.handle_timeout(now)
-        moved = True
-        while moved:
-            moved = False
-            for step in (
-                self._pump_dcp, self._pump_neighbours, self._pump_ip, self._pump_rpc, self._pump_cm, self._pump_snmp,
-                self.station.pump_drive,
-            ):  # fmt: skip
-                moved = step(now) or moved
-        for datagram in (*self.rpc.to_send(now), *self.client.to_send(now), *self.snmp.to_send(now)):
-            self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
-        frames = self._outbox
-        self._outbox = []
-        frames += self.dcp.to_send(now)
-        frames += self.ip.to_send(now)
-        frames += self.neighbours.to_send(now)
-        frames += [
-            emit_ethernet(EthernetFrame(f.destination, self.port.mac, ETHERTYPE_PROFINET, f.payload, f.tag))
-            for f in self.cm.rta_to_send()
-        ]
-        if self._reboot_due:
-            # the response to the reset is among the frames; those of the new machines follow at once
-            self._reboot_due = False
-            self.station.power_cycle(now)
-            frames += self.station.pump(now)
-        for frame in frames:
-            self.traffic.frame_sent(frame)
-        return frames
-
-    # -- between the machines ----------------------------------------------------------------------------------------
-
-    def _pump_dcp(self, now: int) -> bool:
-        events = self.dcp.events()
-        for event in events:
-            self.addressing.take_dcp(event, now)
-            match event:
-                case NameSet(name):
-                    self.cm.station_name = name
-                case IpSet(interface) if interface is not None:
-                    self.rpc.set_address(interface.ip)
-                    self.store.address_set()
-                case SignalBegan():
-                    self.station.signalled_ns = now
-                case AbortRequired(reason):
-                    self.cm.abort_all(reason, now)
-                case FactoryReset():
-                    self._factory_reset(event, now)
-                case _:
-                    pass
-        if events:
-            self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, now)
-        return bool(events)
-
-    def _factory_reset(self, reset: FactoryReset, now: int) -> None:
-        """Clear what the reset's mode names, in memory and machines; name and address have events of their own."""
-        clear_memory(self.station.kept, reset.clears)
-        self.station.save()
-        if Stored.APPLICATION in reset.clears:
-            self.store.restore(None)
-            self.store.power_on()
-        if self.dcp.address is not None:
-            self.store.address_set()
-        elif Stored.COMMUNICATION in reset.clears:
-            self.store.address_forgotten()
-        if Stored.IDENTIFICATION in reset.clears:
-            self.records.im.texts.clear()
-        if Stored.MANAGEMENT in reset.clears:
-            self.snmp_texts.clear()
-        if Stored.INTERFACE in reset.clears:
-            self.neighbours.pdev.forget(now)
-            self.addressing.forget_records(on=self.config.hello)
-        self._reboot_due = self._reboot_due or reset.reboots
-        self.note(now, happened.FactoryResetDone(reset.mode.name.lower(), tuple(sorted(reset.clears))))
-
-    def _pump_ip(self, now: int) -> bool:
-        events = self.ip.events()
-        for event in events:
-            if isinstance(event, DatagramReceived):
-                peer = Peer(event.source_ip, event.source_port)
-                if event.destination_port == RPC_PORT:
-                    self.rpc.receive(peer, RPC_PORT, event.data, now, event.source_mac)
-                elif event.destination_port == SNMP_PORT:
-                    self.snmp.receive(peer, event.data, now)
-                else:
-                    self.client.receive(peer, event.destination_port, event.data, now)
-            else:
-                self.addressing.take_ip(event, now)
-        return bool(events)
-
-    def _pump_rpc(self, now: int) -> bool:
-        requests = self.rpc.events()
-        for request in requests:
-            if isinstance(request, CallReceived):
-                if request.opnum == Opnum.CONNECT and request.source_mac is not None:
-                    self.budget.note(request.source_mac, now)
-                self.cm.receive_call(
-                    request.call,
-                    request.opnum,
-                    request.payload,
-                    request.args_maximum,
-                    request.peer,
-                    now,
-                    source_mac=request.source_mac,
-                )
-        answers = self.client.events()
-        for answer in answers:
-            token = self._calls.pop(answer.call_id, None)
-            if token is None:
-                continue
-            if isinstance(answer, CallReturned):
-                self.cm.call_returned(token, answer.status, answer.payload, now)
-            elif isinstance(answer, CallFailed):
-                self.cm.call_failed(token, answer.reason, now)
-        return bool(requests or answers)
-
-    def _pump_cm(self, now: int) -> bool:
-        responses = self.cm.responses()
-        for call, status, payload in responses:
-            if not isinstance(call, CallKey):
-                raise InternalError(f"{call!r} is not a call of the RPC server")
-            self.rpc.respond(call, status, payload, now)
-        calls = self.cm.calls()
-        for call in calls:
-            call_id = self.client.call(
-                Peer(call.peer_ip, call.port or RPC_PORT),
-                CALL_PORT,
-                UUID_PNIO_CONTROLLER,
-                call.object_uuid,
-                call.opnum,
-                args_maximum=ARGS_MAXIMUM,
-                payload=call.payload,
-                now=now,
-            )
-            self._calls[call_id] = call.token
-        changed = self.cm.tell_diagnosis(now)
-        events = self.cm.events()
-        for event in events:
-            self.records.log_book.note(event, now)
-            self.connections.take(event, now)
-            for listener in self.connections.listeners:
-                listener(event, now)
-        for call_id in [call_id for call_id, token in self._calls.items() if not self.cm.awaits(token)]:
-            # its connection ended: a controller that reconnects would take it for one of the new connection
-            self.client.forget(call_id, now)
-            del self._calls[call_id]
-        texts = self.records.im.events()
-        if texts:
-            self.keep(now, "im", {record_word(key): data for key, data in self.records.im.texts.items()})
-        return bool(responses or calls or changed or events)
-
-    def _pump_snmp(self, now: int) -> bool:
-        events = self.snmp.events()
-        for event in events:
-            self.snmp_texts[event.which] = event.text
-            self.keep(now, "snmp", {which.name: text for which, text in self.snmp_texts.items()})
-            self.note(now, happened.SystemTextSet(event.text, event.which.name.capitalize()))
-        return bool(events)
-
-    def _pump_neighbours(self, now: int) -> bool:
-        notes = self.neighbours.pump(now)
-        if notes:
-            self.dcp.aliases = self.neighbours.aliases
-        for note in notes:
-            self.note(now, note)
-        for check in self.neighbours.checks():
-            entry = port_diagnosis(check)
-            if isinstance(check, CheckFailed):
-                self.cm.diagnosis.add(entry)
-            else:
-                self.cm.diagnosis.remove(entry)
-        return bool(notes)
+        """See :class:`pnfarm.station.device.Device`."""
+        return self._pump.pump(now)
 
     def telegram_changed(self) -> None:
         """See :class:`pnfarm.station.device.Device`."""
