@@ -79,7 +79,7 @@ class Controller(Protocol):
         """Release every connection."""
         ...
 
-    # -- what it has come to
+    # -- state for observers
 
     @property
     def all_connected(self) -> bool:

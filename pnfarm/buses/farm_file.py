@@ -49,7 +49,7 @@ class PlacedGroup(Generic[Group]):
     """A group, where it is reported, and what the file's reader calls it: ``drives[2]``."""
 
     at: Location
-    words: str
+    label: str
     group: Group
 
 

@@ -37,7 +37,7 @@ class BreakingEffect(Effect):
         if self.finished or connection is None or not connection.established or connection.keys & self._passed:
             return
         self._passed = connection.keys
-        happens = self._chance.falls()
+        happens = self._chance.happens()
         if happens:
             happens = self.break_off(now) > 0
         self._chance.tally.note(now, happened=happens, confirmed=happens)

@@ -61,7 +61,7 @@ class Catalogue(Mapping[str, InjectionKind]):
         return len(self._kinds)
 
     def parse(self, data: Mapping[str, Any]) -> InjectionSpec:
-        """An injection from plain values; raises :class:`~.words.InjectionError` with every wrong field."""
+        """An injection from plain values; raises :class:`~.errors.InjectionError` with every wrong field."""
         return InjectionSpec.parse(data, self)
 
     def schema(self) -> dict[str, Any]:

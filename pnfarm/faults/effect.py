@@ -62,7 +62,7 @@ class Chance:
         """Whether it has happened ``count`` times."""
         return self._count is not None and self.tally.seen.activations >= self._count
 
-    def falls(self) -> bool:
+    def happens(self) -> bool:
         """Whether the occurrence at hand happens."""
         return not self.exhausted and self._random.uniform() < self._probability
 

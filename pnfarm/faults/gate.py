@@ -97,7 +97,7 @@ class GateRule:
         self._stop_ns = stop_ns
         self._armed = armed
         self._spent = spent
-        self._told = lost
+        self._on_loss = lost
         self.instead = instead
         self._random = {direction: SplitMix64(seed + index) for index, direction in enumerate(directions)}
         self._evidence = dict.fromkeys(directions, Evidence())
@@ -112,7 +112,7 @@ class GateRule:
         lost = self._random[direction].uniform() < self._probability
         self._evidence[direction] = seen + (Evidence(1, 1, now, now, confirmed=True) if lost else Evidence(1))
         if lost:
-            self._told()
+            self._on_loss()
         return lost
 
     def evidence(self, direction: Direction | None = None) -> Evidence:
@@ -143,7 +143,7 @@ class GatedLink:
         self._held: dict[int, deque[_Held]] = {}
         self._classes: dict[int, FrameClass] = {}
 
-    def know(self, port: int, frame_class: FrameClass) -> None:
+    def classify(self, port: int, frame_class: FrameClass) -> None:
         """Set the port's classifier; until then its frames have no class."""
         self._classes[port] = frame_class
 
@@ -188,7 +188,7 @@ class GatedLink:
             return
         self._delays.pop(port, None)
         for held in self._held.pop(port, ()):
-            self._let_go(port, held)
+            self._release(port, held)
 
     def forget(self, port: int) -> None:
         """Drop what is held back: its sender has lost its supply."""
@@ -202,11 +202,11 @@ class GatedLink:
     def handle_timeout(self, now: int) -> None:
         for port, queue in list(self._held.items()):
             while queue and queue[0].due_ns <= now:
-                self._let_go(port, queue.popleft())
+                self._release(port, queue.popleft())
             if not queue:
                 self._held.pop(port, None)
 
-    def _let_go(self, port: int, held: _Held) -> None:
+    def _release(self, port: int, held: _Held) -> None:
         self.inner.send(port, held.frame)
         held.left(sent=True)
 

@@ -38,7 +38,7 @@ class LateEffect(Effect):
         if self._chance.exhausted:
             return 0
         wait = self._delay + int(self._random.uniform() * (self._jitter + 1))
-        happens = self._chance.falls() and wait > 0
+        happens = self._chance.happens() and wait > 0
         self._chance.tally.note(now, happened=happens)
         self._held += happens
         return wait if happens else 0

@@ -214,7 +214,7 @@ class InjectionManager:
             spec = spec.model_copy(update={"seed": secrets.randbits(53)})
         names = matching(spec.on, {name: (d.names, d.models) for name, d in self._drives.items()})
         for name in names:
-            _refuse_what_it_lacks(self._drives[name], spec)
+            _check_parts(self._drives[name], spec)
         injection = Injection(self._new_id(spec.name), spec, now)
         for name in names:
             drive = self._drives[name]
@@ -359,7 +359,7 @@ class InjectionManager:
         return injection
 
     def _look(self, injection: Injection, run: DriveRun, now: int) -> None:
-        """As :meth:`_advance`, where no caller can be told that it cannot be done."""
+        """As :meth:`_advance`, without a caller to whom an error could be raised."""
         try:
             self._advance(injection, run, now)
         except ConfigError as exc:
@@ -493,11 +493,11 @@ def _cycles(drive: InjectedDrive) -> int:
     return 0 if part is None else part.cycles()
 
 
-def _refuse_what_it_lacks(drive: InjectedDrive, spec: InjectionSpec) -> None:
+def _check_parts(drive: InjectedDrive, spec: InjectionSpec) -> None:
     """Raises :class:`InjectionError` for a kind whose parts this drive does not have."""
     for part in spec.kind.effect.needs:
         if drive.find(part) is None:
-            raise InjectionError([("kind", f"{drive.name} has no {part.words}, which {spec.kind.name} needs", "")])
+            raise InjectionError([("kind", f"{drive.name} has no {part.title}, which {spec.kind.name} needs", "")])
     if (spec.cycles or spec.after_cycles) and drive.find(CONNECTION) is None:
         field = "cycles" if spec.cycles else "after_cycles"
-        raise InjectionError([(field, f"{drive.name} has no {CONNECTION.words} whose cycles could be counted", "")])
+        raise InjectionError([(field, f"{drive.name} has no {CONNECTION.title} whose cycles could be counted", "")])

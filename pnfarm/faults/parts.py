@@ -21,15 +21,15 @@ P = TypeVar("P")
 
 
 class Part(Generic[P]):
-    """The name of a part; ``words`` name it in messages about drives that lack it, such as ``alarms``."""
+    """The name of a part; ``title`` names it in messages about drives that lack it, such as ``alarms``."""
 
-    __slots__ = ("words",)
+    __slots__ = ("title",)
 
-    def __init__(self, words: str) -> None:
-        self.words = words
+    def __init__(self, title: str) -> None:
+        self.title = title
 
     def __repr__(self) -> str:
-        return f"Part({self.words!r})"
+        return f"Part({self.title!r})"
 
 
 class DrivePart:
@@ -84,7 +84,7 @@ class InjectedDrive:
         """A part that the effect named in ``needs``."""
         found = self.find(part)
         if found is None:
-            raise InternalError(f"an effect uses {part.words} of {self.name} without naming them in `needs`")
+            raise InternalError(f"an effect uses {part.title} of {self.name} without naming them in `needs`")
         return found
 
     def refresh(self, now: int) -> None:
@@ -99,4 +99,4 @@ class InjectedDrive:
 
     def in_force(self) -> dict[str, list[Any]]:
         """What injections have applied to each part and not undone."""
-        return {part.words: left for part, found in self._parts.items() if (left := found.in_force())}
+        return {part.title: left for part, found in self._parts.items() if (left := found.in_force())}

@@ -70,7 +70,7 @@ class ServoStation(Protocol):
 
 
 class Servo(DrivePart):
-    """Every call counts, so that two injections may ask for the same.
+    """Calls are counted, so that several injections may request the same.
 
     ``settle(now)`` lets the station finish what a change of its supply began; ``goes_off()`` and ``came_on(now)``
     notify the other parts.
@@ -206,7 +206,7 @@ class Servo(DrivePart):
         self._flush()
 
     def _flush(self) -> None:
-        # a drive without supply takes nothing, and its ring must have room for the command that boots it
+        # a drive without supply takes no commands, and its ring must have room for the command that boots it
         while self._commands and self._station.powered:
             try:
                 self._station.handle.push_command(*self._commands[0])
@@ -231,13 +231,13 @@ class Servo(DrivePart):
         reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
         self._station.handle.axis.machine.settings.fault_limits = reached
 
-    def lack(self, what: str) -> None:
-        """Take ``enable`` or ``supply`` away from the drive, until each caller has called :meth:`regain`."""
+    def take_away(self, what: str) -> None:
+        """Take ``enable`` or ``supply`` away from the drive, until each caller has called :meth:`give_back`."""
         self._lacks[what] += 1
         self._put_lacks()
 
-    def regain(self, what: str) -> None:
-        """Undo one :meth:`lack`."""
+    def give_back(self, what: str) -> None:
+        """Undo one :meth:`take_away`."""
         self._lacks[what] -= 1
         self._put_lacks()
 

@@ -44,7 +44,7 @@ _ICMP, _UDP = 1, 17
 _SNMP_PORTS = (161, 162)
 _UDP_HEAD, _RPC_VERSION = 8, 4
 _OFFSET_MASK = 0x1FFF
-#: Runs of interface indexes that are told apart; a farm's interfaces are made in a row.
+#: Most runs of interface indexes that are distinguished; a farm's interfaces are made in a row.
 _MAXIMUM_RUNS = 900
 
 

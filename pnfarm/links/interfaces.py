@@ -1,6 +1,6 @@
 """Making, finding and removing network interfaces (macvlan, veth, bridge), through rtnetlink.
 
-Everything here blocks for milliseconds and is called in a worker thread (:func:`to_its_end`): pyroute2's
+Everything here blocks for milliseconds and is called in a worker thread (:func:`run_to_completion`): pyroute2's
 synchronous sockets do not work inside a running event loop.  Removal goes by interface group, in one
 request for the whole farm: one by one, 256 macvlans take 4.5 s, as the kernel waits a grace period for each.
 """
@@ -35,7 +35,7 @@ __all__ = [
     "mac_text",
     "remove_leftovers",
     "remove_leftovers_now",
-    "to_its_end",
+    "run_to_completion",
 ]
 
 _P = ParamSpec("_P")
@@ -88,7 +88,7 @@ class VethPair:
     peer: Port
 
 
-async def to_its_end(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> _T:
+async def run_to_completion(function: Callable[_P, _T], *args: _P.args, **kwargs: _P.kwargs) -> _T:
     """Run a blocking function in a thread; a cancelled caller leaves only once it has finished.
 
     So whatever the function made or removed is known when the cancellation arrives at the caller's clean-up.
@@ -130,7 +130,7 @@ class Interfaces:
         return [_facts(message) for message in self._route.get_links()]
 
     def find(self, name: str, what: str) -> InterfaceFacts:
-        """The interface of that name; ``what`` says in the error what it was wanted for.
+        """The interface of that name; ``what`` names its purpose in the error.
 
         Raises :class:`~pnfarm.errors.EnvironmentError_`, naming those that there are.
         """
@@ -226,7 +226,7 @@ class Interfaces:
         bring_up([self.find(name, "veth").index for name in (near, far)])
 
     def remove_cable(self, near: str) -> None:
-        """Take a pair of :meth:`create_cable` away."""
+        """Remove a pair of :meth:`create_cable`."""
         self._route.link("del", index=self.find(near, "veth").index)
 
     def create_bridge(self, farm: str) -> Port:
@@ -421,4 +421,4 @@ async def remove_leftovers(farm: str) -> list[str]:
 
     Take the :class:`~pnfarm.links.ownership.FarmLock` first: a running farm's interfaces carry the same marks.
     """
-    return await to_its_end(remove_leftovers_now, farm)
+    return await run_to_completion(remove_leftovers_now, farm)

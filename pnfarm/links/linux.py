@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
-from pnfarm.links.interfaces import Interfaces, to_its_end
+from pnfarm.links.interfaces import Interfaces, run_to_completion
 from pnfarm.links.packet import PacketSockets
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class PacketLink(ABC):
             return []
         self._touched = True
         try:
-            ports = await to_its_end(self._create, list(wanted))
+            ports = await run_to_completion(self._create, list(wanted))
             self._ports = {port.index: port for port in ports}
             self._sockets.open(ports, shared=self._shared)
         except BaseException:
@@ -56,7 +56,7 @@ class PacketLink(ABC):
         self._sockets.close()
         self._ports = {}
         if self._touched:
-            await to_its_end(self._remove)
+            await run_to_completion(self._remove)
             self._touched = False
 
     def check(self, count: int = 16) -> None:
@@ -83,11 +83,11 @@ class PacketLink(ABC):
         return self._sockets.engine_socket()
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
-        await to_its_end(self._set_carrier, self._port(port_index), up)
+        await run_to_completion(self._set_carrier, self._port(port_index), up)
         self._sockets.set_pulled(port_index, not up)
 
     async def set_mac(self, port_index: int, mac: bytes) -> None:
-        await to_its_end(self._set_mac, self._port(port_index), mac)
+        await run_to_completion(self._set_mac, self._port(port_index), mac)
         self._sockets.set_mac(port_index, mac)
 
     def _port(self, index: int) -> Port:

@@ -216,7 +216,7 @@ class PacketSockets:
     def _open_lldp(self, sender: socket.socket, shared: int | None) -> None:
         if shared is not None:
             sock = open_packet_socket(ETHERTYPE_LLDP, bpf.ethertype_filter(shared, shared), index=shared)
-            self._read_from(sock, self._hand_to_all)
+            self._read_from(sock, self._deliver_shared_cable)
             _join(sock, shared, MULTICAST_LLDP)
             return
         mark = 0
@@ -227,7 +227,7 @@ class PacketSockets:
                 mark = wanted
         code = bpf.ethertype_filter(min(self._names), max(self._names), mark=mark)
         sock = open_packet_socket(ETHERTYPE_LLDP, code, index=self._only_port)
-        self._read_from(sock, self._hand_to_strangers)
+        self._read_from(sock, self._deliver_own_cable)
         for index in self._names:
             _join(sock, index, MULTICAST_LLDP)
 
@@ -262,14 +262,14 @@ class PacketSockets:
         if self._receiver is not None:
             self._receiver(index, frame, now)
 
-    def _hand_to_strangers(self, index: int, frame: bytes | None, now: int) -> None:
+    def _deliver_own_cable(self, index: int, frame: bytes | None, now: int) -> None:
         """An LLDP frame of a port's own cable."""
         if frame is not None and frame[6:12] in self._macs.values():
             self._counters.dropped["own-lldp"] += 1
         else:
             self._hand_over(index, frame, now)
 
-    def _hand_to_all(self, _shared: int, frame: bytes | None, now: int) -> None:
+    def _deliver_shared_cable(self, _shared: int, frame: bytes | None, now: int) -> None:
         """An LLDP frame of the one cable that all ports have in common."""
         for index in list(self._names):
             if index not in self._pulled:

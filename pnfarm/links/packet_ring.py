@@ -1,4 +1,4 @@
-"""A packet socket that sees every frame of some interfaces, both ways, and puts them into memory shared with us.
+"""A packet socket that sees every frame of some interfaces, both ways, and puts them into shared memory.
 
 TPACKET_V3 (Documentation/networking/packet_mmap.rst): the kernel copies each frame that the filter lets through, with
 its stamp, interface, direction and VLAN tag, into blocks of a ring; a block is handed over when it is full or

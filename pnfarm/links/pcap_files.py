@@ -90,7 +90,7 @@ class CaptureFiles:
         self._written = 0
         self._kept.append(self.current)
         while self._keep is not None and len(self._kept) > self._keep:
-            with contextlib.suppress(FileNotFoundError):  # somebody took it away already
+            with contextlib.suppress(FileNotFoundError):  # it was removed already
                 self._kept.popleft().unlink()
         try:
             self._put(self._head)

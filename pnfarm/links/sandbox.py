@@ -95,7 +95,7 @@ def _mount(source: bytes, target: bytes, kind: bytes | None, flags: int) -> int:
 
 
 def _show_own_interfaces() -> tuple[str, ...]:
-    """Mount /sys anew: it shows the interfaces of the namespace it was mounted in."""
+    """Mount /sys again: it shows the interfaces of the namespace it was mounted in."""
     code = _mount(b"none", b"/", None, _MS_REC | _MS_PRIVATE)
     code = code or _mount(b"sysfs", b"/sys", b"sysfs", _MS_NOSUID_NODEV_NOEXEC)
     if code:

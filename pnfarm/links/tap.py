@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
-from pnfarm.links.interfaces import Interfaces, to_its_end
+from pnfarm.links.interfaces import Interfaces, run_to_completion
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
 
@@ -106,14 +106,14 @@ class TapLink:
         self._receiver = receiver
 
     def set_cyclic_receiver(self, receiver: Receiver) -> None:
-        """Who gets cyclic frames; until it is set they are counted as received and dropped."""
+        """Set the receiver of cyclic frames; until then they are counted as received and dropped."""
         self._cyclic_receiver = receiver
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         if self._fds:
             raise InternalError("this tap link is already open")
         try:
-            ports = await to_its_end(self._create, list(wanted))
+            ports = await run_to_completion(self._create, list(wanted))
             self._loop = asyncio.get_running_loop()
             for index, fd in self._fds.items():
                 self._loop.add_reader(fd, self._reader_of(index, fd))
@@ -150,7 +150,7 @@ class TapLink:
             if self._loop is not None and not self._loop.is_closed():
                 self._loop.remove_reader(fd)
         if self._fds:
-            await to_its_end(self._remove)
+            await run_to_completion(self._remove)
 
     def _remove(self) -> None:
         with Interfaces() as interfaces:  # all at once; closing them one by one waits a grace period for each
@@ -170,7 +170,7 @@ class TapLink:
                 except BlockingIOError:
                     return
                 except OSError:
-                    # the interface was removed under us: nothing will ever come again
+                    # the interface was removed under us: no more frames will come
                     self._counters.dropped["interface-down"] += 1
                     if self._loop is not None:
                         self._loop.remove_reader(fd)

@@ -13,7 +13,7 @@ _SLACK: Final = 64
 class Deadlines:
     """One deadline for each key; integer times, nanoseconds.
 
-    A key that is set anew leaves its former entry in the heap.  Such entries are passed over, and swept out once they
+    A key that is set again leaves its former entry in the heap.  Such entries are skipped, and removed once they
     are more than the live ones, so that the memory is in proportion to the keys however often they are set.
     """
 

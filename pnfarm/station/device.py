@@ -1,4 +1,4 @@
-"""What a station asks of its bus's device."""
+"""Interface of a bus's device to its station."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ __all__ = ["ChannelCounts", "ConnectionView", "Device", "KeptValueError"]
 
 
 class KeptValueError(EnvironmentError_):
-    """A drive's memory holds what no drive wrote."""
+    """A drive's memory holds a value that no drive writes."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConnectionView:
     """The connection that carries a drive's cyclic data, or the one that is closest to being established.
 
-    ``state`` is the bus's own word for how far it is.  A connection without channels has nothing else.
-    ``exchanging``: it is all set up.
+    ``state`` is the bus's own name for its state.  A connection without channels has nothing else.
+    ``exchanging``: it is completely set up.
     """
 
     state: str
@@ -51,7 +51,7 @@ class ChannelCounts(Protocol):
 class Device(Protocol):
     """One drive's end of a bus: bytes and ``now`` in, frames and events out; no clock, no socket, no task."""
 
-    # -- life: the machines are made anew at each power-on
+    # -- life: the machines are recreated at each power-on
 
     def check(self, kept: Mapping[str, Any]) -> None:
         """Whether the device can boot with this memory; raises :class:`KeptValueError` that names the key."""
@@ -62,15 +62,15 @@ class Device(Protocol):
         ...
 
     def build(self, kept: dict[str, Any]) -> None:
-        """Make the machines as they are after power-on, with what memory holds; the store is ready."""
+        """Create the machines as after power-on, with the contents of memory; the store is ready."""
         ...
 
     def start(self, now: int) -> list[str]:
-        """The drive comes on the wire; what memory holds and the device cannot take, in words."""
+        """The drive comes on the wire; a sentence for each content of memory that does not fit the device."""
         ...
 
     def stop(self, now: int) -> None:
-        """The supply went: connections end without a word."""
+        """The supply is off: connections end without notice."""
         ...
 
     def leave(self, now: int) -> None:
@@ -88,25 +88,25 @@ class Device(Protocol):
         ...
 
     def next_deadline(self) -> int | None:
-        """When :meth:`handle_timeout` is wanted."""
+        """When :meth:`handle_timeout` is due."""
         ...
 
     def handle_timeout(self, now: int) -> None:
-        """Whatever is due by now."""
+        """Do what is due by now."""
         ...
 
     def telegram_changed(self) -> None:
         """Another telegram is in force: cyclic frames carry other signals."""
         ...
 
-    # -- the engine's word
+    # -- events of the engine
 
     def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
-        """An event of one of the device's consumers; False when the connection went while it waited."""
+        """An event of one of the device's consumers; False when its connection ended while the event waited."""
         ...
 
     def catch_up(self, now: int) -> None:
-        """Events of the engine were lost: learn from the rows what became of the connections."""
+        """Events of the engine were lost: read from the rows what happened to the connections."""
         ...
 
     def fault_raised(self, number: int) -> None:
@@ -121,21 +121,21 @@ class Device(Protocol):
         """A task came in the cyclic parameter channel."""
         ...
 
-    # -- what there is to see
+    # -- state for observers
 
     @property
     def name(self) -> str:
-        """What the drive is called on the bus now; a controller or a tool may have changed it."""
+        """The drive's present name on the bus; a controller or a tool may have changed it."""
         ...
 
     @property
     def connects(self) -> int:
-        """Connections that came to data exchange since the farm started."""
+        """Connections that reached data exchange since the farm started."""
         ...
 
     @property
     def watchdog_expirations(self) -> int:
-        """Watchdogs on the controller's data that ran out."""
+        """Expired watchdogs on the controller's data."""
         ...
 
     @property
@@ -157,7 +157,7 @@ class Device(Protocol):
 
     @property
     def closed(self) -> ChannelCounts:
-        """What was counted on channels that are closed now."""
+        """Counters of the closed channels."""
         ...
 
     @property
@@ -170,5 +170,5 @@ class Device(Protocol):
         ...
 
     def view(self, now: int) -> dict[str, Any]:
-        """What only this bus has to show of a drive, plain JSON values for its snapshot."""
+        """Data of the drive that only this bus has, plain JSON values for its snapshot."""
         ...

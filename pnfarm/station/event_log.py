@@ -1,7 +1,7 @@
 """What happened in a farm: one line for every change of a connection, a state, a fault.
 
 The log keeps the last entries of the whole farm and of each drive, notifies subscribers (the API's event stream)
-and writes structlog events.  It alone makes words of the events.
+and writes structlog events.  Only the log renders events as text.
 """
 
 from __future__ import annotations

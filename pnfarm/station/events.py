@@ -1,8 +1,8 @@
 """What happens to a drive, as types: subscribers of the log select events by class.
 
-An event holds facts, no sentence.  ``text`` is what the log and the API's event stream call it, a few lower-case words
-that rigs may search for; :meth:`Event.details` are the plain values beside it.  What only one bus knows
-of is declared in that bus's room, as a subclass of what it is for everyone: an AR that was established is a
+An event holds facts, not sentences.  ``text`` is its name in the log and the API's event stream, a few lower-case
+words that rigs may search for; :meth:`Event.details` are the plain values beside it.  Events of one bus are declared
+in that bus's room, as subclasses of what they are on any bus: an AR that was established is a
 :class:`ConnectionEstablished`.
 """
 

@@ -32,7 +32,7 @@ def active_of(axis: Any) -> list[int]:
 
 
 def restore_history(axis: Any, kept: Sequence[int]) -> None:
-    """Put a kept buffer into the record of a drive that was off; a situation that was active then is history now.
+    """Put a kept buffer into the record of a drive that was off; a situation that was active then becomes history.
 
     A drive that loses its history begins with an empty one.
     """

@@ -1,11 +1,11 @@
 """One virtual drive, whatever its bus: its parameters, its supply, its memory, and what happens to it.
 
 A station is bytes and ``now`` in, frames out, like the machines of its bus's device; the farm's runtime carries the
-frames.  What it decides itself is what lies between the drive and the bus:
+frames.  It does itself what lies between the drive and the bus:
 
 * non-volatile memory is read at power-on, and what a drive saves is written through;
 * a drive with a boot time neither receives nor sends until it has booted;
-* what the drive itself orders (save, reboot, another telegram, the lamp) is carried out.
+* commands of the drive itself (save, reboot, another telegram, the lamp) are carried out.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class StationConfig(Protocol):
 
 
 class Station:
-    """See the module's head.  ``index`` is the row of axis and image; ``make_device`` gives its bus's device."""
+    """See the module's docstring.  ``index`` is the row of axis and image; ``make_device`` gives its bus's device."""
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class Station:
         self.fault_counts: dict[int, int] = {}
         #: When its lamp was last made to flash.
         self.signalled_ns: int | None = None
-        #: What non-volatile memory holds; :meth:`save` writes it.
+        #: Contents of non-volatile memory; :meth:`save` writes them.
         self.kept: dict[str, Any] = {}
         self.store: ParameterStore
         self._memory = memory
@@ -114,7 +114,7 @@ class Station:
     # -- life --------------------------------------------------------------------------------------------------------
 
     def _build(self) -> None:
-        """Store and machines as they are after power-on, with what non-volatile memory holds."""
+        """Create store and machines as after power-on, with the contents of non-volatile memory."""
         kept = self._memory.load(self.configured_name) or {}
         try:
             self.device.check(kept)
@@ -130,7 +130,7 @@ class Station:
         self.device.build(self.kept)
 
     def _raw(self, key: str, value: float | str | bool) -> int:
-        """A parameter of the farm file as the raw number that the drive takes."""
+        """A parameter of the farm file as the raw number that the drive accepts."""
         raw = raw_number(self.model.resolve(key)[0], value)
         if raw is None:
             raise ConfigError(f"{self.configured_name}: {key} cannot be {value!r}")
@@ -166,14 +166,14 @@ class Station:
             self.note(now, MemoryNotTaken(len(left_out), left_out[0]))
 
     def power_off(self, now: int) -> None:
-        """Cut the supply: connections end, nothing is answered any more."""
+        """Cut the supply: connections end, nothing is answered."""
         self.device.stop(now)
         self.handle.axis.powered = 0
         self._answers_ns = None
         self.note(now, PowerLost())
 
     def power_on(self, now: int) -> None:
-        """Boot with what non-volatile memory holds."""
+        """Boot with the contents of non-volatile memory."""
         self._booted_ns = now
         self._build()
         # set points written by parameters are gone, too, and so is the reason why a controller's ended
@@ -201,7 +201,7 @@ class Station:
         return self.device.pump(now) if self.on_the_wire else []
 
     def next_deadline(self) -> int | None:
-        """When :meth:`handle_timeout` is wanted."""
+        """When :meth:`handle_timeout` is due."""
         if not self.powered:
             return None
         return self.device.next_deadline() if self._answers_ns is None else self._answers_ns
@@ -218,7 +218,7 @@ class Station:
         self.device.handle_timeout(now)
 
     def pump_drive(self, now: int) -> bool:
-        """Carry out what the drive itself ordered; returns whether there was anything. Called by its device."""
+        """Carry out commands of the drive itself; returns whether there were any. Called by its device."""
         ordered = self.store.events()
         for event in ordered:
             match event:

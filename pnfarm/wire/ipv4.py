@@ -53,7 +53,7 @@ class Ipv4Packet:
 
 
 def internet_checksum(data: bytes | bytearray | memoryview) -> int:
-    """One's complement of the one's complement sum of 16-bit words; 0 over data that holds a right checksum."""
+    """One's complement of the one's complement sum of 16-bit words; 0 over data that includes its correct checksum."""
     padded = bytes(data) + b"\0" * (len(data) % 2)
     # 2**16 is 1 modulo 0xFFFF: the remainder of the whole number is the end-around-carry sum of its words.
     total = int.from_bytes(padded, "big")

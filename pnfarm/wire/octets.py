@@ -39,7 +39,7 @@ class Reader:
     def _take(self, count: int) -> int:
         start = self._pos
         if count < 0 or start + count > self._end:
-            raise DecodeError("short", f"{count} octets wanted, {self._end - start} left")
+            raise DecodeError("short", f"{count} octets needed, {self._end - start} left")
         self._pos = start + count
         return start
 
@@ -102,7 +102,7 @@ class Reader:
 
 
 class Writer:
-    """Appends octets; values out of range raise :class:`ValueError` (ours, never a peer's)."""
+    """Appends octets; values out of range raise :class:`ValueError`: a defect here, never of a peer's data."""
 
     __slots__ = ("_buf",)
 

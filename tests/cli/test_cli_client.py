@@ -414,7 +414,7 @@ def test_module_list_says_why_a_device_tells_nothing(ask, monkeypatch):
         (("axis-01", "--own-ip", "10.0.0.1/24"), "is for a device on the wire, beside --interface"),
         (("-i", "eth1"), "give one of them"),
         (("a", "-i", "eth1", "--ip", "10.0.0.7"), "give one of them"),
-        (("-i", "eth1", "--ip", "10.0.0"), "is no IPv4 address"),
+        (("-i", "eth1", "--ip", "10.0.0"), "is not an IPv4 address"),
         (("a" * 241, "-i", "eth1"), "a station name has 1 to 240"),
         (("a", "-i", "nowhere0"), "there is no interface nowhere0"),
     ],

@@ -46,7 +46,7 @@ def test_a_folder_that_is_not_there_is_made(pnfarm, tmp_path, folder):
 def test_a_name_of_a_file_is_no_folder_to_make(pnfarm, tmp_path):
     done = pnfarm("gsdml", "akd", "-o", tmp_path / "akd.xml")
     assert (done.code, done.out) == (2, "")
-    assert "akd.xml is no folder; give the folder, the file is called GSDML-V2.35-pnfarm-akd-" in done.err
+    assert "akd.xml is not a folder; give the folder, the file is called GSDML-V2.35-pnfarm-akd-" in done.err
     assert not list(tmp_path.iterdir())
 
 
@@ -85,12 +85,12 @@ ALL = ("--device", "axis-1", "--ip", "10.77.0.11/24", "--interface", "eth9")
         (("--gsdml", "b.xml", *ALL[:4]), "--interface: is required with --gsdml"),
         (("--gsdml", "b.xml", *ALL, "--module", "1"), "'1' is not like 1=MODULE"),
         (("--gsdml", "b.xml", *ALL, "--module", "1=A", "--module", "1=B"), "slot 1 is given twice"),
-        (("--gsdml", "b.xml", *ALL, "--module", "x=A"), "'x' is no slot or subslot"),
-        (("--gsdml", "b.xml", *ALL, "--cycle", "3ms"), "3ms is no PROFINET cycle"),
+        (("--gsdml", "b.xml", *ALL, "--module", "x=A"), "'x' is not a slot or subslot"),
+        (("--gsdml", "b.xml", *ALL, "--cycle", "3ms"), "3ms is not a PROFINET cycle"),
         (("a.yml", "--watchdog-factor", "5"), "needs --gsdml"),
         (("--gsdml", "b.xml", *ALL, "--watchdog-factor", "0"), "watchdog_factor: is 0; allowed: "),
         (("--gsdml", "b.xml", *ALL, "--watchdog-factor", "500"), "are too long a watchdog; allowed: a watchdog of"),
-        (("--gsdml", "b.xml", *ALL, "--device", "Axis_1"), "'Axis_1' is no station name"),
+        (("--gsdml", "b.xml", *ALL, "--device", "Axis_1"), "'Axis_1' is not a station name"),
     ],
 )
 def test_options_of_a_device_that_do_not_fit_are_bad_input(pnfarm, arguments, sentence):

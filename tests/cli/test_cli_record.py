@@ -60,7 +60,7 @@ READ = ["record", "read", "-i", "nowhere0", "--slot", "0", "--subslot", "1", "--
     [
         (READ, "give one of them"),
         ([*READ, "--name", "a", "--ip", "10.0.0.1"], "give one of them"),
-        ([*READ, "--ip", "10.0.0"], "is no IPv4 address"),
+        ([*READ, "--ip", "10.0.0"], "is not an IPv4 address"),
         ([*READ, "--name", "a", "--own-ip", "x"], "is not like 10.0.0.1/24"),
         ([*READ, "--name", "a"], "there is no interface nowhere0"),
         ([*READ[:-1], "abc", "--name", "a"], "'abc' is not a valid index"),

@@ -348,7 +348,7 @@ def test_scan_finds_the_drives(farm, process, background, network):
 
 def test_scan_of_a_wire_with_nobody_says_so(lonely, process):
     found = process("scan", "--interface", lonely, "--seconds", "0.3", "--no-lldp")
-    assert (found.code, found.out) == (0, "plc0: nobody answers to DCP\n")
+    assert (found.code, found.out) == (0, "plc0: no device answers to DCP\n")
     assert (
         json.loads(process("scan", "--interface", lonely, "--seconds", "0.3", "--no-lldp", "--format", "json").out)
         == []

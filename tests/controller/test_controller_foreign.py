@@ -170,7 +170,7 @@ def test_a_device_without_an_address_gets_a_free_one(tmp_path):
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
-        (", cycle: 8ms", r"device axis-01, .*drive\.xml: a cycle of 8 ms is faster than the device can, .* 16 ms"),
+        (", cycle: 8ms", r"device axis-01, .*drive\.xml: a cycle of 8 ms is too fast for the device; .* 16 ms"),
         (", dap: X", r"the file has no access point 'X', it has DAP"),
         (", modules: {1: TELEGRAM_2}", r"slot 1 takes no module 'TELEGRAM_2', it takes TELEGRAM_0, TELEGRAM_1"),
         (", modules: {2: TELEGRAM_1}", r"slot 2 takes no module 'TELEGRAM_1'"),
@@ -189,7 +189,7 @@ def test_a_configured_start_up_that_the_device_does_not_support_is_reported(tmp_
     only = replace(dap, interfaces=(replace(dap.interfaces[0], startup_modes=("Advanced",)),))
     write(tmp_path, replace(gsdml, daps=(only,)))
     assert plans(tmp_path)[0].startup == "advanced"
-    with pytest.raises(ConfigError, match="does not start up legacy"):
+    with pytest.raises(ConfigError, match="does not support start-up legacy"):
         plans(tmp_path, text=FILE.replace("controller:\n", "controller:\n  startup: legacy\n"))
 
 
@@ -211,11 +211,11 @@ def test_a_file_that_is_not_a_gsdml_file_is_reported(tmp_path, content, sentence
 @pytest.mark.parametrize(
     ("text", "line", "sentence"),
     [
-        (FILE.format(name="Axis_1", more=""), 6, "'Axis_1' is no station name"),
+        (FILE.format(name="Axis_1", more=""), 6, "'Axis_1' is not a station name"),
         (FILE.format(name="plc", more=""), 6, "'plc' belongs to the controller already"),
         (FILE.format(name="a", more="") + "    - {name: a, gsdml: x}\n", 7, "'a' belongs to 'a' of"),
         (FILE.format(name="a", more="") + "    - {name: b, gsdml: x, ip: 10.77.0.11/23}\n", 7, "10.77.0.11 belongs to"),
-        (FILE.format(name="a", more=", modules: {x: DI}"), 6, "'x' is no slot or subslot"),
+        (FILE.format(name="a", more=", modules: {x: DI}"), 6, "'x' is not a slot or subslot"),
         (FILE.format(name="a", more=", module: 1"), 6, "devices[0].module: is not a key"),
         ("controller: {interface: eth9, devices: []}\n", 1, "drives: is missing"),
         ("farm: f\nlink: {kind: memory}\ncontroller: {devices: [{name: a, gsdml: x}]}\n", 1, "drives: is missing"),

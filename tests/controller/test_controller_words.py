@@ -54,7 +54,7 @@ def test_an_answer_without_any_octet_fails_the_record_in_words(line: VirtualLine
     line.plc.touch(session, line.world.now)
     line.run(0.1)
     ((_, end),) = line.plc.records
-    assert end == RecordRead("t", None, reason="the answer has no PNIOStatus that could be read")
+    assert end == RecordRead("t", None, reason="the answer has no readable PNIOStatus")
     assert line.plc.all_connected, "a record that failed ended the connection"
 
 

@@ -77,7 +77,7 @@ def test_a_controller_on_the_farms_link_gets_a_mac_of_its_own():
 
 
 WRONG_CONTROLLER = [
-    ("name: Plc", "controller.name", "'Plc' is no station name"),
+    ("name: Plc", "controller.name", "'Plc' is not a station name"),
     ("name: axis-03", "drives[0].name", "'axis-03' belongs to the controller"),
     ("ip: 10.77.0.12/24", "drives[0].ip", "'axis-02': 10.77.0.12 belongs to the controller"),
     ("ip: 10.78.0.1/24", "controller.ip", "cannot reach drives[0]"),
@@ -94,8 +94,8 @@ WRONG_CONTROLLER = [
     ("{send_clock_factor: 128, reduction_ratio: 512}", "controller.send_clock_factor", "the slowest cycle is 512ms"),
     ("{cycle: 16ms, send_clock_factor: 32, reduction_ratio: 8}", "controller.send_clock_factor", "make 8ms, not 16ms"),
     ("{cycle: 16ms, reduction_ratio: 1}", "controller.reduction_ratio", "a send clock factor is one of 1, 2"),
-    ("{cycle: 16ms, send_clock_factor: 4}", "controller.send_clock_factor", "factor of 4 is none of akd-profinet"),
-    ("{cycle: 16ms, reduction_ratio: 256}", "controller.reduction_ratio", "factor of 2 is none of akd-profinet"),
+    ("{cycle: 16ms, send_clock_factor: 4}", "controller.send_clock_factor", "of 4 is not supported by akd-profinet"),
+    ("{cycle: 16ms, reduction_ratio: 256}", "controller.reduction_ratio", "of 2 is not supported by akd-profinet"),
     ("{cycle: 512ms, watchdog_factor: 4}", "controller.watchdog_factor", "4 cycles of 512ms are 2.048s"),
     ("watchdog_factor: 0", "controller.watchdog_factor", "is 0"),
     ("startup: fast", "controller.startup", "is 'fast'"),

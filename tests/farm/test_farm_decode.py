@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from recorded_farm import FARM, described, record
 
-from pnfarm.buses.profinet.decode.cyclic import drive_state, status_words
+from pnfarm.buses.profinet.decode.cyclic import drive_state, status_text
 from pnfarm.buses.profinet.decode.decoder import FAMILIES, family_of
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.buses.registry import bus, frame_words
@@ -296,9 +296,9 @@ def test_states_by_the_status_word(zsw1, stw1, state):
 
 
 def test_the_data_status_in_words():
-    assert status_words(0x35) == "data good"
-    assert status_words(0x11) == "primary, data invalid, run, station problem"
-    assert status_words(0x25, 0x35) == "stop"
+    assert status_text(0x35) == "data good"
+    assert status_text(0x11) == "primary, data invalid, run, station problem"
+    assert status_text(0x25, 0x35) == "stop"
 
 
 # -- captures of real controllers

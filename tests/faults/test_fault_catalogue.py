@@ -110,7 +110,7 @@ def test_a_drive_with_the_parts_that_a_kind_needs_takes_it_and_one_without_any_r
         poor = InjectedDrive("axis-07", lambda: ("axis-07",), whole.models, some, lambda: None)
         with pytest.raises(InjectionError) as caught:
             manager_of(poor).inject(fields, line.world.now)
-        assert str(caught.value) == f"fault.kind: axis-07 has no {missing.words}, which {kind.name} needs"
+        assert str(caught.value) == f"fault.kind: axis-07 has no {missing.title}, which {kind.name} needs"
 
 
 def test_a_drive_without_a_connection_cannot_count_its_cycles():

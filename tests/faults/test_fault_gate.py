@@ -46,7 +46,7 @@ class Wire:
         (port,) = asyncio.run(self.link.open([PortSpec("a", MACS[6:])]))
         self.port = port.index
         # the class of a frame is its first letter
-        self.link.know(self.port, lambda frame: frame[:1].decode())
+        self.link.classify(self.port, lambda frame: frame[:1].decode())
         self.link.inner.send = lambda _port, frame: self.sent.append((self.now, frame))
 
     def at(self, now: int, *frames: bytes) -> None:

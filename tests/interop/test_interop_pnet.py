@@ -184,7 +184,7 @@ def test_its_records_are_read_and_its_refusals_told_in_words(plc):
     refused = plc.ask("read", name=NAME, api=0, slot=1, subslot=1, index=77)
     assert refused["status"] == 0xDE80A000
     nothing = plc.ask("read", name=NAME, api=0x3A00, slot=1, subslot=1, index=123)
-    assert nothing["reason"] == "the answer has no PNIOStatus that could be read"
+    assert nothing["reason"] == "the answer has no readable PNIOStatus"
 
 
 def test_outputs_reach_it_and_its_inputs_reach_us(plc, device, capture):

@@ -145,7 +145,7 @@ class LineCom(ComBase):
         line.plc.write_record(name, place, emit_request(request), line.world.now)
         job = line.plc.read_record(name, place, line.world.now, length=240)
         assert line.world.run(5.0, until=lambda: job.done)
-        assert job.ok, job.words
+        assert job.ok, job.failure
         return job.data
 
 

@@ -58,7 +58,7 @@ class MsdHand(VirtualLine):
         session.plan = replace(
             session.plan, output_words=self.store.output_words(), input_words=self.store.input_words()
         )
-        self.plc.channels.relay(session, ())
+        self.plc.channels.relayout(session, ())
         self.farm.settle(self.farm.stations[0], self.world.now)
         self.run(0.01)
 

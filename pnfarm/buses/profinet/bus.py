@@ -1,4 +1,4 @@
-"""What PROFINET offers to the house (:class:`pnfarm.buses.bus.Bus`)."""
+"""PROFINET as a bus of the package (:class:`pnfarm.buses.bus.Bus`)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = ["PROFINET", "Profinet"]
 
 
 class Profinet:
-    """A bus."""
+    """See the module's docstring."""
 
     name = "profinet"
     title = "PROFINET"

@@ -181,7 +181,7 @@ def _check_between(
         if placed.group.count == 1 or numbered(placed.group.name):
             values.append(("name", drive.name, shown(drive.name)))
         for key, value, words in values:
-            by = claims.claim(key, value, placed.words, drive.name)
+            by = claims.claim(key, value, placed.label, drive.name)
             if by is None or (drive.group, key, claims.place(key, value)) in reported:
                 continue
             reported.add((drive.group, key, claims.place(key, value)))

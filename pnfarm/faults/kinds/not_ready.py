@@ -15,10 +15,10 @@ class NotReady(StandingEffect):
     status = Status.INHIBITED
 
     def put(self) -> None:
-        self._servo.lack(str(self.values["missing"]))
+        self._servo.take_away(str(self.values["missing"]))
 
     def take(self) -> None:
-        self._servo.regain(str(self.values["missing"]))
+        self._servo.give_back(str(self.values["missing"]))
 
 
 KINDS = (

@@ -53,7 +53,7 @@ class Timeout(Effect):
             self.finished = self._chance.exhausted
         if self._frames is None and connection and connection.established and not standing & self._passed:
             self._passed = standing
-            happens = self._chance.falls()
+            happens = self._chance.happens()
             self._chance.tally.note(now, happened=happens)
             if happens:
                 spec = self.spec.without("probability", "count")

@@ -207,7 +207,7 @@ class Ar:
 
     @property
     def takeover_allowed(self) -> bool:
-        """The controller lets a supervisor take its submodules over."""
+        """The controller allows a supervisor to take its submodules over."""
         return bool(self.request.properties & ArProperties.SUPERVISOR_TAKEOVER_ALLOWED)
 
     @property
@@ -255,7 +255,7 @@ class _Frame:
         if end > len(self._taken):
             raise LayoutError(fault, f"{what} ends at octet {end} of {len(self._taken)}")
         if any(self._taken[offset:end]):
-            raise LayoutError(fault, f"{what} lies over another datum at octet {offset}")
+            raise LayoutError(fault, f"{what} overlaps another datum at octet {offset}")
         self._taken[offset:end] = b"\x01" * length
 
 
@@ -284,7 +284,7 @@ def _find(
             raise LayoutError(slot_fault, f"slot {slot} is not among the expected ones")
         raise LayoutError(subslot_fault, f"slot {slot} subslot 0x{subslot:04X} is not among the expected ones")
     if found.type not in types:
-        raise LayoutError(subslot_fault, f"slot {slot} subslot 0x{subslot:04X} has nothing to say in this direction")
+        raise LayoutError(subslot_fault, f"slot {slot} subslot 0x{subslot:04X} has no data or status in this direction")
     return found
 
 

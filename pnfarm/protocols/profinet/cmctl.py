@@ -84,7 +84,7 @@ class CmController:
     """
 
     def __init__(self, plan: ArPlan, timeouts: Timeouts | None = None) -> None:
-        """Lay out the frames.  Raises ConfigError if the plan's data do not fit."""
+        """Computes the layout of the frames.  Raises ConfigError if the plan's data do not fit."""
         self.plan = plan
         self.timeouts = timeouts if timeouts is not None else Timeouts()
         self.input_layout, self.output_layout = plan_frames(plan)
@@ -194,7 +194,7 @@ class CmController:
         return out
 
     def next_deadline(self) -> int | None:
-        """When :meth:`handle_timeout` wants to be called."""
+        """When :meth:`handle_timeout` is due."""
         rounds = self._submodules.rounds.deadline
         deadlines = (self._ready_deadline, self._calls.deadline, self._alarms.deadline, rounds)
         return min((at for at in deadlines if at is not None), default=None)
@@ -291,7 +291,7 @@ class CmController:
 
     def _connect_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
         if not answer.ok:
-            self._signal(CmctlSignal.FAULT, CmctlEnd(answer.words, answer.status), now)
+            self._signal(CmctlSignal.FAULT, CmctlEnd(answer.failure, answer.status), now)
             return
         try:
             if self.plan.device_access:
@@ -303,7 +303,7 @@ class CmController:
             if misfits and self.plan.on_module_diff == "fail":
                 raise RemoteError(misfits)
         except RemoteError as exc:
-            if self._state is CmctlState.W_CCNF:  # elsewhere a Release waits already
+            if self._state is CmctlState.W_CCNF:  # in other states a Release is queued already
                 self._say_farewell()
             self._signal(CmctlSignal.FAULT, CmctlEnd(str(exc)), now)
         else:
@@ -320,7 +320,7 @@ class CmController:
             self._signal(CmctlSignal.RECORDS_WRITTEN, None, now)
 
     def _parameter_end_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
-        end = CmctlEnd(answer.words, answer.status, RtaError.RPC_CONTROL_ERROR)
+        end = CmctlEnd(answer.failure, answer.status, RtaError.RPC_CONTROL_ERROR)
         if answer.ok:
             try:
                 response.check_control(self.plan, answer.payload, BlockType.PRM_END_RES, "PrmEnd")
@@ -332,7 +332,7 @@ class CmController:
         self._signal(CmctlSignal.FAULT, end, now)
 
     def _release_ended(self, _pending: Pending, answer: Answer, now: int) -> None:
-        reason = "" if answer.ok else answer.words
+        reason = "" if answer.ok else answer.failure
         if answer.ok:
             try:
                 response.check_control(self.plan, answer.payload, BlockType.RELEASE_RES, "Release")
@@ -462,13 +462,13 @@ class CmController:
         self._events.append(ArReleased("there was no connection"))
 
     def _do_released(self, _before: CmctlState, end: CmctlEnd, _now: int) -> None:
-        self._tell_device(end)
+        self._notify_device(end)
         confirmed = end.by_device and end.error_code2 == RtaError.RELEASE_RECEIVED
         self._events.append(ArReleased("" if confirmed else end.reason))
 
     def _do_failed(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
         self._clear("the connection failed", now)
-        self._tell_device(end)
+        self._notify_device(end)
         self._events.append(ArFailed(PHASES[before], end.status, end.reason))
 
     def _do_connect_given_up(self, before: CmctlState, end: CmctlEnd, now: int) -> None:
@@ -478,11 +478,11 @@ class CmController:
 
     def _do_aborted(self, _before: CmctlState, end: CmctlEnd, now: int) -> None:
         self._clear("the connection was aborted", now)
-        self._tell_device(end)
+        self._notify_device(end)
         self._events.append(ArAborted(end.by_device, end.error_code1, end.error_code2, end.reason))
 
     def _clear(self, reason: str, now: int) -> None:
-        """Forget what belongs to the AR: calls that have not gone out, a call of the device that was kept."""
+        """Forget what belongs to the AR: calls that were not sent yet, and the device's call that was kept."""
         self._submodules.rounds.close(now)
         self._take_submodules(now)
         self._events += self._calls.drop_waiting(reason)
@@ -490,8 +490,8 @@ class CmController:
             self._responses.append((self._held_ready.call, response.STATE_CONFLICT, b""))
             self._held_ready = None
 
-    def _tell_device(self, end: CmctlEnd) -> None:
-        """The AR has ended: tell the device if it does not know, and accept no more alarms."""
+    def _notify_device(self, end: CmctlEnd) -> None:
+        """The AR has ended: notify the device if it does not know, and accept no more alarms."""
         if end.rta is None:
             self._alarms.close()
         else:

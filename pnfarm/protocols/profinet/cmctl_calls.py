@@ -89,7 +89,7 @@ class Answer:
         return self.status is not None and self.status.ok
 
     @property
-    def words(self) -> str:
+    def failure(self) -> str:
         """Why it is not ok."""
         return self.reason if self.status is None else describe_status(self.status)
 
@@ -245,6 +245,6 @@ def first_refusal(pending: Pending, results: Sequence[RecordWriteDone]) -> tuple
     """The first record of a write that the device did not take: a sentence, and the device's status if it gave one."""
     for at, result in zip(pending.wants, results, strict=True):
         if not result.ok:
-            words = result.reason if result.status is None else describe_status(result.status)
-            return f"slot {at.slot} subslot 0x{at.subslot:04X} index 0x{at.index:04X}: {words}", result.status
+            why = result.reason if result.status is None else describe_status(result.status)
+            return f"slot {at.slot} subslot 0x{at.subslot:04X} index 0x{at.index:04X}: {why}", result.status
     return None

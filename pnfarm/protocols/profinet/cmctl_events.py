@@ -98,13 +98,13 @@ class ArEstablished:
 
 @dataclass(frozen=True, slots=True)
 class AlarmIndicated:
-    """The device raised an alarm; ``words`` is one line of what it says.
+    """The device raised an alarm; ``text`` says it in one line.
 
     It has been acknowledged, unless the plan leaves that to the owner (``CmController.acknowledge_alarm``).
     """
 
     alarm: AlarmNotification
-    words: str
+    text: str
 
 
 @dataclass(frozen=True, slots=True)

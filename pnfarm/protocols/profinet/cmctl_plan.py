@@ -232,22 +232,22 @@ def _problems(plan: ArPlan) -> Iterator[str]:
         ("length of controller_name", len(plan.controller_name), 1, 240),
     ):
         if not lowest <= value <= highest:
-            yield f"{name} is {value}, it has to lie between {lowest} and {highest}"
+            yield f"{name} is {value}, allowed are {lowest} to {highest}"
     if plan.send_clock_factor not in {1, 2, 4, 8, 16, 32, 64, 128}:
-        yield f"send_clock_factor is {plan.send_clock_factor}, it has to be a power of two up to 128"
+        yield f"send_clock_factor is {plan.send_clock_factor}, allowed are powers of two up to 128"
     if plan.send_clock_factor * plan.reduction_ratio > 128 * 128:
-        yield f"the cycle is {plan.cycle_ns / 1e9:g} s, at most 0.512 s are possible"
+        yield f"the cycle is {plan.cycle_ns / 1e9:g} s, at most 0.512 s is possible"
     if hold_ns > MAX_HOLD_NS:
-        yield f"data would be missed only after {hold_ns / 1e9:g} s, at most 1.92 s are possible"
+        yield f"data would be missed only after {hold_ns / 1e9:g} s, at most 1.92 s is possible"
     for submodule in plan.sorted_submodules:
         if submodule.slot > MAX_SLOT or not 0 < submodule.subslot <= MAX_SUBSLOT:
             yield f"{submodule.where} does not exist, slots end at {MAX_SLOT} and subslots at 0x{MAX_SUBSLOT:04X}"
         if submodule.module_ident == 0:
             yield f"{submodule.where} expects module ident 0, which no module has"
         if submodule.api and submodule.subslot >= FIRST_INTERFACE_SUBSLOT:
-            yield f"{submodule.where} stands in API 0x{submodule.api:X}, interfaces and ports belong to API 0"
+            yield f"{submodule.where} is in API 0x{submodule.api:X}, interfaces and ports belong to API 0"
     if plan.startup == "advanced" and plan.rt_class == RtClass.CLASS_1:
-        yield "the advanced start-up knows no RT_CLASS_1, rt_class has to be 2"
+        yield "the advanced start-up does not have RT_CLASS_1, rt_class has to be 2"
     frame_ids = FRAME_IDS.get(plan.rt_class)
     if frame_ids is None:
         yield f"rt_class is {plan.rt_class}, it has to be 1 or 2"

@@ -1,4 +1,4 @@
-"""The payloads of a controller's calls: Connect, Write, PrmEnd, Release, Read (IEC 61158-6-10, IODConnectReq and kin).
+"""The payloads of a controller's calls: Connect, Write, PrmEnd, Release, Read (IEC 61158-6-10, IODConnectReq ...).
 
 The order of the Connect request's blocks is that of the captured controllers: AR, input CR, output CR, expected
 submodules, alarm CR.

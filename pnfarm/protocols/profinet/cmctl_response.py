@@ -58,7 +58,7 @@ __all__ = [
     "misfits",
 ]
 
-#: ErrorCode2 of CMCTL (IEC 61158-6-10): the AR is in no state in which the device may call.
+#: ErrorCode2 of CMCTL (IEC 61158-6-10): the AR is not in a state in which the device may call.
 _CMCTL_STATE_CONFLICT = 0
 STATE_CONFLICT = pnio_error(ErrorCode.CONTROL, ConnectFault.CMCTL, _CMCTL_STATE_CONFLICT)
 
@@ -78,7 +78,7 @@ class ModuleDeviation:
     fits: bool
 
     @property
-    def words(self) -> str:
+    def what(self) -> str:
         """``text`` without the place."""
         return self.text.partition(": ")[2]
 
@@ -117,19 +117,19 @@ class CallRefusedError(RemoteError):
 # Module differences
 
 
-_Words = tuple[str, bool]  # text, and whether data exchange is as planned nevertheless
+_Text = tuple[str, bool]  # text, and whether data exchange is as planned nevertheless
 
-_MODULE_WORDS: dict[int, _Words] = {
+_MODULE_TEXTS: dict[int, _Text] = {
     ModuleState.NO_MODULE: ("no module", False),
     ModuleState.WRONG_MODULE: ("wrong module, device has {ident}", False),
     ModuleState.SUBSTITUTE: ("substitute module, device has {ident}", True),
 }
-_IDENT_WORDS: dict[int, _Words] = {
+_IDENT_TEXTS: dict[int, _Text] = {
     IdentInfo.SUBSTITUTE: ("substitute submodule, device has {ident}", True),
     IdentInfo.WRONG: ("wrong submodule, device has {ident}", False),
     IdentInfo.NO_SUBMODULE: ("no submodule", False),
 }
-_AR_WORDS: dict[int, _Words] = {
+_AR_TEXTS: dict[int, _Text] = {
     ArInfo.APPLICATION_READY_PENDING: ("application not ready yet", True),
     ArInfo.SUPERORDINATED_LOCKED: ("locked by a superordinated instance", False),
     ArInfo.LOCKED_BY_IO_CONTROLLER: ("locked by another IO controller", False),
@@ -138,7 +138,7 @@ _AR_WORDS: dict[int, _Words] = {
 _STATE_BITS = ((6, "has a diagnosis"), (5, "demands maintenance"), (4, "requires maintenance"))
 _FORMAT_INDICATOR = 0x8000
 #: SubmoduleState with FormatIndicator 0, coding of .Detail.
-_DETAIL_WORDS: dict[int, _Words] = {
+_DETAIL_TEXTS: dict[int, _Text] = {
     0: ("no submodule", False),
     1: ("wrong submodule, device has {ident}", False),
     2: ("locked by another IO controller", False),
@@ -147,27 +147,27 @@ _DETAIL_WORDS: dict[int, _Words] = {
 }
 
 
-def _submodule_words(sub: DiffSubmodule) -> Iterator[_Words]:
+def _submodule_texts(sub: DiffSubmodule) -> Iterator[_Text]:
     if not sub.state & _FORMAT_INDICATOR:
-        yield _DETAIL_WORDS.get(sub.state, (f"unknown state 0x{sub.state:04X}", False))
+        yield _DETAIL_TEXTS.get(sub.state, (f"unknown state 0x{sub.state:04X}", False))
         return
     if sub.ident_info != IdentInfo.OK:
-        yield _IDENT_WORDS.get(sub.ident_info, (f"unknown IdentInfo {sub.ident_info}", False))
+        yield _IDENT_TEXTS.get(sub.ident_info, (f"unknown IdentInfo {sub.ident_info}", False))
     if sub.ar_info != ArInfo.OWN:
-        yield _AR_WORDS.get(sub.ar_info, (f"unknown ARInfo {sub.ar_info}", False))
-    for bit, words in _STATE_BITS:
+        yield _AR_TEXTS.get(sub.ar_info, (f"unknown ARInfo {sub.ar_info}", False))
+    for bit, text in _STATE_BITS:
         if sub.state >> bit & 1:
-            yield words, True
+            yield text, True
 
 
 def _module_deviations(api: int, module: DiffModule) -> Iterator[ModuleDeviation]:
     if module.state != ModuleState.PROPER_MODULE:
-        words, fits = _MODULE_WORDS.get(module.state, (f"unknown module state {module.state}", False))
-        text = f"slot {module.slot}: " + words.format(ident=f"0x{module.module_ident:08X}")
+        what, fits = _MODULE_TEXTS.get(module.state, (f"unknown module state {module.state}", False))
+        text = f"slot {module.slot}: " + what.format(ident=f"0x{module.module_ident:08X}")
         yield ModuleDeviation(api, module.slot, None, text, fits)
     for sub in module.submodules:
-        for words, fits in _submodule_words(sub):
-            text = f"slot {module.slot} subslot 0x{sub.subslot:04X}: " + words.format(
+        for what, fits in _submodule_texts(sub):
+            text = f"slot {module.slot} subslot 0x{sub.subslot:04X}: " + what.format(
                 ident=f"0x{sub.submodule_ident:08X}"
             )
             yield ModuleDeviation(api, module.slot, sub.subslot, text, fits)
@@ -179,7 +179,7 @@ def deviations(block: ModuleDiffBlock) -> tuple[ModuleDeviation, ...]:
 
 
 def misfits(module_diff: tuple[ModuleDeviation, ...]) -> str:
-    """The deviations that hinder the data exchange, as one sentence; empty when there are none."""
+    """The deviations that prevent data exchange as planned, as one sentence; empty when there are none."""
     return "; ".join(d.text for d in module_diff if not d.fits)
 
 
@@ -210,7 +210,7 @@ def _frame_id(blocks: Sequence[IocrBlockRes], iocr_type: IocrType, reference: in
         raise RemoteError(f"the Connect response has {len(found)} {name} (reference {reference}), it has to have one")
     frame_id = found[0].frame_id
     if not classify_frame_id(frame_id).is_cyclic:
-        raise RemoteError(f"{name} has frame id 0x{frame_id:04X}, which is none of cyclic data")
+        raise RemoteError(f"{name} has frame id 0x{frame_id:04X}, which is not for cyclic data")
     return frame_id
 
 
@@ -229,7 +229,7 @@ def _check_ar(plan: ArPlan, blocks: Sequence[RawBlock]) -> bytes:
     _same("ARBlockRes", "SessionKey", ar.session_key, plan.session_key)
     if ar.responder_mac[0] & 1 or not any(ar.responder_mac):
         raise RemoteError(
-            f"ARBlockRes of the Connect response has the MAC {ar.responder_mac.hex(':')}, which is no station's"
+            f"ARBlockRes of the Connect response has the MAC {ar.responder_mac.hex(':')}, which is not a station's"
         )
     return ar.responder_mac
 
@@ -274,7 +274,7 @@ def check_connect(plan: ArPlan, payload: bytes) -> ConnectAnswer:
 
 
 def check_control(plan: ArPlan, payload: bytes, block_type: int, name: str, sequence: int = 0) -> None:
-    """Read the positive answer to PrmEnd and its kin, or to Release.  Raises RemoteError with a sentence.
+    """Read the positive answer to PrmBegin, PrmEnd or PrmEnd.plug, or to Release.  Raises RemoteError with a sentence.
 
     ``sequence`` is the alarm's in an answer to PrmEnd.plug; a device may leave it out.
     """
@@ -311,7 +311,7 @@ def _ready_block(payload: bytes) -> tuple[ControlBlock, list[RawBlock]]:
 
 
 def addressed_ar(payload: bytes) -> UUID | None:
-    """The AR that a device's ApplicationReady call is for; None when the payload does not say.
+    """The AR that a device's ApplicationReady call is for; None when the payload does not name it.
 
     One server takes the calls of all devices; this gives the machine of a call.
     """
@@ -346,7 +346,7 @@ def check_ready(plan: ArPlan, opnum: int, payload: bytes) -> ReadyCall:
 
 
 def _fits(header: object, at: RecordAddress) -> bool:
-    # Devices differ in how they fill the answer's ARUUID and API; these tie it to the question.
+    # Devices differ in how they fill the answer's ARUUID and API; these fields match it with the request.
     return all(getattr(header, name) == getattr(at, name) for name in ("sequence_number", "slot", "subslot", "index"))
 
 

@@ -86,7 +86,7 @@ ROUND_TRANSITIONS: dict[tuple[RoundState, RoundSignal], tuple[RoundState, str]] 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """An ApplicationReady of the device: its call, and what it says."""
+    """An ApplicationReady of the device: its call and its content."""
 
     call: Any
     said: response.ReadyCall
@@ -182,7 +182,7 @@ class Rounds:
             return
         begins = pending.kind is Kind.ROUND_BEGIN
         end_type = BlockType.PRM_END_RES if standing.begins else BlockType.PRM_END_PLUG_RES
-        reason = "" if answer.ok else answer.words
+        reason = "" if answer.ok else answer.failure
         if answer.ok:
             block_type = BlockType.PRM_BEGIN_RES if begins else end_type
             try:
@@ -300,7 +300,7 @@ class Rounds:
         self._events.append(RoundEnded(standing.keys, not standing.begins, reason, code))
 
     def _forget(self, standing: Round, _detail: None, _now: int) -> None:
-        self._events += self._calls.drop_owned(standing, "the submodule's parameters are not wanted any more")
+        self._events += self._calls.drop_owned(standing, "the submodule's parameters are no longer needed")
         self._refuse_held(standing)
 
     def _refuse_held(self, standing: Round) -> None:

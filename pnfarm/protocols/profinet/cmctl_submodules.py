@@ -148,5 +148,5 @@ class ControllerSubmodules:
             place = (deviation.api, deviation.slot, deviation.subslot)
             for key in self._keys:
                 if key == place or (deviation.subslot is None and key[1] == deviation.slot):
-                    why.setdefault(key, deviation.words)
+                    why.setdefault(key, deviation.what)
         return why

@@ -95,7 +95,7 @@ class CmDevice:
     """Context management of one device.  See the module's docstring for its callers.
 
     ``station_name`` may change while the machine lives.  ``refuse_connect``, when set, is called for every
-    acceptable Connect and returns a PNIOStatus to refuse it with, or None; ``has_room`` tells whether its CRs
+    acceptable Connect and returns a PNIOStatus to refuse it with, or None; ``has_room`` returns whether its CRs
     can be opened.  Changes of ``diagnosis`` are reported by alarms and in the ModuleDiffBlock.
     """
 
@@ -332,18 +332,18 @@ class CmDevice:
             if key in ar.owned and ar.alarm_cr is not None:
                 ar_state = AlarmSpecifier.AR_DIAGNOSIS_STATE if self.diagnosis.has_fault(ar.owned) else 0
                 flags = specifier | ar_state
-                number = self.alarms.tell(ar.key, alarm_type, key, now, items=items, specifier=flags, high=high)
+                number = self.alarms.send(ar.key, alarm_type, key, now, items=items, specifier=flags, high=high)
                 told += [] if number is None else [number]
         self._take_alarms(now)
         return tuple(told)
 
-    def come_again(self, ar_key: int, key: ExpectedKey, now: int) -> None:
-        """Tell one AR that a submodule of its own is plugged, as after a pull, and wait for its parameters.
+    def replug(self, ar_key: int, key: ExpectedKey, now: int) -> None:
+        """Send one AR a plug alarm for a submodule of its own, as after a pull, and wait for its parameters.
 
         Nothing happens when the submodule is not there, or not the AR's.
         """
         ar = self._ars[ar_key]
-        if self._modules.come_again(ar, key, now):
+        if self._modules.replug(ar, key, now):
             self._changed(ar)
         self._take_alarms(now)
 
@@ -382,7 +382,7 @@ class CmDevice:
         answer = connect_response(ar, request, self._mac, self.station_name, length)
         if len(answer) > args_maximum:
             status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
-            detail = f"the response has {len(answer)} octets, the caller takes {args_maximum}"
+            detail = f"the response has {len(answer)} octets, the caller accepts {args_maximum}"
             self._events.append(ConnectRefused(peer_ip, status, detail))
             return status, b""
         settle_claim(claimed, ar, self.ars)
@@ -548,13 +548,13 @@ class CmDevice:
             if ar is None:
                 continue
             if isinstance(event, AlarmEnded):
-                self._abort(ar, event.status, now, event.words, by_peer=event.by_peer)
+                self._abort(ar, event.status, now, event.reason, by_peer=event.by_peer)
                 continue
             self._modules.alarm_confirmed(ar, event, now)
             self._events.append(event)
 
     def _let_alarms_go(self, ar: Ar, now: int) -> None:
-        self.alarms.let_go(ar.key, now)
+        self.alarms.release(ar.key, now)
         self._take_alarms(now)
 
     # the machine
@@ -580,11 +580,11 @@ class CmDevice:
         if ar.state is not CmdevState.DATA or ar.device_access:
             self._deadlines[ar.key] = now + ar.activity_timeout_ns
 
-    def _abort(self, ar: Ar, status: PnioStatus, now: int, words: str = "", *, by_peer: bool = False) -> None:
+    def _abort(self, ar: Ar, status: PnioStatus, now: int, reason: str = "", *, by_peer: bool = False) -> None:
         self._step(ar, CmdevEvent.ABORT, now)
         if not by_peer:
             self.alarms.end(ar.key, status)
-        reason = words or describe_status(status)
+        reason = reason or describe_status(status)
         self._events.append(ArAborted(ar.key, status.error_code1, status.error_code2, reason, by_peer))
         self._forget(ar, now)
 

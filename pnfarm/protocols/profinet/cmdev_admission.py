@@ -61,13 +61,13 @@ def admit(request: ArBlockReq, caller: Caller, ars: Sequence[Ar], limits: Limits
     most = limits.max_device_access_ars if access else limits.max_supervisor_ars if supervisor else limits.max_ars
     if count >= most:
         status = pnio_error(ErrorCode.CONNECT, ConnectFault.CMRPC, CmrpcError.OUT_OF_AR_RESOURCES)
-        raise RefusedError(status, f"ARs that stand already: {count}")
+        raise RefusedError(status, f"ARs that exist already: {count}")
     return older
 
 
 def rerun_refusal() -> RefusedError:
     """The refusal for an initiator whose own AR had the same UUID; its next Connect succeeds."""
-    return RefusedError(_STATE_CONFLICT, "an AR with this UUID stood; it is aborted")
+    return RefusedError(_STATE_CONFLICT, "an AR with this UUID existed; it is aborted")
 
 
 def _kind(one: ArBlockReq) -> tuple[object, ...]:

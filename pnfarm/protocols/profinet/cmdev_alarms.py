@@ -56,10 +56,10 @@ class AlarmFrame:
 
 @dataclass(frozen=True, slots=True)
 class AlarmEnded:
-    """A channel failed, or the controller ended it: so ends the AR."""
+    """A channel failed, or the controller ended it; the AR ends."""
 
     status: PnioStatus
-    words: str
+    reason: str
     by_peer: bool
 
 
@@ -76,7 +76,7 @@ class _Line:
 
 
 class DeviceAlarms:
-    """The channels of one device, by the key of their AR.  An alarm's number, given by :meth:`tell`, is unique here."""
+    """The channels of one device, by the key of their AR.  An alarm's number, given by :meth:`send`, is unique here."""
 
     def __init__(self, plugged: Plugged) -> None:
         self._plugged = plugged
@@ -118,13 +118,13 @@ class DeviceAlarms:
         self._lines[ar.key] = _Line(channel, ar.initiator_mac)
 
     def hold(self, ar_key: int) -> None:
-        """From now on alarms wait."""
+        """Hold alarms back from now on."""
         line = self._lines.get(ar_key)
         if line is not None:
             line.hears = False
 
-    def let_go(self, ar_key: int, now: int) -> None:
-        """The AR gets alarms from now on, first those that wait."""
+    def release(self, ar_key: int, now: int) -> None:
+        """Send alarms from now on, first those that wait."""
         line = self._lines.get(ar_key)
         if line is None:
             return
@@ -158,7 +158,7 @@ class DeviceAlarms:
 
     # alarms
 
-    def tell(
+    def send(
         self,
         ar_key: int,
         alarm_type: int,
@@ -171,7 +171,7 @@ class DeviceAlarms:
     ) -> int | None:
         """Send an alarm about a submodule, or about a module (subslot 0); its number.
 
-        None when the AR has no alarm channel, or can take no more: that is counted.
+        None when the AR has no alarm channel, or accepts no more: that is counted.
         """
         line = self._lines.get(ar_key)
         if line is None:
@@ -266,7 +266,7 @@ class DeviceAlarms:
                     if line.hears and line.waiting:
                         self._drain(line, now)
                 case AlarmReceived(alarm):
-                    # a controller's alarm: nothing in a drive takes one
+                    # a controller's alarm: a drive accepts none
                     line.channel.acknowledge(alarm, now, ALARM_NOT_SUPPORTED)
                 case AlarmFailed(code, reason):
                     self._events.append((key, AlarmEnded(rta_status(code), reason, by_peer=False)))

@@ -133,9 +133,7 @@ def _version_check(raw: RawBlock, fault: int) -> None:
 def _typed(raw: RawBlock) -> object:
     fault = _FAULTS.get(raw.block_type)
     if fault is None:
-        _refuse(
-            ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS, f"block 0x{raw.block_type:04X} has no place in a Connect"
-        )
+        _refuse(ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS, f"block 0x{raw.block_type:04X} is not part of a Connect")
     _version_check(raw, fault)
     try:
         return parse_block(raw)
@@ -202,7 +200,8 @@ def _check_ar(ar: ArBlockReq, description: DeviceDescription) -> None:
         refuse(ArField.CM_INITIATOR_MAC, "CMInitiatorMacAdd is not a unicast address")
     if not ar.initiator_object_uuid.bytes.startswith(CM_INITIATOR_OBJECT_UUID_PREFIX):
         refuse(
-            ArField.CM_INITIATOR_OBJECT_UUID, f"CMInitiatorObjectUUID {ar.initiator_object_uuid} is no PROFINET object"
+            ArField.CM_INITIATOR_OBJECT_UUID,
+            f"CMInitiatorObjectUUID {ar.initiator_object_uuid} is not PROFINET's",
         )
     if p & ArProperties.STATE_MASK != ArProperties.STATE_ACTIVE:
         refuse(ArField.AR_PROPERTIES, "ARProperties.State is not Active")
@@ -228,7 +227,7 @@ def _check_iocr(iocr: IocrBlockReq, description: DeviceDescription, *, advanced:
         refuse(IocrField.IOCR_TYPE, f"IOCRType {iocr.iocr_type} is not supported")
     if iocr.lt != ETHERTYPE_PROFINET:
         refuse(IocrField.LT, f"LT 0x{iocr.lt:04X}")
-    # advanced start-up knows the legacy class 1 no more
+    # advanced start-up no longer has the legacy class 1
     classes = {RtClass.CLASS_2} if advanced else {RtClass.CLASS_1, RtClass.CLASS_2}
     if iocr.rt_class not in classes:
         refuse(IocrField.IOCR_PROPERTIES, f"RT class {iocr.rt_class} is not supported")

@@ -111,7 +111,7 @@ class Modules:
         if ar.state in _TOLD:
             self._tell_gone(ar, slot, gone, now, whole=whole)
             for key in wrong:
-                self._alarms.tell(ar.key, AlarmType.PLUG_WRONG_SUBMODULE, key, now)
+                self._alarms.send(ar.key, AlarmType.PLUG_WRONG_SUBMODULE, key, now)
         self._forget(ar, [*gone, *wrong])
         for key in owned:
             if key in has - had:
@@ -123,17 +123,17 @@ class Modules:
             # one alarm for the module: subslot 0, of its own type where the controller knows it
             known = ar.properties & ArProperties.PULL_MODULE_ALARM_ALLOWED
             alarm_type = AlarmType.PULL_MODULE if known else AlarmType.PULL
-            self._alarms.tell(ar.key, alarm_type, (gone[0][0], slot, 0), now)
+            self._alarms.send(ar.key, alarm_type, (gone[0][0], slot, 0), now)
             return
         for key in gone:
-            self._alarms.tell(ar.key, AlarmType.PULL, key, now)
+            self._alarms.send(ar.key, AlarmType.PULL, key, now)
 
     def taken_over(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
         """A supervisor has taken some of a controller's submodules."""
         lost = sorted(keys)
         if ar.state in _TOLD:
             for key in lost:
-                self._alarms.tell(ar.key, AlarmType.CONTROLLED_BY_SUPERVISOR, key, now)
+                self._alarms.send(ar.key, AlarmType.CONTROLLED_BY_SUPERVISOR, key, now)
         self._forget(ar, lost)
 
     def inherited(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
@@ -151,14 +151,14 @@ class Modules:
             return
         ar.pending.add(key)
         running = self._running[ar.key]
-        number = self._alarms.tell(ar.key, alarm_type, key, now)
+        number = self._alarms.send(ar.key, alarm_type, key, now)
         if number is None:
             running.untold[key] = alarm_type
         else:
             running.plugs.append(Plug(key, number))
 
-    def come_again(self, ar: Ar, key: ExpectedKey, now: int) -> bool:
-        """Tell an AR that one of its submodules is plugged, as if it had just come; False when it is not there."""
+    def replug(self, ar: Ar, key: ExpectedKey, now: int) -> bool:
+        """Send an AR a plug alarm for one of its submodules, as after a pull; False when the submodule is not there."""
         if key not in ar.owned or key not in self.usable(ar):
             return False
         self._forget(ar, [key])
@@ -166,7 +166,7 @@ class Modules:
         return True
 
     def _forget(self, ar: Ar, keys: Iterable[ExpectedKey]) -> None:
-        """Whatever was awaited of these submodules is not any more."""
+        """Stop waiting for anything of these submodules."""
         gone = set(keys)
         ar.pending -= gone
         running = self._running[ar.key]

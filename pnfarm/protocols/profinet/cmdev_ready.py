@@ -40,7 +40,7 @@ class OutgoingCall:
 
 
 class ReadyCalls:
-    """Calls to be sent, and those that are under way; an AR that ends takes its own with it."""
+    """Calls to be sent, and those that are under way; those of an AR are dropped when it ends."""
 
     def __init__(self) -> None:
         self._next_token = 1

@@ -107,7 +107,7 @@ def _write_contents(
 ) -> tuple[RecordError | None, list[RecordWritten]]:
     """Write each record of a container; one that fails does not stop the others, the first failure is the answer.
 
-    Assumed: no source at hand says how a container fares of which one record is refused.
+    Assumed: no source at hand gives the result of a container of which one record is refused.
     """
     failed: RecordError | None = None
     written = []
@@ -128,8 +128,8 @@ def serve_write(
 ) -> ServedCall:
     """Write the record, or every record of a multiple write; one that fails does not stop the others.
 
-    The call's own status is the single record's; a multiple write succeeds as a call and says in each header how
-    its record fared.  Nothing is written when ``args_maximum`` leaves no room to say so.
+    The call's own status is the single record's; a multiple write succeeds as a call and has the result of
+    each record in its header.  Nothing is written when ``args_maximum`` leaves no room for the answer.
     """
     try:
         request = parse_write_request(payload)

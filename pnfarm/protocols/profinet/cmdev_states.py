@@ -1,8 +1,8 @@
 """The state table of CMDEV (IEC 61158-6-10, CMDEV protocol machine), as :mod:`cmdev` runs it.
 
 The device answers Connect and PrmEnd at once, so W_CRES, W_SUCNF and W_PERES are passed within one call.  An AR
-without CRs (device access) goes from W_CRES straight to DATA.  ABORT ends every machine; it starts anew with the
-next Connect, as another AR in W_CIND.
+without CRs (device access) goes from W_CRES straight to DATA.  ABORT ends every machine; the next
+Connect starts another AR in W_CIND.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["TRANSITIONS", "CmdevEvent"]
 
 
 class CmdevEvent(Enum):
-    """What can happen to one AR."""
+    """Input of one AR's state machine."""
 
     CONNECT_IND = auto()
     CONNECT_RSP = auto()

@@ -1,6 +1,6 @@
 """The client side of DCP, as in a controller or an engineering tool (IEC 61158-6-10, DCP).
 
-Every request gets an Xid and becomes a transaction.  An Identify collects answers for a while, then says
+Every request gets an Xid and becomes a transaction.  An Identify collects answers for a while, then ends in
 :class:`IdentifyFinished`.  A Get or Set is repeated (same Xid) while there is no response and ends in exactly one
 :class:`GetFinished` or :class:`SetFinished`.
 """
@@ -104,7 +104,7 @@ READABLE: tuple[OptionId, ...] = (
 
 @dataclass(frozen=True, slots=True)
 class StationInfo:
-    """A device as its blocks describe it; None for what no block said."""
+    """A device as its blocks describe it; None for what no block gave."""
 
     name: str | None = None
     station_type: str | None = None
@@ -200,7 +200,7 @@ class _Transaction:
 
 
 def station_info(blocks: Iterable[Block]) -> StationInfo:
-    """What the blocks of an answer say, by name."""
+    """The contents of an answer's blocks, by name."""
     found: dict[str, object] = {}
     for block in blocks:
         match block:
@@ -286,7 +286,7 @@ class DcpClient:
         return self._request(mac, SERVICE_GET, now, requested=tuple(options))
 
     def read(self, mac: bytes, *, now: int) -> int:
-        """Read everything that a device can have; what it has not is refused block by block. Returns the Xid."""
+        """Read everything that a device can have; missing blocks are refused one by one. Returns the Xid."""
         return self.get(mac, READABLE, now=now)
 
     def set_blocks(self, mac: bytes, blocks: Iterable[Block], *, now: int) -> int:
@@ -339,7 +339,7 @@ class DcpClient:
         return self.set_blocks(mac, [StartBlock(qualifier), *blocks, StopBlock(qualifier)], now=now)
 
     def signal(self, mac: bytes, *, now: int) -> int:
-        """Let a device's lamp flash. Returns the Xid."""
+        """Make a device's lamp flash. Returns the Xid."""
         return self.set_blocks(mac, [SignalBlock()], now=now)
 
     def reset_to_factory(self, mac: bytes, mode: int = ResetMode.COMMUNICATION, *, now: int) -> int:

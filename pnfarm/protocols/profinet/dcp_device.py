@@ -1,17 +1,17 @@
-"""The server side of DCP for one device (IEC 61158-6-10, DCP; CMINA for what a name or an address may be).
+"""The server side of DCP for one device (IEC 61158-6-10, DCP; CMINA for allowed names and addresses).
 
 One machine is one device.  A farm parses an Identify once and hands the PDU to all its devices
 (:meth:`DcpDevice.receive_pdu`), or asks :func:`identify_matches` first.
 
 * Identify is answered when every filter of the request matches, with every block the device has, after a delay
   that spreads the devices of a large network (:func:`~pnfarm.protocols.profinet.dcp_rules.response_delay_ns`).
-  One answer waits for each station that asked, the newest.  When too many wait, the next one goes out at once: the
+  For each station that asked, only the newest answer waits.  When too many wait, the next one goes out at once: the
   delay only protects the network, and no station may miss its response because of earlier requests.
 * Get and Set come by unicast.  After one, the device listens to no other client for three seconds (client hold
   time), so that two engineering stations do not configure it at the same time.
-* Set takes over each block by itself and says for each what became of it.  While an application relation is up
-  (``in_operation``), CMINA says: another address is refused; another name, no name, or no address is taken over and
-  ends the relation (:class:`AbortRequired`); what the device has anyway is taken over and changes nothing.
+* Set accepts or refuses each block on its own and answers with a result for each.  While an application relation is up
+(``in_operation``), CMINA rules: another address is refused; another name, no name, or no address is accepted and
+ends the relation (:class:`AbortRequired`); what the device has already is accepted and changes nothing.
 * Hello is sent at link-up if it is enabled, until a Set arrives or all are sent.
 """
 
@@ -158,7 +158,7 @@ class DcpDevice:
         self.in_operation = False
         #: Blocks that cannot be set for local reasons, such as a name that a switch on the device gives.
         self.locked: frozenset[OptionId] = frozenset()
-        #: When to say Hello.
+        #: When to send Hello.
         self.hello_settings = HelloSettings(HelloMode.OFF)
         #: Powered but mute: nothing is answered.
         self.silent = False
@@ -166,7 +166,7 @@ class DcpDevice:
         self.dropped: Counter[str] = Counter()
         self._client: tuple[bytes, int] | None = None  # the client of the client hold time, and its end
         self._transaction: int | None = None  # qualifier of the open one
-        self._pending: dict[bytes, tuple[int, bytes]] = {}  # who asked: due time, frame
+        self._pending: dict[bytes, tuple[int, bytes]] = {}  # asking station: due time, frame
         self._signal_end: int | None = None
         self._hello: tuple[int, int] | None = None  # when the next one is due, how many are left
         self._hello_xid = 0
@@ -212,7 +212,7 @@ class DcpDevice:
             self._receive_get_set(source_mac, pdu, now)
 
     def link_up(self, now: int) -> None:
-        """The device came on the wire: it says Hello if it shall, and has a name and an address (CMINA)."""
+        """The device came on the wire: it sends Hello if that is enabled and it has a name and an address (CMINA)."""
         settings = self.hello_settings
         if settings.mode is not HelloMode.OFF and settings.count and self.name and self.address is not None:
             self._hello = (now + settings.first_ns, settings.count)
@@ -243,7 +243,7 @@ class DcpDevice:
         return min(deadlines)
 
     def handle_timeout(self, now: int) -> None:
-        """Release the answers whose time has come; say Hello; put the lamp out."""
+        """Send the answers and Hellos that are due; switch the lamp off."""
         ready = sorted((due, asker) for asker, (due, _) in self._pending.items() if due <= now)
         for _, asker in ready:
             self._outbox.append(self._pending.pop(asker)[1])
@@ -315,7 +315,7 @@ class DcpDevice:
             blocks = tuple(self._get(option_id) for option_id in pdu.requested)
         elif pdu.service_id == SERVICE_SET:
             self._hello = None  # a station has found the device
-            # a block whose result could not be told is not set either
+            # a block whose result would not fit in the answer is not set either
             if len(pdu.blocks) > MAXIMUM_RESULTS:
                 self.dropped["response-full"] += len(pdu.blocks) - MAXIMUM_RESULTS
             blocks = tuple(
@@ -347,7 +347,7 @@ class DcpDevice:
                 self._transaction = qualifier
                 return BlockError.OK
             case StopBlock(info=qualifier):
-                # there are peers that close a Set with this block and never opened one: nothing is left to end then
+                # some peers end a Set with this block without having opened a transaction: nothing to end then
                 opened, self._transaction = self._transaction, None
                 return BlockError.OK if opened in {None, qualifier} else BlockError.SUBOPTION_NOT_SET
             case SignalBlock(value=value):

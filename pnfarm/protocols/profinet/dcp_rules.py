@@ -1,4 +1,4 @@
-"""What DCP asks of a device, apart from the machine: identity, events, and the rules in words and tables.
+"""DCP of a device apart from its state machine: identity, events, rules and tables.
 
 Sources: IEC 61158-6-10 (DCP; CMINA, the device's name and address), IEC 61158-5-10 (6.3.11, the services).
 """
@@ -63,7 +63,7 @@ class Stored(StrEnum):
 
 _EVERYTHING = frozenset(Stored)
 
-#: IEC 61158-5-10, 6.3.11.3.2.  The data of SNMP goes with every mode, as the conformance tests of PI want it; a drive
+#: IEC 61158-5-10, 6.3.11.3.2.  The data of SNMP goes with every mode, as PI's conformance tests require; a drive
 #: keeps no engineering data.
 RESET_CLEARS: dict[ResetMode, frozenset[Stored]] = {
     ResetMode.APPLICATION: frozenset({Stored.APPLICATION, Stored.IDENTIFICATION, Stored.MANAGEMENT}),
@@ -75,7 +75,7 @@ RESET_CLEARS: dict[ResetMode, frozenset[Stored]] = {
 }
 #: Modes that a drive has.  It keeps no engineering data and no older firmware, so modes 3 and 9 are not among them.
 RESET_MODES = frozenset({ResetMode.APPLICATION, ResetMode.COMMUNICATION, ResetMode.ALL, ResetMode.DEVICE})
-#: Modes after which the device starts anew.
+#: Modes after which the device restarts.
 REBOOTS = frozenset({ResetMode.DEVICE, ResetMode.DEVICE_AND_RESTORE})
 
 
@@ -92,7 +92,7 @@ class HelloMode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class HelloSettings:
-    """When a device says Hello; the defaults are those of the standard's fast start-up.
+    """When a device sends Hello; the defaults are those of the standard's fast start-up.
 
     ``count`` frames (FSHelloRetry), ``interval_ns`` apart; in the delayed mode the first waits for ``delay_ns``.
     """
@@ -154,7 +154,7 @@ class SignalEnded:
 
 @dataclass(frozen=True, slots=True)
 class AbortRequired:
-    """Every AR has to end with this error: what it was made with is gone."""
+    """Every AR has to end with this error: the name or address that it was set up with is gone."""
 
     reason: RtaError
 
@@ -171,7 +171,7 @@ class FactoryReset:
 
     @property
     def reboots(self) -> bool:
-        """Whether the device starts anew once it has answered."""
+        """Whether the device restarts once it has answered."""
         return self.mode in REBOOTS
 
 
@@ -194,7 +194,7 @@ def response_delay_ns(mac: bytes, factor: int) -> int:
 def check_ip_suite(address: IPv4Address, mask: IPv4Address, gateway: IPv4Address) -> str | None:
     """What is wrong with an IP parameter block, as a sentence, or None (IEC 61158-6-10, 4.3.1.4.21).
 
-    All three 0.0.0.0 is right: no address.  The gateway is 0.0.0.0 or the own address for none.
+    All three 0.0.0.0 are valid: no address.  The gateway is 0.0.0.0 or the own address for none.
     """
     host_mask = ~int(mask) & 0xFFFF_FFFF
     if host_mask & (host_mask + 1):
@@ -202,7 +202,7 @@ def check_ip_suite(address: IPv4Address, mask: IPv4Address, gateway: IPv4Address
     if address == _NONE:
         return None if mask == gateway == _NONE else "mask and gateway need an address"
     if address.packed[0] in {0, 127} or address.packed[0] >= 224:
-        return f"{address} is no address for a device"
+        return f"{address} is not an address for a device"
     if int(address) & host_mask in {0, host_mask}:
         return f"{address} with mask {mask} is a network's or a broadcast address"
     if gateway != _NONE and (int(gateway) ^ int(address)) & int(mask):

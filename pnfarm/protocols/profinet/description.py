@@ -1,7 +1,7 @@
 """A device as data: identity, modules, limits; and the modules in its slots now.
 
-:class:`DeviceDescription` is made once from a drive model and never changes.  :class:`Plugged` is the one
-moving part: a slot for which the description knows several modules (a drive with a module per telegram)
+:class:`DeviceDescription` is made once from a drive model and never changes.  :class:`Plugged` is the part
+that changes: a slot for which the description knows several modules (a drive with a module per telegram)
 takes the one that the controller expects, unless it was pulled or replaced on purpose.
 """
 
@@ -118,7 +118,7 @@ class DeviceDescription:
     ``min_device_interval`` counts 31.25 us.  ``modules`` lists, for each slot but the DAP's, every module that it
     can take; the first one of a slot is in it at power-on.  ``send_clocks`` and ``reduction_ratios`` are the
     SendClockFactors and ReductionRatios accepted, which the description file names too.
-    ``im_carriers`` are the submodules with I&M data; none named, the DAP's first one is it, for the device.
+    ``im_carriers`` are the submodules with I&M data; if none is named, the DAP's first one, for the device.
     """
 
     vendor_id: int
@@ -173,7 +173,7 @@ class DeviceDescription:
 class SlotState:
     """State of one slot in :class:`Plugged`.
 
-    ``held``: it does not follow the controller; ``pulled`` is what stood there before something of it was pulled.
+    ``held``: it does not follow the controller; ``pulled`` is the content before something of it was pulled.
     """
 
     module: ModuleDescription | None
@@ -183,10 +183,10 @@ class SlotState:
 
 
 class Plugged:
-    """The modules in the slots: a mapping ``(slot, subslot) -> SubmoduleDescription`` with hands.
+    """The modules in the slots: a mapping ``(slot, subslot) -> SubmoduleDescription`` that can be changed.
 
-    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`plug`, :meth:`put` and :meth:`restore` are for the one
-    who disturbs the device.
+    Only :meth:`follow` is the protocol's; :meth:`pull`, :meth:`plug`, :meth:`put` and :meth:`restore` are for users
+    and injections.
     """
 
     __slots__ = ("_description", "_fixed", "_modules", "_pulled", "_substitutes")

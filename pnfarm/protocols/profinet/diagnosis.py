@@ -1,12 +1,12 @@
 """The diagnosis of one device: the present entries, by place, and the alarms for each change.
 
 A :class:`DiagnosisStore` holds :class:`DiagnosisEntry` values.  Each change yields an event with everything that an
-AlarmNotification needs (IEC 61158-6-10, AlarmType, AlarmSpecifier, ChannelProperties, MaintenanceStatus); who owns
-the submodule, and so gets the alarm, is the AR's matter.  The store knows no clock: nothing here expires.
+AlarmNotification needs (IEC 61158-6-10, AlarmType, AlarmSpecifier, ChannelProperties, MaintenanceStatus); which
+AR owns the submodule, and so gets the alarm, is decided elsewhere.  Nothing in the store expires.
 
-An entry is known by its place, channel, direction and error types, or by its place, channel and USI when it is
-coded by the manufacturer.  Adding it again with another severity or value replaces it: it appears anew, then what
-stood before disappears.
+An entry is identified by its place, channel, direction and error types, or by its place, channel and USI when it is
+coded by the manufacturer.  Adding it again with another severity or value replaces it: it appears again, then the
+former one disappears.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _CHANNEL_USIS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})
 
 
 class Severity(IntEnum):
-    """In rising order.  Advice is only ever said by a qualifier."""
+    """In rising order.  Advice exists only as a qualifier."""
 
     ADVICE = 0
     MAINTENANCE_REQUIRED = 1
@@ -64,7 +64,7 @@ class Severity(IntEnum):
     FAULT = 3
 
 
-#: An error type of the network has an alarm type of its own, for both ways.
+#: An error type of the network has an alarm type of its own, for appearing and disappearing.
 _ALARM_TYPES = {
     0x8000: AlarmType.PORT_DATA_CHANGE,
     0x8001: AlarmType.PORT_DATA_CHANGE,
@@ -108,7 +108,7 @@ _PLAIN = {
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisEntry:
-    """One thing that is wrong.  ``usi`` says how it is coded, and so which of the later fields it has.
+    """One condition.  ``usi`` is its coding, which determines the later fields that it has.
 
     Channel-coded entries have ``error_type``; 0x8002 and 0x8003 also ``ext_error_type`` and ``ext_add_value``; 0x8003
     alone ``qualifier``, together with ``maintenance`` QUALIFIED.  A manufacturer's entry has ``data``, and is a fault.
@@ -145,7 +145,7 @@ class DiagnosisEntry:
         if (self.usi == Usi.QUALIFIED_CHANNEL) != (self.maintenance is Maintenance.QUALIFIED):
             raise ValueError("USI 0x8003 and a severity that is qualified belong together")
         if bool(self.qualifier) != (self.usi == Usi.QUALIFIED_CHANNEL) or self.qualifier & 7:
-            raise ValueError("a qualifier stands in USI 0x8003, and its bits 0 to 2 are reserved")
+            raise ValueError("a qualifier needs USI 0x8003, and its bits 0 to 2 are reserved")
 
     @property
     def place(self) -> ExpectedKey:
@@ -157,7 +157,7 @@ class DiagnosisEntry:
 
     @property
     def key(self) -> Hashable:
-        """What two entries share that are the same condition."""
+        """Equal for entries of the same condition."""
         if not self.channel_coded:
             return *self.place, self.channel, self.usi
         return *self.at, self.error_type, self.ext_error_type
@@ -193,7 +193,7 @@ class DiagnosisEntry:
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A change as an alarm tells it.
+    """A change as an alarm reports it.
 
     ``alarm_specifier`` holds the flags of the submodule as it is after the change; the AR's flag
     (:meth:`DiagnosisStore.alarm_specifier`) and the sequence number are the AR's.  ``maintenance_status`` is the
@@ -207,7 +207,7 @@ class _Change:
     maintenance_status: int
 
     def items(self) -> tuple[DiagnosisItem, ...]:
-        """What the alarm carries: the maintenance item, where there is a status to tell, then the entry's."""
+        """What the alarm carries: the maintenance item, where there is a status to report, then the entry's."""
         item = self.entry.item(self.specifier)
         if self.maintenance_status and self.entry.channel_coded:
             return MaintenanceItem(self.maintenance_status), item
@@ -252,7 +252,7 @@ class DiagnosisStore:
         return drained
 
     def add(self, entry: DiagnosisEntry) -> bool:
-        """Is the entry in the store now?  Without an event when it stood there already, just as it is."""
+        """Add an entry; whether it is in the store now.  No event if it was there already, unchanged."""
         standing = self._entries.get(entry.key)
         if standing == entry:
             return True
@@ -261,7 +261,7 @@ class DiagnosisStore:
             return False
         self._entries[entry.key] = entry
         self._tell(DiagnosisAppeared, entry, ChannelSpecifier.APPEARS)
-        # a manufacturer's new data say by themselves that the old ones are over
+        # a manufacturer's new data replace the old ones without a disappearance
         if standing is not None and entry.channel_coded:
             self._tell(DiagnosisDisappeared, standing, ChannelSpecifier.DISAPPEARS_OTHERS_REMAIN)
         return True
@@ -285,7 +285,7 @@ class DiagnosisStore:
         return len(gone)
 
     def forget(self, place: ExpectedKey | None = None) -> None:
-        """Empty the store, or a submodule's part of it, without a word: the power is off, or it was pulled."""
+        """Empty the store, or a submodule's part of it, without events: the power is off, or it was pulled."""
         for entry in [e for e in self._entries.values() if place in {None, e.place}]:
             del self._entries[entry.key]
         self._events = [e for e in self._events if place is not None and e.entry.place != place]
@@ -325,7 +325,7 @@ class DiagnosisStore:
         """Is there a fault in one of these submodules?  (DataStatus: a problem of the station's.)"""
         return any(e.place in owned and Severity.FAULT in e.severities for e in self._entries.values())
 
-    # its own hands
+    # internal
 
     def _at(self, place: ExpectedKey) -> Iterator[DiagnosisEntry]:
         return (e for e in self._entries.values() if e.place == place)

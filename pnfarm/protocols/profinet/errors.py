@@ -1,4 +1,4 @@
-"""PNIOStatus: the four octets in which PROFINET says what went wrong, and words for them.
+"""PNIOStatus: the four octets of PROFINET's error codes, and texts for them.
 
 ``ErrorCode`` names the service, ``ErrorDecode`` the table that the other two follow: PNIORW for records,
 PNIO for everything else.  Under PNIO, ``ErrorCode1`` is a block or a protocol machine and ``ErrorCode2``
@@ -272,7 +272,7 @@ class SubmoduleListField(IntEnum):
 
 
 class AlarmAckError(IntEnum):
-    """ErrorCode2 of AlarmAck: why an alarm was not taken."""
+    """ErrorCode2 of AlarmAck: why an alarm was not accepted."""
 
     ALARM_TYPE_NOT_SUPPORTED = 0
     WRONG_SUBMODULE_STATE = 1
@@ -504,7 +504,7 @@ def abort_label(code1: int, code2: int) -> str:
     return f"code-{code1:02x}-{code2:02x}"
 
 
-def _words(enum: type[IntEnum], code: int) -> str:
+def _text_of(enum: type[IntEnum], code: int) -> str:
     try:
         member = enum(code)
     except ValueError:
@@ -514,13 +514,13 @@ def _words(enum: type[IntEnum], code: int) -> str:
     return member.name.lower().replace("_", " ")
 
 
-def _pnio_words(code1: int, code2: int) -> str:
+def _pnio_text(code1: int, code2: int) -> str:
     table = _CODE2.get(code1)
     try:
         fault = ConnectFault(code1)
     except ValueError:
         return f"ErrorCode1 0x{code1:02X}, ErrorCode2 0x{code2:02X}"
-    second = _words(table, code2) if table else f"code {code2}"
+    second = _text_of(table, code2) if table else f"code {code2}"
     block = _BLOCK_NAMES.get(fault)
     if block:
         return f"faulty {block}, {second}"
@@ -535,9 +535,9 @@ def describe_status(status: PnioStatus) -> str:
     octets = int(status).to_bytes(4, "big").hex(" ").upper()
     service = _SERVICES.get(status.error_code, f"service 0x{status.error_code:02X}")
     if decode == ErrorDecode.PNIORW:
-        reason = _words(AccessError, code1)
+        reason = _text_of(AccessError, code1)
     elif decode == ErrorDecode.PNIO:
-        reason = _pnio_words(code1, status.error_code2)
+        reason = _pnio_text(code1, status.error_code2)
     else:
         reason = f"ErrorDecode 0x{decode:02X}"
     return f"{service}: {reason} ({octets})"

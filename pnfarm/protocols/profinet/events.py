@@ -51,7 +51,7 @@ class ArConnected:
 
 @dataclass(frozen=True, slots=True)
 class ConnectRefused:
-    """``detail`` says in words what ``status`` says in numbers."""
+    """``detail`` is the text of ``status``, with the cause."""
 
     initiator_ip: IPv4Address
     status: PnioStatus
@@ -60,7 +60,7 @@ class ConnectRefused:
 
 @dataclass(frozen=True, slots=True)
 class PrmEndReceived:
-    """The parameters are complete; the application may now say that it is ready.
+    """The parameters are complete; the application may now report that it is ready.
 
     ``sequence``: None for the whole AR, the plug alarm's for the parameters of one plugged submodule.
     """
@@ -79,7 +79,7 @@ class ApplicationReadyConfirmed:
 
 @dataclass(frozen=True, slots=True)
 class SubmodulesChanged:
-    """A submodule came or went while the AR stands; ``unusable`` as in :class:`ArConnected`, as it is now.
+    """A submodule came or went during the AR; ``unusable`` as in :class:`ArConnected`, as it is now.
 
     ``starting``: the application is ready for the first time, and the data of all others become good.
     """
@@ -91,7 +91,7 @@ class SubmodulesChanged:
 
 @dataclass(frozen=True, slots=True)
 class AlarmConfirmed:
-    """The controller's AlarmAck came; ``status`` says whether it took the alarm.
+    """The controller's AlarmAck came; ``status`` says whether it accepted the alarm.
 
     ``number`` is the device's own for this alarm, ``sequence`` the one that its AlarmSpecifier carried.
     """
@@ -118,7 +118,7 @@ class ArEstablished:
 class ArAborted:
     """The AR is over without a release.  ``by_peer``: the controller's ERR-RTA ended it.
 
-    The numbers are ErrorCode1 and ErrorCode2; ``reason`` says them in words.
+    The numbers are ErrorCode1 and ErrorCode2; ``reason`` is their text.
     """
 
     ar_key: int
@@ -149,7 +149,7 @@ class RecordWritten:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosisChanged:
-    """Something is wrong, or no longer; the controllers that own the submodule were told by an alarm."""
+    """A diagnosis appeared or disappeared; the controllers that own the submodule got an alarm."""
 
     change: DiagnosisEvent
 

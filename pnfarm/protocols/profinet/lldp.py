@@ -1,20 +1,20 @@
 """The LLDP agent of one port: announces the station, and keeps its neighbours (IEEE 802.1AB-2016 clause 9).
 
 PROFINET sends every 5 s with a time to live of 20 s (IEC 61158-6-10, LLDP).  A thousand drives that are switched on
-together would send together for ever; ``phase_ns`` moves each agent's first frame, and so all that follow.  An
-unchanged frame is encoded once.  Own data that changed go out at once, at most once a second.
+together would always send together; ``phase_ns`` shifts each agent's first frame, and so all that follow.  An
+unchanged frame is encoded once.  Changed own data are sent at once, at most once a second.
 
-What a device says, and why:
+What a device sends, and why:
 
 * Names follow MultipleInterfaceMode.NameOfDevice, which a controller writes in PDInterfaceAdjust; until it does, the
-  coding's default holds: the port id alone names the port, the chassis id is the NameOfStation.  Controllers that know
-  the newer habit (S7-1500) write it at each start-up; those that do not know it expect the default.
-* PROFINET's port status and chassis MAC, the MAC/PHY status and a management address are obligatory for conformance
-  class B; descriptions, system name and capabilities are there because SNMP shows them (LLDP-MIB).
-* Delays are not sent: nothing measures them.
+  coding's default holds: the port id alone names the port, the chassis id is the NameOfStation.  Controllers with
+  the newer scheme (S7-1500) write it at each start-up; others expect the default.
+* PROFINET's port status and chassis MAC, the MAC/PHY status and a management address are mandatory for conformance
+class B; descriptions, system name and capabilities are sent because SNMP shows them (LLDP-MIB).
+* Delays are not sent: they are not measured.
 
-A neighbour is known by chassis id and port id together, as in IEEE 802.1AB; it is gone when its time to live has
-passed, when it says so (time to live 0), or with the link.
+A neighbour is identified by chassis id and port id together, as in IEEE 802.1AB; it is gone when its time to live has
+passed, when it sends time to live 0, or when the link goes down.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ class NeighbourAppeared:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourChanged:
-    """A known neighbour says something else than before."""
+    """The data of a known neighbour changed."""
 
     port: str
     neighbour: Neighbour
@@ -229,13 +229,13 @@ LldpEvent: TypeAlias = NeighbourAppeared | NeighbourChanged | NeighbourGone
 
 
 def spread_phase(index: int) -> int:
-    """When agent ``index`` sends first, nanoseconds: any number of them lie evenly in the interval."""
-    # Fibonacci hashing: each next one falls into the widest gap that is left
+    """When agent ``index`` sends first, nanoseconds: any number of agents is spread evenly over the interval."""
+    # Fibonacci hashing: each further one is placed in the widest gap
     return ((index * 0x9E37_79B1 & 0xFFFF_FFFF) * SEND_INTERVAL_NS) >> 32
 
 
 def local_lldpdu(system: LocalSystem, port: LocalPort, time_to_live: int = TIME_TO_LIVE) -> Lldpdu:
-    """What ``port`` says; a shutdown says no more than who it is (IEEE 802.1AB-2016 9.1.2.3)."""
+    """The LLDPDU of ``port``; in a shutdown its identity alone (IEEE 802.1AB-2016 9.1.2.3)."""
     tlvs: list[Tlv] = []
     if time_to_live:
         tlvs = [
@@ -267,7 +267,7 @@ class LldpPort:
         self._system = system
         self._phase_ns = phase_ns
         self._maximum = maximum
-        #: What was not taken, by reason.
+        #: Frames that were not accepted, by reason.
         self.dropped: Counter[str] = Counter()
         self.sent = 0
         self.received = 0
@@ -277,7 +277,7 @@ class LldpPort:
         self._last_ns: int | None = None
         self._frame: bytes | None = None
         self._neighbours: dict[tuple[ChassisId, PortId], Neighbour] = {}
-        self._look_ns: int | None = None  # no neighbour's time is up before
+        self._look_ns: int | None = None  # no neighbour expires before
         self._outbox: list[bytes] = []
         self._events: list[LldpEvent] = []
 
@@ -288,7 +288,7 @@ class LldpPort:
         return self._system
 
     def update(self, system: LocalSystem, now: int) -> None:
-        """Our own data are these now; if they differ they go out soon, once the first frame was sent."""
+        """Set the own data; if they differ they are sent soon, once the first frame was sent."""
         if system == self._system:
             return
         self._system = system
@@ -304,7 +304,7 @@ class LldpPort:
         self._next_ns = now if wanted else None
 
     def shut_down(self, now: int) -> None:
-        """Say good-bye, unless nothing was ever said, and fall silent for good."""
+        """Send a shutdown frame, unless nothing was ever sent, and send nothing more."""
         if self._sending and self._last_ns is not None:
             self._outbox.append(self._emit(local_lldpdu(self._system, self.port, 0)))
         self._last_ns = now
@@ -415,5 +415,5 @@ class LldpPort:
 
 
 def _octets(text: str) -> bytes:
-    """At most 255 octets of UTF-8: what the TLVs of names and texts take."""
+    """At most 255 octets of UTF-8: the limit of the TLVs of names and texts."""
     return text.encode()[:255]

@@ -20,7 +20,7 @@ __all__ = ["LogBook", "LogDetail"]
 
 
 class LogDetail(IntEnum):
-    """EntryDetail: the field is the maker's to define, and this is the definition."""
+    """EntryDetail: defined by the maker; these are this device's."""
 
     CONNECTED = 1
     RELEASED = 2
@@ -40,7 +40,7 @@ class LogBook:
         self._entries.append(LogEntry(now, ar_uuid, status, detail))
 
     def note(self, event: CmEvent, now: int) -> None:
-        """Write down an event of the AR machine, if it belongs into the book."""
+        """Record an event of the AR machine, if the log book has a code for it."""
         match event:
             case ArConnected():
                 self._uuids[event.ar_key] = event.uuid
@@ -55,5 +55,5 @@ class LogBook:
                 self.record(NIL_UUID, event.status, LogDetail.CONNECT_REFUSED, now)
 
     def data(self, now: int) -> LogData:
-        """The book as a record shows it."""
+        """The log book as a record."""
         return LogData(now, tuple(self._entries))

@@ -103,7 +103,7 @@ class MibLayout:
 
 
 class MibSnapshot:
-    """The objects at one moment; all values that it gives belong together."""
+    """The objects at one moment; all its values are of that moment."""
 
     def __init__(self, layout: MibLayout, tables: Sequence[Sequence[Any]], reading: Reading) -> None:
         self.layout = layout

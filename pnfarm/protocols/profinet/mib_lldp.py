@@ -36,7 +36,7 @@ REMOTE: Oid = (*LLDP, 4)
 DOT3: Oid = (*LLDP, 5, 4623, 1)
 PNO: Oid = (*LLDP, 5, 3791, 1)
 
-#: Seconds, the MIB's defaults: a device that sends no notifications and reads them from no manager has no others.
+#: Seconds, the MIB's defaults: this agent sends no notifications, and a manager cannot change them.
 REINIT_DELAY = 2
 TX_DELAY = 2
 NOTIFICATION_INTERVAL = 5
@@ -63,7 +63,7 @@ LLDP_SCALARS = (
 
 
 class _LocalAddress(NamedTuple):
-    """An own address, and the ports that tell it."""
+    """An own address, and the ports that advertise it."""
 
     address: ManagementAddress
     ports: tuple[LldpPortView, ...]

@@ -228,7 +228,7 @@ class NeighbourView:
 
 @dataclass(frozen=True, slots=True)
 class LldpView:
-    """LLDP-MIB.  Intervals in seconds; a PROFINET device sends every 5 s and is believed for 20 s."""
+    """LLDP-MIB.  Intervals in seconds; a PROFINET device sends every 5 s, with a time to live of 20 s."""
 
     chassis_id: bytes
     ports: tuple[LldpPortView, ...]

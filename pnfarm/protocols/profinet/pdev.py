@@ -1,7 +1,7 @@
 """The physical device: the records of the interface and of its ports (IEC 61158-6-10, coding of the field Index).
 
 Which records there are follows the DAP's submodules: subslots 0x8000, 0x8100 ... are interfaces, those behind them
-are their ports.  What is there is made up at the moment it is read, from the interface's and the ports' facts and from
+are their ports.  Real data are computed when they are read, from the interface's and the ports' facts and from
 the neighbours that LLDP knows; what a controller writes is checked, kept, and read back octet for octet.
 
 ======  ==========================  =========  ====  =====  =================================================
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
 
 __all__ = ["InterfaceFacts", "PdevIndex", "PhysicalDevice"]
 
-#: A neighbour that keeps PROFINET's interval has spoken by then; until then its absence is no error (assumed).
+#: A neighbour that keeps PROFINET's interval has sent by then; until then its absence is not an error (assumed).
 _PEER_GRACE_NS = 5_000_000_000
 _NO_ADDRESS = IPv4Address(0)
 _EVERY_COUNTER_INVALID = 0x3F
@@ -106,7 +106,7 @@ class PdevIndex:
     EXPECTED_DATA = 0xF842
 
 
-#: What a controller may write, with the block that it must be.
+#: Records that a controller may write, with the block that each must be.
 _PORT_WRITABLE = {
     PdevIndex.PORT_DATA_CHECK: PdevBlockType.PORT_DATA_CHECK,
     PdevIndex.PORT_DATA_ADJUST: PdevBlockType.PORT_DATA_ADJUST,
@@ -121,12 +121,12 @@ _INTERFACE_WRITABLE = {
     PdevIndex.INTERFACE_FSU_DATA_ADJUST: PdevBlockType.INTERFACE_FSU_DATA_ADJUST,
     PdevIndex.PLL_CONTROL: PdevBlockType.PLL_CONTROL,
 }
-#: Written and read back, and none of those that PDExpectedData has.
+#: Written and read back, but not part of PDExpectedData.
 _BESIDE = frozenset({PdevIndex.PLL_CONTROL, PdevIndex.TRACE_UNIT})
 _PORT_READABLE = frozenset({*_PORT_WRITABLE, PdevIndex.PORT_DATA_REAL, PdevIndex.PORT_STATISTIC})
 _INTERFACE_READABLE = frozenset({*_INTERFACE_WRITABLE, PdevIndex.INTERFACE_DATA_REAL, PdevIndex.PORT_STATISTIC})
 _DEVICE_READABLE = frozenset({PdevIndex.REAL_DATA, PdevIndex.EXPECTED_DATA})
-#: PDPortDataCheck and -Adjust have a header that says whose they are.
+#: PDPortDataCheck and -Adjust have a header that names their submodule.
 _ADDRESSED = frozenset({PdevIndex.PORT_DATA_CHECK, PdevIndex.PORT_DATA_ADJUST})
 _FIRST_SUBSLOT = 0x8000
 _LAST_SUBSLOT = 0x8FFF
@@ -166,7 +166,7 @@ class PhysicalDevice:
         self._patient: dict[tuple[int, int], int] = {}
         self._findings: dict[tuple[int, int], dict[tuple[int, int], Finding]] = {}
         self._events: list[CheckFailed | CheckPassed] = []
-        #: How LLDP is to name us, and the ports that are to send no LLDP: what the controller wrote.
+        #: Written by the controller: how LLDP names the device, and the ports that send no LLDP.
         self.name_mode = NameMode.PORT
         self.mute_ports: frozenset[int] = frozenset()
 
@@ -188,7 +188,7 @@ class PhysicalDevice:
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The record's octets, none for what was never written; or why not."""
+        """The record's octets, empty for one that was never written; or the error."""
         del ar, now
         match index:
             case PdevIndex.REAL_DATA:
@@ -216,7 +216,7 @@ class PhysicalDevice:
         return self.written.get((*place, index), b"")
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
-        """None when the record was taken."""
+        """None when the record was accepted, else the error."""
         del ar
         return self._write(api, slot, subslot, index, data, now)
 
@@ -241,7 +241,7 @@ class PhysicalDevice:
         return refused
 
     def _take(self, place: tuple[int, int], index: int, wanted: int, block: RawBlock, now: int) -> RecordError | None:
-        """Check one record and let it take effect.  Raises :class:`DecodeError` for one of another shape."""
+        """Check one record and apply it.  Raises :class:`DecodeError` for one of another shape."""
         if block.block_type != wanted or block.version_high != VERSION_1_0 >> 8:
             return RecordError(AccessError.INVALID_PARAMETER)
         if index == PdevIndex.INTERFACE_ADJUST:
@@ -261,26 +261,26 @@ class PhysicalDevice:
         self.mute_ports = self.mute_ports | {subslot} if mute else self.mute_ports - {subslot}
 
     def restore(self, written: Mapping[tuple[int, int, int], bytes], now: int) -> list[str]:
-        """Take back what was kept over a power cycle.
+        """Restore what was kept over a power cycle.
 
-        Returns a sentence for each record that the device has no place for; it is left out.
+        Returns a sentence for each record that does not fit the device; it is left out.
         """
         left_out = []
         for (slot, subslot, index), data in written.items():
             found = self._submodules.get((slot, subslot))
             if found is None or self._write(found.api, slot, subslot, index, data, now) is not None:
-                left_out.append(f"kept record 0x{index:04X} of slot {slot} subslot 0x{subslot:04X} has no place here")
+                left_out.append(f"kept record 0x{index:04X} of slot {slot} subslot 0x{subslot:04X} does not fit")
         return left_out
 
     def forget(self, now: int) -> None:
-        """A reset to factory settings: nothing is wanted of the ports any more."""
+        """Reset to factory settings: no check or adjustment of a port remains."""
         self.written.clear()
         self.name_mode, self.mute_ports = NameMode.PORT, frozenset()
         self._checks = {place: PortDataCheck(*place, ()) for place in self._checks}
         self.evaluate(now)
         self._checks.clear()
 
-    # -- what is -----------------------------------------------------------------------------------------------------
+    # -- real data ---------------------------------------------------------------------------------------------------
 
     def _port_data_real(self, slot: int, subslot: int) -> PortDataReal:
         facts = self._port(subslot)
@@ -311,7 +311,7 @@ class PhysicalDevice:
         )
 
     def _statistic(self, place: tuple[int, int]) -> PortStatistic:
-        """An interface has the sum of its ports; counters that nobody keeps are marked invalid, and are zero then."""
+        """An interface has the sum of its ports; counters that the link does not keep are zero and marked invalid."""
         subslots = _ports_of(place[1], self.ports) if is_interface(place[1]) else (place[1],)
         counted = [c for s in subslots if (c := self._port(s).counters) is not None]
         if not counted:
@@ -355,11 +355,11 @@ class PhysicalDevice:
         self.evaluate(now)
 
     def evaluate(self, now: int) -> None:
-        """Compare every port with what is wanted; call it when a neighbour or a link changed, and at the deadline."""
+        """Compare every port with what is expected; call it when a neighbour or a link changed, and at the deadline."""
         self._patient = {place: until for place, until in self._patient.items() if until > now}
         for place, check in self._checks.items():
             before = self._findings.get(place, {})
-            # a check that is written again does not take back that nobody is there
+            # a check that is written again does not hide that the neighbour is missing
             known = place not in self._patient or _NO_PEER in before
             found = compare(check.blocks, self._port(place[1]), self._neighbours(place[1]), peers_known=known)
             after = {finding.key: finding for finding in found}
@@ -373,11 +373,11 @@ class PhysicalDevice:
 
     @property
     def findings(self) -> dict[tuple[int, int], tuple[Finding, ...]]:
-        """What fails now, by (slot, subslot)."""
+        """The checks that fail now, by (slot, subslot)."""
         return {place: tuple(found.values()) for place, found in self._findings.items() if found}
 
     def next_deadline(self) -> int | None:
-        """When a neighbour that was never heard begins to be missing."""
+        """When a neighbour that was never heard counts as missing."""
         return min(self._patient.values(), default=None)
 
     def handle_timeout(self, now: int) -> None:

@@ -42,7 +42,7 @@ __all__ = [
 
 
 class ChannelErrorType(IntEnum):
-    """Those of a port."""
+    """ChannelErrorType of a port."""
 
     DATA_TRANSMISSION_IMPOSSIBLE = 0x8000
     REMOTE_MISMATCH = 0x8001
@@ -112,7 +112,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class CheckFailed:
-    """A port is not as the controller wants it: a diagnosis appears there."""
+    """A port is not as the controller expects: a diagnosis appears there."""
 
     slot: int
     subslot: int
@@ -123,7 +123,7 @@ class CheckFailed:
 
 @dataclass(frozen=True, slots=True)
 class CheckPassed:
-    """What failed before is as wanted again, or no longer asked for: the diagnosis disappears."""
+    """A failed check passes again, or is no longer requested: the diagnosis disappears."""
 
     slot: int
     subslot: int
@@ -145,7 +145,7 @@ def media_type_of(mau_type: int) -> MediaType:
 def compare(
     checks: Iterable[SubBlock], port: PortFacts, neighbours: Sequence[Neighbour], *, peers_known: bool = True
 ) -> tuple[Finding, ...]:
-    """The channel errors that hold now; without ``peers_known`` a missing neighbour is none yet.
+    """The channel errors that hold now; without ``peers_known`` a missing neighbour is not an error yet.
 
     A port that hears several neighbours passes if one of them is the expected one.
     """
@@ -158,8 +158,8 @@ def compare(
             case CheckLinkState(_, link):
                 found += _compare_link(link, port)
             case CheckMauType(mau_type) if port.link_up and mau_type != port.mau_type:
-                words = f"0x{port.mau_type:04X} where 0x{mau_type:04X} is wanted"
-                found.append(_impossible(DataTransmission.MAU_TYPE_MISMATCH, words))
+                detail = f"0x{port.mau_type:04X} where 0x{mau_type:04X} is expected"
+                found.append(_impossible(DataTransmission.MAU_TYPE_MISMATCH, detail))
             case CheckMauTypeDifference(mode) if mode & 1:
                 found += [
                     _mismatch(RemoteMismatch.PEER_MAU_TYPE, f"{n.station_name} has 0x{n.mau_type:04X}")
@@ -173,7 +173,7 @@ def _compare_peers(peers: tuple[ExpectedPeer, ...], heard: Sequence[Neighbour], 
     if not peers:
         return []
     if not heard:
-        return [_mismatch(RemoteMismatch.NO_PEER_DETECTED, "nobody is heard")] if missing else []
+        return [_mismatch(RemoteMismatch.NO_PEER_DETECTED, "no neighbour is heard")] if missing else []
     stations = [n for n in heard if any(_is_station(n, peer) for peer in peers)]
     if any(_is_port(n, peer) for n in stations for peer in peers if _is_station(n, peer)):
         return []

@@ -1,8 +1,8 @@
 """The record of each index: one table for reading, writing and refusing (IEC 61158-6-10, field Index).
 
-A row says what the record is about (:class:`Scope`: which of API, slot and subslot count), what may be done with it
-and by whom (:class:`Access`), and which part of the device answers (:class:`Part`).  An index without a row is
-invalid.  So are, on purpose, the rows that this device does not have: AutoConfiguration, PROFIenergy, the reporting
+A row gives the record's scope (:class:`Scope`: which of API, slot and subslot count), the allowed accesses and by
+which ARs (:class:`Access`), and the part of the device that answers (:class:`Part`).  An index without a row is
+invalid.  Left out on purpose, because this device does not have them: AutoConfiguration, PROFIenergy, the reporting
 system, asset management, GSD upload, TSN, isochronous mode.
 
 Two rows are in the profiles' range and belong to the physical device: 0xB050 (control of the external PLL) and 0xB060
@@ -78,7 +78,7 @@ class Access(Flag):
 
 
 class Part(Enum):
-    """Who answers."""
+    """The part of the device that answers."""
 
     APPLICATION = auto()
     IDENTIFICATION = auto()
@@ -174,9 +174,9 @@ _RECORDS: dict[int, Record] = {
     },
     Index.IM0_FILTER_DATA: Record("I&M0FilterData", _DEV, _R, Part.IM),
     **{
-        first | number: Record(words, scope, _R, Part.DIAGNOSIS)
+        first | number: Record(name, scope, _R, Part.DIAGNOSIS)
         for first, scope in _DIAGNOSIS_SCOPES.items()
-        for number, words in _DIAGNOSIS.items()
+        for number, name in _DIAGNOSIS.items()
     },
     Index.DIAGNOSIS_DEVICE: Record(_DIAGNOSIS[0x0C], _DEV, _R, Part.DIAGNOSIS),
     **{i: Record(name, _SUB, _RW if writable else _R, Part.PDEV) for i, (name, writable) in _PDEV.items()},
@@ -190,7 +190,7 @@ _PROFILE = Record("the profile's", _SUB, _R | Access.WRITE_ACCESS, Part.APPLICAT
 
 
 def find_record(index: int) -> Record | None:
-    """The row of ``index``, or None where no record is."""
+    """The row of ``index``, or None for an unknown index."""
     found = _RECORDS.get(index)
     if found is not None:
         return found

@@ -1,7 +1,7 @@
 """ARFSUDataAdjust: which set of parameters a controller writes (IEC 61158-6-10, FSParameterBlock).
 
-A device that keeps its parameters for a fast start-up may pass over those that follow when it has this set already.
-This one takes whatever is written, so that the record changes nothing; it is kept for as long as its AR stands, and
+A device that keeps its parameters for a fast start-up may skip those that follow when it has this set already.
+This one accepts whatever is written, so that the record changes nothing; it is kept as long as its AR exists, and
 read back.
 """
 
@@ -23,18 +23,18 @@ __all__ = ["FsuRecords"]
 
 
 class FsuRecords:
-    """``ars`` are those that stand.  Until the record is written, what the Connect request brought is read."""
+    """``ars`` are the present ones.  Until the record is written, what the Connect request contained is read."""
 
     def __init__(self, ars: Callable[[], Iterable[Ar]]) -> None:
         self._ars = ars
         self._written: dict[int, bytes] = {}
 
     def read(self, ar: Ar) -> bytes:
-        """Empty where the controller said nothing."""
+        """Empty where the controller wrote nothing."""
         return self._written.get(ar.key, ar.fsu_adjust)
 
     def write(self, ar: Ar, data: bytes) -> RecordError | None:
-        """None when the record was taken."""
+        """None when the record was accepted, else the error."""
         try:
             (block,) = split_blocks(data)
             if block.block_type != BlockType.AR_FSU_DATA_ADJUST or block.version_high != VERSION_1_0 >> 8:

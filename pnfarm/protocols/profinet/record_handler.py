@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["KeptRecords", "NoRecords", "RecordHandler"]
 
-#: What a controller writes at start-up and a device without ports to adjust can leave alone: PDPortDataCheck,
+#: What a controller writes at start-up and a device without ports to adjust can ignore: PDPortDataCheck,
 #: PDPortDataAdjust, PDInterfaceMrpDataCheck and -Adjust, PDPortMrpDataAdjust, PDNCDataCheck, PDInterfaceAdjust,
 #: PDInterfaceFSUDataAdjust, and two of Siemens' device driver (:mod:`record_directory`).
 _KEPT = frozenset({0x802B, 0x802F, 0x8051, 0x8052, 0x8053, 0x8070, 0x8071, 0x8090, 0xB050, 0xB060})
@@ -49,7 +49,7 @@ class NoRecords:
 
 
 class KeptRecords:
-    """A physical device of which nothing is known: what a controller writes at start-up is kept and read back.
+    """A physical device without data of its own: what a controller writes at start-up is kept and read back.
 
     The records about a real interface are invalid, and so are those that request IRT.
     """

@@ -1,4 +1,4 @@
-"""Records that say what is plugged, what is expected and which ARs stand."""
+"""Records of the plugged modules, the expected modules and the present ARs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["EXPECTED", "ar_data_record", "expected_keys", "identification_record", "in_scope"]
 
-#: These name what an AR expects, and so need one.
+#: These are about what an AR expects, and so need one.
 EXPECTED = frozenset({
     Index.EXPECTED_IDENTIFICATION_SUBSLOT,
     Index.EXPECTED_IDENTIFICATION_SLOT,
@@ -46,7 +46,7 @@ def expected_keys(ar: Ar) -> frozenset[ExpectedKey]:
 
 
 def in_scope(scope: Scope, asked: ExpectedKey, found: ExpectedKey) -> bool:
-    """Is ``found`` what a record of ``scope`` at ``asked`` is about?  (Not for the scope of an AR.)"""
+    """Whether a record of ``scope`` at ``asked`` is about ``found``.  (Not for the scope of an AR.)"""
     match scope:
         case Scope.SUBSLOT:
             return found == asked
@@ -59,7 +59,7 @@ def in_scope(scope: Scope, asked: ExpectedKey, found: ExpectedKey) -> bool:
 
 
 def identification_record(plugged: Plugged, ar: Ar | None, index: int, scope: Scope, asked: ExpectedKey) -> bytes:
-    """ExpectedIdentificationData or RealIdentificationData; ``ar`` must be there for what is its own."""
+    """ExpectedIdentificationData or RealIdentificationData; ``ar`` is needed where the record is about an AR."""
     if index in EXPECTED:
         return _expected(ar.expected if ar else (), scope, asked)
     owned = expected_keys(ar) if scope is Scope.AR and ar else None
@@ -95,7 +95,7 @@ def _expected(expected: Iterable[ExpectedApi], scope: Scope, asked: ExpectedKey)
 
 
 def ar_data_record(plugged: Plugged, ars: Iterable[Ar], ar: Ar | None, index: int, api: int) -> bytes:
-    """APIData, ModuleDiffBlock, or ARData; empty where there is nothing to tell."""
+    """APIData, ModuleDiffBlock, or ARData; empty where there is nothing to report."""
     match index:
         case Index.API_DATA:
             return emit_api_data(ApiData(plugged.apis()))

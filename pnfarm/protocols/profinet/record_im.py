@@ -1,9 +1,9 @@
-"""Identification and maintenance: I&M0 to I&M4 and who carries them (PI profile guideline 1; IEC 61158-6-10).
+"""Identification and maintenance: I&M0 to I&M4 and their carriers (PI profile guideline 1; IEC 61158-6-10).
 
-I&M0 is the description's.  The texts of I&M1 to I&M4 are written by engineering and belong into non-volatile memory:
-:class:`ImRecords` keeps them in a mapping that it is given, and says by :class:`ImWritten` when it changed one.
-A submodule without I&M data of its own answers with its module's carrier, or with the device's; writing is for the
-carriers.
+I&M0 is the description's.  The texts of I&M1 to I&M4 are written by engineering and belong in non-volatile memory:
+:class:`ImRecords` keeps them in a mapping that it is given, and reports a change by :class:`ImWritten`.
+A submodule without I&M data of its own answers with its module's carrier, or with the device's; only
+carriers can be written.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class ImRecords:
         return emit_im_text(ImText(block, text.ljust(size, padding)[:size]))
 
     def write(self, slot: int, subslot: int, index: int, data: bytes) -> RecordError | None:
-        """I&M1 to I&M4.  Texts are visible characters; zeros behind them are taken for padding."""
+        """I&M1 to I&M4.  Texts are visible characters; zeros behind them count as padding."""
         carrier = self._carrier(slot, subslot)
         block = self._block(carrier, index) if carrier is not None else None
         if carrier is None or block is None:
@@ -138,7 +138,7 @@ class ImRecords:
             self._events.append(ImCleared())
 
     def filter_data(self) -> bytes:
-        """I&M0FilterData: all carriers, those that stand for their module, those that stand for the device."""
+        """I&M0FilterData: all carriers, those that represent their module, those that represent the device."""
         carriers = [c for c in self._description.carriers if (c.slot, c.subslot) in self._plugged]
         return (
             self._filter(BlockType.IM0_FILTER_DATA_SUBMODULE, carriers, lambda _: True)
@@ -166,7 +166,7 @@ class ImRecords:
         return module.module_ident if module else 0
 
     def _carrier(self, slot: int, subslot: int) -> ImCarrier | None:
-        """Whose I&M data the submodule answers with: its own, its module's, or the device's."""
+        """The carrier whose I&M data the submodule answers with: its own, its module's, or the device's."""
         carriers = self._description.carriers
         return (
             next((c for c in carriers if (c.slot, c.subslot) == (slot, subslot)), None)

@@ -44,7 +44,7 @@ class IoData:
 class IoRecords:
     """``io_data(slot, subslot, output)`` gives a submodule's cyclic data, or None while there is none.
 
-    Substitute values are kept for as long as the AR that wrote them stands.
+    Substitute values are kept as long as the AR that wrote them exists.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class IoRecords:
         return None
 
     def _substitute(self, ar: Ar | None, key: ExpectedKey) -> SubstituteValue | None:
-        """What the reader's AR wrote, or else any other one that stands."""
+        """What the reader's AR wrote, else that of any other present AR."""
         keys = [a.key for a in ((ar,) if ar else ())] + [a.key for a in self._ars()]
         return next((self._substitutes[k, key] for k in keys if (k, key) in self._substitutes), None)
 

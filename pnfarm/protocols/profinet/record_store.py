@@ -1,13 +1,13 @@
-"""Records that every PROFINET device has: who it is, what is plugged, which ARs stand, what is wrong, its I/O data.
+"""Records that every PROFINET device has: identity, modules, ARs, diagnosis, I/O data.
 
-:class:`DeviceRecords` is what the AR machine asks.  It looks an index up in :mod:`record_directory`, refuses what the
-place, the AR or its phase do not allow, and lets the part of the device answer that the table names; the indexes of
-the user and of profiles go to the application's handler, the drive's parameter access.
+:class:`DeviceRecords` serves the AR machine.  It looks an index up in :mod:`record_directory`, refuses what the
+place, the AR or its phase do not allow, and passes the rest to the part of the device that the table names; the
+indexes of the user and of profiles go to the application's handler, the drive's parameter access.
 
 What is refused, and how (PNIORW; IEC 61158-6-10, coding of ErrorCode1): no such index, or not at that submodule
 0xB0; wrong length of what was written 0xB1; no such slot or subslot 0xB2; no such API 0xB4; a record of an AR
-without one, or a write between PrmEnd and ApplicationReady 0xB5; a record that is only read, or another AR's submodule
-0xB6; an answer longer than the room for it 0xB7; a value that cannot be 0xB8.
+without one, or a write between PrmEnd and ApplicationReady 0xB5; a read-only record, or another AR's submodule
+0xB6; an answer longer than the room for it 0xB7; an invalid value 0xB8.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 __all__ = ["DeviceRecords", "Index", "IoData", "NoRecords", "RecordHandler", "im0_of", "owned_submodules"]
 
 _FIRST_PDEV_SUBSLOT = 0x8000
-#: CMWRR takes no write here: the parameters are complete, and the application is not ready yet.
+#: CMWRR accepts no write here: the parameters are complete, and the application is not ready yet.
 _NO_WRITES = frozenset({
     CmdevState.W_CIND,
     CmdevState.W_CRES,
@@ -58,7 +58,7 @@ _NO_WRITES = frozenset({
 
 
 def owned_submodules(ar: Ar) -> frozenset[ExpectedKey]:
-    """The submodules that the AR has: expected, there, as expected or as a substitute, and nobody else's.
+    """The submodules that the AR has: expected, there, as expected or as a substitute, and not another AR's.
 
     One that was plugged while data flow is among them, though its data are bad until its parameters have come.
     """
@@ -68,7 +68,7 @@ def owned_submodules(ar: Ar) -> frozenset[ExpectedKey]:
 class DeviceRecords:
     """The records of one device, a :class:`RecordHandler`.
 
-    ``ars`` gives the ARs that stand (:attr:`CmDevice.ars`).  ``io_data(slot, subslot, output)`` gives a submodule's
+    ``ars`` gives the present ARs (:attr:`CmDevice.ars`).  ``io_data(slot, subslot, output)`` gives a submodule's
     cyclic data, or None while there is none.  ``pdev`` answers for the physical device; by default what is written is
     kept.  ``diagnosis`` and ``log_book`` are the device's, ``texts`` its memory of I&M1 to I&M4 (:attr:`im`).
     """
@@ -99,7 +99,7 @@ class DeviceRecords:
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The record's octets, or why not; see the head of this file."""
+        """The record's octets, or the error; see the module's docstring."""
         record = find_record(index)
         if record is None or not record.access & Access.READ:
             return RecordError(AccessError.INVALID_INDEX)
@@ -143,9 +143,9 @@ class DeviceRecords:
                 return RecordError(AccessError.INVALID_INDEX)
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
-        """None when the record was taken.
+        """None when the record was accepted, else the error.
 
-        A container is checked for its shape and place alone: whoever serves the call writes what is in it, one by one.
+        A container is checked for its shape and place only: the server of the call writes its records, one by one.
         """
         record = find_record(index)
         if record is None:
@@ -168,10 +168,10 @@ class DeviceRecords:
             case Part.CONTAINER:
                 return _check_container(data)
             case _:
-                # the table lets nobody write these
+                # the table allows no write to these
                 return RecordError(AccessError.ACCESS_DENIED)
 
-    # what stands in the way
+    # errors
 
     def _wrong_place(self, record: Record, ar: Ar | None, key: ExpectedKey, index: int) -> RecordError | None:
         api, slot, subslot = key
@@ -210,14 +210,14 @@ class DeviceRecords:
         return None if allowed else RecordError(AccessError.ACCESS_DENIED)
 
     def _reported(self, scope: Scope, ar: Ar | None) -> frozenset[ExpectedKey]:
-        """The submodules whose diagnosis a record tells: those that are plugged, or those of the AR."""
+        """The submodules whose diagnosis a record reports: those that are plugged, or those of the AR."""
         if scope is Scope.AR:
             return owned_submodules(ar) if ar is not None else frozenset()
         return frozenset((s.api, s.slot, s.subslot) for m in self._plugged.modules() for s in m.submodules)
 
 
 def _check_container(data: bytes) -> RecordError | None:
-    """Containers in a container, and a multiple write in it, have no meaning."""
+    """Refuse containers and multiple writes inside a container."""
     try:
         contents = parse_container(data)
     except DecodeError:

@@ -1,8 +1,7 @@
-"""The rows of the called end: one for each activity of a client, and the bounds on all of them together.
+"""The server's rows, one for each activity of a client, and the bounds on all of them together.
 
-Who comes first keeps what he has only as long as it matters: a new call pushes out what is remembered of old ones,
-from whoever takes up the most rows first, so that one station that floods the server does not cost the others the
-answers kept for them.
+When a bound is reached, a new call displaces what is kept of old ones, first of the client with the most rows: a
+station that floods the server does not cost the others the answers that are kept for them.
 """
 
 from __future__ import annotations
@@ -98,7 +97,7 @@ TRANSITIONS: Final[dict[tuple[ServerState, ServerEventKind], tuple[ServerState, 
     (ServerState.REPLIED, ServerEventKind.ORPHAN): (ServerState.ORPHANED, "orphan"),
     (ServerState.REPLIED, ServerEventKind.EXPIRED): (ServerState.IDLE, "release"),
 }
-"""The connectionless server's rows: what follows, and the name of the server's action (C706 chapter 10)."""
+"""The connectionless server's transitions: next state, and the name of the server's action (C706 chapter 10)."""
 
 
 @dataclass(slots=True)
@@ -120,9 +119,9 @@ class Activity:
     serial: int = 0
     tries: int = 0
     cancelled: bool = False
-    #: Nothing but the endpoint mapper was called so far.
+    #: Only the endpoint mapper was called so far.
     lookups_only: bool = True
-    #: Of the table: its name for the row, and the octets of it that are in its sum.
+    #: For the table: its number for the row, and the octets of the row that its sum includes.
     number: int = 0
     accounted: int = 0
 
@@ -137,9 +136,9 @@ class Activity:
 
     @property
     def unfinished(self) -> bool:
-        """Whether giving the row up loses something: fragments of a request or of a reply, or the answer itself.
+        """Whether dropping the row loses something: fragments of a request or of a reply, or the answer itself.
 
-        What a client gave up itself, a reply that was sent whole, and the number of an old call are no loss.
+        A call that its client gave up, a reply that was sent completely, and the number of an old call do not count.
         """
         match self.state:
             case ServerState.RECEIVING | ServerState.EXECUTING:
@@ -173,14 +172,14 @@ _EVICTABLE: Final = (
     ServerState.RECEIVING,
     ServerState.REPLYING,
 )
-"""What is let go for a new call, in this order; never a call that the application holds and a client waits for."""
+"""What is dropped for a new call, in this order; never a call that the application holds and a client waits for."""
 
 
 class ActivityTable:
     """At most ``rows_max`` activities that hold at most ``octets_max`` octets; ``dropped`` counts calls lost by it.
 
-    Sums and the earliest deadline are kept, not searched for: after anything was done to a row, :meth:`settle` takes
-    over what became of it.
+    Sums and the earliest deadline are kept up to date instead of being searched for: call :meth:`settle` after each
+    change of a row.
     """
 
     def __init__(self, rows_max: int, octets_max: int, dropped: Counter[str]) -> None:
@@ -211,11 +210,11 @@ class ActivityTable:
         return self._deadlines.first()
 
     def due(self, now: int) -> list[Activity]:
-        """Rows whose time is up; each is to be settled or forgotten then."""
+        """Rows whose deadline has passed; the caller settles or forgets each."""
         return [self._by_number[number] for number in self._deadlines.take(now)]
 
     def add(self, activity: Activity) -> bool:
-        """Take a row in; False when every row holds an open call."""
+        """Add a row; False when every row holds an open call."""
         if not self.make_room(None):
             return False
         self._last_number += 1
@@ -237,7 +236,7 @@ class ActivityTable:
             self._deadlines.set(activity.number, activity.deadline)
 
     def forget(self, activity: Activity, reason: str) -> None:
-        """Let a row go; one whose call was not finished is counted."""
+        """Drop a row; one whose call was not finished is counted."""
         if self._rows.pop(activity.key, None) is not None:
             del self._by_number[activity.number]
             self._deadlines.set(activity.number, None)
@@ -247,7 +246,7 @@ class ActivityTable:
                 self._dropped[reason] += 1
 
     def make_room(self, keeper: Activity | None, octets: int = 0) -> bool:
-        """Let go of what matters least until ``octets`` more (and, without ``keeper``, one more row) fit."""
+        """Drop what matters least until ``octets`` more (and, without ``keeper``, one more row) fit."""
         if keeper is not None:
             self.settle(keeper)
         if self._fits(keeper, octets):

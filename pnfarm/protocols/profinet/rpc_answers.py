@@ -34,7 +34,7 @@ def fack(pdu: RpcPdu, number: int) -> RpcPdu:
 
 
 def nocall(pdu: RpcPdu) -> RpcPdu:
-    """Nothing is known of the call."""
+    """The call is unknown."""
     return answer_to(pdu, PacketType.NOCALL, fragment_number=FRAGMENT_NONE)
 
 
@@ -45,7 +45,7 @@ def nocall_so_far(pdu: RpcPdu, number: int) -> RpcPdu:
 
 
 def reject(pdu: RpcPdu, status: NcaStatus) -> RpcPdu:
-    """The call was not begun, and why."""
+    """The call was not started, and why."""
     return answer_to(pdu, PacketType.REJECT, body=emit_status(status, little_endian=pdu.little_endian))
 
 

@@ -1,4 +1,4 @@
-"""The rows of the calling end: open calls, and the activities that they are made in."""
+"""The client's rows: open calls, and the activities that they are made in."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ __all__ = [
     "ClientActivity",
     "ClientEventKind",
     "ClientState",
-    "refusal_words",
+    "refusal_text",
 ]
 
 
@@ -87,7 +87,7 @@ TRANSITIONS: Final[dict[tuple[ClientState, ClientEventKind], tuple[ClientState, 
     (ClientState.RECEIVING, ClientEventKind.FAILED): (ClientState.DONE, "close"),
     (ClientState.RECEIVING, ClientEventKind.CANCELLED): (ClientState.DONE, "give_up"),
 }
-"""The connectionless client's rows: what follows, and the name of the client's action (C706 chapter 10)."""
+"""The connectionless client's transitions: next state, and the name of the client's action (C706 chapter 10)."""
 
 EVENTS_OF_TYPES: Final[dict[int, ClientEventKind]] = {
     PacketType.RESPONSE: ClientEventKind.RESPONSE,
@@ -102,7 +102,7 @@ EVENTS_OF_TYPES: Final[dict[int, ClientEventKind]] = {
 
 @dataclass(slots=True)
 class ClientActivity:
-    """A row of calls to one peer, one at a time."""
+    """A series of calls to one peer, one at a time."""
 
     uuid: UUID
     peer: Peer
@@ -140,7 +140,7 @@ class Call:
 class ActivityPool:
     """Activities by UUID; an unused one serves the next call to its peer, or is forgotten after ``idle_ns``.
 
-    Nothing here is a scan: several hundred devices are called at once.
+    No method searches all activities: several hundred devices are called at once.
     """
 
     def __init__(self, new_uuid: Callable[[], UUID], idle_ns: int) -> None:
@@ -189,12 +189,12 @@ class ActivityPool:
                 del self._by_peer[activity.peer]
 
 
-_WORDS: Final[dict[int, str]] = {
+_TEXTS: Final[dict[int, str]] = {
     NcaStatus.RPC_VERSION_MISMATCH: "another version of RPC",
     NcaStatus.UNSPEC_REJECT: "no reason is given",
     NcaStatus.BAD_ACTID: "the activity is not valid",
     NcaStatus.WHO_ARE_YOU_FAILED: "the server could not call back",
-    NcaStatus.MANAGER_NOT_ENTERED: "the call was not begun",
+    NcaStatus.MANAGER_NOT_ENTERED: "the call was not started",
     NcaStatus.FAULT_CANCEL: "the call was cancelled",
     NcaStatus.FAULT_UNSPEC: "no reason is given",
     NcaStatus.FAULT_CONTEXT_MISMATCH: "the handle is not the server's",
@@ -202,16 +202,16 @@ _WORDS: Final[dict[int, str]] = {
     NcaStatus.UNSUPPORTED_AUTHN_LEVEL: "authentication is not supported",
     NcaStatus.OP_RNG_ERROR: "no such operation",
     NcaStatus.UNK_IF: "no such interface, version or object",
-    NcaStatus.WRONG_BOOT_TIME: "the server started anew",
-    NcaStatus.YOU_CRASHED: "the server takes the client for restarted",
-    NcaStatus.PROTO_ERROR: "the request breaks the protocol",
-    NcaStatus.OUT_ARGS_TOO_BIG: "the answer is longer than the client takes",
+    NcaStatus.WRONG_BOOT_TIME: "the server restarted",
+    NcaStatus.YOU_CRASHED: "the server assumes that the client restarted",
+    NcaStatus.PROTO_ERROR: "the request violates the protocol",
+    NcaStatus.OUT_ARGS_TOO_BIG: "the answer is longer than the client accepts",
     NcaStatus.SERVER_TOO_BUSY: "the server is busy",
     NcaStatus.UNSUPPORTED_TYPE: "not for an object of this type",
 }
 
 
-def refusal_words(kind: int, code: int) -> str:
+def refusal_text(kind: int, code: int) -> str:
     """A reject or fault for a log, such as ``reject nca_unk_if (no such interface, version or object)``."""
-    words = f" ({_WORDS[code]})" if code in _WORDS else ""
-    return f"{'reject' if kind == PacketType.REJECT else 'fault'} {status_name(code)}{words}"
+    text = f" ({_TEXTS[code]})" if code in _TEXTS else ""
+    return f"{'reject' if kind == PacketType.REJECT else 'fault'} {status_name(code)}{text}"

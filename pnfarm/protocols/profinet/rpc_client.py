@@ -10,10 +10,10 @@ WAITING    the request went out whole; the response has not begun
 RECEIVING  fragments of the response are arriving
 =========  ======================================================================================
 
-Silence is answered by sending the request again and by a ping in turns, and by pings alone once the server gave a sign
-of the call or when the request is a long one: some servers stay silent on a request that they hold already, some do
-not know pings.  *Working* to a ping means patience, *nocall* that the request is to be sent again, and so does a
-server that rejects the call because it is busy.
+While the server is silent, the client in turns repeats the request and pings; it only pings once the server has shown
+that it knows the call, and for a long request: some servers do not answer a request that they hold already, some do
+not support pings.  After *working* the client waits on; after *nocall*, and after a reject because the server is busy,
+it repeats the request.
 A server may answer from a port other than the one that was called, and does so in practice: what follows within the
 call goes there.
 """
@@ -32,7 +32,7 @@ from pnfarm.protocols.profinet.rpc_calls import (
     TRANSITIONS,
     ActivityPool,
     Call,
-    refusal_words,
+    refusal_text,
 )
 from pnfarm.protocols.profinet.rpc_calls import ClientEventKind as _Event
 from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReturned, ClientEvent, RpcClientConfig
@@ -107,13 +107,13 @@ class RpcClient:
         timeout_ns: int | None = None,
         little_endian: bool = True,
     ) -> int:
-        """Start a call from ``local_port``; answers its id, which the event that ends it repeats.
+        """Start a call from ``local_port``; returns its id, which the event that ends it repeats.
 
         ``payload`` holds the blocks, or the whole stub for the endpoint mapper.  ``args_maximum`` bounds the answer,
         in octets of blocks.  Raises :class:`ValueError` for a payload longer than 64 KiB.
         """
         if len(payload) > STUB_MAX - ARGS_HEADER_LENGTH:
-            raise ValueError(f"{len(payload)} octets of arguments, {STUB_MAX - ARGS_HEADER_LENGTH} are possible")
+            raise ValueError(f"{len(payload)} octets of arguments, at most {STUB_MAX - ARGS_HEADER_LENGTH} fit")
         is_epm = interface == UUID_EPM
         stub, answer_max = payload, STUB_MAX
         if not is_epm:
@@ -150,16 +150,16 @@ class RpcClient:
         return call.call_id
 
     def cancel(self, call_id: int, now: int) -> None:
-        """Give a call up without an event; what still arrives for it is dropped.
+        """Drop a call without an event; what still arrives for it is ignored.
 
-        The server is told once, by a cl_cancel that orphans the call.  Some devices end the whole connection at that.
+        The server gets one cl_cancel, which orphans the call.  Some devices end the whole connection when they get it.
         """
         call = self._calls.get(call_id)
         if call is not None:
             self._fire(call, _Event.CANCELLED, None, now)
 
     def forget(self, call_id: int, now: int) -> None:
-        """Give a call up without an event and without a cl_cancel: its subject no longer exists at the server."""
+        """Drop a call without an event and without a cl_cancel: what it was about no longer exists at the server."""
         call = self._calls.get(call_id)
         if call is not None:
             self._fire(call, _Event.FAILED, None, now)
@@ -348,10 +348,10 @@ class RpcClient:
         if busy and call.refusals + 1 < self.config.tries:
             self._fire(call, _Event.BUSY, None, now)
             return
-        self._fail(call, refusal_words(pdu.kind, code), now, code)
+        self._fail(call, refusal_text(pdu.kind, code), now, code)
 
     def _do_wait_for_room(self, call: Call, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        """The server began nothing, so the call may be sent again as it was, after a pause."""
+        """The server has not started the call, so it may be sent again unchanged after a pause."""
         call.sender.restart()
         call.reassembly = Reassembly(call.answer_max)
         call.worked, call.tries = False, 0

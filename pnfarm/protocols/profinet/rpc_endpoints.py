@@ -2,7 +2,7 @@
 
 A client lists the endpoints: each answer carries as many entries as it asked for (PROFINET's clients ask for one) and a
 handle that says how far the list was read, until ``ept_s_not_registered`` and the nil handle end it.  The handle
-carries the lookup's number and the position itself; kept are only the numbers of the lookups freed last.
+carries the lookup's number and the position itself; only the numbers of the lookups freed last are kept.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class EndpointMapper:
 
 
 class _ForeignHandleError(Exception):
-    """A handle that this mapper never gave out, or that was freed."""
+    """A handle that this mapper never issued, or that was freed."""
 
 
 def _matches(endpoint: Endpoint, request: LookupRequest) -> bool:

@@ -72,9 +72,9 @@ class CallReceived:
 class CallCancelled:
     """The client gave up a call that the application still holds.
 
-    A cancelled call is still to be answered, be it with :attr:`NcaStatus.FAULT_CANCEL`.  An ``orphaned`` one is
-    beyond that: the client told so, began another call instead, or waited in vain for ``execution_ns``; an answer goes
-    nowhere.
+    A cancelled call is still to be answered, be it with :attr:`NcaStatus.FAULT_CANCEL`.  An ``orphaned`` one
+    is not: the client said so, began another call instead, or got no answer for ``execution_ns``; an answer is not
+    sent.
     """
 
     call: CallKey
@@ -109,7 +109,7 @@ class Interface:
 def _check_fragments(octets: int) -> None:
     """C706 12.5: the body of every fragment but the last is a multiple of 8; no peer must take more than BODY_MAX."""
     if not 0 < octets <= BODY_MAX or octets % 8:
-        raise ValueError(f"fragments of {octets} octets: a multiple of 8 up to {BODY_MAX} is wanted")
+        raise ValueError(f"fragments of {octets} octets: allowed are multiples of 8 up to {BODY_MAX}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ class CallReturned:
     """The server answered.
 
     ``payload`` holds the blocks; of the endpoint mapper it is the whole stub, in the order that ``little_endian``
-    tells, and ``status`` is then always OK.  ``peer`` is where the answer came from.
+    gives, and ``status`` is then always OK.  ``peer`` is where the answer came from.
     """
 
     call_id: int
@@ -163,7 +163,7 @@ class CallReturned:
 class CallFailed:
     """No answer that could be used.
 
-    ``reason``: ``no-answer`` (all tries were silent), ``timeout`` (the call's time is up), ``nocall`` (the server
+    ``reason``: ``no-answer`` (all tries were silent), ``timeout`` (the call took too long), ``nocall`` (the server
     keeps losing the call), ``bad-response``, or ``reject`` and ``fault`` with the name of ``code`` and what it means,
     such as ``reject nca_unk_if (no such interface, version or object)``.
     """
@@ -174,16 +174,16 @@ class CallFailed:
     code: int = 0
 
     @property
-    def words(self) -> str:
-        """The reason as a sentence's end, for a person."""
+    def text(self) -> str:
+        """The reason as text, to end a sentence with."""
         return _FAILURES.get(self.reason, self.reason)
 
 
 _FAILURES = {
-    "no-answer": "nobody answers",
+    "no-answer": "no answer",
     "timeout": "no answer in time",
-    "nocall": "the other side loses the call again and again",
-    "bad-response": "the answer has no PNIOStatus that could be read",
+    "nocall": "the other side keeps losing the call",
+    "bad-response": "the answer has no readable PNIOStatus",
 }
 
 ClientEvent = CallReturned | CallFailed
@@ -191,7 +191,7 @@ ClientEvent = CallReturned | CallFailed
 
 @dataclass(frozen=True, slots=True)
 class RpcClientConfig:
-    """Timing: the first retry after ``retry_ns``, each further one after twice the time, ``tries`` sendings in all.
+    """Timing: first retry after ``retry_ns``, each further one after twice the time, ``tries`` transmissions in all.
 
     ``retry_ns`` is shorter than C706's TIMEOUT_PING, because a control network answers within milliseconds.
     """

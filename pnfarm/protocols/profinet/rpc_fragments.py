@@ -40,7 +40,7 @@ STUB_MAX: Final = 65536 + ARGS_HEADER_LENGTH
 """Octets of a whole stub: 64 KiB of blocks and the NDR header before them."""
 
 FRAGMENTS_MAX: Final = 256
-"""Fragments of one stub; with the 1,384 octets that everybody takes, 48 carry the longest."""
+"""Fragments of one stub; with the 1,384 octets that every peer accepts, 48 carry the longest."""
 
 WINDOW_MAX: Final = 4
 _WINDOW_UNIT: Final = 1024
@@ -86,7 +86,7 @@ class Fragment(NamedTuple):
 
 
 class FragmentSender:
-    """Cuts a stub into fragments and decides which of them may be on the way.
+    """Cuts a stub into fragments and decides which of them may be in flight.
 
     ``base`` is the first fragment without acknowledgement, ``next`` the first that was not sent since the last
     step back.
@@ -135,9 +135,9 @@ class FragmentSender:
                 yield Fragment(number, Flags1.FRAGMENT | Flags1.NO_FACK | last, body)
 
     def acknowledge(self, number: int, body: FackBody | None) -> bool:
-        """Take a fack up to ``number``; answers whether it brought the transfer forward.
+        """Take a fack up to ``number``; returns whether the transfer advanced.
 
-        A fack short of what was sent tells of a gap: sending goes back to it.
+        A fack short of what was sent shows a gap: sending goes back to it.
         """
         if number == FRAGMENT_NONE or not self.base <= number < self._sent:
             return False
@@ -179,7 +179,7 @@ class Reassembly:
         return (self._next - 1) & 0xFFFF
 
     def add(self, number: int, body: bytes, *, last: bool) -> str | None:
-        """Take one fragment; answers why it was not taken, or ``None``.  A repetition changes nothing."""
+        """Take one fragment; returns why it was not taken, or ``None``.  A repetition changes nothing."""
         if number in self._fragments:
             return "duplicate-fragment"
         if number >= FRAGMENTS_MAX or (self._last is not None and number > self._last):

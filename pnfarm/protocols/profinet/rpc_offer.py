@@ -29,7 +29,7 @@ class Offer:
 
     A call of such an interface must name one of its objects: a device at the right address whose vendor, device or
     instance is another is not the one that is meant.  C706 has no code of its own for an object that is not
-    registered; the answer is the one for an interface that is not, as Siemens devices give it.  An interface without
+    registered; the answer is that for an unregistered interface, as from Siemens devices.  An interface without
     endpoints (the endpoint mapper's, a controller's) takes any object.
     """
 

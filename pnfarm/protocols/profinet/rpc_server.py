@@ -14,10 +14,10 @@ REPLIED    the reply is kept, and sent again when the request or a ping comes ag
 =========  ======================================================================================
 
 A call runs once.  The exceptions are C706's: a call whose client marked it idempotent runs again when it comes again
-after its reply was acknowledged or is too old to be kept; any other is then rejected.  A client that begins its
-numbers anew is believed after a while (``stale_ns``), or when it calls another operation under the last number.
+after its reply was acknowledged or is too old to be kept; any other is then rejected.  A client that restarts
+its numbers is accepted after a while (``stale_ns``), or when it calls another operation under the last number.
 
-Driven by datagrams, by :meth:`RpcServer.respond` and :meth:`RpcServer.fault`, and by time.  Everything that a stranger
+Driven by datagrams, by :meth:`RpcServer.respond` and :meth:`RpcServer.fault`, and by time.  Everything that a peer
 can make it keep is bounded: activities, open calls, and octets held in all.
 """
 
@@ -87,9 +87,9 @@ NO_ADDRESS: Final = IPv4Address(0)
 
 
 class RpcServer:
-    """See the module's text.  ``address`` is the device's own, which the endpoint mapper tells; 0.0.0.0 is none yet.
+    """See the module's text.  ``address`` is the device's own, which the endpoint mapper reports; 0.0.0.0: none yet.
 
-    ``late``, when set, is asked about every answer of the application; one that is kept back leaves its call EXECUTING.
+    ``late``, when set, is asked about every answer of the application; one that is held back leaves its call EXECUTING.
     """
 
     def __init__(self, config: RpcServerConfig, address: IPv4Address = NO_ADDRESS) -> None:
@@ -156,7 +156,7 @@ class RpcServer:
         return self._respond(activity, status, payload, now)
 
     def release_answers(self, now: int) -> None:
-        """Let every answer go that is kept back."""
+        """Send every answer that is held back."""
         kept, self._kept = self._kept, []
         for _, call, status, payload in kept:
             self._answer_late(call, status, payload, now)
@@ -283,7 +283,7 @@ class RpcServer:
 
     def _answer(self, activity: Activity, reply_type: PacketType, stub: bytes, now: int) -> None:
         if not self._activities.make_room(activity, len(stub)):
-            # this call is the last that has a right to memory: what others keep was let go already
+            # no memory although everything that may be dropped was dropped: this call has to do without its answer
             self.dropped["held-octets"] += 1
             reply_type = PacketType.FAULT
             stub = emit_status(NcaStatus.FAULT_REMOTE_NO_MEMORY, little_endian=activity.request.little_endian)
@@ -305,7 +305,7 @@ class RpcServer:
         self._activities.settle(activity)
 
     def _enter(self, activity: Activity, state: ServerState, now: int) -> None:
-        """Let a row enter a state, and say how long it may stay; the only place that does."""
+        """Move a row to a state and set its deadline; no other place does."""
         stays = state is activity.state
         if stays and state in {ServerState.EXECUTING, ServerState.ORPHANED, ServerState.REPLYING}:
             return
@@ -438,7 +438,7 @@ class RpcServer:
         assert activity.reply is not None
         activity.reply.rewind()
         if pdu is not None:
-            # the client gave a sign
+            # the client is still there
             activity.tries = 0
         self._transmit(activity, now)
 
@@ -523,7 +523,7 @@ class RpcServer:
 
     def _reject(self, peer: Peer, local_port: int, pdu: RpcPdu, status: NcaStatus) -> None:
         self.dropped[f"reject-{status.name.lower().replace('_', '-')}"] += 1
-        # a client that knows another boot time would not believe a reject with ours
+        # a client that knows another boot time would ignore a reject with ours
         self._send_to(peer, local_port, reject(pdu, status), stamp=status is not NcaStatus.WRONG_BOOT_TIME)
 
     def _send(self, activity: Activity, pdu: RpcPdu) -> None:

@@ -2,12 +2,12 @@
 
 Theory: a manager sends a message to UDP port 161; its community says what it may do, its PDU what it wants.  The agent
 holds nothing between two messages but its counters, so there is no state machine and no deadline:
-:meth:`SnmpAgent.receive` answers at once, or drops the message without a word, as the standard has it for whatever is
-no message of ours.
+:meth:`SnmpAgent.receive` answers at once, or drops the message silently, as the standard requires where it is
+not for this agent.
 
 The two versions differ in what goes wrong (RFC 3584, clause 4): version 1 has five errors and no Counter64; version 2c
-tells a missing object by an exception in its place, and the rest of the answer stands.  An answer that is too long for
-one datagram is cut (GetBulk) or refused (all others, tooBig).
+reports a missing object as an exception in its place, and the rest of the answer is valid.  An answer that is too long
+for one datagram is cut (GetBulk) or refused (all others, tooBig).
 
 A Set is judged as a whole before anything changes.  What a manager wrote comes out as :class:`SystemTextSet`; who owns
 the agent keeps the text and shows it in the next view.
@@ -254,13 +254,13 @@ class SnmpAgent:
                 return self._refuse(message, pdu, error, index)
         for wanted in pdu.varbinds:
             text = wanted.value.content
-            if isinstance(text, bytes):  # said by _judge
+            if isinstance(text, bytes):  # checked by _judge
                 self._events.append(SystemTextSet(WRITABLE[wanted.name], text.decode("ascii")))
         self.statistics[Statistic.IN_TOTAL_SET_VARS] += len(pdu.varbinds)
         return self._response(message, pdu, ErrorStatus.NO_ERROR, 0)
 
     def _refuse(self, message: SnmpMessage, pdu: Pdu, error: ErrorStatus, index: int) -> bytes:
-        """An error in the words of the manager's version."""
+        """An error in the form of the manager's version."""
         if message.version == VERSION_1:
             error = _VERSION_1_ERRORS.get(error, ErrorStatus.GEN_ERR)
         elif error == ErrorStatus.TOO_BIG:
@@ -286,7 +286,7 @@ def _exact(snapshot: MibSnapshot, name: Oid, version_1: bool) -> VarBind:
 
 
 def _next(snapshot: MibSnapshot, name: Oid, version_1: bool) -> VarBind:
-    """The first variable behind ``name``; version 1 passes over those of a type that it has not."""
+    """The first variable behind ``name``; version 1 skips those of a type that it does not have."""
     names = snapshot.layout.names
     for place in range(snapshot.layout.after(name), len(names)):
         value = snapshot.get(names[place])

@@ -62,7 +62,7 @@ class ToyConnection(ConnectionPart):
 def injected_drive(device: ToyDevice, host: InjectionHost) -> InjectedDrive:
     station = device.station
     name, port, model = station.configured_name, station.port.index, station.model
-    host.gate.know(port, lambda _: "toy")
+    host.gate.classify(port, lambda _: "toy")
     wire = Wire(name, station.index, port, host.impairments, host.gate, host.carriers, lambda _: None)
 
     def came_on(now: int) -> None:

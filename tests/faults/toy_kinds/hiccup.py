@@ -33,16 +33,16 @@ class Hiccup(Effect):
         if now < self._due:
             return
         if self._lacks:
-            self._servo.regain("enable")
+            self._servo.give_back("enable")
         else:
-            self._servo.lack("enable")
+            self._servo.take_away("enable")
             self._tally.note(now)
         self._lacks = not self._lacks
         self._due = now + self.values["pause"]
 
     def end(self, now: int) -> None:
         if self._lacks:
-            self._servo.regain("enable")
+            self._servo.give_back("enable")
 
     def evidence(self) -> Evidence:
         return self._tally.seen

@@ -52,7 +52,7 @@ def test_an_alarm_is_acknowledged_at_once_and_reported_as_text() -> None:
     device.notify(alarm(3, high=True), 0)
     tags = carry(up, device)
     assert set(tags) == {VlanTag(5), VlanTag(6)}
-    words = [event.words for event in up.run() if isinstance(event, AlarmIndicated)]
+    words = [event.text for event in up.run() if isinstance(event, AlarmIndicated)]
     assert sorted(words) == [
         "diagnosis appears on slot 1 subslot 0x0002: parametrisation fault (fault, appears)",
         "diagnosis appears on slot 1 subslot 0x0003: USI 0x0010 0000",

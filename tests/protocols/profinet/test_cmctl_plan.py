@@ -160,7 +160,7 @@ def test_a_plan_within_the_standards_ranges_has_no_problems() -> None:
         ({"phase": 2}, "phase is 2"),
         ({"watchdog_factor": 0}, "watchdog_factor is 0"),
         ({"reduction_ratio": 512, "data_hold_factor": 4}, "at most 1.92 s"),
-        ({"rt_class": 1, "startup": "advanced", "input_frame_id": 0xC000}, "knows no RT_CLASS_1"),
+        ({"rt_class": 1, "startup": "advanced", "input_frame_id": 0xC000}, "does not have RT_CLASS_1"),
         ({"rt_class": 3}, "rt_class is 3"),
         ({"input_frame_id": 0xC000}, "input_frame_id is 0xC000"),
         ({"output_frame_id": 0x0100}, "output_frame_id is 0x0100"),

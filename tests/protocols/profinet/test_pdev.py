@@ -295,7 +295,7 @@ def test_a_missing_neighbour_is_missing_after_one_interval():
     assert bench.check(peers()) == []
     assert bench.device.next_deadline() == T0 + 5 * SECOND
     bench.device.handle_timeout(T0 + 5 * SECOND)
-    assert bench.device.events() == [CheckFailed(0, 0x8001, REMOTE, 0x8005, "nobody is heard")]
+    assert bench.device.events() == [CheckFailed(0, 0x8001, REMOTE, 0x8005, "no neighbour is heard")]
     assert bench.device.next_deadline() is None
 
 
@@ -325,7 +325,7 @@ def test_a_neighbour_that_goes_is_missing_at_once_and_passes_when_it_is_back():
     bench.device.evaluate(T0 + 20 * SECOND)
     bench.hear(now=T0 + 30 * SECOND)
     assert bench.device.events() == [
-        CheckFailed(0, 0x8001, REMOTE, 0x8005, "nobody is heard"),
+        CheckFailed(0, 0x8001, REMOTE, 0x8005, "no neighbour is heard"),
         CheckPassed(0, 0x8001, REMOTE, 0x8005),
     ]
 

@@ -526,7 +526,7 @@ def test_the_endpoint_mapper_is_called_without_ndr_arguments_of_profinet():
 
 
 def test_a_payload_beyond_64_kib_is_the_callers_mistake():
-    with pytest.raises(ValueError, match="65536 are possible"):
+    with pytest.raises(ValueError, match="at most 65536 fit"):
         call(client(), bytes(65_537))
 
 

@@ -173,7 +173,7 @@ def test_the_times_are_those_of_c706_appendix_k():
 @pytest.mark.parametrize("octets", [0, 12, 1388, 1392])
 @pytest.mark.parametrize("config", [RpcServerConfig, RpcClientConfig])
 def test_fragments_are_multiples_of_eight_that_everybody_takes(config, octets):
-    with pytest.raises(ValueError, match="multiple of 8 up to 1384"):
+    with pytest.raises(ValueError, match="multiples of 8 up to 1384"):
         config(fragment_octets=octets)
 
 

@@ -24,7 +24,7 @@ from pnfarm.protocols.profinet.wire.alarms import (
     AlarmSpecifier,
     AlarmType,
     acknowledge,
-    alarm_type_words,
+    alarm_type_text,
     describe_alarm,
     emit_alarm,
     emit_alarm_items,
@@ -183,10 +183,10 @@ def test_an_unknown_block_is_no_alarm():
 
 
 def test_every_alarm_type_has_its_words():
-    assert len({alarm_type_words(kind) for kind in AlarmType}) == len(AlarmType)
-    assert alarm_type_words(0x30) == "manufacturer's alarm 0x0030"
-    assert alarm_type_words(0x80) == "profile's alarm 0x0080"
-    assert alarm_type_words(0x1234) == "alarm of reserved type 0x1234"
+    assert len({alarm_type_text(kind) for kind in AlarmType}) == len(AlarmType)
+    assert alarm_type_text(0x30) == "manufacturer's alarm 0x0030"
+    assert alarm_type_text(0x80) == "profile's alarm 0x0080"
+    assert alarm_type_text(0x1234) == "alarm of reserved type 0x1234"
 
 
 def test_an_alarm_reads_as_a_sentence():

@@ -1,1 +1,1 @@
-"""The routes of the HTTP API that only PROFINET has, and what they take and give."""
+"""The routes of the HTTP API that only PROFINET has, and their bodies."""

@@ -1,4 +1,4 @@
-"""A drive's modules: what stands in its slots; pull and plug."""
+"""The modules in a drive's slots; pull and plug."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def add_modules(app: FastAPI, host: RouteHost) -> None:
     tags: list[str | Enum] = ["modules"]
     path = f"{PREFIX}/drives/{{name}}/modules"
 
-    @app.get(path, tags=tags, summary="What stands in a drive's slots", responses={200: {"model": ModulesView}})
+    @app.get(path, tags=tags, summary="The modules in a drive's slots", responses={200: {"model": ModulesView}})
     async def get_modules(name: str) -> Json:
         return Json(_view(host.station(name)))
 

@@ -1,4 +1,4 @@
-"""Modules as the API takes and gives them."""
+"""Modules in the bodies of the API."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Module(Schema):
     module_ident: str | None = Field(description="Hexadecimal; null: the slot is empty.")
     telegram: int | None = Field(description="The telegram whose module it is.")
     held: bool = Field(description="Pulled or plugged on purpose: the slot does not follow the controller.")
-    substitute: bool = Field(description="It works in the place of another module.")
+    substitute: bool = Field(description="It works in place of another module.")
     submodules: list[Submodule]
 
 
@@ -38,7 +38,7 @@ class ModulesView(Schema):
 
 
 class PluggedView(ModulesView):
-    changed: bool = Field(description="False when the module stood there already.")
+    changed: bool = Field(description="False when the module was there already.")
 
 
 class ModulePlug(Schema):
@@ -46,4 +46,4 @@ class ModulePlug(Schema):
 
     telegram: int | None = None
     module_ident: int | None = Field(default=None, ge=1, le=0xFFFFFFFF)
-    substitute: bool = Field(default=False, description="It works in the place of what the controller expects.")
+    substitute: bool = Field(default=False, description="It works in place of what the controller expects.")

@@ -37,7 +37,7 @@ def device_of(name: str | None, ip: str | None, hint: str = "--name, --ip") -> A
     try:
         return IPv4Address(ip or "")
     except ValueError:
-        raise typer.BadParameter(f"{ip!r} is no IPv4 address", param_hint="--ip") from None
+        raise typer.BadParameter(f"{ip!r} is not an IPv4 address", param_hint="--ip") from None
 
 
 def _own_address(interface: str, wanted: str | None) -> IPv4Interface:
@@ -60,9 +60,9 @@ def access_device(
     task: RecordTask,
     more: Callable[[RecordClient], RecordPlace | None] | None = None,
 ) -> RecordClient:
-    """The client at its end.  ``more`` is asked after each record which one to read next, None for no further one.
+    """The client after its last record.  ``more`` gives the next record to read after each one, None for none.
 
-    Raises RemoteError when the device is not found, and, where nobody asks for more, when it refused or kept silent.
+    Raises RemoteError when the device is not found and, without ``more``, when it refused or did not answer.
     """
     import anyio
 

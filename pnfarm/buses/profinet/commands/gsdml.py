@@ -33,7 +33,7 @@ def gsdml(
         return
     name = file_name(described)
     if directory.suffix.lower() == ".xml" and not directory.is_dir():
-        raise ConfigError(f"{directory} is no folder; give the folder, the file is called {name}")
+        raise ConfigError(f"{directory} is not a folder; give the folder, the file is called {name}")
     path = directory / name
     try:
         directory.mkdir(parents=True, exist_ok=True)

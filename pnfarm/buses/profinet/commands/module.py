@@ -1,4 +1,4 @@
-"""``pnfarm module``: what stands in a drive's slots; pull and plug while a controller watches."""
+"""``pnfarm module``: the modules in a drive's slots; pull and plug them while a controller is connected."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def show(
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Show what stands in the slots: of a drive of the running farm, or of any device on the wire."""
+    """Show the modules in the slots of a drive of the running farm, or of any device on the wire."""
     from pnfarm.terminal.client import FarmClient
 
     if interface is not None:
@@ -101,12 +101,12 @@ def plug(
             help="A module of any ident, such as 0x12345678: a wrong one.",
         ),
     ] = None,
-    substitute: Annotated[bool, typer.Option(help="It works in the place of what the controller expects.")] = False,
+    substitute: Annotated[bool, typer.Option(help="It works in place of what the controller expects.")] = False,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Plug a module, the one that was pulled when nothing else is said."""
+    """Plug a module; without options the one that was pulled."""
     from pnfarm.terminal.client import FarmClient
 
     body: dict[str, Any] = {"substitute": substitute}
@@ -148,7 +148,7 @@ def _print(found: dict[str, Any], output: Format) -> None:
 
 
 def _print_device(interface: str, own_ip: str | None, target: Any, output: Format) -> None:
-    """What a device itself tells, without a connection."""
+    """The modules that a device reports, read without a connection."""
     from pnfarm.buses.profinet.commands.device import access_device
     from pnfarm.buses.profinet.controller.module_client import read_modules
     from pnfarm.buses.profinet.controller.record_client import RecordTask

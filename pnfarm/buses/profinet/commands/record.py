@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["app"]
 
-#: What one call carries, less the head of the record.
+#: Octets that one call carries, less the record's header.
 WRITE_OCTETS = 65_536 - 64
 
 app = typer.Typer(help="Read and write a record of a device on the wire.")
@@ -77,7 +77,7 @@ def write(
     own_ip: OwnOption = None,
     output: FormatOption = Format.TABLE,
 ) -> None:
-    """Write a record through a connection for device access, beside whatever controller there is."""
+    """Write a record through a connection for device access, beside a controller's connection."""
     from pnfarm.buses.profinet.controller.record_client import RecordTask
     from pnfarm.terminal.output import print_json, print_line
 
@@ -121,8 +121,8 @@ def _print(data: bytes) -> None:
 
 
 def _lines(value: Any, depth: int) -> list[str]:
-    """Fields below each other, what is inside of them indented."""
-    from pnfarm.protocols.profinet.wire.block_texts import number_words
+    """Fields one below the other, nested ones indented."""
+    from pnfarm.protocols.profinet.wire.block_texts import number_text
 
     lines = []
     indent = "  " * depth
@@ -131,5 +131,5 @@ def _lines(value: Any, depth: int) -> list[str]:
             lines += [f"{indent}{key}:", *_lines(part, depth + 1)]
         else:
             is_number = isinstance(part, int) and not isinstance(part, bool)
-            lines.append(f"{indent}{key}: {number_words(part) if is_number else part}")
+            lines.append(f"{indent}{key}: {number_text(part) if is_number else part}")
     return lines

@@ -1,4 +1,4 @@
-"""``pnfarm scan``: who is on this wire, asked by DCP, and who speaks LLDP at its end."""
+"""``pnfarm scan``: the devices on this wire that answer DCP, and the neighbours that send LLDP."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["scan"]
 _ROLES = ("device", "controller", "multidevice", "supervisor")
 #: PROFINET's LLDP interval and a little more: each neighbour has sent once by then.
 _LLDP_SECONDS = 6.0
-#: LLDP neighbours that are kept at most.
+#: Most LLDP neighbours that are kept.
 _MAXIMUM = 4096
 
 
@@ -36,7 +36,7 @@ def scan(
     no_lldp: Annotated[bool, typer.Option("--no-lldp", help="Ask by DCP only.")] = False,
     output: FormatOption = Format.TABLE,
 ) -> None:
-    """Ask by DCP who is on the wire: name, type, addresses, ids, role; hear by LLDP who is at the wire's other end."""
+    """Find devices on the wire by DCP (name, type, addresses, ids, role), and neighbours at its other end by LLDP."""
     import anyio
 
     from pnfarm.buses.profinet.controller.search import duplicate_names
@@ -72,12 +72,12 @@ def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> N
     if rows:
         print_table(columns, rows)
     else:
-        print_line(f"{interface}: nobody answers to DCP")
+        print_line(f"{interface}: no device answers to DCP")
     if not with_lldp:
         return
     heard = [(device, neighbour) for device in found for neighbour in device["neighbours"]]
     print_line("")
-    print_line(f"{interface}: {len(heard) or 'nobody'} heard by LLDP")
+    print_line(f"{interface}: {len(heard)} heard by LLDP")
     for place, (device, neighbour) in enumerate(heard):
         branch = "└─" if place == len(heard) - 1 else "├─"
         about = [neighbour["mac"], neighbour["ip"], device["type"] or neighbour["system_description"]]
@@ -120,7 +120,7 @@ async def _listen(
                     case IdentifyFinished():
                         finished.set()
                     case _:
-                        pass  # greetings of devices that start just now: they answer as well
+                        pass  # Hello of devices that start just now: they answer Identify as well
 
         def receive(_: int, data: bytes, now: int) -> None:
             try:
@@ -130,7 +130,7 @@ async def _listen(
                 else:
                     client.receive(frame, now)
             except DecodeError:
-                return  # somebody else's broken frame
+                return  # a malformed frame of another station
             take()
 
         link.set_receiver(receive)
@@ -146,7 +146,7 @@ async def _listen(
                         await finished.wait()
                 client.handle_timeout(time.monotonic_ns())
                 take()
-            # who never asks is heard only by waiting: LLDP is sent every 5 s
+            # LLDP cannot be requested: it is sent every 5 s
             await anyio.sleep(max(0.0, lldp_seconds - (time.monotonic() - began)))
     finally:
         with anyio.CancelScope(shield=True):
@@ -155,7 +155,7 @@ async def _listen(
 
 
 def _join(devices: list[dict[str, Any]], heard: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Each device with what it said by LLDP, then those that speak LLDP and do not answer DCP, such as a switch."""
+    """Each device with its LLDP data, then the stations that send LLDP and do not answer DCP, such as a switch."""
     by_mac = {device["mac"]: device for device in devices}
     for neighbour in heard:
         known = by_mac.get(neighbour["chassis_mac"] or "") or by_mac.get(neighbour["mac"])
@@ -168,7 +168,7 @@ def _join(devices: list[dict[str, Any]], heard: list[dict[str, Any]]) -> list[di
 
 
 def _device(mac: str, name: str | None, ip: str | None) -> dict[str, Any]:
-    """Somebody who has not answered DCP."""
+    """A station that did not answer DCP."""
     nothing = dict.fromkeys(("mask", "gateway", "vendor_id", "device_id", "role"))
     return {
         "name": name,
@@ -218,7 +218,7 @@ def _heard(neighbour: Neighbour) -> dict[str, Any]:
 
 
 def _address(value: IPv4Address | None) -> str | None:
-    """0.0.0.0 is how DCP says that there is none."""
+    """DCP reports no address as 0.0.0.0."""
     return str(value) if value is not None and int(value) else None
 
 

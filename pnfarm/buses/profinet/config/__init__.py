@@ -1,1 +1,1 @@
-"""PROFINET's part of the farm file: its keys, what they must hold, and what they make of a drive."""
+"""PROFINET's part of the farm file: its keys, their checks, and the drives made from them."""

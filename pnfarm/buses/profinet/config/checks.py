@@ -1,4 +1,4 @@
-"""What PROFINET's keys must hold: station names, telegrams, cycles against send clock, watchdog and model."""
+"""Checks of PROFINET's keys: station names, telegrams, cycles against send clock, watchdog and model."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _NAME_ALLOWED = "a-z, 0-9, - and . as PROFINET has it"
 
 
 def check_name(at: Location, name: str, report: Report) -> bool:
-    """Whether a station may be called so."""
+    """Whether this is a valid station name; it is reported if not."""
     wrong = check_station_name(name)
     if wrong is not None:
-        report(at, f"{shown(name)} is no station name: {wrong}", _NAME_ALLOWED)
+        report(at, f"{shown(name)} is not a station name: {wrong}", _NAME_ALLOWED)
     return wrong is None
 
 
@@ -64,9 +64,9 @@ def check_devices(controller: ProfinetController, claims: Claims, report: Report
         if device.ip is not None:
             values.append(("ip", device.ip.ip, str(device.ip.ip)))
             check_host((*at, "ip"), device.ip, report)
-        for field, value, words in values:
+        for field, value, shown_value in values:
             if (by := claims.claim(field, value, f"controller.devices[{number}]", device.name)) is not None:
-                report((*at, field), f"{words} belongs to {by} already", "each once in the file")
+                report((*at, field), f"{shown_value} belongs to {by} already", "each once in the file")
         try:
             clock = clock_of(controller, device.cycle_ns)
         except ValueError as error:
@@ -90,7 +90,7 @@ def check_controller(
         for placed in groups:
             group = placed.group
             if group.ip is not None and group.gateway is None and group.ip.ip not in controller.ip.network:
-                what = f"{controller.ip} cannot reach {placed.words}, {group.ip}, which has no gateway"
+                what = f"{controller.ip} cannot reach {placed.label}, {group.ip}, which has no gateway"
                 report((*at, "ip"), what, f"an address in {group.ip.network}")
     try:
         general = clock_of(controller)
@@ -126,6 +126,6 @@ def _check_clock(
         _check_limit(place, group, model, clock.cycle_ns, report)
     clocks = list(model.send_clocks)
     if group.limits == "strict" and clock.send_clock_factor not in clocks and clock.cycle_ns >= model.min_cycle_ns:
-        what = f"a send clock factor of {clock.send_clock_factor} is none of {model.name}"
+        what = f"a send clock factor of {clock.send_clock_factor} is not supported by {model.name}"
         allowed = f"one of {', '.join(map(str, clocks))}, or limits: lax on drives {shown(group.name)}"
         report(("controller", clock_key(controller)), what, allowed)

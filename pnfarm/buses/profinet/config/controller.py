@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT_READY_NS", "ForeignDevice", "ParameterRecord", "ProfinetController"]
 
-#: How long a device may take to be ready when neither the file nor its GSDML file says it.
+#: How long a device may take to be ready when neither the file nor its GSDML file gives it.
 DEFAULT_READY_NS = 20_000_000_000
 
 _U16 = 0xFFFF
@@ -47,7 +47,7 @@ def _read_place(value: Any) -> int:
     if re.fullmatch(r"0[xX][0-9a-fA-F]{1,4}", text):
         number = int(text, 16)
     if not 0 <= number <= _U16:
-        raise Problem(f"{shown(value)} is no slot or subslot", "a number from 0 to 65535")
+        raise Problem(f"{shown(value)} is not a slot or subslot", "a number from 0 to 65535")
     return number
 
 

@@ -24,7 +24,7 @@ _CLOCK = ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor")
 
 
 class ProfinetPart:
-    """See the module's head."""
+    """See the module's docstring."""
 
     @property
     def drives(self) -> type[ProfinetDrives]:

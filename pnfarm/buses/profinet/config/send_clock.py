@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DEFAULT_CYCLE_NS", "Clock", "clock_key", "clock_of", "own_cycle_ns"]
 
-#: AKD PROFINET manual 4.2.2: the fastest cycle of the drive that the built-in controller is for first.
+#: AKD PROFINET manual 4.2.2: the AKD's fastest cycle.
 DEFAULT_CYCLE_NS = 16_000_000
 
 
@@ -72,7 +72,7 @@ def own_cycle_ns(group: ProfinetDrives, controller: ProfinetController | None, m
 def _quotient(cycle_ns: int, part: int) -> int:
     whole, rest = divmod(cycle_ns, join_cycle(part, 1))
     if rest or not whole:
-        raise ValueError(f"{format_duration(cycle_ns)} is no multiple of {format_duration(join_cycle(part, 1))}")
+        raise ValueError(f"{format_duration(cycle_ns)} is not a multiple of {format_duration(join_cycle(part, 1))}")
     return whole
 
 

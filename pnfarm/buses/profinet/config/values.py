@@ -1,4 +1,4 @@
-"""Words that only PROFINET's sections have."""
+"""Types of values that only PROFINET's sections have."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ def read_cycle(value: Any) -> int:
     cycle_ns = read_duration(value)
     nearest = nearest_cycles(cycle_ns)
     if nearest != (cycle_ns,):
-        words = " or ".join(map(format_duration, nearest))
-        raise Problem(f"{value} is no PROFINET cycle; the nearest is {words}", "31.25us times a power of two, to 512ms")
+        cycles = " or ".join(map(format_duration, nearest))
+        raise Problem(
+            f"{value} is not a PROFINET cycle; the nearest is {cycles}", "31.25us times a power of two, to 512ms"
+        )
     return cycle_ns
 
 

@@ -28,7 +28,7 @@ class SessionChannels:
         self._port = port
 
     def open(self, session: DeviceSession, event: Connected) -> None:
-        """A drive accepted the Connect: both channels start, the controller's data are BAD yet."""
+        """A drive accepted the Connect: both channels start, the controller's data are still BAD."""
         self.close(session)
         plan = session.plan
         self._columns.image[session.index].good = 0
@@ -66,10 +66,10 @@ class SessionChannels:
             )
         )
 
-    def relay(self, session: DeviceSession, unusable: Container[ExpectedKey]) -> None:
-        """Submodules came or went: what is unusable carries no word and BAD status, both ways.
+    def relayout(self, session: DeviceSession, unusable: Container[ExpectedKey]) -> None:
+        """Submodules came or went: what is unusable carries no word and BAD status, in both directions.
 
-        A drive of which no data is left counts as one that sends none: its axis program stands still.
+        A drive of which no data is left counts as one that sends none: its axis program pauses.
         """
         if session.provider is None or session.consumer is None or session.layouts is None:
             return
@@ -82,7 +82,7 @@ class SessionChannels:
         self._table.relayout_consumer(session.consumer, taken.words, taken.iops, feeds=feeds)
 
     def close(self, session: DeviceSession) -> None:
-        """A row starts at zero for its next connection; what is counted of a drive does not."""
+        """A row starts at zero for its next connection; the drive's totals do not."""
         if session.provider is not None:
             self._table.close_provider(session.provider)
             session.measures.frames_sent += int(self._columns.ppm[session.provider].sent)

@@ -74,7 +74,7 @@ __all__ = ["ControllerCore"]
 
 
 class ControllerCore:
-    """See the module's head.  ``plans`` are the drives; ``port`` is where the controller stands."""
+    """See the module's docstring.  ``plans`` are the drives; ``port`` is the controller's."""
 
     def __init__(
         self,
@@ -109,18 +109,18 @@ class ControllerCore:
         self.dcp_self = DcpDevice(
             port.mac, DcpIdentity("pnfarm controller", vendor_id, device_id, role=2), name=name, address=ip
         )
-        # a controller's own name and address are not for others to set
+        # other stations must not set the controller's name and address
         self.dcp_self.in_operation = True
         self.ip = IpHost(port.mac, neighbours=max(256, 2 * count))
         self.ip.open_ports = {RPC_PORT, CALL_PORT}
         self.ip.set_address(ip)
-        #: What the controller says of itself and knows of the other end of its cable; None without LLDP.
+        #: The LLDP agent of the controller's port; None without LLDP.
         own = LocalSystem(port.mac, name, "pnfarm controller", ip.ip)
         self.lldp = LldpPort(own, LocalPort(1, port.mac), maximum=max(16, 2 * count)) if lldp else None
         self.rpc = RpcServer(
             RpcServerConfig(
                 interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),),
-                # each drive calls ApplicationReady in an activity of its own; none shall cost another its kept answer
+                # each drive calls ApplicationReady in its own activity; none may displace the answer kept for another
                 activities_max=max(32, 2 * count),
             )
         )
@@ -161,7 +161,7 @@ class ControllerCore:
         row.active = 1
 
     def start(self, now: int) -> None:
-        """Begin to look for the drives."""
+        """Begin to search for the drives."""
         for session in self.sessions:
             session.due_ns = now
             self._deadlines.set(session.index, session.due_ns)
@@ -299,7 +299,7 @@ class ControllerCore:
         return begun
 
     def put_parameter_task(self, name: str, task: Pkw) -> None:
-        """Let a task stand in the parameter channel (PKW) of a drive, if its telegram has one.
+        """Keep a task set in the parameter channel (PKW) of a drive, if its telegram has one.
 
         Raises :class:`ConfigError` for an unknown drive and for a telegram without such a channel.
         """
@@ -375,7 +375,7 @@ class ControllerCore:
             session.station_type = outcome.answer.info.station_type or ""
             self.ip.learn(session.plan.ip.ip, session.mac, now)
         elif outcome.reason and session.measures.lost_ns is None:
-            # why a connection was lost says more than that its drive does not answer yet
+            # the reason of a loss is more useful than that the drive does not answer yet
             session.measures.last_reason = outcome.reason
         self.life.sign(session, outcome.sign, now)
 
@@ -419,7 +419,7 @@ class ControllerCore:
             if isinstance(answer, CallReturned):
                 session.machine.call_returned(key, answer.status, answer.payload, now)
             elif isinstance(answer, CallFailed):
-                session.machine.call_failed(key, answer.words, now)
+                session.machine.call_failed(key, answer.text, now)
             self.life.touch(session)
         return bool(requests or answers)
 
@@ -486,7 +486,7 @@ class ControllerCore:
             self.life.touch(session)
 
     def _expired_unseen(self, now: int) -> None:
-        """The ring of events ran over: a connection whose end it told of must not live on."""
+        """The ring of events overran: a connection whose end was lost with it must end nevertheless."""
         for session in self.sessions:
             if session.consumer is not None and self.columns.cpm[session.consumer].state == W_START:
                 self._expired(session, session.consumer, now)

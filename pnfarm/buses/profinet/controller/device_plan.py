@@ -27,7 +27,7 @@ CALL_PORT = 49_153
 
 @dataclass(frozen=True, slots=True)
 class SignalSteps:
-    """What one increment of each set point is to the drive, and how it reads STW1; names as in the axis record."""
+    """Size of one increment of each set point in the drive, and how it reads STW1; names as in the axis record."""
 
     velocity_step: float = 1.0
     velocity_step_b: float = 0.0
@@ -66,9 +66,9 @@ class DevicePlan:
     reconnect_after_ns: int | None
     instance: int = 1
     multiple_write: bool = False
-    #: How long it may take from the end of parametrisation to ApplicationReady.
+    #: Longest time from the end of parametrisation to ApplicationReady.
     application_ready_ns: int = Timeouts().application_ready_ns
-    #: Whether I&M0 to I&M3 are read once the connection stands.
+    #: Whether I&M0 to I&M3 are read once the connection is established.
     read_identification: bool = True
     #: The one that is expected, empty for any.
     serial_number: str = ""
@@ -76,7 +76,7 @@ class DevicePlan:
     ar_type: int = ArType.IOCAR_SINGLE
     #: A supervisor may take submodules over.
     takeover_allowed: bool = False
-    #: What the drive or device calls its diagnoses.
+    #: The device's own texts for its diagnoses.
     texts: DescribedDiagnosis | None = None
 
 

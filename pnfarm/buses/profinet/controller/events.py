@@ -46,7 +46,7 @@ PHASES = {
 
 @dataclass(frozen=True, slots=True)
 class Connected(Event):
-    """The connection to a drive is established, so long after the drive was looked for."""
+    """The connection to a drive is established, so long after the search for the drive began."""
 
     TEXT = "connected"
     after_ns: int
@@ -98,7 +98,7 @@ class PhaseChanged(Event):
 
 @dataclass(frozen=True, slots=True)
 class AlarmReceived(Event):
-    """An alarm of a drive; ``gone`` when it says that something is over."""
+    """An alarm of a drive; ``gone`` when it reports an end."""
 
     TEXT = "alarm"
     detail: str
@@ -160,7 +160,7 @@ class NameGivenTwice(Event):
 
 @dataclass(frozen=True, slots=True)
 class IdentificationUnread(Event):
-    """What a drive says of itself could not be read."""
+    """A drive's I&M data could not be read."""
 
     TEXT = "identification unread"
     LEVEL = "warning"
@@ -169,7 +169,7 @@ class IdentificationUnread(Event):
 
 @dataclass(frozen=True, slots=True)
 class IdentificationDiffers(Event):
-    """A drive says something else of itself than planned; it may be a spare part that is as good."""
+    """A drive's I&M data are not as planned; it may be an equivalent spare part."""
 
     TEXT = "identification differs"
     LEVEL = "warning"
@@ -203,6 +203,6 @@ class NeighbourChanged(NeighbourAppeared):
 
 @dataclass(frozen=True, slots=True)
 class NeighbourGone(NeighbourAppeared):
-    """The controller's port has a neighbour no more."""
+    """The controller's port no longer has a neighbour."""
 
     TEXT = "neighbour gone"

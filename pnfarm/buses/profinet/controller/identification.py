@@ -1,4 +1,4 @@
-"""Who a drive says it is: I&M0 to I&M3 (PI profile guideline 1), read once a connection stands.
+"""A drive's identity: I&M0 to I&M3 (PI profile guideline 1), read once a connection is established.
 
 Reading must not disturb: of all drives of a controller only a few are read at once, and one alone while others are
 being connected.
@@ -40,8 +40,8 @@ class IdentificationReader:
         self._waiting: deque[DeviceSession] = deque()
         self._under_way: dict[str, DeviceSession] = {}
 
-    def want(self, session: DeviceSession) -> None:
-        """This drive's connection stands: read it when its turn comes."""
+    def request(self, session: DeviceSession) -> None:
+        """This drive's connection is established: read it when its turn comes."""
         if session.plan.read_identification and session not in self._waiting:
             self._waiting.append(session)
 
@@ -65,17 +65,17 @@ class IdentificationReader:
 
     def _took(self, session: DeviceSession, number: int, job: RecordJob, now: int) -> None:
         known = session.identification if number else None
-        words = job.words
+        failure = job.failure
         if job.data is not None:
             try:
                 session.identification = known = read_im(known, job.data)
             except DecodeError as exc:
-                words = str(exc)
+                failure = str(exc)
             else:
                 if number == 0:
                     self._compare(session, known, now)
-        if words:
-            self._log.record(now, session.plan.name, IdentificationUnread(words))
+        if failure:
+            self._log.record(now, session.plan.name, IdentificationUnread(failure))
         following = next((n for n in range(number + 1, 5) if known is not None and known.im_supported >> n & 1), None)
         if following is None or job.data is None:
             del self._under_way[session.plan.name]
@@ -83,7 +83,7 @@ class IdentificationReader:
             self._ask(session, following, now)
 
     def _compare(self, session: DeviceSession, known: Identification, now: int) -> None:
-        """Another drive than the plan's is worth a warning; it may be a spare part that is as good."""
+        """Warn about another drive than the plan's; it may be an equivalent spare part."""
         plan = session.plan
         if known.vendor_id != plan.vendor_id:
             self._warn(session, "vendor", f"0x{known.vendor_id:04X}", f"0x{plan.vendor_id:04X}", now)

@@ -1,4 +1,4 @@
-"""What a drive says of itself in I&M0 to I&M4 (PI profile guideline 1)."""
+"""A drive's data in I&M0 to I&M4 (PI profile guideline 1)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.records import parse_im0, parse_im_text
 
-__all__ = ["Identification", "read_im", "words_of_revision"]
+__all__ = ["Identification", "read_im", "revision_text"]
 
 #: I&M1: 32 octets of function, then 22 of location.
 _FUNCTION = 32
@@ -42,7 +42,7 @@ class Identification:
         return asdict(self)
 
 
-def words_of_revision(revision: tuple[str, int, int, int]) -> str:
+def revision_text(revision: tuple[str, int, int, int]) -> str:
     """``V1.17.0``."""
     prefix, *numbers = revision
     return prefix + ".".join(map(str, numbers))
@@ -53,7 +53,7 @@ def _text(octets: bytes) -> str:
 
 
 def read_im(before: Identification | None, data: bytes) -> Identification:
-    """Take one of I&M0 to I&M4 into what is known; I&M0 comes first.  Raises DecodeError."""
+    """Add one of I&M0 to I&M4 to what is known; I&M0 comes first.  Raises DecodeError."""
     blocks = split_blocks(data)
     if not blocks:
         raise DecodeError("bad-count", "an I&M record without a block")
@@ -65,7 +65,7 @@ def read_im(before: Identification | None, data: bytes) -> Identification:
             order_id=_text(im0.order_id),
             serial_number=_text(im0.serial_number),
             hardware_revision=im0.hardware_revision,
-            software_revision=words_of_revision(im0.software_revision),
+            software_revision=revision_text(im0.software_revision),
             revision_counter=im0.revision_counter,
             profile_id=im0.profile_id,
             profile_specific_type=im0.profile_specific_type,

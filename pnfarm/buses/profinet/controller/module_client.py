@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["DeviceModule", "DeviceSubmodule", "read_modules"]
 
-#: Where the device tells no APIs.
+#: For a device that does not report its APIs.
 _USUAL_APIS = (0, 0x3A00)
 #: APIs that are asked for; a device has a handful.
 _MOST_APIS = 64
@@ -48,7 +48,7 @@ class DeviceModule:
 
 
 def read_modules() -> Generator[RecordPlace, RecordClient, tuple[DeviceModule, ...]]:
-    """Ask for records, and be sent the client that read each; the modules by slot.
+    """Generator: yields the next record to read, is sent the client that read it, returns the modules by slot.
 
     Raises :class:`RemoteError` where no API can be read, or an answer is malformed.
     """
@@ -62,7 +62,7 @@ def read_modules() -> Generator[RecordPlace, RecordClient, tuple[DeviceModule, .
         try:
             client.check()
         except RemoteError as exc:
-            # an API that was guessed may not be there
+            # an API that was only assumed may not exist
             if told or api == 0:
                 failure = failure or exc
             continue
@@ -73,7 +73,7 @@ def read_modules() -> Generator[RecordPlace, RecordClient, tuple[DeviceModule, .
 
 
 def _apis(client: RecordClient) -> tuple[int, ...] | None:
-    """The device's APIs, or None where it does not tell them."""
+    """The device's APIs, or None where it does not report them."""
     if client.data is None:
         return None
     for block in _blocks(client.data, "APIData"):

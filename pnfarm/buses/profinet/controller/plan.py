@@ -144,7 +144,7 @@ def _plan_foreign(
             },
         )
         factor, ratio = clock.send_clock_factor, clock.reduction_ratio
-        # a cycle that was asked for and no more is made of what the device takes
+        # a cycle without factor and ratio is made of those that the device supports
         asked = device.cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
         if asked and section.send_clock_factor is None:
             factor, ratio = planned.clock(factor, ratio)
@@ -197,14 +197,14 @@ def plan_devices(
 ) -> list[DevicePlan]:
     """What the controller expects, drive by drive and then device by device.
 
-    ``folder`` is what the GSDML files of the devices are relative to.  Who has no address gets the next free one of the
-    controller's subnet.  Raises :class:`ConfigError`.
+    ``folder`` is what the GSDML files of the devices are relative to.  A device without an address gets the next free
+    one of the controller's subnet.  Raises :class:`ConfigError`.
     """
     addresses = _Addresses(section, drives)
     plans = []
     for drive, model in zip(drives, models, strict=True):
         ip = addresses.of(drive.ip, f"drive {drive.name}")
-        # a section that is silent leaves the choice to each model
+        # without a telegram in the section each model has its own
         usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
         number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)

@@ -1,6 +1,6 @@
 """Records of one device, read or written by hand: what ``pnfarm record`` and ``module list`` run; no clock, no tasks.
 
-The device is sought by DCP, by its name or its address.  A read may go without an AR (ReadImplicit); everything else
+The device is found by DCP, by its name or its address.  A read may go without an AR (ReadImplicit); everything else
 goes through an AR for device access (IOSAR), which stands beside the controllers' and is released at the end.
 
 State    waits for                       and then
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 __all__ = ["TOOL_PORT", "ClientState", "RecordClient", "RecordTask"]
 
-#: UDP port of our calls; another one than the controller's, which may stand on the same interface.
+#: UDP port of our calls; another one than the controller's, which may use the same interface.
 TOOL_PORT = 49_160
 #: How long devices may take to answer the search.
 SEARCH_NS = 1_000_000_000
@@ -78,7 +78,7 @@ class ClientState(StrEnum):
 
 class _Sign(Enum):
     FOUND = auto()
-    FOUND_IMPLICIT = auto()  # found, and no AR is wanted
+    FOUND_IMPLICIT = auto()  # found, and no AR is needed
     ESTABLISHED = auto()
     ANSWERED = auto()
     ANSWERED_IMPLICIT = auto()
@@ -153,7 +153,7 @@ class RecordClient:
     # frames and time
 
     def receive(self, data: bytes, now: int) -> None:
-        """One frame; what is none of ours is passed over."""
+        """One frame; those of others are ignored."""
         try:
             frame = parse_ethernet(data)
         except DecodeError:
@@ -192,8 +192,8 @@ class RecordClient:
         if action:
             getattr(self, f"_do_{action}")(now)
 
-    def _fail(self, words: str, now: int) -> None:
-        self._failure = self._failure or words
+    def _fail(self, reason: str, now: int) -> None:
+        self._failure = self._failure or reason
         self._sign(_Sign.ENDED, now)
 
     def _do_connect(self, now: int) -> None:
@@ -316,7 +316,7 @@ class RecordClient:
                 case RecordRead() | RecordWriteDone():
                     self._answered(event, now)
                 case _:
-                    pass  # an AR for device access tells of nothing else
+                    pass  # an AR for device access has no other events
         return bool(calls or events)
 
     def _answered(self, event: RecordRead | RecordWriteDone, now: int) -> None:

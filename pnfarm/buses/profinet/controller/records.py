@@ -1,4 +1,4 @@
-"""Records that somebody outside of the machines asks for: each a job, from the question to its end.
+"""Record accesses on request: each a job, from the request to its end.
 
 A job waits in the queue of its drive's connection, one call at a time.  It ends with data, with the drive's status, or
 with a reason: no connection, its end, no answer in time.
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["READ_LENGTH", "RecordJob", "RecordJobs", "RecordPlace"]
 
-#: Octets that a read takes where nobody says otherwise.
+#: Octets that a read accepts by default.
 READ_LENGTH = 4096
 
 #: API, slot, subslot and index.
@@ -28,27 +28,27 @@ RecordPlace = tuple[int, int, int, int]
 
 @dataclass(slots=True, eq=False)
 class RecordJob:
-    """One read or write.  While ``done`` is false nothing else says anything.
+    """One read or write; the results are valid once it is ``done``.
 
-    ``status`` is the drive's, None when it gave none; ``words`` why the job failed, empty when it did not.  ``then`` is
-    called once, with the job and the time, when it ends.
+    ``status`` is the drive's, None when it gave none; ``failure`` why the job failed, empty when it did not.  ``then``
+    is called once, with the job and the time, when it ends.
     """
 
     drive: str
     place: RecordPlace
     data: bytes | None = None
     status: PnioStatus | None = None
-    words: str = ""
+    failure: str = ""
     done: bool = False
     then: Callable[[RecordJob, int], None] | None = None
 
     @property
     def ok(self) -> bool:
-        return self.done and not self.words
+        return self.done and not self.failure
 
 
 class RecordJobs:
-    """The open jobs of one controller; ``touch`` is told of each session that has something to send."""
+    """The open jobs of one controller; ``touch`` is called with each session that has something to send."""
 
     def __init__(self, touch: Callable[[DeviceSession], object]) -> None:
         self._touch = touch
@@ -88,29 +88,29 @@ class RecordJobs:
 
     def _begin(self, session: DeviceSession, job: RecordJob, now: int) -> bool:
         if session.machine is None:
-            self._end(job, now, words=f"there is no connection (state {session.state})")
+            self._end(job, now, failure=f"there is no connection (state {session.state})")
             return False
         self._open.setdefault(session.index, set()).add(job)
         self._touch(session)
         return True
 
     def take(self, session: DeviceSession, event: RecordRead | RecordWriteDone, now: int) -> bool:
-        """The end of a record call; false when it is none of a job's."""
+        """The end of a record call; false when it is not a job's."""
         job = event.tag
         if not isinstance(job, RecordJob):
             return False
         self._open.get(session.index, set()).discard(job)
-        words = event.reason
+        failure = event.reason
         if event.status is not None and not event.status.ok:
-            words = describe_status(event.status)
+            failure = describe_status(event.status)
         data = event.data if isinstance(event, RecordRead) else None
-        self._end(job, now, data=data, status=event.status, words=words)
+        self._end(job, now, data=data, status=event.status, failure=failure)
         return True
 
     def forget(self, session: DeviceSession, now: int) -> None:
-        """The session's machine goes: nobody will answer what is open."""
+        """The session's machine ends: its open jobs get no answer."""
         for job in self._open.pop(session.index, set()):
-            self._end(job, now, words="the connection ended")
+            self._end(job, now, failure="the connection ended")
 
     def _end(
         self,
@@ -119,10 +119,10 @@ class RecordJobs:
         *,
         data: bytes | None = None,
         status: PnioStatus | None = None,
-        words: str = "",
+        failure: str = "",
     ) -> None:
         if job.done:
             return
-        job.data, job.status, job.words, job.done = data, status, words, True
+        job.data, job.status, job.failure, job.done = data, status, failure, True
         if job.then is not None:
             job.then(job, now)

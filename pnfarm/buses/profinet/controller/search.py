@@ -1,9 +1,9 @@
 """Finding drives and giving them their addresses: the controller's use of DCP.
 
-The first station of a name is taken; who else answers to it within the search's time is told (:class:`Outcome`).
+The first station of a name is taken; others that answer to it within the search's time are reported (:class:`Outcome`).
 
-A question by name reaches every station of the network, so that a thousand of them are a million copies.  Where
-many drives are sought in one instant, everybody is asked to answer once instead (a roll call).
+An Identify by name reaches every station of the network, so that a thousand of them are a million copies.  Where
+many drives are searched for at once, all stations are asked to answer once instead (a roll call).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["Duplicate", "Outcome", "Search", "duplicate_names"]
 
 #: How long an Identify by name waits for its one answer.
 SEARCH_NS = 500_000_000
-#: More drives than this, sought at once, make a roll call.
+#: More drives than this, searched for at once, make a roll call.
 ROLL_CALL = 16
 #: Answers to a roll call that come within 10 ms (the unit of DCP's response delay).
 ROLL_CALL_BURST = 16
@@ -32,7 +32,7 @@ ROLL_CALL_BURST = 16
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What DCP means for a session; ``answer`` is there when the drive was found, ``reason`` when it was not."""
+    """Result of DCP for a session; ``answer`` when the drive was found, ``reason`` when it was not."""
 
     session: DeviceSession
     sign: Sign
@@ -67,7 +67,7 @@ def duplicate_names(answers: Iterable[IdentifyAnswered]) -> list[str]:
 
 @dataclass(slots=True)
 class _Asked:
-    """One question for one drive, and who answered it."""
+    """One Identify for one drive, and the stations that answered."""
 
     session: DeviceSession
     macs: list[bytes] = field(default_factory=list)
@@ -80,16 +80,16 @@ class Search:
         self._dcp = dcp
         self._stations = stations
         self._sought: list[DeviceSession] = []
-        #: Questions by their Xid, and in each by the name that was asked for.
+        #: Requests by their Xid, and in each by the name that was asked for.
         self._asked: dict[int, dict[str, _Asked]] = {}
         self._addressed: dict[int, DeviceSession] = {}
 
     def seek(self, session: DeviceSession) -> None:
-        """Look for this drive; the question goes out with :meth:`ask`."""
+        """Search for this drive; the request goes out with :meth:`ask`."""
         self._sought.append(session)
 
     def ask(self, now: int) -> None:
-        """Send the Identify requests for all that were sought since the last call."""
+        """Send the Identify requests for all drives of :meth:`seek` since the last call."""
         sought, self._sought = self._sought, []
         if len(sought) > ROLL_CALL:
             xid = self._dcp.identify(now=now, delay_factor=max(1, self._stations // ROLL_CALL_BURST))
@@ -106,11 +106,11 @@ class Search:
         self._addressed[xid] = session
 
     def outcomes(self, event: DcpClientEvent) -> Iterator[Outcome | Duplicate]:
-        """What an event of the DCP client means, session by session."""
+        """Results of an event of the DCP client, session by session."""
         match event:
             case IdentifyAnswered():
                 sought = self._asked.get(event.xid, {})
-                # whoever answers to a question for one name means that name
+                # an answer to a request for one name is for that name
                 asked = next(iter(sought.values())) if len(sought) == 1 else sought.get(event.info.name or "")
                 if asked is not None:
                     yield from self._answered(asked, event)

@@ -41,16 +41,16 @@ class SessionState(StrEnum):
 
 
 class Sign(Enum):
-    """What can happen to a session."""
+    """Input of a session's state machine."""
 
     TIME = auto()  # the pause is over, or the time for the first cyclic data of a start-up or a connection
-    FOUND = auto()  # the drive answered, with another address than it shall have
+    FOUND = auto()  # the drive answered, with another address than planned
     FOUND_READY = auto()  # the drive answered and has its address
-    MISSED = auto()  # nobody answered, or Set IP failed
+    MISSED = auto()  # no answer, or Set IP failed
     ADDRESSED = auto()
     ESTABLISHED = auto()
     LOST = auto()  # the start-up failed, or the connection ended
-    RELEASE = auto()  # the owner wants an end
+    RELEASE = auto()  # the owner ends it
     RELEASED = auto()
 
 
@@ -95,7 +95,7 @@ class Measures:
     lost_ns: int | None = None
     last_reason: str = ""
     expirations: int = 0
-    #: Alarms of the drive, in all its connections, and what the last one said.
+    #: Alarms of the drive, in all its connections, and the text of the last one.
     alarms_received: int = 0
     last_alarm: str = ""
     #: Cyclic frames of the connections that were closed; those of the present one count in its channels.
@@ -105,7 +105,7 @@ class Measures:
 
 @dataclass(slots=True)
 class DeviceSession:
-    """See the module's head.  ``index`` is the row of program and image."""
+    """See the module's docstring.  ``index`` is the row of program and image."""
 
     index: int
     plan: DevicePlan
@@ -120,7 +120,7 @@ class DeviceSession:
     layouts: tuple[IocrLayout, IocrLayout] | None = None
     #: Submodules that cannot be used at present, and why.
     unusable: dict[ExpectedKey, str] = field(default_factory=dict)
-    #: What the drive said of itself, in this connection or an earlier one.
+    #: The drive's I&M data, read in this connection or an earlier one.
     identification: Identification | None = None
     calls: dict[int, int] = field(default_factory=dict)
     measures: Measures = field(default_factory=Measures)
@@ -128,5 +128,5 @@ class DeviceSession:
 
     @property
     def out_of_use(self) -> list[str]:
-        """``unusable`` in words."""
+        """``unusable`` as text."""
         return [f"slot {slot} subslot 0x{sub:04X}: {why}" for (_, slot, sub), why in sorted(self.unusable.items())]

@@ -1,4 +1,4 @@
-"""What becomes of each session: its signs and their actions, and what its AR machine reports."""
+"""The life of each session: its signs and their actions, and the events of its AR machine."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ FIRST_FRAME_ID = 0x8000
 ACTIVITY_TIMEOUT = 200
 LONGEST_ACTIVITY_TIMEOUT = 1000
 #: A drive's first cyclic frame must come within this time after the end of its parametrisation: devices send from
-#: Connect on.  Who never does is gone, however long its application would have had.
+#: Connect on.  One that does not has failed, however long its application may take.
 FIRST_DATA_NS = 2_000_000_000
 
 
 class SessionLife:
     """``name``, ``mac`` and ``object_uuid`` are the controller's.
 
-    ``touched`` holds the sessions that something was done to; the controller carries their machines' events on.
+    ``touched`` holds the sessions that were acted on; the controller passes on the events of their machines.
     """
 
     def __init__(
@@ -159,7 +159,7 @@ class SessionLife:
             measures.lost_ns = None
         self._columns.image[session.index].good = 1
         session.due_ns = now + FIRST_DATA_NS
-        self.identification.want(session)
+        self.identification.request(session)
         self._log.record(now, session.plan.name, events.Connected(measures.connect_ns, session.mac))
 
     def _do_expect_data(self, session: DeviceSession, now: int) -> None:
@@ -206,8 +206,8 @@ class SessionLife:
         match event:
             case Connected(device_mac=mac) if mac != session.mac and session.machine is not None:
                 # two stations have the drive's address, and the other one took the Connect
-                words = f"{mac.hex(':')} has the address of {session.plan.name} ({session.mac.hex(':')}) and answered"
-                session.machine.abort(now, reason=words)
+                text = f"{mac.hex(':')} has the address of {session.plan.name} ({session.mac.hex(':')}) and answered"
+                session.machine.abort(now, reason=text)
                 self.touch(session)
             case Connected():
                 self._channels.open(session, event)
@@ -217,22 +217,22 @@ class SessionLife:
             case ApplicationReadyReceived(module_diff=deviations):
                 for deviation in deviations:
                     self._log.record(now, session.plan.name, events.ModuleDiffers(deviation.text))
-            case AlarmIndicated(alarm=alarm, words=words):
+            case AlarmIndicated(alarm=alarm, text=text):
                 session.measures.alarms_received += 1
-                session.measures.last_alarm = words
-                received = events.AlarmReceived(words, high=alarm.high, gone=only_disappears(alarm))
+                session.measures.last_alarm = text
+                received = events.AlarmReceived(text, high=alarm.high, gone=only_disappears(alarm))
                 self._log.record(now, session.plan.name, received)
             case SubmodulesChanged(unusable=unusable):
                 session.unusable = dict(unusable)
-                self._channels.relay(session, session.unusable)
+                self._channels.relayout(session, session.unusable)
                 self._log.record(now, session.plan.name, events.SubmodulesChanged(session.out_of_use))
             case ParametersEnded(reason=reason):
                 self._log.record(now, session.plan.name, events.ParametersWritten(reason))
             case ArEstablished():
                 self.sign(session, Sign.ESTABLISHED, now)
             case ArFailed(phase=phase, status=status, reason=reason):
-                words = reason if status is None else describe_status(status)
-                self._lost(session, f"{phase}: {words}", now, established=False)
+                text = reason if status is None else describe_status(status)
+                self._lost(session, f"{phase}: {text}", now, established=False)
             case ArAborted(reason=reason):
                 self._lost(session, reason, now, established=True)
             case ArReleased():

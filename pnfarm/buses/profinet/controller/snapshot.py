@@ -1,4 +1,4 @@
-"""What the controller shows of one drive: a row for the terminal and for JSON."""
+"""The controller's view of one drive: a row for the terminal and for JSON."""
 
 from __future__ import annotations
 

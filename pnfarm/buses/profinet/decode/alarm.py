@@ -29,14 +29,14 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Description]:
     priority = "high" if pdu.frame_id == ALARM_HIGH else "low"
     if pdu.type == RtaType.ERR:
         status = error_of(pdu).status
-        words = describe_status(status).removeprefix("RTA error: ").removeprefix("RTA_ERR_CLS_PROTOCOL: ")
-        counts = {"aborts": words}
+        text = describe_status(status).removeprefix("RTA error: ").removeprefix("RTA_ERR_CLS_PROTOCOL: ")
+        counts = {"aborts": text}
         if (status.error_code1, status.error_code2) == (
             ConnectFault.RTA_ERR_CLS_PROTOCOL,
             RtaError.CONSUMER_DHT_EXPIRED,
         ):
             counts["watchdogs"] = ""
-        yield Description("ERR-RTA", words + _silence(packet, shared), {"status": f"0x{int(status):08X}"}, counts)
+        yield Description("ERR-RTA", text + _silence(packet, shared), {"status": f"0x{int(status):08X}"}, counts)
         return
     numbers = f"sequence 0x{pdu.send_sequence:04X}, acknowledges 0x{pdu.ack_sequence:04X}"
     if pdu.type != RtaType.DATA:
@@ -45,8 +45,8 @@ def alarm(packet: Packet, shared: Shared) -> Iterator[Description]:
         return
     content = parse_alarm(pdu.body)
     if isinstance(content, AlarmAck):
-        words = "taken" if content.status.ok else describe_status(content.status)
-        yield Description("AlarmAck", f"{describe_place(content)}: {words} ({priority} priority, {numbers})")
+        text = "taken" if content.status.ok else describe_status(content.status)
+        yield Description("AlarmAck", f"{describe_place(content)}: {text} ({priority} priority, {numbers})")
         return
     yield Description("Alarm", f"{alarm_in_words(content)} ({priority} priority, {numbers})", {}, {"alarms": ""})
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
-from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_words, parameter_request, parameter_response
+from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_text, parameter_request, parameter_response
 from pnfarm.buses.profinet.decode.shared import Call
 from pnfarm.captures.neutral import ip_packet, udp_words
 from pnfarm.captures.packet import Description
@@ -216,7 +216,7 @@ def _content(data: bytes) -> str:
 
 def _place(header: IodWriteReqHeader | IodWriteResHeader | IodReadReqHeader | IodReadResHeader) -> str:
     api = f"API 0x{header.api:04X} " if header.api else ""
-    return f"{api}slot {header.slot} subslot 0x{header.subslot:04X} index {index_words(header.index)}"
+    return f"{api}slot {header.slot} subslot 0x{header.subslot:04X} index {index_text(header.index)}"
 
 
 def _where(header: IodReadReqHeader | IodReadResHeader) -> Mapping[str, int]:
@@ -262,9 +262,9 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
 
 
 def _refused(what: str, status: PnioStatus, call: Call) -> Description:
-    words = describe_status(status)
+    text = describe_status(status)
     counter = "refused" if call.opnum == Opnum.CONNECT else "record errors"
-    return Description(what, words, {"status": f"0x{int(status):08X}"}, {counter: words})
+    return Description(what, text, {"status": f"0x{int(status):08X}"}, {counter: text})
 
 
 def _written(what: str, headers: tuple[IodWriteResHeader, ...], call: Call) -> Description:

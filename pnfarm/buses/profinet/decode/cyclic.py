@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
 
-__all__ = ["cyclic", "drive_state", "status_words"]
+__all__ = ["cyclic", "drive_state", "status_text"]
 
 #: Reported bits of ZSW1, and of STW2 and ZSW2, whose upper four are the sign of life.
 ZSW1_MASK = 0x02FF
@@ -77,7 +77,7 @@ def drive_state(zsw1: int, stw1: int | None) -> str:
     return state
 
 
-def status_words(status: int, before: int | None = None) -> str:
+def status_text(status: int, before: int | None = None) -> str:
     """The data status as text; with ``before`` only the changes."""
     if before is None and status == DataStatus.GOOD:
         return "data good"
@@ -117,7 +117,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
             yield from _limited(
                 channel,
                 "DataStatus",
-                f"0x{channel.status:02X} -> 0x{status:02X}: {status_words(status, channel.status)}",
+                f"0x{channel.status:02X} -> 0x{status:02X}: {status_text(status, channel.status)}",
                 before=channel.status, after=status,
             )  # fmt: skip
         if template is not None and data != channel.data:
@@ -157,11 +157,11 @@ def _first(channel: Channel, size: int) -> str:
     parts = [f"frame id 0x{channel.frame_id:04X}", f"{size} octets"]
     template = channel.template
     if template is None:
-        return ", ".join([*parts, f"{status_words(channel.status)}; layout unknown, no Connect in the capture"])
+        return ", ".join([*parts, f"{status_text(channel.status)}; layout unknown, no Connect in the capture"])
     parts.append(f"cycle {channel.cycle_ns / 1e6:g} ms")
     if template.telegram is not None:
         parts.append(f"telegram {template.telegram}")
-    return ", ".join([*parts, status_words(channel.status)]) + (f"; {_values(channel)}" if template.words else "")
+    return ", ".join([*parts, status_text(channel.status)]) + (f"; {_values(channel)}" if template.words else "")
 
 
 def _values(channel: Channel) -> str:
@@ -212,13 +212,11 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
     ):
         channel.jumps += 1
         back = ahead > 0x8000
-        words = (
-            "stays" if not ahead else f"{'-' if back else '+'}{0x10000 - ahead if back else ahead}, +{step} expected"
-        )
+        made = "stays" if not ahead else f"{'-' if back else '+'}{0x10000 - ahead if back else ahead}, +{step} expected"
         yield from _limited(
             channel,
             "cycle counter",
-            f"{channel.counter} -> {counter} ({words})",
+            f"{channel.counter} -> {counter} ({made})",
             before=channel.counter, after=counter, expected_step=step,
         )  # fmt: skip
     elif whole > 1 and passed < COUNTER_ROUND_NS // 2:

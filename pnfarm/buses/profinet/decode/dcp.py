@@ -47,7 +47,7 @@ _OPTIONS = {
     blocks.DeviceInitiativeBlock.ID: "device initiative",
     blocks.AllSelectorBlock.ID: "all",
 }
-#: Settings for which the qualifier's first bit tells whether they are permanent.
+#: Settings for which the qualifier's first bit says whether they are permanent.
 _KEPT = (blocks.NameBlock, blocks.IpParameterBlock, blocks.FullIpSuiteBlock)
 
 
@@ -59,12 +59,12 @@ def dcp(packet: Packet, shared: Shared) -> Iterator[Description]:
     what = f"DCP {service}" if pdu.service_id == SERVICE_HELLO else f"DCP {service}.{'req' if request else 'res'}"
     _learn(packet, pdu, shared)
     if request:
-        words = [*(_option(option) for option in pdu.requested), *(_block(block, pdu) for block in pdu.blocks)]
+        texts = [*(_option(option) for option in pdu.requested), *(_block(block, pdu) for block in pdu.blocks)]
     elif pdu.service_type != TYPE_SUCCESS:
-        words = ["service not supported"]
+        texts = ["service not supported"]
     else:
-        words = [_block(block, pdu) for block in pdu.blocks]
-    yield Description(what, ", ".join(words), {"xid": pdu.xid}, {what: ""})
+        texts = [_block(block, pdu) for block in pdu.blocks]
+    yield Description(what, ", ".join(texts), {"xid": pdu.xid}, {what: ""})
 
 
 def _learn(packet: Packet, pdu: DcpPdu, shared: Shared) -> None:
@@ -95,10 +95,10 @@ def _option(option: blocks.OptionId) -> str:
 
 
 def _block(block: blocks.Block, pdu: DcpPdu) -> str:
-    words = _value(block)
+    text = _value(block)
     if pdu.service_id == SERVICE_SET and pdu.service_type == TYPE_REQUEST and isinstance(block, _KEPT):
-        words += " (permanent)" if (block.info or 0) & blocks.PERMANENT else " (until power off)"
-    return words
+        text += " (permanent)" if (block.info or 0) & blocks.PERMANENT else " (until power off)"
+    return text
 
 
 def _value(block: blocks.Block) -> str:

@@ -22,6 +22,6 @@ def lldp(packet: Packet, shared: Shared) -> Iterator[Description]:
     port, station = peer_names(pdu.chassis, pdu.port)
     shared.stations.guess(packet.source, station)
     if not pdu.time_to_live:
-        yield Description("LLDP", f"{port} of {station} says good-bye")
+        yield Description("LLDP", f"{port} of {station} shuts down")
         return
-    yield Description("LLDP", f"{port} of {station}, believed for {pdu.time_to_live} s")
+    yield Description("LLDP", f"{port} of {station}, valid for {pdu.time_to_live} s")

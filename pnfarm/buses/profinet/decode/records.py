@@ -20,7 +20,7 @@ from pnfarm.errors import DecodeError
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
 
-__all__ = ["BASE_MODE_INDEXES", "index_words", "parameter_request", "parameter_response"]
+__all__ = ["BASE_MODE_INDEXES", "index_text", "parameter_request", "parameter_response"]
 
 #: Base mode parameter access: the profile's two record numbers, and 47 of DP-V1 and of several drives.
 BASE_MODE_INDEXES = frozenset({0x002F, 0xB02E, 0xB02F})
@@ -47,7 +47,7 @@ MOST_VALUES = 8
 MOST_PARAMETERS = 6
 
 
-def index_words(index: int) -> str:
+def index_text(index: int) -> str:
     """``0xAFF0 (I&M0)``."""
     if index in BASE_MODE_INDEXES:
         return f"0x{index:04X} (parameter access)"
@@ -70,10 +70,10 @@ def _values(entry: ParameterValues) -> str:
     if entry.format == FORMAT_ERROR:
         number = entry.values[0] if entry.values else -1
         try:
-            words = ParameterErrorNumber(number).words
+            text = ParameterErrorNumber(number).words
         except ValueError:
-            words = "unknown"
-        return f"error 0x{number & 0xFFFF:02X} ({words})"
+            text = "unknown"
+        return f"error 0x{number & 0xFFFF:02X} ({text})"
     shown = " ".join(map(str, entry.values[:MOST_VALUES]))
     more = f" and {len(entry.values) - MOST_VALUES} more" if len(entry.values) > MOST_VALUES else ""
     return (shown + more) or "no value"

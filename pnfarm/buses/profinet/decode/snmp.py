@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["snmp"]
 
-_SNMP_WORDS = {GET: "Get", GET_NEXT: "GetNext", GET_BULK: "GetBulk", SET: "Set", RESPONSE: "Response"}
+_SNMP_TEXTS = {GET: "Get", GET_NEXT: "GetNext", GET_BULK: "GetBulk", SET: "Set", RESPONSE: "Response"}
 
 
 def snmp(packet: Packet, shared: Shared) -> Iterator[Description]:
@@ -34,5 +34,5 @@ def snmp(packet: Packet, shared: Shared) -> Iterator[Description]:
     first = f" {names[0]}" if names else ""
     more = f" and {len(names) - 1} more" if len(names) > 1 else ""
     yield Description(
-        f"SNMP {version} {_SNMP_WORDS.get(message.pdu.tag, hex(message.pdu.tag))}", f"{first}{more}".strip()
+        f"SNMP {version} {_SNMP_TEXTS.get(message.pdu.tag, hex(message.pdu.tag))}", f"{first}{more}".strip()
     )

@@ -190,7 +190,7 @@ class StationChannels:
             for row, cr in ar.consumers:
                 self._channels.rewrite_words("cpm", row, channel_layout(cr, output_words, ar.bad).words)
 
-    def relay(
+    def relayout(
         self,
         key: int,
         unusable: frozenset[ExpectedKey],

@@ -135,7 +135,7 @@ class StationConnections:
         self._follow_telegram()
         words = self._station.store.input_words(), self._station.store.output_words()
         ar = self._station.channels.open(event, *words, self._set_points(), now)
-        self._tell_problem(event.ar_key)
+        self._report_problem(event.ar_key)
         fastest_ns = min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers)
         self._station.handle.axis.step_ns = _step_ns(fastest_ns)
         telegram = self._station.store.telegram_number
@@ -155,11 +155,11 @@ class StationConnections:
         """Log a diagnosis as text; a fault also sets the problem indicator in the DataStatus of the frames."""
         entry = change.entry
         for key in self._station.ars:
-            self._tell_problem(key)
+            self._report_problem(key)
         appears = isinstance(change, DiagnosisAppeared)
         self._station.note(now, happened.DiagnosisAppeared(entry) if appears else happened.DiagnosisDisappeared(entry))
 
-    def _tell_problem(self, key: int) -> None:
+    def _report_problem(self, key: int) -> None:
         """DataStatus: whether one of the AR's submodules has a fault."""
         ar = self._station.cm.ar(key)
         if ar is not None and key in self._station.ars:
@@ -177,13 +177,13 @@ class StationConnections:
         key, unusable = event.ar_key, event.unusable
         self._follow_telegram()
         words = self._station.store.input_words(), self._station.store.output_words()
-        self._station.channels.relay(key, unusable, *words, self._set_points(), ready=event.starting)
+        self._station.channels.relayout(key, unusable, *words, self._set_points(), ready=event.starting)
         ar = self._station.ars.get(key)
         if ar is not None and ar.feeds:
             self._station.store.watchdog_ns = ar.watchdog_ns
             self._station.handle.axis.interpolation.settings.cycle_ns = ar.set_point_cycle_ns
         # pulling a submodule removed its diagnosis
-        self._tell_problem(key)
+        self._report_problem(key)
         if event.starting and not unusable:
             return
         self._station.note(now, happened.SubmodulesChanged(frozenset(unusable)))

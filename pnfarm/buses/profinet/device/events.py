@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.wire.alarms import alarm_type_words
+from pnfarm.protocols.profinet.wire.alarms import alarm_type_text
 from pnfarm.protocols.profinet.wire.diagnosis_texts import describe_error_type
 from pnfarm.station.events import (
     ConnectionEstablished,
@@ -162,7 +162,7 @@ class AlarmAcknowledged(Event):
 
     def details(self) -> dict[str, Any]:
         return {
-            "alarm": alarm_type_words(self.alarm_type),
+            "alarm": alarm_type_text(self.alarm_type),
             "slot": self.slot,
             "subslot": self.subslot,
             "status": describe_status(self.status),

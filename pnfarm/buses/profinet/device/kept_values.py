@@ -30,7 +30,7 @@ _RECORD_PARTS = 3
 #: DNS servers of DCP's full IP suite; FSHelloMode, interval, retry and delay.
 _DNS_SERVERS, _HELLO_PARTS = 4, 4
 
-#: Tells whether a value has the right format.
+#: Checks whether a value has the right format.
 _Check = Callable[[Any], bool]
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ALARMS", "Alarms", "OwnAlarm"]
 
-#: Alarms that tell a controller that a submodule is gone, or that it waits for parameters.
+#: Alarms that report to a controller that a submodule is gone, or that it waits for parameters.
 _MOVES = frozenset({
     AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG, AlarmType.PLUG_WRONG_SUBMODULE,
     AlarmType.CONTROLLED_BY_SUPERVISOR, AlarmType.RELEASED,
@@ -92,11 +92,11 @@ class Alarms(DrivePart):
         return told
 
     def make_good(self, alarm: OwnAlarm, now: int) -> None:
-        """Undo :meth:`send`: ARs that were told of a coming or going submodule get a plug alarm with its true state."""
+        """Undo :meth:`send`: ARs that got an alarm of a plugged or pulled submodule get one with its true state."""
         misled = self._misled.pop(alarm.place, set())
         for ar in self._station.cm.ars:
             if self._keys.unique(ar.key) in misled:
-                self._station.cm.come_again(ar.key, alarm.place, now)
+                self._station.cm.replug(ar.key, alarm.place, now)
         self._settle(now)
 
     def return_of_submodules(self, last_ns: int, now: int) -> int:

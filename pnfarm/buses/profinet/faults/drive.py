@@ -27,7 +27,7 @@ __all__ = ["injected_drive"]
 def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDrive:
     """Everything here is outside of the station: rows of the engine's table, the gate, hooks of its machines."""
     name, port = station.configured_name, station.port.index
-    host.gate.know(port, frame_class)
+    host.gate.classify(port, frame_class)
     keys = ArKeys(station)
 
     def carrier_changed(up: bool) -> None:

@@ -1,6 +1,6 @@
 """The modules of a PROFINET drive: what is in its slots, with several changes at once.
 
-Changes in force are applied to the station's present machines: a drive that boots has new ones, which know nothing of
+Changes in force are applied to the station's present machines: a drive that boots has new ones, without
 them.
 """
 
@@ -81,7 +81,7 @@ class Modules(DrivePart):
         self._changed()
         self._settle(now)
 
-    def told_at_connect(
+    def in_diff_at_connect(
         self, slot: int, subslot: int | None, standing: frozenset[int], *, diagnosis: bool = False
     ) -> bool:
         """Whether an AR in DATA, other than those with the keys ``standing``, has a ModuleDiffBlock with the place.

@@ -55,7 +55,7 @@ class ReportedEffect(Effect):
         """Whether this alarm reports it."""
 
     @abstractmethod
-    def _stands_in_diff(self) -> bool:
+    def _is_in_diff(self) -> bool:
         """Whether a ModuleDiffBlock reports it."""
 
     def _confirm(self) -> None:
@@ -70,7 +70,7 @@ class ReportedEffect(Effect):
 
     def check(self, now: int) -> None:
         if self._listening:
-            if self._stands_in_diff():
+            if self._is_in_diff():
                 self._confirm()
             else:
                 self._due = now + POLL_NS

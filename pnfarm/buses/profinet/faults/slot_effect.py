@@ -48,8 +48,8 @@ class SlotEffect(ReportedEffect):
         change = self._change
         return event.alarm_type in _GONE and event.slot == change.slot and change.subslot in {None, event.subslot}
 
-    def _stands_in_diff(self) -> bool:
-        return self._modules.told_at_connect(self._change.slot, self._change.subslot, self._standing)
+    def _is_in_diff(self) -> bool:
+        return self._modules.in_diff_at_connect(self._change.slot, self._change.subslot, self._standing)
 
     def end(self, now: int) -> None:
         super().end(now)

@@ -1,10 +1,10 @@
 """The GSDML description of a drive model: what its virtual device answers, and nothing else.
 
-Schema V2.35: TIA Portal takes it since V15.1.  The file needs no feature beyond V2.3, and the DAP says PNIO_Version
-V2.3: from V2.31 on tools ask for PTP and DCP boundaries, which this device has not.
+Schema V2.35: TIA Portal accepts it since V15.1.  The file needs no feature beyond V2.3, and the DAP says PNIO_Version
+V2.3: from V2.31 on tools ask for PTP and DCP boundaries, which this device does not have.
 
-What a file of this format cannot say: which send clock goes with which reduction ratio.  A device with a slowest cycle
-refuses the pairs that exceed it.
+What a file of this format cannot express: which send clock goes with which reduction ratio.  A device with a slowest
+cycle refuses the pairs that exceed it.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ __all__ = ["SCHEMA_VERSION", "STATION", "Abilities", "describe_diagnosis", "desc
 SCHEMA_VERSION = "V2.35"
 PNIO_VERSION = "V2.3"
 
-#: The classes of what the virtual device does; of its load by other frames the lowest, as nobody tested it (assumed: no
+#: The classes of what the virtual device does; the lowest for net load, which is not tested (assumed: no
 #: manual names classes).
 _CERTIFICATION = Certification("B", (), "I")
 #: 100BASE-TX full duplex (MAU type of IETF RFC 4836).
@@ -61,7 +61,7 @@ _INTERFACE_SUBSLOT = 0x8000
 
 @dataclass(frozen=True, slots=True)
 class Abilities:
-    """What a station does beside its device description; each is held against a station by a test.
+    """What a station does beside its device description; a test compares each with a station.
 
     ``protocols`` are those of SNMP and LLDP that it speaks.
     """
@@ -144,9 +144,9 @@ def _largest(description: DeviceDescription) -> tuple[int, int]:
 
 
 def _timing(description: DeviceDescription) -> tuple[Numbers, Numbers]:
-    """Send clocks and reduction ratios; the shortest cycle is MinDeviceInterval's to say."""
+    """Send clocks and reduction ratios; MinDeviceInterval gives the shortest cycle."""
     if 32 not in description.send_clocks:
-        raise ConfigError(f"{description.station_type} has no send clock of 1 ms: the format wants it of every device")
+        raise ConfigError(f"{description.station_type} has no send clock of 1 ms, which the format requires")
     return Numbers.of(description.send_clocks), Numbers.of(description.reduction_ratios)
 
 
@@ -175,7 +175,7 @@ def _virtual(
 
 
 def _telegram_id(telegram: Telegram, module: ModuleDescription) -> str:
-    """The telegram's own module is called after its number; others add their ident."""
+    """The telegram's own module is named after its number; others add their ident."""
     plain = module.module_ident == telegram.module.ident
     return f"TELEGRAM_{telegram.number}" + ("" if plain else f"_MODULE_{_hex(module.module_ident)}")
 
@@ -292,10 +292,10 @@ def _telegrams(model: Model, description: DeviceDescription) -> list[tuple[Teleg
 
 
 def describe_diagnosis(model: Model) -> tuple[tuple[ChannelDiagnosis, ...], tuple[UnitDiagnosis, ...]]:
-    """What the drive's own faults are told as.
+    """The diagnoses with which the drive reports its own faults.
 
-    The extended form of a fault has ExtChannelErrorType 0, which no file has an entry for: what its value means stands
-    in the help.
+    The extended form of a fault has ExtChannelErrorType 0, for which a file cannot have an entry: the help explains its
+    value.
     """
     if not model.limits.alarms:
         return (), ()
@@ -331,7 +331,7 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
     Raises :class:`ConfigError` for a model of another bus, and for one without texts for such a file.
     """
     file = _texts(model)
-    # the MAC makes the serial number only, which no such file holds
+    # the MAC address makes only the serial number, which such a file does not hold
     description = describe_device(model, bytes(6), strict=True)
     im0 = description.im0
     prefix, *version = im0.software_revision

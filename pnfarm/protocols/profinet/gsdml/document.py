@@ -81,9 +81,9 @@ DATA_TYPE_OCTETS = {
 }
 
 NO_NUMBERS = Numbers()
-#: Where a virtual submodule stands that does not say so.
+#: Subslot of a virtual submodule that names none.
 FIRST_SUBSLOT = Numbers.of([1])
-#: SendClock and ReductionRatio where the file says nothing.
+#: SendClock and ReductionRatio where the file names none.
 DEFAULT_SEND_CLOCKS = Numbers.of([32])
 DEFAULT_RATIOS = Numbers.of([1, 2, 4, 8, 16, 32, 64, 128, 256, 512])
 #: From here on an ExtChannelErrorType is a profile's.
@@ -92,7 +92,7 @@ PROFILE_TYPES = 0x9000
 
 @dataclass(frozen=True, slots=True)
 class Info:
-    """ModuleInfo: what people read about a module or a submodule."""
+    """ModuleInfo: texts about a module or a submodule."""
 
     name: str = ""
     info_text: str = ""
@@ -128,7 +128,7 @@ class DataItems:
 class SubmoduleItem:
     """A virtual submodule (``fixed`` names its subslots), or one of the pluggable ones.
 
-    ``inputs`` go to the controller, ``outputs`` come from it; None is an element that is not there.
+    ``inputs`` go to the controller, ``outputs`` come from it; None: the element is missing.
     """
 
     id: str
@@ -273,7 +273,7 @@ class Dap:
 
     @property
     def slot(self) -> int:
-        """Where the DAP stands when nobody says otherwise."""
+        """The DAP's slot unless another is chosen."""
         return next(iter(chain(self.fixed_slots, self.allowed_slots)), 0)
 
     def startup_modes(self) -> tuple[str, ...]:

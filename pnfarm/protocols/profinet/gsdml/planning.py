@@ -1,7 +1,7 @@
 """From a GSDML file and a choice of modules to what a controller expects of that device.
 
-Modules and submodules that the file fixes are there by themselves; those that it puts into a new project are there
-unless the place is given another one, or None for none.
+Modules and submodules that the file fixes are always planned; those that it puts into a new project are planned
+unless their place is given another one, or None for none.
 """
 
 from __future__ import annotations
@@ -68,9 +68,9 @@ class PlannedDevice:
         return self.dap.min_device_interval * SEND_CLOCK_NS
 
     def clock(self, send_clock_factor: int, reduction_ratio: int) -> tuple[int, int]:
-        """The pair itself where the device takes it, else the one of the same cycle with the send clock next to 1 ms.
+        """The pair itself where the device takes it, else the pair for the same cycle with the send clock next to 1 ms.
 
-        A pair that no other can stand for comes back as it is; :meth:`check_clock` says what is wrong with it.
+        A pair that no other can replace is returned unchanged; :meth:`check_clock` says what is wrong with it.
         """
         units = send_clock_factor * reduction_ratio
         others = [(clock, units // clock) for clock in _SEND_CLOCKS if units % clock == 0]
@@ -88,24 +88,28 @@ class PlannedDevice:
         ratios = interface.ratios if interface else DEFAULT_RATIOS
         if send_clock_factor not in clocks:
             raise ConfigError(
-                f"the device takes no send clock factor {send_clock_factor}, its file names {clocks.emit()}"
+                f"the device does not support send clock factor {send_clock_factor}; its file names {clocks.emit()}"
             )
         if reduction_ratio not in ratios:
-            raise ConfigError(f"the device takes no reduction ratio {reduction_ratio}, its file names {ratios.emit()}")
+            raise ConfigError(
+                f"the device does not support reduction ratio {reduction_ratio}; its file names {ratios.emit()}"
+            )
         cycle_ns = send_clock_factor * reduction_ratio * SEND_CLOCK_NS
         if cycle_ns < self.min_cycle_ns:
             raise ConfigError(
-                f"a cycle of {cycle_ns / 1e6:g} ms is faster than the device can, its file names "
+                f"a cycle of {cycle_ns / 1e6:g} ms is too fast for the device; its file names "
                 f"{self.min_cycle_ns / 1e6:g} ms"
             )
 
     def startup(self, wanted: Literal["legacy", "advanced"] | None = None) -> Literal["legacy", "advanced"]:
-        """The start-up mode: the wanted one, else legacy where the device knows it.  Raises :class:`ConfigError`."""
+        """The start-up mode: the requested one, else legacy if the device supports it.  Raises :class:`ConfigError`."""
         modes = tuple(mode.lower() for mode in self.dap.startup_modes())
         if wanted is None:
             return "advanced" if "legacy" not in modes and "advanced" in modes else "legacy"
         if wanted not in modes:
-            raise ConfigError(f"the device does not start up {wanted}, its file names {', '.join(modes) or 'no mode'}")
+            raise ConfigError(
+                f"the device does not support start-up {wanted}; its file names {', '.join(modes) or 'no mode'}"
+            )
         return wanted
 
 
@@ -198,9 +202,9 @@ class _Planner:
         api, lengths = 0, (0, 0)
         if isinstance(item, SubmoduleItem):
             if item.profisafe:
-                raise ConfigError(f"{item.id} is fail-safe, this controller speaks no PROFIsafe")
+                raise ConfigError(f"{item.id} is fail-safe, this controller does not support PROFIsafe")
             if (item.iops_length, item.iocs_length) != (1, 1):
-                raise ConfigError(f"{item.id} has status fields that are no octet, this controller sends octets")
+                raise ConfigError(f"{item.id} has status fields longer than one octet, this controller sends one")
             api, lengths = item.api, (item.input_octets, item.output_octets)
         properties = 0 if any(lengths) else self._without_data
         self.submodules[slot, subslot] = PlannedSubmodule(

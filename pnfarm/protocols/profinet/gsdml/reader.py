@@ -1,7 +1,7 @@
 """From the octets of a GSDML file of any maker to a :class:`~pnfarm.protocols.profinet.gsdml.document.Gsdml`.
 
 V2.0 to V2.4x: what later versions moved (timings from the DAP to its interface, MAU types from an attribute to a list)
-is found in both places; what they added and nobody here asks for is passed over.  A missing or a wrong value is a
+is found in both places; what they added and pnfarm does not use is skipped.  A missing or a wrong value is a
 :class:`DecodeError` that names line, element and attribute and says what is allowed.
 """
 
@@ -273,7 +273,7 @@ class _Reader:
     def _data_item(self, node: Node) -> DataItem:
         kind = node.word("DataType")
         known = DATA_TYPE_OCTETS.get(kind)
-        # types without a length of their own, and types that this table does not know, say theirs
+        # types without a length of their own, and types that this table does not know, give theirs
         octets = known if known is not None else node.number("Length", _U16)
         return DataItem(kind, octets, self._text(node), node.flag("UseAsBits"))
 
@@ -319,7 +319,7 @@ class _Reader:
 
 
 def parse_gsdml(data: bytes) -> Gsdml:
-    """Read a file's octets; :class:`DecodeError` for whatever is no GSDML file."""
+    """Read a file's octets; :class:`DecodeError` for anything but a GSDML file."""
     root = parse_xml(data)
     if root.name != ROOT:
         raise DecodeError(

@@ -2,8 +2,8 @@
 
 A ``ParameterRecordDataItem`` has a length, constants that fill it, and references (``Ref``) that lay values over
 them.  Octets without either are zero.  Values of several octets are big-endian, as everything in PROFINET; bits count
-from the least significant one of the octet at the offset.  A bit area that leaves its octet is not laid: makers and
-tools do not agree on where it goes on.
+from the least significant one of the octet at the offset.  A bit area that crosses its octet is not supported: makers
+and tools disagree on where it continues.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _LISTED = ("OctetString", "VisibleString")
 
 @dataclass(frozen=True, slots=True)
 class ParameterConst:
-    """Octets that stand fast from ``byte_offset`` on."""
+    """Constant octets from ``byte_offset`` on."""
 
     data: bytes
     byte_offset: int = 0
@@ -92,15 +92,15 @@ class ParameterRef:
                 first = _numeric(low)
                 last = _numeric(high) if dots else first
             except ValueError:
-                return None  # a grammar of its maker's own: the device decides
+                return None  # the maker's own notation: the device decides
             if first <= value <= last:
                 return None
         return f"allowed is {self.allowed}"
 
-    def lay(self, octets: bytearray, text: str, *, checked: bool) -> None:
-        """Lay the value that ``text`` says over a record's octets.  Raises :class:`ValueError` with what is allowed.
+    def put(self, octets: bytearray, text: str, *, checked: bool) -> None:
+        """Put the value that ``text`` gives into a record's octets.  Raises :class:`ValueError` with what is allowed.
 
-        ``checked`` holds it against ``allowed``; a maker's own default is not his tool's to doubt.
+        ``checked``: compare it with ``allowed``; a maker's own default is not checked.
         """
         if self.data_type in _LISTED:
             if self.data_type == "VisibleString" and not text.isascii():
@@ -132,7 +132,7 @@ class ParameterRef:
         octets[self.byte_offset : self.byte_offset + len(packed)] = packed
 
     def value(self, octets: bytes) -> float | bytes | None:
-        """What stands there; None where it does not fit, or cannot be told."""
+        """The value there; None where it does not fit, or is of a type that is not supported."""
         size = self.octets
         if size is None or self.byte_offset + size > len(octets):
             return None
@@ -140,7 +140,7 @@ class ParameterRef:
         if self.is_bits or self.data_type == "Boolean":
             bits = self.bit_length if self.data_type == "BitArea" else 1
             if size > 1:
-                return None  # it leaves its octet, see the head of this file
+                return None  # it crosses its octet, see the module's docstring
             return place[0] >> self.bit_offset & (1 << bits) - 1
         code = _PACKED.get(self.data_type)
         found: float | bytes = place if code is None else struct.unpack(code, place)[0]
@@ -187,7 +187,7 @@ class ParameterRecord:
     def octets(self, values: Mapping[str, str | float] | None = None) -> bytes:
         """The record with its defaults, and ``values`` by the names of its references.
 
-        Raises :class:`ConfigError` for a name that it has not, and for a value that is not allowed.
+        Raises :class:`ConfigError` for an unknown name, and for a value that is not allowed.
         """
         given = dict(values or {})
         octets = bytearray(self.length)
@@ -199,7 +199,7 @@ class ParameterRecord:
             if not text and value is None:
                 continue
             try:
-                ref.lay(octets, text, checked=value is not None)
+                ref.put(octets, text, checked=value is not None)
             except ValueError as exc:
                 raise ConfigError(
                     f"record {self.index}, {ref.name or ref.data_type}: {text!r} is given, {exc}"

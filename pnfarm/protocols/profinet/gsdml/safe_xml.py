@@ -75,7 +75,7 @@ class Node:
         return self.attributes.get(attribute, default)
 
     def word(self, attribute: str) -> str:
-        """A text that must be there and say something."""
+        """A required text that is not empty."""
         value = self.attributes.get(attribute, "")
         if not value:
             self.fail(attribute, "a text that is not empty")
@@ -138,7 +138,7 @@ class _Builder:
         if self._count > MAX_ELEMENTS:
             raise DecodeError("too-large", f"line {line}: more than {MAX_ELEMENTS} elements")
         if len(self._open) >= MAX_DEPTH:
-            raise DecodeError("too-deep", f"line {line}: elements stand more than {MAX_DEPTH} deep")
+            raise DecodeError("too-deep", f"line {line}: elements are nested more than {MAX_DEPTH} deep")
         if len(attributes) > MAX_ATTRIBUTES:
             raise DecodeError("too-large", f"line {line}: more than {MAX_ATTRIBUTES} attributes")
         node = Node(_local(name), line, {_local(key): value for key, value in attributes.items()})

@@ -1,4 +1,4 @@
-"""What a device's description calls the diagnoses that it sends, for those who show its alarms."""
+"""What a device's description calls the diagnoses that it sends, for displays of its alarms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["DescribedDiagnosis"]
 
 
 class DescribedDiagnosis:
-    """A device's own words (``DiagnosisTexts``); what its description does not name has none."""
+    """A device's own texts (``DiagnosisTexts``); what its description does not name has none."""
 
     __slots__ = ("_channels", "_units")
 
@@ -22,7 +22,7 @@ class DescribedDiagnosis:
         self._units = {(d.api, d.user_structure): d for d in units}
 
     def error_type(self, api: int, error_type: int, ext_error_type: int) -> str:
-        """E.g. ``Encoder: line broken``; empty for a ChannelErrorType without words."""
+        """E.g. ``Encoder: line broken``; empty for a ChannelErrorType without a text."""
         known = self._channels.get((api, error_type)) or self._channels.get((None, error_type))
         if known is None or not known.name:
             return ""
@@ -32,7 +32,7 @@ class DescribedDiagnosis:
         return f"{known.name}: {names.get(ext_error_type) or f'0x{ext_error_type:04X}'}"
 
     def unit(self, api: int, user_structure: int, data: bytes) -> str:
-        """E.g. ``Fault of the drive (Error number 11)``; empty for a USI without words."""
+        """E.g. ``Fault of the drive (Error number 11)``; empty for a USI without a text."""
         known = self._units.get((api, user_structure)) or self._units.get((None, user_structure))
         if known is None:
             return ""

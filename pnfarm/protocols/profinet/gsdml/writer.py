@@ -74,7 +74,7 @@ def _numbers(name: str, value: Numbers, default: Numbers | None = None) -> Attri
 
 
 def _api(value: int | None) -> Attribute:
-    """Of what belongs to a profile."""
+    """The API attribute of what belongs to a profile."""
     return "API", None if value is None else str(value)
 
 
@@ -247,7 +247,7 @@ class _Writer:
             _text("RequiredSchemaVersion", dap.required_schema_version, "V1.0"),
             _flag("SharedDeviceSupported", dap.shared_device),
             _flag("SharedInputSupported", dap.shared_input),
-            # the schema asks for these two, whatever they say
+            # the schema requires these two, whatever their values
             ("CheckDeviceID_Allowed", str(dap.check_device_id).lower()),
             ("NameOfStationNotTransferable", str(dap.name_not_transferable).lower()),
             _flag("LLDP_NoD_Supported", dap.lldp_nod),
@@ -383,7 +383,7 @@ class _Writer:
             ("SubslotNumber", str(interface.subslot)),
             ("TextId", self._text_id(interface.name)),
             ("SupportedRT_Classes", emit_tokens(interface.rt_classes)),
-            # the schema asks for it; an empty list is a list
+            # the schema requires it, even if empty
             ("SupportedProtocols", emit_tokens(interface.protocols)),
             _flag("NetworkComponentDiagnosisSupported", interface.network_component_diagnosis),
             _flag("DCP_HelloSupported", interface.dcp_hello),

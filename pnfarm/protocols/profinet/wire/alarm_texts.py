@@ -28,14 +28,14 @@ __all__ = ["DiagnosisTexts", "alarm_in_words", "item_in_words", "only_disappears
 
 
 class DiagnosisTexts(Protocol):
-    """A device's own words for its diagnoses; empty where it has none."""
+    """A device's own texts for its diagnoses; empty where it has none."""
 
     def error_type(self, api: int, error_type: int, ext_error_type: int) -> str:
-        """Of a ChannelErrorType, and of the ExtChannelErrorType unless that is 0."""
+        """Text of a ChannelErrorType, and of the ExtChannelErrorType unless that is 0."""
         ...
 
     def unit(self, api: int, user_structure: int, data: bytes) -> str:
-        """Of what comes in a form of the maker's own."""
+        """Text of an item in the maker's own format."""
         ...
 
 
@@ -56,16 +56,16 @@ _KNOWN = _CHANNELS | {Usi.MAINTENANCE}
 
 
 def _status(status: int) -> str:
-    words = [
-        word
-        for bit, word in (
+    names = [
+        name
+        for bit, name in (
             (MaintenanceStatus.REQUIRED, "maintenance required"),
             (MaintenanceStatus.DEMANDED, "maintenance demanded"),
         )
         if status & bit
     ]
     rest = status & ~(MaintenanceStatus.REQUIRED | MaintenanceStatus.DEMANDED)
-    return ", ".join([*words, *([f"qualifier 0x{rest:08X}"] if rest else [])]) or "no maintenance"
+    return ", ".join([*names, *([f"qualifier 0x{rest:08X}"] if rest else [])]) or "no maintenance"
 
 
 def _entry(item: DiagnosisItem, api: int, texts: DiagnosisTexts | None) -> str:
@@ -108,10 +108,10 @@ def alarm_in_words(alarm: AlarmNotification, texts: DiagnosisTexts | None = None
 
 
 def only_disappears(alarm: AlarmNotification) -> bool:
-    """It tells of an end and of nothing new.
+    """Whether the alarm reports only disappearances.
 
-    Some devices raise no "diagnosis disappears": they send AlarmType diagnosis for the end as well, and only
-    ChannelProperties.Specifier of its channels tells.
+    Some devices never send "diagnosis disappears": they send AlarmType diagnosis for the end as well, and only
+    ChannelProperties.Specifier of its channels shows it.
     """
     if alarm.alarm_type == AlarmType.DIAGNOSIS_DISAPPEARS:
         return True

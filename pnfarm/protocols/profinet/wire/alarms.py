@@ -1,8 +1,8 @@
 """Alarm blocks: AlarmNotification and AlarmAck, the VarPart of a DATA-RTA-PDU (IEC 61158-6-10, RTA-SDU).
 
 An AlarmNotification says what happened on one submodule: alarm type, place, identification, AlarmSpecifier and any
-number of items.  An item is a UserStructureIdentifier and octets whose length follows from it; what the octets mean
-is not known here.  An AlarmAck repeats type, place and specifier and adds a PNIOStatus.
+number of items.  An item is a UserStructureIdentifier and octets whose length follows from it; the octets are
+not decoded here.  An AlarmAck repeats type, place and specifier and adds a PNIOStatus.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ __all__ = [
     "AlarmType",
     "Usi",
     "acknowledge",
-    "alarm_type_words",
+    "alarm_type_text",
     "describe_alarm",
     "describe_item",
     "describe_place",
@@ -224,10 +224,10 @@ def acknowledge(alarm: AlarmNotification, status: PnioStatus = OK) -> AlarmAck:
 def parse_alarm_items(data: bytes) -> tuple[AlarmItem, ...]:
     """The items of one block.  Raises :class:`DecodeError` (``short``).
 
-    Of the items with entries of a fixed size each may hold one entry or, as the last one, all that are left; the wire
-    does not say which.  One entry each is taken where that comes out even.
+    An item with entries of fixed size holds one entry or, as the last item, all that follow; the wire does not say
+    which.  One entry each is assumed where that fits the length.
     """
-    one_each = _comes_out_even(data)
+    one_each = _fits_one_entry_each(data)
     r = Reader(data)
     items = []
     while r.remaining:
@@ -238,8 +238,8 @@ def parse_alarm_items(data: bytes) -> tuple[AlarmItem, ...]:
     return tuple(items)
 
 
-def _comes_out_even(data: bytes) -> bool:
-    """``data`` is a row of items with one entry each, with an item of another kind at most at its end."""
+def _fits_one_entry_each(data: bytes) -> bool:
+    """Whether ``data`` is a series of items with one entry each, with an item of another kind at most at its end."""
     position = 0
     while position + 2 <= len(data):
         usi = int.from_bytes(data[position : position + 2], "big")
@@ -314,7 +314,7 @@ def parse_alarm(data: bytes) -> AlarmNotification | AlarmAck:
         return parse_alarm_notification(block)
     if block.block_type in {ALARM_ACK_HIGH, ALARM_ACK_LOW}:
         return parse_alarm_ack(block)
-    raise DecodeError("bad-type", f"block 0x{block.block_type:04X} is no alarm's")
+    raise DecodeError("bad-type", f"block 0x{block.block_type:04X} is not an alarm")
 
 
 def emit_alarm(value: AlarmNotification | AlarmAck) -> bytes:
@@ -322,10 +322,10 @@ def emit_alarm(value: AlarmNotification | AlarmAck) -> bytes:
     return emit_alarm_ack(value) if isinstance(value, AlarmAck) else emit_alarm_notification(value)
 
 
-# Words
+# Texts
 
 
-def alarm_type_words(alarm_type: int) -> str:
+def alarm_type_text(alarm_type: int) -> str:
     """E.g. ``diagnosis appears``; unknown ones by their number."""
     known = _WORDS.get(alarm_type)
     if known is not None:
@@ -347,15 +347,15 @@ def describe_item(item: AlarmItem) -> str:
 
 def describe_place(alarm: AlarmNotification | AlarmAck) -> str:
     """What happened and where, e.g. ``diagnosis appears on slot 1 subslot 0x0002`` or ``module pulled on slot 1``."""
-    # who does not know the alarm of a whole module gets a submodule's, for subslot 0
+    # a receiver that does not support the alarm for whole modules gets a submodule's, for subslot 0
     if not alarm.subslot and alarm.alarm_type in {AlarmType.PULL, AlarmType.PULL_MODULE}:
-        return f"{alarm_type_words(AlarmType.PULL_MODULE)} on slot {alarm.slot}"
-    return f"{alarm_type_words(alarm.alarm_type)} on slot {alarm.slot} subslot 0x{alarm.subslot:04X}"
+        return f"{alarm_type_text(AlarmType.PULL_MODULE)} on slot {alarm.slot}"
+    return f"{alarm_type_text(alarm.alarm_type)} on slot {alarm.slot} subslot 0x{alarm.subslot:04X}"
 
 
-def describe_alarm(alarm: AlarmNotification, words: Callable[[AlarmItem], str] = describe_item) -> str:
+def describe_alarm(alarm: AlarmNotification, item_text: Callable[[AlarmItem], str] = describe_item) -> str:
     """One line, e.g. ``diagnosis appears on slot 1 subslot 0x0002: channel diagnosis 8000 0800 0010``.
 
-    ``words`` says what an item means.
+    ``item_text`` gives the text of an item.
     """
-    return describe_place(alarm) + (": " + "; ".join(words(item) for item in alarm.items) if alarm.items else "")
+    return describe_place(alarm) + (": " + "; ".join(item_text(item) for item in alarm.items) if alarm.items else "")

@@ -37,7 +37,7 @@ Oid: TypeAlias = tuple[int, ...]
 MAXIMUM_ARCS = 128
 MAXIMUM_ARC = 2**32 - 1
 
-#: Low five bits that announce a tag of several octets, which SNMP has not.
+#: Low five bits that announce a tag of several octets, which SNMP does not use.
 _LONG_TAG = 0x1F
 _INDEFINITE = 0x80
 #: Octets of the longest length that is taken; 2**32 is more than any datagram holds.
@@ -77,7 +77,7 @@ def read_constructed(reader: Reader, expected: int) -> Reader:
 def parse_integer(data: bytes, octets: int = 4) -> int:
     """Two's complement of at most ``octets`` octets, at least one; reason ``bad-length`` otherwise."""
     if not 0 < len(data) <= octets:
-        raise DecodeError("bad-length", f"integer of {len(data)} octets, 1 to {octets} are right")
+        raise DecodeError("bad-length", f"integer of {len(data)} octets, allowed are 1 to {octets}")
     return int.from_bytes(data, "big", signed=True)
 
 
@@ -101,7 +101,7 @@ def parse_oid(data: bytes) -> Oid:
             raise DecodeError("bad-value", "arc with leading zeros")
         value = value << 7 | octet & 0x7F
         if octet & 0x80:
-            if value > MAXIMUM_ARC:  # said here, so that no number grows with the message
+            if value > MAXIMUM_ARC:  # checked here, so that no number grows with the message
                 raise DecodeError("bad-value", "arc of more than 32 bits")
             continue
         if not arcs:
@@ -118,11 +118,11 @@ def parse_oid(data: bytes) -> Oid:
 
 
 def emit_oid(oid: Oid) -> bytes:
-    """Content octets; :class:`ValueError` for what is no object identifier (fewer than two arcs, or arcs too large)."""
+    """Content octets; :class:`ValueError` for anything but an object identifier (fewer than two arcs, or too large)."""
     if not 2 <= len(oid) <= MAXIMUM_ARCS or oid[0] > 2 or (oid[0] < 2 and oid[1] >= _FIRST_ARC):
-        raise ValueError(f"{oid} is no object identifier")
+        raise ValueError(f"{oid} is not an object identifier")
     if min(oid) < 0 or max(oid) > MAXIMUM_ARC:
-        raise ValueError(f"{oid} has an arc that is no 32-bit number")
+        raise ValueError(f"{oid} has an arc that is not a 32-bit number")
     out = bytearray()
     for arc in (oid[0] * _FIRST_ARC + oid[1], *oid[2:]):
         if arc < 0x80:

@@ -15,7 +15,7 @@ from pnfarm.protocols.profinet.wire.pdev import MultipleBlock
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.blocks_any import Block
 
-__all__ = ["blocks_in_line", "blocks_in_words", "number_words"]
+__all__ = ["blocks_in_line", "blocks_in_words", "number_text"]
 
 #: Letters of one line; the rest is left out.
 LINE = 240
@@ -66,7 +66,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def number_words(value: int) -> str:
+def number_text(value: int) -> str:
     """``261 (0x105)``: engineers know some numbers by one, some by the other."""
     return f"{value} (0x{value:X})" if value >= 0 else str(value)
 
@@ -93,7 +93,7 @@ def _in_line(value: Any) -> str:
         case list():
             return ", ".join(_nested(part) for part in value)
         case int() if not isinstance(value, bool):
-            return str(value) if 0 <= value < 10 else number_words(value)
+            return str(value) if 0 <= value < 10 else number_text(value)
         case "":
             return "-"
         case _:

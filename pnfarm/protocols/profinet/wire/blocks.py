@@ -1,4 +1,4 @@
-"""The block: how every PDU of PROFINET context management is cut (IEC 61158-6-10, BlockHeader).
+"""The block: the unit that PDUs of PROFINET context management consist of (IEC 61158-6-10, BlockHeader).
 
 A block is ``BlockType u16, BlockLength u16, BlockVersionHigh u8, BlockVersionLow u8, body``; the
 length counts everything behind itself, so it is the body's plus two.  This file holds what all
@@ -153,12 +153,12 @@ def split_blocks(data: bytes) -> tuple[RawBlock, ...]:
 def check_type(block: RawBlock, *allowed: int) -> Reader:
     """A reader over the body of a block whose type must be one of ``allowed``."""
     if block.block_type not in allowed:
-        raise DecodeError("bad-type", f"block 0x{block.block_type:04X} where 0x{allowed[0]:04X} belongs")
+        raise DecodeError("bad-type", f"block 0x{block.block_type:04X} where 0x{allowed[0]:04X} is expected")
     return Reader(block.body)
 
 
 def expect_padding(reader: Reader) -> None:
-    """Skip what is left, padding to four octets of any value: devices put there what they have.
+    """Skip what is left, padding to four octets, of any value: some devices do not clear it.
 
     Raises ``trailing`` where more is left than padding can be.
     """

@@ -157,9 +157,9 @@ def parse_blocks(data: bytes) -> tuple[Block, ...]:
 
 
 def read_blocks(data: bytes) -> tuple[tuple[Block, ...], tuple[str, ...]]:
-    """As many blocks as can be read, for whoever tells what is there; and a sentence for each one that cannot.
+    """As many blocks as can be read, for display; and a sentence for each one that cannot.
 
-    A block that does not follow its type stays a :class:`RawBlock`; where a length leads astray, the blocks end.
+    A block that does not follow its type stays a :class:`RawBlock`; behind a wrong length nothing more is read.
     """
     reader = Reader(data)
     blocks: list[Block] = []

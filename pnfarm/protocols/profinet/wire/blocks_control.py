@@ -1,4 +1,4 @@
-"""Control blocks: the end of parametrisation, application ready, release and their kin
+"""Control blocks: the end of parametrisation, application ready, release and the like
 (IEC 61158-6-10, IODControlReq, IOXControlReq, IODReleaseReq).  One shape for all of them."""
 
 from __future__ import annotations

@@ -175,7 +175,7 @@ def submodule_state(
     qualified: bool = False,
     takeover_denied: bool = False,
 ) -> int:
-    """SubmoduleState (u16) with FormatIndicator 1.  ``takeover_denied`` is AddInfo 1, said to a supervisor."""
+    """SubmoduleState (u16) with FormatIndicator 1.  ``takeover_denied`` is AddInfo 1, for a supervisor."""
     return (
         0x8000
         | (ident_info & 0xF) << 11

@@ -1,7 +1,7 @@
 """Blocks of the discovery and basic configuration protocol (IEC 61158-6-10, DCP blocks and their coding).
 
 A block is an option, a suboption and a value.  Between the length and the value may stand a BlockInfo or a
-BlockQualifier; whether it does depends on the service and is the business of the PDU's codec.
+BlockQualifier; whether it does depends on the service and is known to the PDU's codec.
 """
 
 from __future__ import annotations
@@ -459,7 +459,7 @@ def _options(data: bytes, info: int) -> Block | None:
     return DeviceOptionsBlock(tuple(OptionId(*pair) for pair in pairs), info)
 
 
-# What each option's value must look like; None from a function means: it does not.
+# Parsers of each option's value; a function returns None for a value of another shape.
 _SHAPES: dict[OptionId, Callable[[bytes, int], Block | None]] = {
     MacBlock.ID: lambda data, info: MacBlock(data, info) if len(data) == 6 else None,
     IpParameterBlock.ID: _ip_parameter,

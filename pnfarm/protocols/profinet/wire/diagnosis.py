@@ -63,7 +63,7 @@ class Usi(IntEnum):
 
 
 class Maintenance(IntEnum):
-    """ChannelProperties.Maintenance, bits 9 and 10: how bad it is; a qualified item says so in its qualifier."""
+    """ChannelProperties.Maintenance, bits 9 and 10: the severity; a qualified item has it in its qualifier."""
 
     FAULT = 0
     REQUIRED = 1
@@ -187,7 +187,7 @@ class MaintenanceItem:
 
 @dataclass(frozen=True, slots=True)
 class UserItem:
-    """What a manufacturer's USI, or one without a codec here, brings: octets up to the end."""
+    """An item of a manufacturer's USI, or of one without a codec here: octets up to the end."""
 
     usi: int
     data: bytes

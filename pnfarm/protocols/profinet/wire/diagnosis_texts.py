@@ -114,11 +114,11 @@ PROFIDRIVE_ERROR_TYPES = {
 
 
 def describe_error_type(error_type: int, ext_error_type: int = 0, api: int = 0) -> str:
-    """One line, such as ``remote mismatch: no peer detected``; a code without words is given as a number."""
-    words = CHANNEL_ERROR_TYPES.get(error_type)
-    if words is None and api == PROFIDRIVE_API:
-        words = PROFIDRIVE_ERROR_TYPES.get(error_type)
-    text = words if words is not None else f"error type 0x{error_type:04X}"
+    """One line, such as ``remote mismatch: no peer detected``; a code without a text is given as a number."""
+    known = CHANNEL_ERROR_TYPES.get(error_type)
+    if known is None and api == PROFIDRIVE_API:
+        known = PROFIDRIVE_ERROR_TYPES.get(error_type)
+    text = known if known is not None else f"error type 0x{error_type:04X}"
     if not ext_error_type:
         return text
     if error_type < 0x8000 and ext_error_type == _ACCUMULATIVE_INFO:

@@ -91,7 +91,7 @@ _RANGES = (
 
 
 def classify_frame_id(frame_id: int) -> FrameClass:
-    """The protocol of a frame identifier; what the standard keeps for later is ``RESERVED``."""
+    """The protocol of a frame identifier; ids that the standard reserves are ``RESERVED``."""
     for identifiers, frame_class in _RANGES:
         if frame_id in identifiers:
             return frame_class

@@ -105,7 +105,7 @@ def _emit_fs_hello(hello: FsHello) -> RawBlock:
 
 @dataclass(frozen=True, slots=True)
 class FsParameter:
-    """FSParameterBlock: ``mode`` 1 = on; ``uuid`` is another one when the parameters are others."""
+    """FSParameterBlock: ``mode`` 1 = on; ``uuid`` changes with the parameters."""
 
     mode: int
     uuid: UUID

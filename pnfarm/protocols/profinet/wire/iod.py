@@ -154,9 +154,9 @@ def _open(reader: Reader, block_type: int) -> tuple[Reader, int]:
     """Body of the header at the reader's place, and its version."""
     found, length, version = reader.u16(), reader.u16(), reader.u16()
     if found != block_type:
-        raise DecodeError("bad-type", f"block 0x{found:04X} where 0x{block_type:04X} belongs")
+        raise DecodeError("bad-type", f"block 0x{found:04X} where 0x{block_type:04X} is expected")
     if length != _HEADER_LENGTH:
-        raise DecodeError("bad-length", f"record header claims {length} octets, {_HEADER_LENGTH} are right")
+        raise DecodeError("bad-length", f"record header claims {length} octets, {_HEADER_LENGTH} are expected")
     return reader.sub(_HEADER_LENGTH - 2), version
 
 

@@ -1,13 +1,13 @@
-"""LLDPDUs: who stands at the other end of a cable (IEEE 802.1AB-2016 clause 8; IEC 61158-6-10, LLDP).
+"""LLDPDUs: who is at the other end of a cable (IEEE 802.1AB-2016 clause 8; IEC 61158-6-10, LLDP).
 
-An LLDPDU is a row of TLVs: chassis, port and time to live first, in this order, then whatever the sender wants
-to say, then an end.  PROFINET adds TLVs of its own organisation (00-0E-CF) and wants the MAC/PHY status of
-IEEE 802.3 (00-12-0F).
+An LLDPDU is a series of TLVs: chassis, port and time to live first, in this order, then optional ones, then an
+end.  PROFINET adds TLVs of its own organisation (00-0E-CF) and requires the MAC/PHY status of IEEE 802.3
+(00-12-0F).
 
 A TLV after the first three whose value does not have its type's shape parses as :class:`RawTlv`, octet for
 octet: one bad TLV does not hide the neighbour.
 
-Two habits of names are in use (:class:`NameMode`); :func:`peer_names` reads both.
+Two naming schemes are in use (:class:`NameMode`); :func:`peer_names` reads both.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Lldpdu:
 
 
 def parse_lldp(data: bytes | bytearray | memoryview) -> Lldpdu:
-    """LLDPDU from an Ethernet payload; what follows the end TLV is padding.  A missing end is forgiven.
+    """LLDPDU from an Ethernet payload; what follows the end TLV is padding.  A missing end is accepted.
 
     Reasons: ``short`` (a TLV runs over the end), ``bad-order`` (the first three are not chassis, port, time to live),
     ``duplicate`` (one of these three comes again), ``bad-length`` (identifier, time to live or end of another size).
@@ -84,7 +84,7 @@ def parse_lldp(data: bytes | bytearray | memoryview) -> Lldpdu:
 def _next(reader: Reader, wanted: TlvType) -> bytes:
     header = reader.u16()
     if header >> 9 != wanted:
-        raise DecodeError("bad-order", f"TLV {header >> 9} where {wanted.name} belongs")
+        raise DecodeError("bad-order", f"TLV {header >> 9} where {wanted.name} is expected")
     return reader.bytes(header & 0x1FF)
 
 

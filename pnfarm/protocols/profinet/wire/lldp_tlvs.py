@@ -1,6 +1,6 @@
 """What an LLDPDU is made of: identifiers and TLVs (IEEE 802.1AB-2016 clause 8; IEC 61158-6-10, LLDP).
 
-PROFINET has TLVs of its own organisation (00-0E-CF) and wants the MAC/PHY status of IEEE 802.3 (00-12-0F).
+PROFINET has TLVs of its own organisation (00-0E-CF) and requires the MAC/PHY status of IEEE 802.3 (00-12-0F).
 """
 
 from __future__ import annotations
@@ -303,7 +303,7 @@ class MrpInterconnectionPortStatus:
 
 @dataclass(frozen=True, slots=True)
 class RawTlv:
-    """Any other TLV, and one whose value has not its type's shape."""
+    """Any other TLV, and one whose value does not have its type's shape."""
 
     tlv_type: int
     value: bytes
@@ -332,7 +332,7 @@ Tlv: TypeAlias = (
 
 
 def shape_tlv(kind: int, value: bytes) -> Tlv:
-    """The TLV behind the first three; one whose value has not its type's shape stays raw."""
+    """The TLV behind the first three; one whose value does not have its type's shape stays raw."""
     parser = _PARSERS.get((kind, b"", 0))
     body = value
     if kind == TlvType.ORGANIZATION and len(value) >= 4:
@@ -469,7 +469,7 @@ def _mac(value: bytes) -> bytes:
 
 
 def text_of(value: bytes) -> str:
-    """UTF-8 without trailing zeros; what is no UTF-8 is replaced."""
+    """UTF-8 without trailing zeros; invalid UTF-8 is replaced."""
     return value.rstrip(b"\0").decode("utf-8", "replace")
 
 

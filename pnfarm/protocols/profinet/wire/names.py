@@ -22,7 +22,7 @@ _LETTERS_DIGITS = frozenset({"Ll", "Lo", "Lm", "Mn", "Mc", "Nd"})
 def check_station_name(name: str) -> str | None:
     """What is wrong with a station name, as a sentence, or None for a valid one.
 
-    The empty name, by which DCP says "no name", is none.
+    The empty name, DCP's "no name", is not valid.
     """
     if not name:
         return "the name is empty; a station name has 1 to 240 characters"
@@ -50,7 +50,7 @@ def _check_label(label: str) -> str | None:
     if label.startswith("-") or label.endswith("-"):
         return f"the label {label!r} begins or ends with '-'"
     if label.startswith(_ACE_PREFIX):
-        return None if _is_a_label(label) else f"the label {label!r} begins with 'xn--' and is no Punycode (RFC 5890)"
+        return None if _is_a_label(label) else f"the label {label!r} begins with 'xn--' and is not Punycode (RFC 5890)"
     if "--" in label:
         return f"the label {label!r} has two '-' in a row"
     return None

@@ -142,7 +142,7 @@ def emit_port_data_real(value: PortDataReal) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class InterfaceDataReal:
-    """0x0240: an interface as it is; 0.0.0.0 for an address that it has not."""
+    """0x0240: an interface as it is; 0.0.0.0 for no address."""
 
     name: bytes
     mac: bytes
@@ -175,7 +175,7 @@ def emit_interface_data_real(value: InterfaceDataReal) -> bytes:
 class PortStatistic:
     """0x0251: counters of a port or of all ports of an interface, modulo 2**32.
 
-    ``status`` (from version 1.1 on, else 0): bit n set when counter n, in this order, means nothing.
+    ``status`` (from version 1.1 on, else 0): bit n set when counter n, in this order, is invalid.
     """
 
     in_octets: int = 0
@@ -224,7 +224,7 @@ class PortDataCheck:
 
 @dataclass(frozen=True, slots=True)
 class PortDataAdjust:
-    """0x0202: how the port is to be."""
+    """0x0202: how the port is to be set."""
 
     slot: int
     subslot: int
@@ -253,7 +253,7 @@ def parse_port_data(block: RawBlock) -> PortDataCheck | PortDataAdjust:
 
 
 def _begins_block(octets: memoryview) -> bool:
-    """Between two blocks that were not padded; padding may hold anything, but hardly the head of a block that fits."""
+    """Whether a block begins without padding before it; padding may hold any value, but hardly a matching header."""
     if len(octets) < BLOCK_HEADER_SIZE:
         return False
     return octets[0] == _SUB_BLOCKS and 4 + (octets[2] << 8 | octets[3]) <= len(octets)

@@ -158,7 +158,7 @@ class CheckMauTypeDifference:
 
 @dataclass(frozen=True, slots=True)
 class AdjustDomainBoundary:
-    """0x0209.  Version 1.0 has one boundary for both ways: ``egress`` is None."""
+    """0x0209.  Version 1.0 has one boundary for both directions: ``egress`` is None."""
 
     ingress: int
     egress: int | None = None

@@ -1,7 +1,7 @@
 """PTCP, the clock protocol between neighbours: sync, announce, follow up and the measurement of a cable's delay
 (IEC 61158-6-10, PTCP-PDU).
 
-A drive of conformance class B takes no part in it; switches and controllers speak it at its port.  Every PDU has a
+A drive of conformance class B takes no part in it; switches and controllers send it to its port.  Every PDU has a
 head of 20 octets behind its frame id, then TLVs up to the one of type End.
 """
 
@@ -90,14 +90,14 @@ class PtcpPdu:
 
 
 def parse_ptcp(data: bytes) -> PtcpPdu:
-    """``data`` begins with the frame id; what follows the End TLV is padding, a missing End is forgiven.
+    """``data`` begins with the frame id; what follows the End TLV is padding, a missing End is accepted.
 
-    Reasons: ``bad-type`` (no frame id of PTCP), ``short``.
+    Reasons: ``bad-type`` (not a frame id of PTCP), ``short``.
     """
     r = Reader(data)
     frame_id = r.u16()
     if frame_id not in PTCP_NAMES:
-        raise DecodeError("bad-type", f"frame id 0x{frame_id:04X} is none of PTCP")
+        raise DecodeError("bad-type", f"frame id 0x{frame_id:04X} is not PTCP's")
     head, sequence, between, delay = r.bytes(_RESERVED), r.u16(), r.bytes(_BETWEEN), r.u32()
     tlvs: list[PtcpTlv] = []
     while r.remaining:

@@ -255,7 +255,7 @@ class ArDataEntry:
 
 @dataclass(frozen=True, slots=True)
 class ArData:
-    """0x0018, version 1.1: the ARs that stand; without the optional ARDataInfo blocks."""
+    """0x0018, version 1.1: the established ARs; without the optional ARDataInfo blocks."""
 
     ars: tuple[ArDataEntry, ...]
     version: int = VERSION_1_1

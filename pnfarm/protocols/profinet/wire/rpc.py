@@ -252,7 +252,7 @@ class RpcPdu:
 
     @property
     def is_last(self) -> bool:
-        """True of the last fragment, and of a PDU that is no fragment at all."""
+        """True of the last fragment, and of an unfragmented PDU."""
         return not self.is_fragment or bool(self.flags1 & Flags1.LAST_FRAGMENT)
 
     @property
@@ -307,7 +307,7 @@ def emit_rpc(pdu: RpcPdu) -> bytes:
     """The UDP payload of ``pdu``; :class:`ValueError` where a field does not fit."""
     little = pdu.little_endian
     if len(pdu.drep) != 3:
-        raise ValueError(f"data representation has {len(pdu.drep)} octets, 3 are wanted")
+        raise ValueError(f"data representation has {len(pdu.drep)} octets, 3 are expected")
     writer = Writer()
     writer.u8(RPC_VERSION).u8(pdu.packet_type).u8(pdu.flags1).u8(pdu.flags2).bytes(pdu.drep).u8(pdu.serial >> 8)
     for identifier in (pdu.object_uuid, pdu.interface, pdu.activity):
@@ -406,7 +406,7 @@ def _read_array(reader: Reader, *, little: bool) -> tuple[int, bytes]:
     """ArgsLength, then the NDR conformant varying array; answers MaximumCount and the octets."""
     length, maximum, offset, actual = (read_u32(reader, little=little) for _ in range(4))
     if offset:
-        raise DecodeError("bad-offset", f"array offset {offset}, 0 is wanted")
+        raise DecodeError("bad-offset", f"array offset {offset}, 0 is expected")
     if actual != reader.remaining:
         raise DecodeError("bad-length", f"ActualCount {actual}, {reader.remaining} octets present")
     if length != actual:

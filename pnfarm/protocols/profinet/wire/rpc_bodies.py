@@ -23,7 +23,7 @@ __all__ = [
     "parse_fack",
 ]
 
-# --- body of fack, and of a nocall that tells what has arrived (C706 12.5.3.4) --------------------------------
+# --- body of fack, and of a nocall that reports what has arrived (C706 12.5.3.4) --------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ def parse_fack(body: bytes, *, little_endian: bool) -> FackBody | None:
     if count * 4 > reader.remaining:
         raise DecodeError("short", f"{count} selective acknowledgement words, {reader.remaining} octets left")
     selective = tuple(read_u32(reader, little=little_endian) for _ in range(count))
-    # one stack always sends a single word of selective acknowledgement and counts it as none
+    # one stack always sends a single word of selective acknowledgement, with a count of 0
     if reader.remaining not in {0, 4}:
         reader.expect_end()
     return FackBody(window, max_tsdu, max_fragment, serial, selective, version)

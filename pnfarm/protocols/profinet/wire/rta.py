@@ -52,7 +52,7 @@ WINDOW_SIZE = 0x01
 #: AddFlags.TACK, bit 4: the receiver acknowledges at once.
 TACK = 0x10
 
-#: SendSeqNum of the first DATA-RTA-PDU, and AckSeqNum of who has received none.
+#: SendSeqNum of the first DATA-RTA-PDU, and AckSeqNum of an end that has received none.
 FIRST_SEND = 0xFFFF
 FIRST_ACK = 0xFFFE
 #: Behind the first number the counters run from 0 to here and start anew.
@@ -97,13 +97,13 @@ def next_sequence(number: int) -> int:
 def parse_rta(data: bytes) -> RtaPdu:
     """``data`` starts with the frame id; what stands behind the PDU is padding of the Ethernet frame.
 
-    Raises :class:`DecodeError`: ``bad-type`` for a frame id that is no alarm's, ``short``.  PDUs of reserved types and
-    versions are values like any other.
+    Raises :class:`DecodeError`: ``bad-type`` for a frame id that is not an alarm's, ``short``.  PDUs of reserved types
+    and versions are values like any other.
     """
     r = Reader(data)
     frame_id = r.u16()
     if frame_id not in {ALARM_HIGH, ALARM_LOW}:
-        raise DecodeError("bad-type", f"frame id 0x{frame_id:04X} is no alarm's")
+        raise DecodeError("bad-type", f"frame id 0x{frame_id:04X} is not an alarm's")
     destination, source, pdu_type, add_flags, send, ack = r.u16(), r.u16(), r.u8(), r.u8(), r.u16(), r.u16()
     return RtaPdu(frame_id, destination, source, pdu_type, add_flags, send, ack, r.bytes(r.u16()))
 

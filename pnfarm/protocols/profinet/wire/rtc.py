@@ -1,6 +1,6 @@
 """Cyclic real-time PDU (IEC 61158-6-10, RTC-PDU and APDU-Status), for tests and tools.
 
-The engine packs and unpacks its frames in compiled code; this codec says the same in plain words.
+The engine packs and unpacks its frames in compiled code; this codec is its readable counterpart.
 """
 
 from __future__ import annotations

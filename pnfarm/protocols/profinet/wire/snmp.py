@@ -273,10 +273,10 @@ def _read_integer(reader: Reader) -> int:
 
 
 def _parse_int32(content: bytes) -> int:
-    """pyasn1, and so pysnmp, puts a sign octet too many before -2**31."""
+    """pyasn1, and so pysnmp, sends one sign octet too many for -2**31."""
     number = parse_integer(content, 5)
     if not _INT32_LOW <= number <= _INT32_HIGH:
-        raise DecodeError("bad-value", f"{number} has not 32 bits")
+        raise DecodeError("bad-value", f"{number} does not fit in 32 bits")
     return number
 
 
@@ -293,7 +293,7 @@ def _parse_value(tag: int, content: bytes) -> Value:
     if bits is not None:
         number = parse_integer(content, bits // 8 + 1)
         if not 0 <= number < 1 << bits:
-            raise DecodeError("bad-value", f"{number} has not {bits} bits")
+            raise DecodeError("bad-value", f"{number} does not fit in {bits} bits")
         return Value(tag, number)
     if tag == IP_ADDRESS and len(content) != 4:
         raise DecodeError("bad-length", f"IpAddress of {len(content)} octets")
@@ -310,7 +310,7 @@ def emit_snmp(message: SnmpMessage) -> bytes:
 
 
 def emit_response(request: SnmpMessage, pdu: Pdu, varbinds: Iterable[bytes]) -> bytes:
-    """A message to the one who sent ``request``: ``pdu`` with ``varbinds``, octets already, in place of its own."""
+    """The response to ``request``: ``pdu`` with ``varbinds``, octets already, in place of its own."""
     return _emit_message(request.version, request.community, _emit_pdu(pdu, varbinds))
 
 
@@ -326,7 +326,7 @@ def _emit_pdu(pdu: Pdu, varbinds: Iterable[bytes]) -> bytes:
 
 def _emit_int32(value: int) -> bytes:
     if not _INT32_LOW <= value <= _INT32_HIGH:
-        raise ValueError(f"{value} is no INTEGER of 32 bits")
+        raise ValueError(f"{value} is not an INTEGER of 32 bits")
     return emit_tlv(INTEGER, emit_integer(value))
 
 
@@ -351,4 +351,4 @@ def _emit_value(value: Value) -> bytes:
             return emit_tlv(tag, b"")
     elif isinstance(content, bytes) and (tag != IP_ADDRESS or len(content) == 4):
         return emit_tlv(tag, content)
-    raise ValueError(f"{content!r} is no content for a value of tag 0x{tag:02X}")
+    raise ValueError(f"{content!r} is not the content of a value of tag 0x{tag:02X}")

@@ -54,7 +54,7 @@ class AlarmUnacknowledged(Effect):
             self.finished = self._chance.exhausted
         if not self.finished and connection and connection.established and not standing & self._passed:
             self._passed = standing
-            happens = self._chance.falls()
+            happens = self._chance.happens()
             if happens:
                 self._rule, self._keys = self._new_rule(), standing
                 self._wire.gate(self._rule)

@@ -36,7 +36,7 @@ class ConnectRefuse(Effect):
     def _asked(self, now: int) -> PnioStatus | None:
         if self.finished:
             return None
-        happens = self._chance.falls()
+        happens = self._chance.happens()
         self._chance.tally.note(now, happened=happens, confirmed=happens)
         self.finished = self._chance.exhausted
         return self._status if happens else None

@@ -66,9 +66,9 @@ class Diagnosis(ReportedEffect):
         told = event.alarm_type != AlarmType.DIAGNOSIS_DISAPPEARS
         return told and (event.api, event.slot, event.subslot) == self._entry.place
 
-    def _stands_in_diff(self) -> bool:
+    def _is_in_diff(self) -> bool:
         _, slot, subslot = self._entry.place
-        return self._modules.told_at_connect(slot, subslot, self._standing, diagnosis=True)
+        return self._modules.in_diff_at_connect(slot, subslot, self._standing, diagnosis=True)
 
     def end(self, now: int) -> None:
         super().end(now)

@@ -36,7 +36,7 @@ class LateReady(Effect):
 
     def decide(self) -> tuple[bool, int | None]:
         """The rule for one connection that is being set up."""
-        self._acts = not self.finished and self._chance.falls()
+        self._acts = not self.finished and self._chance.happens()
         self._decided = True
         return self._acts, self._delay
 

@@ -33,7 +33,7 @@ class ParameterBusy(Effect):
     def _asked(self, now: int) -> bool:
         if self.finished:
             return False
-        happens = self._chance.falls()
+        happens = self._chance.happens()
         self._chance.tally.note(now, happened=happens, confirmed=happens)
         self.finished = self._chance.exhausted
         return happens
