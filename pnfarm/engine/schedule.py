@@ -291,7 +291,7 @@ class ChannelTable:
         """Change the words of an open consumer's frames; those that it no longer brings are zero at once."""
         row = self.columns.cpm[number]
         _check(words, iops, int(row.data_length))
-        self._unlay(row, words)
+        self._remove_words(row, words)
         row.iops_count = 0
         for i, (code, offset) in enumerate(words):
             row.word_code[i] = code
@@ -309,14 +309,14 @@ class ChannelTable:
         _check(words, (), int(row.length) - start - 4 if name == "ppm" else int(row.data_length))
         # no words while the codes change, so that no tick mixes two mappings
         if name == "cpm":
-            self._unlay(row, words)
+            self._remove_words(row, words)
         row.words = 0
         for i, (code, offset) in enumerate(words):
             row.word_code[i] = code
             row.word_offset[i] = start + offset
         row.words = len(words)
 
-    def _unlay(self, row: Any, words: Sequence[tuple[int, int]]) -> None:
+    def _remove_words(self, row: Any, words: Sequence[tuple[int, int]]) -> None:
         """Remove the words of an open consumer: those that ``words`` does not bring are zero from now on."""
         brought = {int(code) >> 2 for code in row.word_code[: row.words] if code != WORD_NONE} if row.fed else set()
         row.words = 0

@@ -61,7 +61,7 @@ class RunState(StrEnum):
     ENDED = "ended"
 
 
-class _Happening(StrEnum):
+class _RunEvent(StrEnum):
     DUE = "due"
     FINISHED = "count"
     EXPIRED = "time"
@@ -70,14 +70,14 @@ class _Happening(StrEnum):
 
 
 #: (state, what happened) -> state.  Other transitions do not occur.
-TRANSITIONS: Mapping[tuple[RunState, _Happening], RunState] = {
-    (RunState.WAITING, _Happening.DUE): RunState.ACTIVE,
-    (RunState.WAITING, _Happening.CLEARED): RunState.ENDED,
-    (RunState.WAITING, _Happening.FAILED): RunState.ENDED,
-    (RunState.ACTIVE, _Happening.FAILED): RunState.ENDED,
-    (RunState.ACTIVE, _Happening.FINISHED): RunState.ENDED,
-    (RunState.ACTIVE, _Happening.EXPIRED): RunState.ENDED,
-    (RunState.ACTIVE, _Happening.CLEARED): RunState.ENDED,
+TRANSITIONS: Mapping[tuple[RunState, _RunEvent], RunState] = {
+    (RunState.WAITING, _RunEvent.DUE): RunState.ACTIVE,
+    (RunState.WAITING, _RunEvent.CLEARED): RunState.ENDED,
+    (RunState.WAITING, _RunEvent.FAILED): RunState.ENDED,
+    (RunState.ACTIVE, _RunEvent.FAILED): RunState.ENDED,
+    (RunState.ACTIVE, _RunEvent.FINISHED): RunState.ENDED,
+    (RunState.ACTIVE, _RunEvent.EXPIRED): RunState.ENDED,
+    (RunState.ACTIVE, _RunEvent.CLEARED): RunState.ENDED,
 }
 
 
@@ -242,7 +242,7 @@ class InjectionManager:
             chosen = [self._active(injection_id)]
         for injection in chosen:
             for run in injection.runs.values():
-                self._happen(injection, run, _Happening.CLEARED, now)
+                self._transit(injection, run, _RunEvent.CLEARED, now)
             self._retire(injection)
         return chosen
 
@@ -363,7 +363,7 @@ class InjectionManager:
         try:
             self._advance(injection, run, now)
         except ConfigError as exc:
-            self._happen(injection, run, _Happening.FAILED, now, str(exc))
+            self._transit(injection, run, _RunEvent.FAILED, now, str(exc))
         self._retire(injection)
 
     def _advance(self, injection: Injection, run: DriveRun, now: int) -> None:
@@ -373,14 +373,14 @@ class InjectionManager:
             if window is not None:
                 run.stop_ns = window.stop_ns
                 run.effect.begin(window, now)
-                self._happen(injection, run, _Happening.DUE, now)
+                self._transit(injection, run, _RunEvent.DUE, now)
         elif run.state is RunState.ACTIVE:
             run.effect.check(now)
         if run.state is RunState.ACTIVE:
             if run.effect.finished:
-                self._happen(injection, run, _Happening.FINISHED, now)
+                self._transit(injection, run, _RunEvent.FINISHED, now)
             elif run.stop_ns and now >= run.stop_ns:
-                self._happen(injection, run, _Happening.EXPIRED, now)
+                self._transit(injection, run, _RunEvent.EXPIRED, now)
         self._schedule(injection, run, now)
 
     def _window(self, spec: InjectionSpec, run: DriveRun, now: int) -> Window | None:
@@ -406,15 +406,15 @@ class InjectionManager:
         window.stop_ns = min(stops, default=0)
         return window
 
-    def _happen(self, injection: Injection, run: DriveRun, happening: _Happening, now: int, why: str = "") -> None:
+    def _transit(self, injection: Injection, run: DriveRun, event: _RunEvent, now: int, why: str = "") -> None:
         """The one place that writes a run's state."""
-        following = TRANSITIONS.get((run.state, happening))
+        following = TRANSITIONS.get((run.state, event))
         if following is None:
             return
         if following is RunState.ENDED:
             if run.state is RunState.ACTIVE:
                 run.effect.end(now)
-            run.ended_ns, run.reason = now, why or happening.value
+            run.ended_ns, run.reason = now, why or event.value
         else:
             run.started_ns = now
         waited = run.state is RunState.WAITING
@@ -445,7 +445,7 @@ class InjectionManager:
     def _withdraw(self, injection: Injection, now: int) -> None:
         """One of the drives cannot do the injection: undo it on the others."""
         for run in injection.runs.values():
-            self._happen(injection, run, _Happening.CLEARED, now)
+            self._transit(injection, run, _RunEvent.CLEARED, now)
         del self._injections[injection.id]
         self._events = [happened for happened in self._events if happened.event.id != injection.id]
 

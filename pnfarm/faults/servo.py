@@ -168,7 +168,7 @@ class Servo(DrivePart):
         except ValueError:
             self._command(CMD_RELEASE_FAULT, fault.number)
 
-    def fault_stands(self, fault: Fault) -> bool:
+    def fault_is_active(self, fault: Fault) -> bool:
         """Whether it is active in the drive."""
         return fault.number in active_faults(self._station.handle.axis)
 

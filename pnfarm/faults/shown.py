@@ -67,7 +67,7 @@ class ShownEffect(Effect):
 class StandingEffect(ShownEffect):
     """Applied to the drive once; stays until the injection ends."""
 
-    _stands = False
+    _applied = False
 
     @abstractmethod
     def put(self) -> None:
@@ -80,7 +80,7 @@ class StandingEffect(ShownEffect):
     def begin(self, window: Window, now: int) -> None:
         del window
         self.put()
-        self._stands = True
+        self._applied = True
         self._occurred(now)
 
     def check(self, now: int) -> None:
@@ -89,6 +89,6 @@ class StandingEffect(ShownEffect):
     def end(self, now: int) -> None:
         self._look(now)
         self._due = None
-        if self._stands:
-            self._stands = False
+        if self._applied:
+            self._applied = False
             self.take()

@@ -17,7 +17,6 @@ __all__ = [
     "ETHERTYPE_VLAN",
     "HEADER_LENGTH",
     "MINIMUM_LENGTH",
-    "TAG_LENGTH",
     "EthernetFrame",
     "VlanTag",
     "emit_ethernet",
@@ -31,7 +30,6 @@ ETHERTYPE_PROFINET = 0x8892
 ETHERTYPE_LLDP = 0x88CC
 
 HEADER_LENGTH = 14
-TAG_LENGTH = 4
 #: Minimum frame length in octets, without the check sequence (64 with it).
 MINIMUM_LENGTH = 60
 

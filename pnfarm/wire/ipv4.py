@@ -15,7 +15,6 @@ __all__ = [
     "HEADER_LENGTH",
     "MAXIMUM_LENGTH",
     "PROTOCOL_ICMP",
-    "PROTOCOL_TCP",
     "PROTOCOL_UDP",
     "Ipv4Packet",
     "emit_ipv4",
@@ -24,7 +23,6 @@ __all__ = [
 ]
 
 PROTOCOL_ICMP = 1
-PROTOCOL_TCP = 6
 PROTOCOL_UDP = 17
 
 #: Octets of a header without options.

@@ -9,7 +9,6 @@ __all__ = [
     "NIL",
     "format_mac",
     "is_group",
-    "is_local",
     "mac_from_int",
     "mac_to_int",
     "parse_mac",
@@ -21,7 +20,6 @@ BROADCAST = b"\xff" * 6
 NIL = bytes(6)
 
 _GROUP_BIT = 0x01
-_LOCAL_BIT = 0x02
 _TEXT = re.compile(r"[0-9A-Fa-f]{2}(?:(:[0-9A-Fa-f]{2}){5}|(-[0-9A-Fa-f]{2}){5})")
 
 
@@ -55,8 +53,3 @@ def mac_from_int(value: int) -> bytes:
 def is_group(mac: bytes) -> bool:
     """Multicast or broadcast."""
     return bool(mac[0] & _GROUP_BIT)
-
-
-def is_local(mac: bytes) -> bool:
-    """Locally administered: free to choose, never assigned to a manufacturer."""
-    return bool(mac[0] & _LOCAL_BIT)

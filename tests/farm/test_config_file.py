@@ -448,7 +448,7 @@ drives:
     with pytest.raises(FarmFileError) as caught:
         parse_farm(text)
     said = {(issue.line, issue.field): issue.what for issue in caught.value.issues}
-    assert "no station name" in said[5, "drives[0].name"]
+    assert "not a station name" in said[5, "drives[0].name"]
     assert said[7, "drives[2].name"].endswith("of drives[1] already")
 
 

@@ -15,7 +15,7 @@ from pnfarm.links.bpf_capture import ATOMS, KINDS, atoms_of, capture_filter
 from pnfarm.links.packet_ring import BLOCK, PacketRing
 from pnfarm.links.pcap import interface_description, section_header
 from pnfarm.wire.ethernet import EthernetFrame, VlanTag, emit_ethernet
-from pnfarm.wire.ipv4 import PROTOCOL_ICMP, PROTOCOL_TCP, PROTOCOL_UDP, Ipv4Packet, emit_ipv4
+from pnfarm.wire.ipv4 import PROTOCOL_ICMP, PROTOCOL_UDP, Ipv4Packet, emit_ipv4
 from pnfarm.wire.udp import UdpDatagram, emit_udp
 
 DRIVE, PLC = b"\x02\0\0\0\0\x01", b"\x02\0\0\0\0\x02"
@@ -46,7 +46,7 @@ FRAMES = {
     "lldp": [(0x88CC, bytes(46))],
     "ptcp": [(0x8892, bytes.fromhex(frame_id) + bytes(44)) for frame_id in ("0020", "0081", "ff00", "ff20", "ff43")],
     "other": [
-        (0x0800, ip(PROTOCOL_TCP, bytes(60))),
+        (0x0800, ip(6, bytes(60))),
         (0x0800, udp(137, 137, bytes(90))),
         *(
             (0x8892, bytes.fromhex(frame_id) + bytes(44))

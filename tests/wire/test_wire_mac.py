@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.wire.mac import BROADCAST, format_mac, is_group, is_local, mac_from_int, mac_to_int, parse_mac
+from pnfarm.wire.mac import BROADCAST, format_mac, is_group, mac_from_int, mac_to_int, parse_mac
 
 macs = st.binary(min_size=6, max_size=6)
 
@@ -30,9 +30,7 @@ def test_a_number_beyond_48_bits_is_refused():
         mac_from_int(1 << 48)
 
 
-def test_group_and_local_bits_are_read():
+def test_a_group_address_is_recognised():
     assert is_group(BROADCAST)
     assert is_group(parse_mac("01:0e:cf:00:00:00"))
     assert not is_group(parse_mac("02:00:00:00:00:01"))
-    assert is_local(parse_mac("02:00:00:00:00:01"))
-    assert not is_local(parse_mac("28:63:36:86:59:82"))

@@ -6,7 +6,7 @@ One file for all of them, because they are data: the model says which of its fau
 from __future__ import annotations
 
 from pnfarm.faults.kind import HELD, InjectionKind
-from pnfarm.faults.kinds.drive_fault import DriveFault, stays_or_comes_again
+from pnfarm.faults.kinds.drive_fault import DriveFault, check_repetition
 
 __all__ = ["KINDS"]
 
@@ -27,7 +27,7 @@ KINDS = tuple(
         DriveFault,
         takes=HELD,
         preset={"fault": cause, "hold": True},
-        misfits=stays_or_comes_again,
+        misfits=check_repetition,
         place=place,
     )
     for cause, doc, place in _CAUSES

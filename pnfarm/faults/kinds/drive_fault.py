@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.given import GivenInjection
     from pnfarm.faults.parts import InjectedDrive
 
-__all__ = ["HOLD", "KINDS", "DriveFault", "stays_or_comes_again"]
+__all__ = ["HOLD", "KINDS", "DriveFault", "check_repetition"]
 
 #: How often a drive without supply is checked.
 LOOK_NS = 50_000_000
@@ -35,7 +35,7 @@ class DriveFault(ShownEffect):
         self._hold = bool(self.values["hold"]) or spec.for_ns is not None or spec.cycles is not None
         self._fault = self._servo.find_fault(self.values["fault"])
         self._holding = False
-        self._stood = False
+        self._was_active = False
         self._count = 0
         if self._fault.warning:
             raise InjectionError(
@@ -62,7 +62,7 @@ class DriveFault(ShownEffect):
         if not self._servo.powered:
             self._due = now + LOOK_NS
             return
-        self._stood = False
+        self._was_active = False
         self._count = self._servo.fault_count(self._fault)
         self._servo.raise_fault(self._fault)
         self._occurred(now)
@@ -72,15 +72,15 @@ class DriveFault(ShownEffect):
         if self._hold:
             return
         seen = self._tally.seen.activations
-        stands = self._servo.fault_stands(self._fault)
+        active = self._servo.fault_is_active(self._fault)
         if not seen:
             self._raise(now)
-        elif stands:
-            self._stood = True
+        elif active:
+            self._was_active = True
         elif self._servo.ignores_fault(self._fault):
             # without effect
             self.finished = True
-        elif self._stood or self._servo.fault_count(self._fault) > self._count:
+        elif self._was_active or self._servo.fault_count(self._fault) > self._count:
             if seen >= (self.spec.count or 1):
                 self.finished = True
             else:
@@ -94,7 +94,7 @@ class DriveFault(ShownEffect):
             self._servo.release_fault(self._fault)
 
 
-def stays_or_comes_again(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def check_repetition(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
     """While its cause stays, the fault cannot come again."""
     stays = spec.params.get("hold") is True or spec.for_ns is not None or spec.cycles is not None
     if spec.count is not None and stays:
@@ -111,7 +111,7 @@ KINDS = (
         DriveFault,
         {"fault": ParamSpec("fault", "Which fault.", required=True), "hold": HOLD},
         takes=frozenset({"count", "for", "cycles"}),
-        misfits=stays_or_comes_again,
+        misfits=check_repetition,
         place=10,
     ),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pnfarm.faults.kind import InjectionKind
-from pnfarm.faults.kinds.drive_fault import HOLD, DriveFault, stays_or_comes_again
+from pnfarm.faults.kinds.drive_fault import HOLD, DriveFault, check_repetition
 
 __all__ = ["KINDS"]
 
@@ -17,7 +17,7 @@ KINDS = (
         {"hold": HOLD},
         takes=frozenset({"count", "for", "cycles"}),
         preset={"fault": 702},
-        misfits=stays_or_comes_again,
+        misfits=check_repetition,
         place=20,
     ),
 )

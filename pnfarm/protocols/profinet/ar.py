@@ -139,9 +139,6 @@ class IocrLayout:
     def data_of(self, slot: int, subslot: int) -> DataPlace | None:
         return next((d for d in self.data if d.slot == slot and d.subslot == subslot), None)
 
-    def iocs_of(self, slot: int, subslot: int) -> IocsPlace | None:
-        return next((c for c in self.iocs if c.slot == slot and c.subslot == subslot), None)
-
 
 @dataclass(slots=True)
 class Ar:
@@ -226,10 +223,6 @@ class Ar:
     @property
     def remote_alarm_reference(self) -> int:
         return self.alarm_cr.local_alarm_reference if self.alarm_cr else 0
-
-    @property
-    def input_crs(self) -> tuple[IocrLayout, ...]:
-        return tuple(c for c in self.iocrs if c.is_input)
 
     @property
     def output_crs(self) -> tuple[IocrLayout, ...]:

@@ -230,7 +230,7 @@ class CmController:
         """
         del peer
         try:
-            said = response.check_ready(self.plan, opnum, payload)
+            content = response.check_ready(self.plan, opnum, payload)
         except response.CallRefusedError as exc:
             self.dropped[exc.reason] += 1
             self._responses.append((call, exc.status, b""))
@@ -239,12 +239,12 @@ class CmController:
             self.dropped["ready-out-of-turn"] += 1
             self._responses.append((call, response.STATE_CONFLICT, b""))
             return
-        misfits = response.misfits(said.module_diff)
+        misfits = response.misfits(content.module_diff)
         if misfits and self.plan.on_module_diff == "fail" and self._state is not CmctlState.DATA:
             self._responses.append((call, response.STATE_CONFLICT, b""))
             self._signal(CmctlSignal.FAULT, CmctlEnd(misfits, rta=RtaError.ABORT_REQUEST), now)
             return
-        self._signal(CmctlSignal.READY_IND, Ready(call, said), now)
+        self._signal(CmctlSignal.READY_IND, Ready(call, content), now)
 
     def receive_rta(self, payload: bytes, source_mac: bytes, now: int) -> None:
         """An RTA frame (octets after the EtherType): alarms, or an RTA error, which ends the AR."""
@@ -341,7 +341,7 @@ class CmController:
         # after an unconfirmed Release, an RTA error makes sure that the device ends the AR
         self._signal(CmctlSignal.RELEASE_CNF, CmctlEnd(reason, rta=RtaError.ABORT_REQUEST if reason else None), now)
 
-    def _farewell_ended(self, _pending: Pending, answer: Answer, _now: int) -> None:
+    def _release_unusable_ended(self, _pending: Pending, answer: Answer, _now: int) -> None:
         if not answer.ok:
             self.dropped["farewell-unconfirmed"] += 1
 
@@ -356,7 +356,7 @@ class CmController:
         Kind.PARAMETERS: _parameters_ended,
         Kind.PARAMETER_END: _parameter_end_ended,
         Kind.RELEASE: _release_ended,
-        Kind.FAREWELL: _farewell_ended,
+        Kind.RELEASE_UNUSABLE: _release_unusable_ended,
         Kind.READ: _read_ended,
         Kind.WRITE: _write_ended,
         Kind.READ_IMPLICIT: _read_ended,
@@ -438,7 +438,7 @@ class CmController:
 
     def _do_established(self, _before: CmctlState, ready: Ready, now: int) -> None:
         self._confirm(ready)
-        self._submodules.differ(ready.said.module_diff)
+        self._submodules.differ(ready.content.module_diff)
         self._take_submodules(now)
         self._events.append(ArEstablished())
 
@@ -448,15 +448,15 @@ class CmController:
         self._take_submodules(now)
 
     def _confirm(self, ready: Ready) -> None:
-        self._events.append(ApplicationReadyReceived(ready.said.module_diff, ready.said.after_plug))
-        self._responses.append((ready.call, OK, ready.said.answer))
+        self._events.append(ApplicationReadyReceived(ready.content.module_diff, ready.content.after_plug))
+        self._responses.append((ready.call, OK, ready.content.answer))
 
     def _do_send_release(self, _before: CmctlState, _detail: None, now: int) -> None:
         self._clear("the connection is being released", now)
         self._calls.put(Kind.RELEASE, Opnum.RELEASE, request.release_payload(self.plan))
 
     def _say_farewell(self) -> None:
-        self._calls.put(Kind.FAREWELL, Opnum.RELEASE, request.release_payload(self.plan))
+        self._calls.put(Kind.RELEASE_UNUSABLE, Opnum.RELEASE, request.release_payload(self.plan))
 
     def _do_never_connected(self, _before: CmctlState, _detail: object, _now: int) -> None:
         self._events.append(ArReleased("there was no connection"))

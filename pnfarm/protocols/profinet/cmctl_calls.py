@@ -43,7 +43,7 @@ class Kind(Enum):
     PARAMETER_END = "PrmEnd"
     RELEASE = "Release"
     #: Release of a connection that the device accepted and the controller cannot use; its end is not awaited.
-    FAREWELL = "Release of an unusable connection"
+    RELEASE_UNUSABLE = "Release of an unusable connection"
     READ = "Read"
     WRITE = "Write of a record"
     READ_IMPLICIT = "ReadImplicit"
@@ -55,7 +55,7 @@ class Kind(Enum):
 
 
 #: Calls that make sense without the AR, too.
-_OUTLIVE_THE_AR = {Kind.READ_IMPLICIT, Kind.RELEASE, Kind.FAREWELL}
+_OUTLIVE_THE_AR = {Kind.READ_IMPLICIT, Kind.RELEASE, Kind.RELEASE_UNUSABLE}
 
 
 @dataclass(slots=True)
@@ -103,7 +103,7 @@ class CallQueue:
             Kind.PARAMETERS: timeouts.write_ns,
             Kind.PARAMETER_END: timeouts.parameter_end_ns,
             Kind.RELEASE: timeouts.release_ns,
-            Kind.FAREWELL: timeouts.release_ns,
+            Kind.RELEASE_UNUSABLE: timeouts.release_ns,
             Kind.READ: timeouts.record_ns,
             Kind.WRITE: timeouts.record_ns,
             Kind.READ_IMPLICIT: timeouts.record_ns,

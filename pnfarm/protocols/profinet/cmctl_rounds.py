@@ -89,7 +89,7 @@ class Ready:
     """An ApplicationReady of the device: its call and its content."""
 
     call: Any
-    said: response.ReadyCall
+    content: response.ReadyCall
 
 
 @dataclass(slots=True, eq=False)
@@ -214,7 +214,7 @@ class Rounds:
 
     def ready(self, ready: Ready, now: int) -> bool:
         """An ApplicationReady of the device; False when no round waits for it."""
-        sequence = ready.said.sequence if ready.said.after_plug else None
+        sequence = ready.content.sequence if ready.content.after_plug else None
         standing = next((r for r in self._rounds if r.sequence == sequence), None)
         if standing is None or (standing.state, RoundSignal.READY_IND) not in ROUND_TRANSITIONS:
             return False
@@ -288,7 +288,7 @@ class Rounds:
             self._signal(standing, RoundSignal.READY_IND, held, now)
 
     def _ready(self, standing: Round, ready: Ready, _now: int) -> None:
-        self._responses.append((ready.call, OK, ready.said.answer))
+        self._responses.append((ready.call, OK, ready.content.answer))
         self._events += [ready, RoundEnded(standing.keys, not standing.begins)]
 
     def _overdue(self, standing: Round, reason: str, _now: int) -> None:

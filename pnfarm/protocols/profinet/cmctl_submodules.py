@@ -35,14 +35,14 @@ __all__ = ["ControllerSubmodules"]
 _WRITING = "its parameters are being written"
 
 #: Alarms that take a submodule, or with subslot 0 a whole module, away.
-_GOES: dict[int, str] = {
+_TAKEN_AWAY: dict[int, str] = {
     AlarmType.PULL: "pulled",
     AlarmType.PULL_MODULE: "pulled with its module",
     AlarmType.PLUG_WRONG_SUBMODULE: "a wrong submodule is plugged",
     AlarmType.CONTROLLED_BY_SUPERVISOR: "controlled by a supervisor",
 }
 #: Alarms after which a submodule waits for its parameters.
-_COMES = frozenset({AlarmType.PLUG, AlarmType.RELEASED})
+_BROUGHT_BACK = frozenset({AlarmType.PLUG, AlarmType.RELEASED})
 
 
 class ControllerSubmodules:
@@ -52,7 +52,7 @@ class ControllerSubmodules:
         self.rounds = Rounds(plan, calls, timeouts, dropped)
         self._keys = tuple((s.api, s.slot, s.subslot) for s in plan.sorted_submodules)
         self._why: dict[ExpectedKey, str] = {}
-        self._told: dict[ExpectedKey, str] = {}
+        self._reported: dict[ExpectedKey, str] = {}
         #: Submodules whose ApplicationReady is overdue and may still come, with the reported reason.
         self._overdue: dict[ExpectedKey, str] = {}
         self._dropped = dropped
@@ -70,7 +70,7 @@ class ControllerSubmodules:
 
     def alarm(self, alarm: AlarmNotification, now: int) -> None:
         """An alarm that may take a submodule away."""
-        why = _GOES.get(alarm.alarm_type)
+        why = _TAKEN_AWAY.get(alarm.alarm_type)
         if why is None:
             return
         gone = self._concerned(alarm)
@@ -82,7 +82,7 @@ class ControllerSubmodules:
 
         ``data``: the AR exchanges data; before, its start-up parametrises everything.
         """
-        come = self._concerned(alarm) if alarm.alarm_type in _COMES else ()
+        come = self._concerned(alarm) if alarm.alarm_type in _BROUGHT_BACK else ()
         if not come:
             return
         if not data:
@@ -106,16 +106,16 @@ class ControllerSubmodules:
         out: list[_Event] = []
         for event in self.rounds.events():
             if isinstance(event, Ready):
-                self._why.update(self._misfits(event.said.module_diff))
-                out.append(ApplicationReadyReceived(event.said.module_diff, event.said.after_plug))
+                self._why.update(self._misfits(event.content.module_diff))
+                out.append(ApplicationReadyReceived(event.content.module_diff, event.content.after_plug))
             elif isinstance(event, RoundEnded):
                 self._round_ended(event)
                 out.append(ParametersEnded(event.keys, event.after_plug, event.reason, event.code))
             else:
                 out.append(event)
-        if self._why != self._told:
-            self._told = dict(self._why)
-            out.append(SubmodulesChanged(self._told))
+        if self._why != self._reported:
+            self._reported = dict(self._why)
+            out.append(SubmodulesChanged(self._reported))
         return out
 
     def responses(self) -> list[tuple[Any, PnioStatus, bytes]]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["Before", "Modules"]
 
 #: The controller has ApplicationReady's ModuleDiffBlock, or will: what happens from here on takes an alarm.
-_TOLD = frozenset({CmdevState.W_ARDYCNF, CmdevState.WDATA, CmdevState.DATA})
+_READY_SENT = frozenset({CmdevState.W_ARDYCNF, CmdevState.WDATA, CmdevState.DATA})
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ class Modules:
         owned = [key for key in expected if key in ar.owned]
         gone = [key for key in owned if key in before.real and key not in real]
         wrong = [key for key in owned if key in real and key not in has and before.real.get(key) != real[key]]
-        if ar.state in _TOLD:
+        if ar.state in _READY_SENT:
             self._tell_gone(ar, slot, gone, now, whole=whole)
             for key in wrong:
                 self._alarms.send(ar.key, AlarmType.PLUG_WRONG_SUBMODULE, key, now)
@@ -131,7 +131,7 @@ class Modules:
     def taken_over(self, ar: Ar, keys: Iterable[ExpectedKey], now: int) -> None:
         """A supervisor has taken some of a controller's submodules."""
         lost = sorted(keys)
-        if ar.state in _TOLD:
+        if ar.state in _READY_SENT:
             for key in lost:
                 self._alarms.send(ar.key, AlarmType.CONTROLLED_BY_SUPERVISOR, key, now)
         self._forget(ar, lost)
@@ -147,7 +147,7 @@ class Modules:
         During start-up no alarm is needed: ApplicationReady reports it.  Without an alarm channel the submodule
         cannot be parametrised; a channel that is full is tried again when it has room.
         """
-        if ar.state not in _TOLD or ar.alarm_cr is None:
+        if ar.state not in _READY_SENT or ar.alarm_cr is None:
             return
         ar.pending.add(key)
         running = self._running[ar.key]

@@ -369,7 +369,7 @@ class RtaError(IntEnum):
     IP_SUITE_CHANGED = 0x25
 
 
-_RTA_WORDS = {
+_RTA_TEXTS = {
     RtaError.SEQUENCE: "alarm sequence numbers do not fit (RTA_ERR_CODE_SEQ)",
     RtaError.INSTANCE_CLOSED: "instance closed (RTA_ERR_ABORT)",
     RtaError.OUT_OF_MEMORY: "AR out of memory (RTA_ERR_ABORT)",
@@ -499,7 +499,7 @@ def abort_status(code1: int, code2: int) -> PnioStatus:
 
 def abort_label(code1: int, code2: int) -> str:
     """A short slug for why an AR was aborted, such as ``consumer-dht-expired``; of an unknown code its numbers."""
-    if code1 == ConnectFault.RTA_ERR_CLS_PROTOCOL and code2 in _RTA_WORDS:
+    if code1 == ConnectFault.RTA_ERR_CLS_PROTOCOL and code2 in _RTA_TEXTS:
         return RtaError(code2).name.lower().replace("_", "-")
     return f"code-{code1:02x}-{code2:02x}"
 
@@ -510,7 +510,7 @@ def _text_of(enum: type[IntEnum], code: int) -> str:
     except ValueError:
         return f"code {code}"
     if isinstance(member, RtaError):
-        return _RTA_WORDS[member]
+        return _RTA_TEXTS[member]
     return member.name.lower().replace("_", " ")
 
 

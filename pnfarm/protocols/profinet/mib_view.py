@@ -26,7 +26,6 @@ __all__ = [
     "MAU_100BASE_TX_FULL",
     "PROFINET_OBJECT_ID",
     "SUBTYPE_LOCAL",
-    "SUBTYPE_MAC_ADDRESS",
     "Dot3Port",
     "InterfaceCounters",
     "InterfaceView",
@@ -46,9 +45,8 @@ __all__ = [
 
 #: PROFIBUS Nutzerorganisation's enterprise, the sysObjectID of a PROFINET device (private enterprise number 24686).
 PROFINET_OBJECT_ID: Oid = (1, 3, 6, 1, 4, 1, 24686)
-#: LldpChassisIdSubtype and LldpPortIdSubtype have the same numbers for "local"; a MAC address differs.
+#: LldpChassisIdSubtype and LldpPortIdSubtype have the same number for "local".
 SUBTYPE_LOCAL = 7
-SUBTYPE_MAC_ADDRESS = 4
 #: AddressFamilyNumbers: ipV4.
 ADDRESS_IPV4 = 1
 #: LldpManAddrIfSubtype: ifIndex.

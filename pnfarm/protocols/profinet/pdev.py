@@ -122,7 +122,7 @@ _INTERFACE_WRITABLE = {
     PdevIndex.PLL_CONTROL: PdevBlockType.PLL_CONTROL,
 }
 #: Written and read back, but not part of PDExpectedData.
-_BESIDE = frozenset({PdevIndex.PLL_CONTROL, PdevIndex.TRACE_UNIT})
+_NOT_EXPECTED = frozenset({PdevIndex.PLL_CONTROL, PdevIndex.TRACE_UNIT})
 _PORT_READABLE = frozenset({*_PORT_WRITABLE, PdevIndex.PORT_DATA_REAL, PdevIndex.PORT_STATISTIC})
 _INTERFACE_READABLE = frozenset({*_INTERFACE_WRITABLE, PdevIndex.INTERFACE_DATA_REAL, PdevIndex.PORT_STATISTIC})
 _DEVICE_READABLE = frozenset({PdevIndex.REAL_DATA, PdevIndex.EXPECTED_DATA})
@@ -163,7 +163,7 @@ class PhysicalDevice:
         #: What controllers wrote, by (slot, subslot, index).
         self.written: dict[tuple[int, int, int], bytes] = {}
         self._checks: dict[tuple[int, int], PortDataCheck] = {}
-        self._patient: dict[tuple[int, int], int] = {}
+        self._grace_until: dict[tuple[int, int], int] = {}
         self._findings: dict[tuple[int, int], dict[tuple[int, int], Finding]] = {}
         self._events: list[CheckFailed | CheckPassed] = []
         #: Written by the controller: how LLDP names the device, and the ports that send no LLDP.
@@ -338,7 +338,7 @@ class PhysicalDevice:
     def _expected(self, place: tuple[int, int]) -> bytes:
         return self._multiple(
             place,
-            [data for key, data in sorted(self.written.items()) if key[:2] == place and key[2] not in _BESIDE],
+            [data for key, data in sorted(self.written.items()) if key[:2] == place and key[2] not in _NOT_EXPECTED],
         )
 
     def _multiple(self, place: tuple[int, int], records: Iterable[bytes]) -> bytes:
@@ -351,16 +351,16 @@ class PhysicalDevice:
 
     def _check(self, place: tuple[int, int], value: PortDataCheck, now: int) -> None:
         self._checks[place] = value
-        self._patient[place] = now + _PEER_GRACE_NS
+        self._grace_until[place] = now + _PEER_GRACE_NS
         self.evaluate(now)
 
     def evaluate(self, now: int) -> None:
         """Compare every port with what is expected; call it when a neighbour or a link changed, and at the deadline."""
-        self._patient = {place: until for place, until in self._patient.items() if until > now}
+        self._grace_until = {place: until for place, until in self._grace_until.items() if until > now}
         for place, check in self._checks.items():
             before = self._findings.get(place, {})
             # a check that is written again does not hide that the neighbour is missing
-            known = place not in self._patient or _NO_PEER in before
+            known = place not in self._grace_until or _NO_PEER in before
             found = compare(check.blocks, self._port(place[1]), self._neighbours(place[1]), peers_known=known)
             after = {finding.key: finding for finding in found}
             self._events += [CheckPassed(*place, *key) for key in before if key not in after]
@@ -378,7 +378,7 @@ class PhysicalDevice:
 
     def next_deadline(self) -> int | None:
         """When a neighbour that was never heard counts as missing."""
-        return min(self._patient.values(), default=None)
+        return min(self._grace_until.values(), default=None)
 
     def handle_timeout(self, now: int) -> None:
         self.evaluate(now)

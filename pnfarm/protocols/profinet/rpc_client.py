@@ -280,7 +280,7 @@ class RpcClient:
 
     # waiting
 
-    def _do_be_patient(self, call: Call, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
+    def _do_wait_on(self, call: Call, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
         call.tries = 0
         call.worked = True
         self._wake(call, now + self.config.working_ping_ns)

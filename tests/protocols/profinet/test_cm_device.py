@@ -67,7 +67,7 @@ def test_a_whole_start_up_in_both_modes(startup):
     assert connected.advanced_startup is (startup == ADVANCED)
     standing = bench.cm.ar(connected.ar_key)
     assert standing.advanced_startup is connected.advanced_startup
-    assert (len(standing.input_crs), standing.activity_timeout_ns) == (1, 10_000 * MS)
+    assert (len(standing.iocrs) - len(standing.output_crs), standing.activity_timeout_ns) == (1, 10_000 * MS)
     assert (connected.initiator_name, connected.initiator_mac) == ("plc-1", CONTROLLER_MAC)
     key = connected.ar_key
     assert bench.cm.ar(key).state is CmdevState.W_PEIND

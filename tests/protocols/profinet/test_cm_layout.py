@@ -33,7 +33,7 @@ def test_a_real_drives_frames_are_laid_out_as_its_controller_placed_them():
     layout = compute_layout(inputs, expected)
     place = layout.data_of(1, 2)
     assert (place.data_offset, place.data_length, place.iops_offset) == (5, 12, 17)
-    assert layout.iocs_of(1, 2).iocs_offset == 18
+    assert [c.iocs_offset for c in layout.iocs if (c.slot, c.subslot) == (1, 2)] == [18]
     assert (layout.cycle_ns, layout.data_hold_ns) == (4_000_000, 12_000_000)
     assert layout.is_input
     layout = compute_layout(outputs, expected, 0x8010)

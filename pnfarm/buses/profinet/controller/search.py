@@ -79,23 +79,23 @@ class Search:
     def __init__(self, dcp: DcpClient, stations: int) -> None:
         self._dcp = dcp
         self._stations = stations
-        self._sought: list[DeviceSession] = []
+        self._requested: list[DeviceSession] = []
         #: Requests by their Xid, and in each by the name that was asked for.
         self._asked: dict[int, dict[str, _Asked]] = {}
         self._addressed: dict[int, DeviceSession] = {}
 
     def seek(self, session: DeviceSession) -> None:
         """Search for this drive; the request goes out with :meth:`ask`."""
-        self._sought.append(session)
+        self._requested.append(session)
 
     def ask(self, now: int) -> None:
         """Send the Identify requests for all drives of :meth:`seek` since the last call."""
-        sought, self._sought = self._sought, []
-        if len(sought) > ROLL_CALL:
+        requested, self._requested = self._requested, []
+        if len(requested) > ROLL_CALL:
             xid = self._dcp.identify(now=now, delay_factor=max(1, self._stations // ROLL_CALL_BURST))
-            self._asked[xid] = {session.plan.name: _Asked(session) for session in sought}
+            self._asked[xid] = {session.plan.name: _Asked(session) for session in requested}
             return
-        for session in sought:
+        for session in requested:
             # not over with the first answer: a second station of that name answers as well
             xid = self._dcp.identify([NameBlock(session.plan.name)], now=now, window_ns=SEARCH_NS)
             self._asked[xid] = {session.plan.name: _Asked(session)}
@@ -109,9 +109,9 @@ class Search:
         """Results of an event of the DCP client, session by session."""
         match event:
             case IdentifyAnswered():
-                sought = self._asked.get(event.xid, {})
+                requested = self._asked.get(event.xid, {})
                 # an answer to a request for one name is for that name
-                asked = next(iter(sought.values())) if len(sought) == 1 else sought.get(event.info.name or "")
+                asked = next(iter(requested.values())) if len(requested) == 1 else requested.get(event.info.name or "")
                 if asked is not None:
                     yield from self._answered(asked, event)
             case IdentifyFinished():

@@ -51,10 +51,10 @@ class Alarms(DrivePart):
         self._settle = settle
         self._hooks: list[Callable[[AlarmConfirmed, int], None]] = []
         #: ARs that got an alarm about a submodule that came or went.
-        self._misled: dict[ExpectedKey, set[int]] = {}
+        self._to_correct: dict[ExpectedKey, set[int]] = {}
 
     def in_force(self) -> list[Any]:
-        return [*self._hooks, *self._misled]
+        return [*self._hooks, *self._to_correct]
 
     def listen(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
         """Call ``hook`` for each AlarmAck of a controller."""
@@ -62,7 +62,7 @@ class Alarms(DrivePart):
         if self._hear not in self._station.connections.listeners:
             self._station.connections.listeners.append(self._hear)
 
-    def unlisten(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
+    def stop_listening(self, hook: Callable[[AlarmConfirmed, int], None]) -> None:
         """Remove it."""
         self._hooks.remove(hook)
         if not self._hooks:
@@ -85,17 +85,17 @@ class Alarms(DrivePart):
             return None
         if alarm.alarm_type in _MOVES:
             owners = (self._keys.unique(ar.key) for ar in cm.ars if alarm.place in ar.owned)
-            self._misled.setdefault(alarm.place, set()).update(owners)
+            self._to_correct.setdefault(alarm.place, set()).update(owners)
         specifier = cm.diagnosis.alarm_specifier(alarm.place)
-        told = cm.alarm(alarm.alarm_type, alarm.place, now, items=alarm.items, specifier=specifier, high=alarm.high)
+        numbers = cm.alarm(alarm.alarm_type, alarm.place, now, items=alarm.items, specifier=specifier, high=alarm.high)
         self._settle(now)
-        return told
+        return numbers
 
-    def make_good(self, alarm: OwnAlarm, now: int) -> None:
+    def correct(self, alarm: OwnAlarm, now: int) -> None:
         """Undo :meth:`send`: ARs that got an alarm of a plugged or pulled submodule get one with its true state."""
-        misled = self._misled.pop(alarm.place, set())
+        owners = self._to_correct.pop(alarm.place, set())
         for ar in self._station.cm.ars:
-            if self._keys.unique(ar.key) in misled:
+            if self._keys.unique(ar.key) in owners:
                 self._station.cm.replug(ar.key, alarm.place, now)
         self._settle(now)
 
@@ -115,9 +115,9 @@ class Alarms(DrivePart):
             for data in cr.data
             if data.data_length and (key := (data.api, data.slot, data.subslot)) not in ar.bad
         }
-        told = [self._station.cm.alarm(AlarmType.RETURN_OF_SUBMODULE, place, now) for place in sorted(places)]
+        numbers = [self._station.cm.alarm(AlarmType.RETURN_OF_SUBMODULE, place, now) for place in sorted(places)]
         self._settle(now)
-        return sum(map(len, told))
+        return sum(map(len, numbers))
 
 
 ALARMS: Part[Alarms] = Part("alarms of PROFINET")

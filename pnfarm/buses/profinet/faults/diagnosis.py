@@ -43,7 +43,7 @@ class Diagnoses(DrivePart):
         self.put()
         self._settle(now)
 
-    def undiagnose(self, entry: DiagnosisEntry, now: int) -> None:
+    def remove_diagnosis(self, entry: DiagnosisEntry, now: int) -> None:
         """Remove it."""
         self._entries.remove(entry)
         if any(other.key == entry.key for other in self._entries):

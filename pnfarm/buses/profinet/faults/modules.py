@@ -75,7 +75,7 @@ class Modules(DrivePart):
         self._changed()
         self._settle(now)
 
-    def unchange(self, change: ModuleChange, now: int) -> None:
+    def undo_change(self, change: ModuleChange, now: int) -> None:
         """Remove it: the slot becomes its base with the remaining changes."""
         self._changes.remove(change, now)
         self._changed()

@@ -64,7 +64,7 @@ class Records(DrivePart):
         self._hooks.append(hook)
         self._put()
 
-    def let_responses(self, hook: Callable[[int], bool]) -> None:
+    def release_responses(self, hook: Callable[[int], bool]) -> None:
         """Remove it."""
         self._hooks.remove(hook)
         self._put()
@@ -85,7 +85,7 @@ class Records(DrivePart):
         self._late.append(rule)
         self._station.rpc.late = self
 
-    def answer_in_time(self, rule: LateRule, now: int) -> None:
+    def stop_delay(self, rule: LateRule, now: int) -> None:
         """Remove it; after the last rule, answers held back leave."""
         self._late = [other for other in self._late if other is not rule]
         if not self._late:

@@ -65,7 +65,7 @@ class ReportedEffect(Effect):
     def _deaf(self) -> None:
         if self._listening:
             self._listening = False
-            self._alarms.unlisten(self._hear)
+            self._alarms.stop_listening(self._hear)
         self._due = None
 
     def check(self, now: int) -> None:

@@ -53,4 +53,4 @@ class SlotEffect(ReportedEffect):
 
     def end(self, now: int) -> None:
         super().end(now)
-        self._modules.unchange(self._change, now)
+        self._modules.undo_change(self._change, now)

@@ -84,7 +84,7 @@ class AlarmType(IntEnum):
     PULL_MODULE = 0x001F
 
 
-_WORDS: dict[int, str] = {
+_TYPE_TEXTS: dict[int, str] = {
     AlarmType.DIAGNOSIS: "diagnosis appears",
     AlarmType.PROCESS: "process alarm",
     AlarmType.PULL: "submodule pulled",
@@ -327,7 +327,7 @@ def emit_alarm(value: AlarmNotification | AlarmAck) -> bytes:
 
 def alarm_type_text(alarm_type: int) -> str:
     """E.g. ``diagnosis appears``; unknown ones by their number."""
-    known = _WORDS.get(alarm_type)
+    known = _TYPE_TEXTS.get(alarm_type)
     if known is not None:
         return known
     if alarm_type in _MANUFACTURER_TYPES:

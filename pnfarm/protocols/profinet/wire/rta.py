@@ -55,11 +55,10 @@ TACK = 0x10
 #: SendSeqNum of the first DATA-RTA-PDU, and AckSeqNum of an end that has received none.
 FIRST_SEND = 0xFFFF
 FIRST_ACK = 0xFFFE
-#: Behind the first number the counters run from 0 to here and start anew.
+#: Behind the first number the counters run from 0 to here and start again.
 _HIGHEST_SEQUENCE = 0x7FFF
 
 _ERR_PDU = RTA_VERSION << 4 | RtaType.ERR
-_STATUS_SIZE = 4
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,8 +88,8 @@ class AlarmStorm(Effect):
         return bool(keys)
 
     def end(self, now: int) -> None:
-        self._alarms.unlisten(self._hear)
-        self._alarms.make_good(self._alarm, now)
+        self._alarms.stop_listening(self._hear)
+        self._alarms.correct(self._alarm, now)
 
     def evidence(self) -> Evidence:
         return self._tally.seen

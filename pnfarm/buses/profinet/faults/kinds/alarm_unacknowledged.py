@@ -81,7 +81,7 @@ class AlarmUnacknowledged(Effect):
     def end(self, now: int) -> None:
         self._hear_again()
         if self._alarm is not None:
-            self._alarms.make_good(self._alarm, now)
+            self._alarms.correct(self._alarm, now)
 
     def evidence(self) -> Evidence:
         return self._chance.tally.seen

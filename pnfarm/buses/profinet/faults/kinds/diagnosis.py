@@ -72,7 +72,7 @@ class Diagnosis(ReportedEffect):
 
     def end(self, now: int) -> None:
         super().end(now)
-        self._diagnoses.undiagnose(self._entry, now)
+        self._diagnoses.remove_diagnosis(self._entry, now)
 
 
 def _entry(values: dict[str, Any], place: ExpectedKey) -> DiagnosisEntry:

@@ -40,7 +40,7 @@ class ParameterBusy(Effect):
 
     def end(self, now: int) -> None:
         del now
-        self._records.let_responses(self._asked)
+        self._records.release_responses(self._asked)
 
     def evidence(self) -> Evidence:
         return self._chance.tally.seen

@@ -30,7 +30,7 @@ class RecordDelay(LateEffect):
         self._records.delay_answers(self)
 
     def end(self, now: int) -> None:
-        self._records.answer_in_time(self, now)
+        self._records.stop_delay(self, now)
 
 
 KINDS = (
