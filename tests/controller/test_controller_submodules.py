@@ -177,7 +177,7 @@ def test_a_record_that_a_lost_connection_takes_along_ends_with_words() -> None:
     line.farm.settle(line.farm.stations[0], line.world.now)
     line.connect(20.0)
     assert job.done
-    assert job.words
+    assert job.failure
 
 
 # identification

@@ -26,14 +26,14 @@ def write(line: VirtualLine, request: str, index: int = INDEX) -> str:
     job = line.plc.write_record("axis-01", place(index), bytes.fromhex(request), line.world.now)
     line.run(0.02)
     assert job.done
-    return job.words
+    return job.failure
 
 
 def read(line: VirtualLine, index: int = INDEX) -> bytes | str:
     job = line.plc.read_record("axis-01", place(index), line.world.now)
     line.run(0.02)
     assert job.done
-    return job.data if job.ok and job.data is not None else job.words
+    return job.data if job.ok and job.data is not None else job.failure
 
 
 def test_a_request_is_written_to_0xb02e_and_its_response_read_there(line):

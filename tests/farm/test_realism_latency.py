@@ -44,7 +44,7 @@ def write(line: VirtualLine, request: bytes, index: int = 47) -> RecordJob:
 def read(line: VirtualLine, index: int = 47) -> bytes | str:
     """The response, or the drive's refusal in words."""
     job = finished(line, line.plc.read_record("axis-01", (API, 1, 1, index), line.world.now))
-    return job.words if job.data is None or job.words else job.data
+    return job.failure if job.data is None or job.failure else job.data
 
 
 def line_of(realism: str, *, model: str = "akd-profinet", cycle: str = "16ms", **options) -> VirtualLine:
