@@ -35,7 +35,7 @@ class AxisProgram:
     dwell_ns: int = 0
 
 
-#: Of a device whose outputs nobody knows: they stay zero.
+#: For a device whose outputs have an unknown meaning: they stay zero.
 IDLE = AxisProgram(program.IDLE, enable=False, speed_rpm=0.0, period_ns=1_000_000_000, acknowledge_after_ns=-1)
 
 

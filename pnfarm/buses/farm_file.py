@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CONTROLLER", "Claims", "Expansion", "FarmFilePart", "PlacedGroup"]
 
-#: Who claims what stands in the controller's section.
+#: Owner of the values in the controller's section.
 CONTROLLER = "the controller"
 
 Group = TypeVar("Group", bound=DriveGroup)
@@ -33,7 +33,7 @@ class Claims:
         self._owners: dict[tuple[str, object], tuple[str, str]] = {}
 
     def claim(self, key: str, value: object, where: str, name: str) -> str | None:
-        """Claim a value of a key for the drive or device ``name`` of a place; None, or who has it already, in words."""
+        """Claim a value of a key for the drive or device ``name`` of a place; None, or a text that names its owner."""
         owner = self._owners.setdefault((key, value), (where, name))
         if owner == (where, name):
             return None
@@ -102,7 +102,7 @@ class FarmFilePart(Protocol[Group, Controller]):
         ...
 
     def check_devices(self, controller: Controller, claims: Claims, report: Report) -> None:
-        """Devices beside the drives, which only the controller's section names."""
+        """Devices in addition to the drives, which only the controller's section names."""
         ...
 
     def check_controller(
@@ -114,5 +114,5 @@ class FarmFilePart(Protocol[Group, Controller]):
     def drive(
         self, common: DriveConfig, group: Group, step: int, model: ModelFacts | None, expansion: Expansion
     ) -> DriveConfig:
-        """A group's drive number ``step``, whose name is counted already; ``model`` is None where nobody knows it."""
+        """A group's drive number ``step``, whose name is counted already; ``model`` is None if it is unknown."""
         ...

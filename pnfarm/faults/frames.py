@@ -91,7 +91,7 @@ class Frames:
         return sum(self._wire.impairment(row).activations for row in self._rows)
 
     def _gate_lost(self) -> None:
-        """An acyclic frame was lost: take it from what the cyclic ones have left of ``count``."""
+        """An acyclic frame was lost: subtract it from the rest of ``count`` for the cyclic ones."""
         if self._spec.count and self._rule is not None:
             for number in self._rows:
                 self._wire.set_limit(number, self._spec.count - self._rule.evidence().activations)

@@ -154,7 +154,7 @@ def _no_misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InjectionKind:
-    """One kind.  ``effect`` carries it out on one drive; it gets the ``preset`` parameters beside the given ones.
+    """One kind.  ``effect`` carries it out on one drive; it gets the ``preset`` parameters with the given ones.
 
     ``directions`` is empty for a kind that has none; its first entry is the default.  ``takes`` are the common
     fields that it accepts, besides ``after`` and ``after_cycles``, which all take.  ``misfits`` reports

@@ -40,7 +40,7 @@ class DrivePart:
         del now
 
     def rebooted(self, now: int) -> None:
-        """The drive has new machines, which know nothing of what is in force: apply it to them."""
+        """The drive has new machines: apply to them what is in force."""
         del now
 
     def in_force(self) -> list[Any]:

@@ -164,7 +164,7 @@ class InjectionSpec(BaseModel):
                 return ("out", "in")
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON; :meth:`parse` takes it back."""
+        """For JSON; :meth:`parse` reads it."""
         return self.model_dump(mode="json", by_alias=True, exclude_defaults=True)
 
 
@@ -206,7 +206,7 @@ def _misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
 
 
 def _issues(error: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """One of pydantic's errors as (field, what is wrong, what is allowed); our own one about the kind gives several."""
+    """One of pydantic's errors as (field, what is wrong, what is allowed); this module's own error gives several."""
     return error["ctx"]["misfits"] if error["type"] == "pnfarm-kind" else [_issue(error)]
 
 

@@ -173,7 +173,7 @@ class Servo(DrivePart):
         return fault.number in active_faults(self._station.handle.axis)
 
     def ignores_fault(self, fault: Fault) -> bool:
-        """Whether the drive does not raise it, because a parameter of its own says so."""
+        """Whether the drive does not raise it, because one of its parameters disables it."""
         return any(int(number) == fault.number for number in self._station.handle.axis.faults.settings.ignored)
 
     def fault_count(self, fault: Fault) -> int:
@@ -271,7 +271,7 @@ class Servo(DrivePart):
         self._put_loads()
 
     def _put_loads(self) -> None:
-        """Summed anew each time: a running sum of floats would keep rounding errors."""
+        """Summed again each time: a running sum of floats would keep rounding errors."""
         axis = self._station.handle.axis
         axis.load.settings.added_torque = math.fsum(torque for torque, _, _ in self._loads)
         axis.load.settings.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)

@@ -43,7 +43,7 @@ def has(number: int) -> bool:
 def remedy() -> str:
     """How to run with what is missing, without giving it to anything else.
 
-    A file capability on an interpreter gives it to every script that anybody runs with it, so it must not be used
+    A file capability on an interpreter gives it to every script that runs with it, so it must not be used
     for one that several programs share; a copy in its own environment, which only its owner may run, is fine.
     """
     python = Path(sys.executable)

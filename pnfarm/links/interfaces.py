@@ -44,7 +44,7 @@ _T = TypeVar("_T")
 _IFF_UP = 0x1
 _IFF_LOOPBACK = 0x8
 _ARPHRD_ETHER = 1
-#: A bridge of ours passes LLDP: IEEE 802.1D would have it drop 01:80:C2:00:00:0E.
+#: A farm's own bridge passes LLDP: IEEE 802.1D would have it drop 01:80:C2:00:00:0E.
 _FORWARD_LLDP = 0x4000
 
 _NEEDS_NET_ADMIN = (
@@ -255,7 +255,7 @@ class Interfaces:
         bring_up([index])
 
     def enslave(self, index: int, bridge: str) -> None:
-        """Put an interface of ours into a bridge."""
+        """Put an own interface into a bridge."""
         above = self.find_usable(bridge, "bridge")
         if above.kind != "bridge":
             raise EnvironmentError_(f"bridge {bridge} is a {above.kind or 'NIC'}: name a bridge, or leave it out")
@@ -273,7 +273,7 @@ class Interfaces:
             ) from exc
 
     def set_mac(self, index: int, mac: bytes) -> None:
-        """Give an interface of ours another address."""
+        """Give an own interface another address."""
         self._set(f"interface {index}", index=index, address=mac_text(mac))
 
     # -- removing

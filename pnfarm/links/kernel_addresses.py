@@ -36,7 +36,7 @@ def kernel_address(interface: str) -> IPv4Interface:
 
 
 def hold_ports(address: IPv4Interface, ports: Sequence[int]) -> list[socket.socket]:
-    """Where the kernel has our address too, take our UDP ports from it; the sockets are to be closed at the end.
+    """Where the kernel has the same address, reserve the UDP ports; the sockets are to be closed at the end.
 
     It would answer every datagram of a drive with "port unreachable" otherwise.  Nothing is ever read here.
     """
@@ -49,7 +49,7 @@ def hold_ports(address: IPv4Interface, ports: Sequence[int]) -> list[socket.sock
         except OSError as exc:
             sock.close()
             if exc.errno == errno.EADDRNOTAVAIL:
-                break  # the kernel does not have the address: it stays silent by itself
+                break  # the kernel does not have the address, so it does not answer
             for other in held:
                 other.close()
             raise EnvironmentError_(

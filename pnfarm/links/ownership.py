@@ -102,7 +102,7 @@ class FarmLock:
         sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             sock.bind(name)
-            sock.listen(128)  # never accepted from: connect() alone gives a peer our process id
+            sock.listen(128)  # never accepted from: connect() alone gives a peer this process's id
         except OSError as exc:
             sock.close()
             raise self._refused(_pid_behind(name)) from exc

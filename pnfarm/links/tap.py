@@ -170,7 +170,7 @@ class TapLink:
                 except BlockingIOError:
                     return
                 except OSError:
-                    # the interface was removed under us: no more frames will come
+                    # the interface was removed: no more frames will come
                     self._counters.dropped["interface-down"] += 1
                     if self._loop is not None:
                         self._loop.remove_reader(fd)

@@ -71,7 +71,7 @@ class FarmCollector(Collector):
         self._recovery = Recovery(core)
         self._names = [station.configured_name for station in core.stations]
         self._families()
-        #: The process's own metrics (CPU, memory, open files), beside the farm's.
+        #: The process's own metrics (CPU, memory, open files), in addition to the farm's.
         self.process = CollectorRegistry()
         ProcessCollector(registry=self.process)
 

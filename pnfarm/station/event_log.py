@@ -45,7 +45,7 @@ class LogEntry:
 
     @property
     def data(self) -> dict[str, Any]:
-        """The values beside it, plain JSON."""
+        """Its values, plain JSON."""
         return self.what.details()
 
     def as_dict(self) -> dict[str, Any]:

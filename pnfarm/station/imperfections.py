@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __all__ = ["NOISES", "Imperfections"]
 
 NOISES = ("velocity_noise", "current_noise", "position_noise")
-#: The generator's state has 48 bits, and 0 is no seed.
+#: The generator's state has 48 bits, and 0 is not a valid seed.
 _SEEDS = 1 << 47
 
 

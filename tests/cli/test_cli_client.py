@@ -409,9 +409,9 @@ def test_module_list_says_why_a_device_tells_nothing(ask, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ((), "NAME: is needed: a drive's, or a device's beside --interface"),
-        (("--ip", "10.0.0.7"), "is for a device on the wire, beside --interface"),
-        (("axis-01", "--own-ip", "10.0.0.1/24"), "is for a device on the wire, beside --interface"),
+        ((), "NAME: is needed: a drive's, or a device's with --interface"),
+        (("--ip", "10.0.0.7"), "is for a device on the wire, with --interface"),
+        (("axis-01", "--own-ip", "10.0.0.1/24"), "is for a device on the wire, with --interface"),
         (("-i", "eth1"), "give one of them"),
         (("a", "-i", "eth1", "--ip", "10.0.0.7"), "give one of them"),
         (("-i", "eth1", "--ip", "10.0.0"), "is not an IPv4 address"),

@@ -151,7 +151,7 @@ def test_records_are_read_and_written_by_hand_with_an_answer_in_words() -> None:
     line = VirtualLine()
     early = line.plc.read_record("axis-01", (0, 0, 1, 0xAFF0), line.world.now)
     assert (early.done, early.ok) == (True, False)
-    assert early.words == "there is no connection (state WAIT)"
+    assert early.failure == "there is no connection (state WAIT)"
     line.connect()
     line.run(0.5)
     text = bytes.fromhex("0021 0038 0100") + b"feed".ljust(32) + b"hall 3".ljust(22)
@@ -163,7 +163,7 @@ def test_records_are_read_and_written_by_hand_with_an_answer_in_words() -> None:
     line.run(0.1)
     assert (write.ok, read.data, implicit.data) == (True, text, text)
     assert (unknown.ok, unknown.data) == (False, None)
-    assert "invalid index" in unknown.words
+    assert "invalid index" in unknown.failure
 
 
 def test_a_record_that_a_lost_connection_takes_along_ends_with_words() -> None:

@@ -36,7 +36,7 @@ KINDS = (
     InjectionKind(
         "load",
         "drive",
-        "The machine puts more on the shaft, beside the load of the farm file; several of these add up.  The drive's "
+        "The machine puts more on the shaft, on top of the load of the farm file; several add up.  The drive's "
         "controllers stay tuned for the load that they know.",
         "the change",
         AddedLoad,

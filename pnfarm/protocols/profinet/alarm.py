@@ -128,7 +128,7 @@ class AlarmChannel:
         return None if found is None else (found.handle, found.alarm)
 
     def is_full(self, *, high: bool) -> bool:
-        """Whether :meth:`notify` takes no more alarms of this priority."""
+        """Whether :meth:`notify` accepts no more alarms of this priority."""
         return len(self._line(high=high).queue) >= self._queue_length
 
     # Calls of the owner

@@ -1,6 +1,6 @@
 """Binds PROFINET to the drive: the model as a device description, telegrams as words of a frame, parameter records.
 
-The only file of this protocol that knows what a drive is.
+The only file of this protocol that depends on drives.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class _Line:
     peer: bytes
     waiting: deque[tuple[int, AlarmNotification]] = field(default_factory=deque)
     hears: bool = False
-    #: The channel's handles of alarms under our own numbers.
+    #: The channel's handles of alarms, by the device's own numbers.
     numbers: dict[int, int] = field(default_factory=dict)
 
 

@@ -421,7 +421,7 @@ def check_connect(request: ConnectRequest, description: DeviceDescription) -> tu
     """
     if request.ar.properties & ArProperties.DEVICE_ACCESS:
         if request.iocrs or request.expected or request.alarm_crs:
-            _refuse(ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS, "device access takes no CR")
+            _refuse(ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS, "device access has no CR")
         layouts: tuple[IocrLayout, ...] = ()
     else:
         layouts = _check_crs(request, description)

@@ -75,7 +75,7 @@ def read_control(payload: bytes, service: ErrorCode, by_uuid: Callable[[UUID], A
     if not raws:
         refuse_call(service, ConnectFault.CMRPC, CmrpcError.ARGS_LENGTH_INVALID)
     raw = raws[0]
-    # a PrmBegin carries a submodule list besides; every other call is one block
+    # a PrmBegin carries a submodule list as well; every other call is one block
     begins = raw.block_type == BlockType.PRM_BEGIN_REQ
     if raw.block_type not in wanted or len(raws) != 1 + begins:
         refuse_call(service, ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS)

@@ -45,7 +45,7 @@ def expected_keys(expected: Iterable[ExpectedApi]) -> list[ExpectedKey]:
 
 
 def claim(request: ArBlockReq, expected: Iterable[ExpectedApi], ars: Iterable[Ar]) -> Claim:
-    """The submodules that the requested AR would own besides ``ars``; changes nothing."""
+    """The submodules that the requested AR would own next to ``ars``; changes nothing."""
     standing = tuple(ars)
     supervisor = request.ar_type == ArType.IOSAR and not request.properties & ArProperties.DEVICE_ACCESS
     result = Claim()
@@ -74,7 +74,7 @@ def settle_claim(claimed: Claim, ar: Ar, ars: Iterable[Ar]) -> None:
 
 
 def pass_on(ending: Ar, ars: Sequence[Ar]) -> dict[int, set[ExpectedKey]]:
-    """Hand what ``ending`` owned to the oldest of ``ars`` that expects it; by the key of the heir's AR."""
+    """Hand what ``ending`` owned to the oldest of ``ars`` that expects it; by the key of the new owner."""
     heirs: dict[int, set[ExpectedKey]] = {}
     waiting = set(ending.owned)
     for ar in ars:

@@ -294,7 +294,7 @@ class DcpClient:
         return self._request(mac, SERVICE_SET, now, blocks=tuple(blocks))
 
     def set_name(self, mac: bytes, name: str, *, permanent: bool = True, now: int) -> int:
-        """Give a device a station name ("" takes it away). Returns the Xid."""
+        """Give a device a station name ("" removes it). Returns the Xid."""
         return self.set_blocks(mac, [NameBlock(name, PERMANENT * permanent)], now=now)
 
     def set_ip(
@@ -306,7 +306,7 @@ class DcpClient:
         permanent: bool = True,
         now: int,
     ) -> int:
-        """Give a device an address (None takes it away); without ``gateway`` its own address is sent."""
+        """Give a device an address (None removes it); without ``gateway`` its own address is sent."""
         address = mask = router = _NONE
         if interface is not None:
             address, mask, router = interface.ip, interface.netmask, gateway or interface.ip

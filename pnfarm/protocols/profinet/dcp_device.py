@@ -509,7 +509,7 @@ def _filter_matches(block: Block, device: DcpDevice) -> bool:
         case DeviceRoleBlock(role=role):
             return role == device.identity.role
         case DeviceOptionsBlock(options=options):
-            return set(options) <= set(device._options().options)  # noqa: SLF001  # a friend of the class
+            return set(options) <= set(device._options().options)  # noqa: SLF001  # belongs to the class
         case _:
             # Every other filter is a block that Get would read, with the same value.
             getter = _GETTERS.get(block.option_id)

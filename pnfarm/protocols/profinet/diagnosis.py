@@ -267,7 +267,7 @@ class DiagnosisStore:
         return True
 
     def remove(self, entry: DiagnosisEntry) -> bool:
-        """Take away the entry with this one's :attr:`~DiagnosisEntry.key`; False when there is none."""
+        """Remove the entry with this one's :attr:`~DiagnosisEntry.key`; False when there is none."""
         standing = self._entries.pop(entry.key, None)
         if standing is None:
             return False

@@ -70,7 +70,7 @@ __all__ = [
 #: IEC 61158-6-10, LLDP: message transmit interval, and time to live in seconds.
 SEND_INTERVAL_NS = 5_000_000_000
 TIME_TO_LIVE = 20
-#: Changes of our own data that follow each other faster wait (IEEE 802.1AB: txDelay).
+#: Changes of the own data that follow each other faster wait (IEEE 802.1AB: txDelay).
 _SHORTEST_GAP_NS = 1_000_000_000
 #: Default number of neighbours that one port keeps.
 MAXIMUM_NEIGHBOURS = 8
@@ -82,7 +82,7 @@ _ADVERTISED_100 = 0x6C00
 
 @dataclass(frozen=True, slots=True)
 class LocalPort:
-    """A port of ours.
+    """An own port.
 
     ``number`` counts from 1; ``name`` is ``port-001``; ``mac`` is the port's own.  A virtual interface has no speed:
     ``mau_type`` is then 100BASE-TX full duplex and ``mau_assumed`` says so.
@@ -184,7 +184,7 @@ class Neighbour:
 
     @property
     def ip(self) -> IPv4Address | None:
-        """The first IPv4 management address; 0.0.0.0 is none."""
+        """The first IPv4 management address; 0.0.0.0 for none."""
         for found in self.management:
             if found.subtype == AddressFamily.IPV4 and len(found.address) == 4 and any(found.address):
                 return IPv4Address(found.address)

@@ -105,7 +105,7 @@ def _status(row: InterfaceView) -> Value:
     return integer(_UP if row.up else _DOWN)
 
 
-#: ifTable: the manager's wish (ifAdminStatus) is always up.
+#: ifTable: the state that the manager requests (ifAdminStatus) is always up.
 _IF_COLUMNS = (
     (1, lambda row: integer(row.index)),
     (2, lambda row: display_text(row.description)),

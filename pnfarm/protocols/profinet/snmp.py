@@ -82,7 +82,7 @@ _VERSION_1_ERRORS = {
     ErrorStatus.INCONSISTENT_NAME: ErrorStatus.NO_SUCH_NAME,
     ErrorStatus.AUTHORIZATION_ERROR: ErrorStatus.NO_SUCH_NAME,
 }
-#: The counter of each error that version 1 knows.
+#: The counter of each error of version 1.
 _OUT_ERRORS = {
     ErrorStatus.TOO_BIG: Statistic.OUT_TOO_BIGS,
     ErrorStatus.NO_SUCH_NAME: Statistic.OUT_NO_SUCH_NAMES,

@@ -28,7 +28,7 @@ def device_of(name: str | None, ip: str | None, hint: str = "--name, --ip") -> A
     if (name is None) == (ip is None):
         raise typer.BadParameter("give one of them", param_hint=hint)
     if name is not None:
-        # a real device may have a name that the standard forbids; it still has octets, and no more than 240
+        # a real device may have a name that the standard forbids; it still consists of at most 240 octets
         if not 1 <= len(name) <= 240 or any(ord(letter) > 0xFF for letter in name):
             raise typer.BadParameter(
                 "a station name has 1 to 240 letters, digits, '-' and '.'", param_hint=hint.partition(",")[0]

@@ -1,4 +1,4 @@
-"""``pnfarm gsdml``: the file that an engineering tool imports to know a virtual drive."""
+"""``pnfarm gsdml``: the file that an engineering tool imports for a virtual drive."""
 
 from __future__ import annotations
 

@@ -64,9 +64,9 @@ def show(
         _print_device(interface, own_ip, device_of(name, ip, "NAME, --ip"), output)
         return
     if ip is not None or own_ip is not None:
-        raise typer.BadParameter("is for a device on the wire, beside --interface", param_hint="--ip, --own-ip")
+        raise typer.BadParameter("is for a device on the wire, with --interface", param_hint="--ip, --own-ip")
     if name is None:
-        raise typer.BadParameter("is needed: a drive's, or a device's beside --interface", param_hint="NAME")
+        raise typer.BadParameter("is needed: a drive's, or a device's with --interface", param_hint="NAME")
     with FarmClient(api, token) as farm:
         _print(farm.get("drives", name, "modules"), output)
 

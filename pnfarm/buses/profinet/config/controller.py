@@ -73,7 +73,7 @@ class ForeignDevice(Section):
     gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
     cycle_ns: Cycle | None = Field(default=None, alias="cycle", description="Its cycle; left out, the controller's.")
     startup: Literal["legacy", "advanced"] | None = Field(
-        default=None, description="Start-up mode; left out, the controller's, or what the GSDML file knows."
+        default=None, description="Start-up mode; left out, the controller's, or what the GSDML file allows."
     )
 
 
@@ -125,7 +125,7 @@ class ProfinetController(IpController):
     )
     records: list[ParameterRecord] = Field(default_factory=list)
     devices: list[ForeignDevice] = Field(
-        default_factory=list, max_length=MAX_DRIVES, description="Devices beside the drives, each by its GSDML file."
+        default_factory=list, max_length=MAX_DRIVES, description="Further devices, each by its GSDML file."
     )
 
     @property

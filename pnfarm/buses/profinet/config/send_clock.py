@@ -33,7 +33,7 @@ class Clock:
 
 
 def clock_of(controller: ProfinetController, cycle_ns: int | None = None) -> Clock:
-    """The send clock and ratio for a drive; ``cycle_ns`` is the drive's own wish.
+    """The send clock and ratio for a drive; ``cycle_ns`` is the drive's own cycle.
 
     Raises ValueError with a sentence when cycle, factor and ratio do not fit each other.
     """

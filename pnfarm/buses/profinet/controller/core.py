@@ -479,7 +479,7 @@ class ControllerCore:
                 self.log.record(when, session.plan.name, PhaseChanged(value >> 8, value & 0xFF))
 
     def _expired(self, session: DeviceSession, row: int, now: int) -> None:
-        """The data hold timer of a session's consumer ran out; a row that was opened anew since has not expired."""
+        """The data hold timer of a session's consumer ran out; a row that was reopened since has not expired."""
         if session.consumer == row and session.machine is not None and self.columns.cpm[row].expirations:
             session.measures.expirations += 1
             session.machine.watchdog_expired(now)

@@ -18,7 +18,7 @@ __all__ = ["load_gsdml"]
 
 
 def load_gsdml(path: Path) -> Gsdml:
-    """Read a file; :class:`ConfigError` with its name, and what is wrong where, if it is no GSDML file."""
+    """Read a file; :class:`ConfigError` with its name, and what is wrong where, if it is not a GSDML file."""
     try:
         data = read_regular(path, MAX_OCTETS + 1)
     except OSError as exc:

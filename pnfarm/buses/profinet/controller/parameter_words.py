@@ -9,7 +9,7 @@ from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 
 __all__ = ["parameter_answer", "put_parameter_task"]
 
-#: What stands beside parameter identifier and number (PKE) in its double word: the index (IND).
+#: The index (IND), in the double word of parameter identifier and number (PKE).
 _BELOW_IDENTIFIER = 0xFFFF
 
 

@@ -255,7 +255,7 @@ def plan_controller(
 
 
 def _own_address(section: ProfinetController, drives: Sequence[ProfinetDriveConfig]) -> IPv4Interface:
-    """The controller's address; one beside the drives' where the file gives none."""
+    """The controller's address; one next to the drives' where the file gives none."""
     if section.ip is not None:
         return section.ip
     wanted = [*(drive.ip for drive in drives), *(device.ip for device in section.devices)]

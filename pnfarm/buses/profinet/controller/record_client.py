@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 __all__ = ["TOOL_PORT", "ClientState", "RecordClient", "RecordTask"]
 
-#: UDP port of our calls; another one than the controller's, which may use the same interface.
+#: UDP port of the client's calls; another one than the controller's, which may use the same interface.
 TOOL_PORT = 49_160
 #: How long devices may take to answer the search.
 SEARCH_NS = 1_000_000_000

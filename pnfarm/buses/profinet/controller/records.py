@@ -64,7 +64,7 @@ class RecordJobs:
         implicit: bool = False,
         then: Callable[[RecordJob, int], None] | None = None,
     ) -> RecordJob:
-        """Read a record in the drive's AR, or beside it (``implicit``)."""
+        """Read a record in the drive's AR, or without one (``implicit``)."""
         job = RecordJob(session.plan.name, place, then=then)
         if self._begin(session, job, now) and session.machine is not None:
             read = session.machine.read_implicit if implicit else session.machine.read_record

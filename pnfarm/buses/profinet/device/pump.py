@@ -196,7 +196,7 @@ class DevicePump:
             for listener in device.connections.listeners:
                 listener(event, now)
         for call_id in [call_id for call_id, token in self._calls.items() if not device.cm.awaits(token)]:
-            # its connection ended: a controller that reconnects would take it for one of the new connection
+            # its connection ended: a controller that reconnects would assign it to the new connection
             device.client.forget(call_id, now)
             del self._calls[call_id]
         texts = device.records.im.events()

@@ -1,4 +1,4 @@
-"""Alarms that a PROFINET drive would not send by itself."""
+"""Alarms that a PROFINET drive does not send by itself."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ class _SlotChanges:
             raise InjectionError([("params.slot", what, allowed)])
         _place_of(station, slot, change.subslot)
         if change.telegram is not None and change.ident is not None:
-            raise InjectionError([("params.ident", "is given beside `telegram`", "one of the two")])
+            raise InjectionError([("params.ident", "is given together with `telegram`", "one of the two")])
         if change.subslot is not None and (change.telegram is not None or change.substitute):
             field = "telegram" if change.telegram is not None else "substitute"
             raise InjectionError([(f"params.{field}", "is of a whole module", "leave out `subslot`, or give `ident`")])

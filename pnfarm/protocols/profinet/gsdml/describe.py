@@ -61,9 +61,9 @@ _INTERFACE_SUBSLOT = 0x8000
 
 @dataclass(frozen=True, slots=True)
 class Abilities:
-    """What a station does beside its device description; a test compares each with a station.
+    """Capabilities of a station outside its device description; a test compares each with a station.
 
-    ``protocols`` are those of SNMP and LLDP that it speaks.
+    ``protocols`` are those of SNMP and LLDP that it supports.
     """
 
     protocols: tuple[str, ...] = ()
@@ -92,7 +92,7 @@ def _data_type(model: Model, signal: Signal) -> str:
 
 
 def _items(model: Model, signals: Iterable[Signal | None]) -> DataItems | None:
-    """The data of one direction; a double word stands in ``signals`` twice and is one item."""
+    """The data of one direction; a double word is in ``signals`` twice and is one item."""
     items: list[DataItem] = []
     words = list(signals)
     position = 0

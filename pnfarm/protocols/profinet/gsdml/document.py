@@ -156,7 +156,7 @@ class SubmoduleItem:
 
 @dataclass(frozen=True, slots=True)
 class ItemRef:
-    """Where a module or submodule (``target`` is its ID) may stand: anywhere in ``allowed``; ``used`` at the start of a
+    """Places of a module or submodule (``target`` is its ID): anywhere in ``allowed``; ``used`` at the start of a
     project; ``fixed`` always."""
 
     target: str

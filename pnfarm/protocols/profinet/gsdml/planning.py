@@ -224,7 +224,7 @@ class _Planner:
             self._records.append((record.transfer_sequence, ParameterRecord(api, slot, subslot, record.index, data)))
 
     def records(self) -> tuple[ParameterRecord, ...]:
-        """In the order of their transfer sequence, those without one first and as they stand in the file."""
+        """In the order of their transfer sequence, those without one first and in the file's order."""
         if self._parameters:
             slot, subslot, index = next(iter(self._parameters))
             raise ConfigError(f"slot {slot}, subslot 0x{subslot:04X} has no record {index} in the file")
@@ -252,7 +252,7 @@ def from_gsdml(
     planner = _Planner(gsdml, parameters or {}, ioxs_required=access_point.ioxs_required)
     planner.plug(access_point.slot, access_point, chosen.pop(access_point.slot, {}))
     if access_point.slot in (modules or {}):
-        raise ConfigError(f"slot {access_point.slot} is the access point's, modules stand in other slots")
+        raise ConfigError(f"slot {access_point.slot} is the access point's, modules are in other slots")
     filled = _contents(access_point.modules, modules or {}, access_point.physical_slots, "module", "slot")
     for slot, target in sorted(filled.items()):
         module = gsdml.module(target)

@@ -273,7 +273,7 @@ class _Reader:
     def _data_item(self, node: Node) -> DataItem:
         kind = node.word("DataType")
         known = DATA_TYPE_OCTETS.get(kind)
-        # types without a length of their own, and types that this table does not know, give theirs
+        # types without a length of their own, and types missing in this table, give theirs
         octets = known if known is not None else node.number("Length", _U16)
         return DataItem(kind, octets, self._text(node), node.flag("UseAsBits"))
 

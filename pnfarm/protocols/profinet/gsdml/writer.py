@@ -1,6 +1,6 @@
 """From a :class:`~pnfarm.protocols.profinet.gsdml.document.Gsdml` to the text of its file.
 
-What the schema gives a default stands in the file only where it differs; ``parse_gsdml(emit_gsdml(x)) == x``.
+What the schema gives a default is written only where it differs; ``parse_gsdml(emit_gsdml(x)) == x``.
 Elements and attributes are in the order of the schema (PI, GSDML-DeviceProfile).
 """
 
@@ -102,7 +102,7 @@ class _Writer:
         self._lines.append(f"{'  ' * self._depth}</{name}>")
 
     def _text_id(self, text: str) -> str:
-        """The TextId under which ``text`` stands in the list at the end."""
+        """The TextId of ``text`` in the list at the end."""
         return self._texts.setdefault(text, f"T{len(self._texts) + 1}")
 
     def _named(self, name: str, text: str) -> None:

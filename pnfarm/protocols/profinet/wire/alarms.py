@@ -156,7 +156,7 @@ _ENTRY_SIZE: dict[int, int] = {
 
 @dataclass(frozen=True, slots=True)
 class AlarmItem:
-    """``data`` is what stands behind the UserStructureIdentifier."""
+    """``data`` follows the UserStructureIdentifier."""
 
     usi: int
     data: bytes

@@ -67,7 +67,7 @@ def _plain(value: Any) -> Any:
 
 
 def number_text(value: int) -> str:
-    """``261 (0x105)``: engineers know some numbers by one, some by the other."""
+    """``261 (0x105)``: some numbers are usually read in decimal, others in hexadecimal."""
     return f"{value} (0x{value:X})" if value >= 0 else str(value)
 
 

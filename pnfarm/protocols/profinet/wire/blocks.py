@@ -107,7 +107,7 @@ class BlockType(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class RawBlock:
-    """A block as it stands on the wire; ``body`` is what follows the six octets of its header."""
+    """A block as on the wire; ``body`` is what follows the six octets of its header."""
 
     block_type: int
     body: bytes

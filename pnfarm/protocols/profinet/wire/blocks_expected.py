@@ -81,7 +81,7 @@ class ExpectedSubmodule:
 
     @property
     def discards_ioxs(self) -> bool:
-        """Its provider and consumer status take no octet of any frame, whatever their lengths say."""
+        """Its provider and consumer status occupy no octet of any frame, whatever their lengths."""
         return bool(self.properties & SubmoduleProperties.DISCARD_IOXS)
 
     def length(self, direction: int) -> int:

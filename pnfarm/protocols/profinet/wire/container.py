@@ -1,6 +1,6 @@
 """CombinedObjectContainer, record 0x80B0: many records in one (IEC 61158-6-10, COContainerContent).
 
-Each record stands in a block of its own that names its place and index; each block begins on a multiple of four octets.
+Each record is in its own block, which names its place and index; each block begins on a multiple of four octets.
 """
 
 from __future__ import annotations

@@ -209,7 +209,7 @@ class StationTypeBlock(_Named):
 
 @dataclass(frozen=True, slots=True)
 class NameBlock(_Named):
-    """Device properties / name of station; an empty name is no name."""
+    """Device properties / name of station; empty for no name."""
 
     ID: ClassVar = OptionId(OPTION_DEVICE, 2)
     name: str
@@ -247,7 +247,7 @@ class DeviceRoleBlock(_Named):
 
 @dataclass(frozen=True, slots=True)
 class DeviceOptionsBlock(_Named):
-    """Device properties / options: which blocks the device knows."""
+    """Device properties / options: the blocks that the device supports."""
 
     ID: ClassVar = OptionId(OPTION_DEVICE, 5)
     options: tuple[OptionId, ...]
@@ -386,7 +386,7 @@ class FactoryResetBlock(_Empty):
 
 @dataclass(frozen=True, slots=True)
 class ResetToFactoryBlock(_Empty):
-    """Control / reset to factory; the mode stands in bits 1 to 15 of the qualifier, see :class:`ResetMode`."""
+    """Control / reset to factory; the mode is in bits 1 to 15 of the qualifier, see :class:`ResetMode`."""
 
     ID: ClassVar = OptionId(OPTION_CONTROL, 6)
     info: int = ResetMode.COMMUNICATION << 1

@@ -61,5 +61,5 @@ def describe_option(option_id: OptionId) -> str:
 
 
 def describe_block_error(error: int) -> str:
-    """A BlockError in words, its number where there are none."""
+    """The text of a BlockError, its number where there is none."""
     return _ERRORS.get(error, f"error {error}")

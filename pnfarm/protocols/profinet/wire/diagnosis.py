@@ -175,7 +175,7 @@ class QualifiedChannelDiagnosis:
 
 @dataclass(frozen=True, slots=True)
 class MaintenanceItem:
-    """USI 0x8100: block 0x0F00 with the submodule's MaintenanceStatus; stands before the items of an alarm."""
+    """USI 0x8100: block 0x0F00 with the submodule's MaintenanceStatus; precedes the items of an alarm."""
 
     status: int
     version: int = VERSION_1_0

@@ -128,7 +128,7 @@ def _annotation_octets(text: str) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """One floor as it stands on the wire: the protocol's octet and what each side holds beyond it."""
+    """One floor as on the wire: the protocol's octet and what each side holds beyond it."""
 
     protocol: int
     left: bytes
@@ -206,7 +206,7 @@ def parse_tower(octets: bytes) -> Tower:
 
 @dataclass(frozen=True, slots=True)
 class EntryHandle:
-    """A context handle: where the listing stands."""
+    """A context handle: the position of the listing."""
 
     attributes: int
     uuid: UUID

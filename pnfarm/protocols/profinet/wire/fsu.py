@@ -114,7 +114,7 @@ class FsParameter:
 
 @dataclass(frozen=True, slots=True)
 class ArFsuDataAdjust:
-    """0x0609, by itself the record 0xE050; ``blocks`` in their order."""
+    """0x0609, on its own the record 0xE050; ``blocks`` in their order."""
 
     blocks: tuple[FsParameter | RawBlock, ...]
     version: int = VERSION_1_0

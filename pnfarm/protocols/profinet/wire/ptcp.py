@@ -58,7 +58,7 @@ class PtcpTlv:
 
 @dataclass(frozen=True, slots=True)
 class PtcpPdu:
-    """``delay_ns`` is the last field of the head, nanoseconds; sync frames add to it what stands in ``head``."""
+    """``delay_ns`` is the last field of the head, nanoseconds; sync frames add to it the value in ``head``."""
 
     frame_id: int
     sequence: int

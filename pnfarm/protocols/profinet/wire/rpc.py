@@ -260,7 +260,7 @@ def parse_rpc(data: bytes) -> RpcPdu:
     """Read one UDP payload.
 
     Raises :class:`DecodeError` with ``short``, ``bad-version`` (not 4) or ``bad-drep`` (an integer format that
-    C706 does not know).
+    C706 does not define).
     """
     reader = Reader(data)
     version = reader.u8()

@@ -94,7 +94,7 @@ def next_sequence(number: int) -> int:
 
 
 def parse_rta(data: bytes) -> RtaPdu:
-    """``data`` starts with the frame id; what stands behind the PDU is padding of the Ethernet frame.
+    """``data`` starts with the frame id; what follows the PDU is padding of the Ethernet frame.
 
     Raises :class:`DecodeError`: ``bad-type`` for a frame id that is not an alarm's, ``short``.  PDUs of reserved types
     and versions are values like any other.
@@ -118,7 +118,7 @@ def emit_rta(pdu: RtaPdu) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class RtaErrorPdu:
-    """An ERR-RTA-PDU; ``vendor`` is what may stand behind the status (IEC 61158-6-10, RTA-SDU of ERR)."""
+    """An ERR-RTA-PDU; ``vendor`` is what may follow the status (IEC 61158-6-10, RTA-SDU of ERR)."""
 
     destination: int
     source: int

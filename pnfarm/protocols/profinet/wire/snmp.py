@@ -109,7 +109,7 @@ _UNSIGNED_BITS = {COUNTER32: 32, GAUGE32: 32, TIME_TICKS: 32, COUNTER64: 64}
 
 
 class ErrorStatus(IntEnum):
-    """RFC 3416, clause 3; version 1 knows the first six."""
+    """RFC 3416, clause 3; version 1 has the first six."""
 
     NO_ERROR = 0
     TOO_BIG = 1
