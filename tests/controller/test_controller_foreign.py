@@ -130,7 +130,7 @@ def test_a_send_clock_that_was_named_is_not_replaced_and_a_cycle_that_was_not_is
     with pytest.raises(ConfigError, match="not support reduction ratio 4; its file names 1"):
         plans(tmp_path, ", cycle: 4ms", text=named)
     write(tmp_path, describe_model(model("hiwin-e1")))
-    with pytest.raises(ConfigError, match=r"no reduction ratio 16, its file names 1\.\.2 4 8"):
+    with pytest.raises(ConfigError, match=r"not support reduction ratio 16; its file names 1\.\.2 4 8"):
         plans(tmp_path)
 
 

@@ -79,7 +79,7 @@ def test_without_latency_the_first_read_brings_it():
 def test_a_second_request_meets_the_state_conflict_and_the_first_one_is_answered():
     line = line_of("{parameter_latency: 100ms}")
     assert write(line, ASKED).ok
-    assert write(line, reading((922, 0, 1))).words == REFUSED
+    assert write(line, reading((922, 0, 1))).failure == REFUSED
     line.run(0.1)
     assert read(line) == bytes.fromhex("07 01 00 01 42 01 0105")
     assert write(line, reading((922, 0, 1))).ok, "now the drive is free"
