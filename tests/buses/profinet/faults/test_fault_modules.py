@@ -180,7 +180,7 @@ def test_what_hands_pulled_before_is_still_out_when_the_fault_ends(line):
         ("module-missing", {"slot": 7}, "fault.params.slot: axis-01 has no slot 7; allowed: 0, 1"),
         ("module-missing", {"subslot": 9}, "fault.params.subslot: slot 1 of axis-01 has no subslot 0x0009; allowed: "),
         ("module-wrong", {"telegram": 4711}, "fault.params.telegram: akd-profinet has no telegram 4711"),
-        ("module-wrong", {"telegram": 1, "ident": 5}, "fault.params.ident: is given beside"),
+        ("module-wrong", {"telegram": 1, "ident": 5}, "fault.params.ident: is given together"),
         ("module-wrong", {"telegram": 1, "subslot": 2}, "fault.params.telegram: is of a whole module"),
         ("module-wrong", {"substitute": True, "subslot": 2}, "fault.params.substitute: is of a whole module"),
         ("diagnosis", {"severity": "advice"}, "fault.params.severity: is 'advice'; allowed: with `coding` qualified"),
