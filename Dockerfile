@@ -13,8 +13,8 @@ RUN apt-get update \
  && apt-get install -y --no-install-recommends ca-certificates python3 python3-venv \
  && rm -rf /var/lib/apt/lists/*
 
-# What pnfarm depends on changes seldom: a layer of its own.  Every package as locks/ names it, held against its hashes;
-# what makes the wheel stays out of the image.
+# Dependencies change seldom: a layer of their own.  Every package has the version of locks/ and is checked by its hash;
+# the build tools stay out of the image.
 WORKDIR /src
 COPY locks locks
 RUN python3 -m venv /opt/pnfarm \
@@ -29,9 +29,9 @@ RUN /opt/build/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-dep
  && /opt/pnfarm/bin/pip install --no-cache-dir --disable-pip-version-check --no-deps --no-index /wheels/*.whl \
  && /opt/pnfarm/bin/pip uninstall -y --disable-pip-version-check setuptools pip
 
-# The engine's machine code, made once, for any processor of this architecture.  Numba tells stale code by a file's time,
-# which a layer may round: whole seconds survive.  The folders take new files from any user, as /tmp does, and keep
-# what is there from being replaced.
+# The engine's machine code, compiled once, for any processor of this architecture.  Numba recognises stale code by a
+# file's time, which a layer may round to whole seconds.  Any user can add files to the folders, as in /tmp, but not
+# replace existing ones.
 ENV NUMBA_CACHE_DIR=/opt/pnfarm/cache NUMBA_CPU_NAME=generic
 # not in /src: what is compiled must be what was installed
 WORKDIR /
@@ -64,11 +64,11 @@ WORKDIR /rig
 VOLUME /var/lib/pnfarm
 EXPOSE 8702
 STOPSIGNAL SIGTERM
-# A farm's engine ticks.  Containers of the other commands have no API: switch it off for them (`--no-healthcheck`).
+# Healthy if the farm's engine ticks.  Containers of the other commands have no API: switch it off for them (`--no-healthcheck`).
 HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=3 \
     CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8702/api/v1/readyz', timeout=2)"]
-# Nobody is root here.  A farm needs NET_ADMIN and NET_RAW all the same: started as root, the entry point becomes
-# `pnfarm` and keeps these two (compose.yaml shows it).
+# The image's user is not root.  A farm needs NET_ADMIN and NET_RAW nevertheless: started as root, the entry point
+# becomes `pnfarm` and keeps these two (see compose.yaml).
 USER pnfarm
 ENTRYPOINT ["pnfarm-entry", "pnfarm"]
 CMD ["--help"]

@@ -7,11 +7,11 @@ STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 LINT_STAMP := $(VENV)/.installed-lint
 ARGS ?=
-# `make LOCKED=1 test`: what locks/ names, held against its hashes, as CI and the image do; else what fits pyproject.toml
+# `make LOCKED=1 test`: the packages of locks/, checked by hash, as in CI and the image; otherwise any that fit pyproject.toml
 LOCKED ?=
 LOCK := $(BIN)/python -m pip install --quiet --require-hashes -r locks
-# A foreign GSDML parser; what its package wants besides is for a server that no test starts.  And the package that PI's
-# schema of GSDML files stands in; its program wants an older pydantic, and no test runs it.
+# Another GSDML parser, without its dependencies, which are for a server that no test starts; and the package that
+# contains PI's schema of GSDML files, without its program, which needs an older pydantic and is not used.
 PEERS := "industriagents-profinet-mcp" "uphy-upgen>=1.1,<2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"

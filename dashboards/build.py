@@ -19,7 +19,7 @@ def render() -> dict[str, str]:
 
 
 def main(arguments: list[str]) -> int:
-    """Write the files, or with ``--check`` say which are not as they should be."""
+    """Write the files, or with ``--check`` list those that are out of date."""
     stale = []
     for name, text in render().items():
         path = FOLDER / name

@@ -1,7 +1,24 @@
-"""All drives of a farm, the engine, and how the controller copes."""
+"""All drives of a farm, the engine, and the controller's behaviour."""
 
 from __future__ import annotations
 
+from common import (
+    BY_LABEL,
+    CONNECTIONS,
+    DATA,
+    DRIVE_UID,
+    FARM_UID,
+    LATENESS,
+    NONE_IS_GOOD,
+    RATE,
+    STATES,
+    TO_DRIVE,
+    annotations,
+    farm,
+    farm_variable,
+    mean,
+    quantile,
+)
 from panels import (
     GREEN,
     GREY,
@@ -24,31 +41,14 @@ from panels import (
     value_names,
     zero_is,
 )
-from words import (
-    BY_LABEL,
-    CONNECTIONS,
-    DATA,
-    DRIVE_UID,
-    FARM_UID,
-    LATENESS,
-    NONE_IS_GOOD,
-    RATE,
-    STATES,
-    TO_DRIVE,
-    annotations,
-    farm,
-    farm_variable,
-    mean,
-    quantile,
-)
 
 
 def farm_overview() -> Json:
-    """All drives of a farm, the engine, and how the controller copes."""
+    """All drives of a farm, the engine, and the controller's behaviour."""
     board = Board(
         FARM_UID,
         "pnfarm: farm overview",
-        "All drives of a farm: who runs, who does not and why, how regular the controller is, how late the farm.",
+        "All drives of a farm: which run, which do not and why, the controller's jitter, the farm's lateness.",
         ["pnfarm", "profinet"],
     )
     farm_variable(board)
@@ -107,7 +107,7 @@ def _overview_now(board: Board) -> None:
         stat(
             "Injected faults",
             [target(f"sum({farm('pnfarm_faults_active')})")],
-            "Injected faults in force.",
+            "Number of active injected faults.",
             steps=thresholds((None, GREEN), (1, PURPLE)),
             no_value="0",
         ),
@@ -118,7 +118,7 @@ def _overview_now(board: Board) -> None:
         stat(
             "Engine late, p99",
             [target(quantile(0.99, farm("pnfarm_engine_lateness_seconds_bucket")))],
-            "How late 99 of 100 ticks of the farm's engine begin at most. When this is high, distrust the rest.",
+            "99 of 100 ticks of the engine begin at most this late. If it is high, do not trust the other figures.",
             unit="s",
             steps=LATENESS,
             decimals=0,
@@ -129,7 +129,10 @@ def _overview_now(board: Board) -> None:
     )
     board.add(
         stat(
-            "Version", [target(farm("pnfarm_build_info"), "{{version}}", instant=True)], "Of pnfarm.", text_mode="name"
+            "Version",
+            [target(farm("pnfarm_build_info"), "{{version}}", instant=True)],
+            "Version of pnfarm.",
+            text_mode="name",
         ),
         3,
         4,
@@ -146,7 +149,7 @@ def _overview_drives(board: Board) -> None:
         timeseries(
             "Drives by state",
             targets((f'count_values("state", {farm("pnfarm_axis_state")})', "{{state}}")),
-            "How many drives are in each state of the PROFIdrive state machine.",
+            "Number of drives in each state of the PROFIdrive state machine.",
             unit="none",
             minimum=0,
             stacked=True,
@@ -160,7 +163,7 @@ def _overview_drives(board: Board) -> None:
         state_timeline(
             "Drives out of operation",
             targets((f"{farm('pnfarm_axis_state')} != 4", "{{drive}}")),
-            "Only drives that are not in S4, and only while they are not.",
+            "Drives that are not in S4, while they are not.",
             STATES,
             no_value="every drive is in S4 operation",
             links=[link("This drive", BY_LABEL)],
@@ -195,7 +198,7 @@ def _overview_drives(board: Board) -> None:
         override("Cycle", unit="s", mappings=[zero_is("-")]),
         override("Watchdog", thresholds=NONE_IS_GOOD, custom__cellOptions=shaded),
     ]
-    board.add(table("Drives now", columns, "Click on a drive for its own dashboard.", overrides), 24, 9)
+    board.add(table("Drives now", columns, "Click on a drive for its dashboard.", overrides), 24, 9)
 
 
 def _overview_wire(board: Board) -> None:
@@ -236,7 +239,7 @@ def _overview_wire(board: Board) -> None:
         timeseries(
             "Connections",
             targets((connects, "established"), (lost, "watchdog expired"), (aborted, "aborted: {{reason}}")),
-            "Connections made and lost.",
+            "Connections established and lost.",
             unit="none",
             minimum=0,
             steps=True,
@@ -252,9 +255,9 @@ def _overview_controller(board: Board) -> None:
     interval = farm("pnfarm_controller_frame_interval_seconds_bucket")
     board.add(
         timeseries(
-            "Frame interval, p99: the ten least regular",
+            "Frame interval, p99: the ten worst drives",
             targets((f"topk(10, {quantile(0.99, interval, 'drive, le')})", "{{drive}}")),
-            "Time between two frames of the controller. The bucket bounds limit the resolution.",
+            "Time between two frames of the controller. The bucket limits determine the resolution.",
             unit="s",
             minimum=0,
             links=[link("This drive", BY_LABEL)],
@@ -268,12 +271,12 @@ def _overview_controller(board: Board) -> None:
         (
             "Reaction to a fault",
             "pnfarm_controller_fault_reaction_seconds",
-            "From a drive's fault until the controller withdrew the enable.",
+            "From a drive's fault until the controller removes the enable.",
         ),
         (
-            "Time to bring a drive back",
+            "Recovery time",
             "pnfarm_controller_reconnect_seconds",
-            "From a fault or a lost connection until the drive works as before.",
+            "From a fault or a lost connection until the drive runs again.",
         ),
     ):
         buckets = f"sum by (le) (increase({name}_bucket{selector}[$__range]))"
@@ -298,12 +301,12 @@ def _overview_controller(board: Board) -> None:
     acts = f"sum by (kind) (increase({farm('pnfarm_fault_activations_total')}[{RATE}])) > 0"
     board.add(
         timeseries(
-            "Injected faults at work",
+            "Activity of injected faults",
             targets((acts, "{{kind}}")),
             "Activations of injected faults, by kind.",
             minimum=0,
             steps=True,
-            no_value="no injected fault acted",
+            no_value="no injected fault was active",
         ),
         8,
         8,
@@ -317,7 +320,7 @@ def _overview_engine(board: Board) -> None:
         heatmap(
             "Lateness of ticks",
             f"sum by (le) (increase({lateness}[{RATE}]))",
-            "The farm's own lateness: how long after its due time a tick began.",
+            "The farm's own lateness: time from when a tick was due until it began.",
         ),
         12,
         8,
@@ -335,7 +338,7 @@ def _overview_engine(board: Board) -> None:
         timeseries(
             "Ticks",
             targets((f"sum(rate({cycles}[{RATE}]))", "ticks"), (f"sum(rate({overruns}[{RATE}]))", "overruns")),
-            "Ticks of the engine, and those so late that a drive's cycle was skipped.",
+            "Ticks of the engine, and ticks so late that a drive's cycle was skipped.",
             unit="hertz",
             minimum=0,
             overrides=[override("overruns", color=color(RED))],

@@ -2,6 +2,23 @@
 
 from __future__ import annotations
 
+from common import (
+    BAD_BITS,
+    BITS,
+    CONNECTIONS,
+    DRIVE_UID,
+    FARM_UID,
+    NONE_IS_GOOD,
+    RATE,
+    STATES,
+    annotations,
+    drive,
+    farm,
+    farm_variable,
+    mean,
+    quantile,
+    spaced,
+)
 from panels import (
     BLUE,
     GREEN,
@@ -22,23 +39,6 @@ from panels import (
     value_names,
     zero_is,
 )
-from words import (
-    BAD_BITS,
-    BITS,
-    CONNECTIONS,
-    DRIVE_UID,
-    FARM_UID,
-    NONE_IS_GOOD,
-    RATE,
-    STATES,
-    annotations,
-    drive,
-    farm,
-    farm_variable,
-    mean,
-    quantile,
-    spaced,
-)
 
 from pnfarm.farm.snapshot import STW1_BITS, ZSW1_BITS
 
@@ -48,7 +48,7 @@ def one_drive() -> Json:
     board = Board(
         DRIVE_UID,
         "pnfarm: one drive",
-        "One drive as its controller sees it and as it is: words, motor, frames, faults.",
+        "One drive: control and status words, motor, frames, faults.",
         ["pnfarm", "profinet"],
     )
     farm_variable(board)
@@ -59,7 +59,7 @@ def one_drive() -> Json:
     board.dashboard_link("Farm overview", f"/d/{FARM_UID}?var-farm=${{farm}}")
     _drive_now(board)
     _drive_motor(board)
-    _drive_words(board)
+    _word_bits(board)
     _drive_connection(board)
     _drive_faults(board)
     return board.json
@@ -83,7 +83,7 @@ def _drive_now(board: Board) -> None:
         stat(
             "Fault",
             [target(drive("pnfarm_axis_fault_active"))],
-            "Number of the active fault (PNU 947), the manual's.",
+            "Number of the active fault (PNU 947), as in the manual.",
             mappings=[zero_is("none")],
             steps=NONE_IS_GOOD,
         ),
@@ -105,7 +105,7 @@ def _drive_now(board: Board) -> None:
         stat(
             "Cycle",
             [target(drive("pnfarm_ar_cycle_seconds"))],
-            "Of the IO data, as the controller asked for.",
+            "Cycle of the IO data, as requested by the controller.",
             unit="s",
             mappings=[zero_is("-")],
         ),
@@ -116,7 +116,7 @@ def _drive_now(board: Board) -> None:
         stat(
             "Speed",
             [target(drive("pnfarm_axis_velocity_rpm"))],
-            "Of the shaft (VL.FB).",
+            "Velocity of the shaft (VL.FB).",
             unit="rotrpm",
             decimals=0,
             sparkline=True,
@@ -128,7 +128,7 @@ def _drive_now(board: Board) -> None:
         stat(
             "Current",
             [target(drive("pnfarm_axis_current_amperes"))],
-            "Torque-building (IL.FB).",
+            "Torque-producing current (IL.FB).",
             unit="amp",
             decimals=2,
             sparkline=True,
@@ -140,7 +140,7 @@ def _drive_now(board: Board) -> None:
         stat(
             "Watchdog",
             [target(drive("pnfarm_watchdog_expirations_total"))],
-            "Times that the controller fell silent.",
+            "Number of times that the controller's frames stopped.",
             steps=NONE_IS_GOOD,
         ),
         3,
@@ -157,7 +157,7 @@ def _drive_motor(board: Board) -> None:
                 (drive("pnfarm_axis_setpoint_rpm"), "set point (NSOLL_A)"),
                 (drive("pnfarm_axis_velocity_rpm"), "shaft (VL.FB)"),
             ),
-            "What the controller asks for, and what the shaft does.",
+            "Set point of the controller, and velocity of the shaft.",
             unit="rotrpm",
             overrides=[
                 override("set point (NSOLL_A)", color=color(BLUE), custom__lineInterpolation="stepAfter"),
@@ -171,7 +171,7 @@ def _drive_motor(board: Board) -> None:
         timeseries(
             "Current",
             targets((drive("pnfarm_axis_current_amperes"), "current (IL.FB)")),
-            "Torque-building current.",
+            "Torque-producing current.",
             unit="amp",
         ),
         6,
@@ -198,7 +198,7 @@ def _drive_motor(board: Board) -> None:
                 (drive("pnfarm_axis_torque_newton_metres"), "torque"),
                 (drive("pnfarm_axis_thermal_load_ratio"), "heat"),
             ),
-            "Torque of the motor in N m; its heat on the right, 1 is as much as it bears (I2t).",
+            "Torque of the motor in N m; its thermal load on the right, 1 is the limit (I2t).",
             unit="none",
             overrides=[override("heat", custom__axisPlacement="right", unit="percentunit")],
         ),
@@ -221,11 +221,11 @@ def _bit(word: str, number: int) -> str:
     return f"floor({drive(word)} / {1 << number}) % 2"
 
 
-def _drive_words(board: Board) -> None:
+def _word_bits(board: Board) -> None:
     board.row("Words")
     for title, word, names, what in (
-        ("Control word 1 (STW1)", "pnfarm_axis_stw1", STW1_BITS, "What the controller says, bit by bit."),
-        ("Status word 1 (ZSW1)", "pnfarm_axis_zsw1", ZSW1_BITS, "What the drive answers, bit by bit."),
+        ("Control word 1 (STW1)", "pnfarm_axis_stw1", STW1_BITS, "Bits from the controller."),
+        ("Status word 1 (ZSW1)", "pnfarm_axis_zsw1", ZSW1_BITS, "Bits from the drive."),
     ):
         bits = [
             target(_bit(word, number), f"{number} {spaced(name)}", ref=f"B{number}")
@@ -270,7 +270,7 @@ def _drive_connection(board: Board) -> None:
                 *targets((quantile(0.5, interval), "p50"), (quantile(0.99, interval), "p99")),
                 target(f"{drive('pnfarm_ar_cycle_seconds')} > 0", "agreed cycle", ref="C"),
             ],
-            "Quantiles of the same, beside the agreed cycle.",
+            "Quantiles of the interval, and the agreed cycle.",
             unit="s",
             minimum=0,
             overrides=[override("agreed cycle", color=color(GREY), custom__lineStyle={"fill": "dash", "dash": [8, 8]})],
@@ -289,7 +289,7 @@ def _drive_connection(board: Board) -> None:
                     "discarded: {{reason}}",
                 ),
             ),
-            "RT_CLASS_1 frames, and whatever the drive dropped.",
+            "RT_CLASS_1 frames, and frames that the drive discarded.",
             unit="pps",
             minimum=0,
         ),
@@ -306,7 +306,7 @@ def _drive_faults(board: Board) -> None:
     for title, expression, legend, what in (
         ("Faults", codes, "F{{code}}", "Faults of the drive in the shown range, by number."),
         ("Connections lost", aborts, "{{reason}}", "Aborted connections in the shown range, by reason."),
-        ("Injected", acts, "{{kind}}", "How often injected faults acted in the shown range, by kind."),
+        ("Injected", acts, "{{kind}}", "Activations of injected faults in the shown range, by kind."),
     ):
         board.add(
             stat(
@@ -326,9 +326,9 @@ def _drive_faults(board: Board) -> None:
         (
             "Reaction to a fault",
             "pnfarm_controller_fault_reaction_seconds",
-            "Until the controller withdrew the enable.",
+            "Until the controller removes the enable.",
         ),
-        ("Time to bring it back", "pnfarm_controller_reconnect_seconds", "Until the drive works as before."),
+        ("Recovery time", "pnfarm_controller_reconnect_seconds", "Until the drive runs again."),
     ):
         board.add(
             stat(

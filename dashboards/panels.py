@@ -49,7 +49,7 @@ def thresholds(*steps: tuple[float | None, str]) -> Json:
 
 
 def value_names(names: dict[int, tuple[str, str]]) -> list[Json]:
-    """What a number is called, and its colour."""
+    """Text and colour for a value."""
     options = {
         str(value): {"index": index, "text": text, "color": color}
         for index, (value, (text, color)) in enumerate(names.items())
@@ -58,7 +58,7 @@ def value_names(names: dict[int, tuple[str, str]]) -> list[Json]:
 
 
 def zero_is(text: str) -> Json:
-    """A mapping of 0 alone."""
+    """A mapping for 0."""
     return {"type": "value", "options": {"0": {"index": 0, "text": text, "color": GREEN}}}
 
 
@@ -142,7 +142,7 @@ def timeseries(
     links: list[Json] | None = None,
     no_value: str = "",
 ) -> Json:
-    """Curves; ``steps`` for what jumps, ``stacked`` for parts of a whole."""
+    """Curves; ``steps`` for values that jump, ``stacked`` for parts of a whole."""
     defaults: Json = {
         "unit": unit,
         "color": {"mode": "palette-classic"},
@@ -184,7 +184,7 @@ def state_timeline(
     no_value: str = "",
     links: list[Json] | None = None,
 ) -> Json:
-    """One bar per series, coloured by what its value is called."""
+    """One bar per series, coloured by its value's text."""
     defaults: Json = {
         "color": {"mode": "thresholds"},
         "thresholds": thresholds((None, GREY)),
@@ -232,7 +232,7 @@ def heatmap(title: str, expression: str, description: str) -> Json:
 
 
 def table(title: str, columns: list[tuple[str, str]], description: str, overrides: list[Json]) -> Json:
-    """One row per drive; ``columns`` are names and instant queries that keep the label ``drive`` alone."""
+    """One row per drive; ``columns`` are names and instant queries that keep only the label ``drive``."""
     queries = [
         target(expression, ref=chr(ord("A") + i), instant=True, table=True) for i, (_, expression) in enumerate(columns)
     ]
@@ -257,7 +257,7 @@ def table(title: str, columns: list[tuple[str, str]], description: str, override
 
 
 class Board:
-    """A dashboard in the making."""
+    """Builds a dashboard."""
 
     def __init__(self, uid: str, title: str, description: str, tags: list[str]) -> None:
         self._x = self._y = self._height = 0
@@ -286,7 +286,7 @@ class Board:
     def variable(
         self, name: str, label: str, metric: str, values_of: str, *, everything: bool, description: str
     ) -> None:
-        """A choice among a label's values."""
+        """A variable: one of a label's values."""
         query = f"label_values({metric}, {values_of})"
         found: Json = {
             "name": name,
@@ -324,7 +324,7 @@ class Board:
         )
 
     def dashboard_link(self, title: str, url: str) -> None:
-        """A link in the head line that keeps the time range."""
+        """A link in the header that keeps the time range."""
         self.json["links"].append(
             {
                 "title": title,
@@ -341,7 +341,7 @@ class Board:
         )
 
     def row(self, title: str) -> None:
-        """A heading; what follows stands under it."""
+        """A heading for the panels that follow."""
         self._wrap()
         self._place({"type": "row", "title": title, "collapsed": False, "panels": []}, GRID, 1)
         self._wrap()

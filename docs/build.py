@@ -88,8 +88,8 @@ def states() -> str:
         "BOOTED", "COAST", "QUICK", "OFF", "ON", "ENABLE", "DISABLE", "READY", "STANDSTILL", "TRIP", "TRIP_STOP",
         "RELEASED",
     )  # fmt: skip
-    words = {getattr(state_machine, name): name.lower() for name in events}
-    drive = [(names[s], words[e], names[n]) for (s, e), n in state_machine.TRANSITIONS.items()]
+    event_names = {getattr(state_machine, name): name.lower() for name in events}
+    drive = [(names[s], event_names[e], names[n]) for (s, e), n in state_machine.TRANSITIONS.items()]
     places = {value: name for name, value in vars(positioning).items() if name in MOTION_STATES}
     moves = {getattr(positioning, name): name.lower() for name in MOTION_EVENTS}
     motion = [(places[s], moves[e], places[n]) for (s, e), n in positioning.TRANSITIONS.items()]
@@ -147,8 +147,8 @@ def _type(schema: dict[str, Any], defs: dict[str, Any]) -> str:
         return f"[{name}](#{name.lower()})" if "properties" in defs[name] else _type(defs[name], defs)
     for key in ("anyOf", "oneOf"):
         if key in schema:
-            words = [_type(part, defs) for part in schema[key] if part.get("type") != "null"]
-            return " or ".join(dict.fromkeys(words))
+            types = [_type(part, defs) for part in schema[key] if part.get("type") != "null"]
+            return " or ".join(dict.fromkeys(types))
     if "enum" in schema:
         return ", ".join(f"`{value}`" for value in schema["enum"])
     if "const" in schema:
@@ -183,11 +183,11 @@ def farm_file() -> str:
         for key, field in part["properties"].items():
             known = f"`{field['default']}`" if field.get("default") is not None else ""
             default = "required" if key in required else known
-            words = _type(field, defs).replace("|", "\\|")
-            if words == "text" and isinstance(field.get("default"), int):
-                default = f"`{field['default'] / 1e9:g}s`"  # a duration: nanoseconds inside, words in the file
+            kind = _type(field, defs).replace("|", "\\|")
+            if kind == "text" and isinstance(field.get("default"), int):
+                default = f"`{field['default'] / 1e9:g}s`"  # a duration: nanoseconds in the type, text in the file
             meaning = " ".join(str(field.get("description", "")).split())
-            lines.append(f"| `{key}` | {words} | {default} | {meaning} |")
+            lines.append(f"| `{key}` | {kind} | {default} | {meaning} |")
         lines.append("")
     return "\n".join([*lines, *parameter_lists()])
 

@@ -31,9 +31,9 @@ def _member(name: str, member: Any) -> str:
     else:
         # the annotations are texts, and shown in quotes
         head = f"{name}{inspect.signature(member)}".replace("'", "").replace("(self, ", "(").replace("(self)", "()")
-    words = " ".join((inspect.getdoc(member) or "").split()).replace("``", "`")
-    words = re.sub(r":\w+:`~?([^`]+)`", r"`\1`", words)
-    return f"| `{head}` | {words} |".replace(" | None", " \\| None")
+    text = " ".join((inspect.getdoc(member) or "").split()).replace("``", "`")
+    text = re.sub(r":\w+:`~?([^`]+)`", r"`\1`", text)
+    return f"| `{head}` | {text} |".replace(" | None", " \\| None")
 
 
 def page() -> str:

@@ -109,7 +109,7 @@ def page() -> str:
     for name in every:
         counts = " | ".join(map(str, effects(name).values()))
         lines.append(f"| [{name}](parameters/{name}.md) | {counts} |")
-    lines += ["", *(f"- {effect}: {words}" for effect, words in EFFECTS.items())]
+    lines += ["", *(f"- {effect}: {meaning}" for effect, meaning in EFFECTS.items())]
     for name, found in every.items():
         lines += ["", f"## {name}", "", "| section | about | status | held by | note |", "|---|---|---|---|---|"]
         for row in found:

@@ -74,7 +74,7 @@ def parameters(name: str) -> str:
         "",
         "| effect | parameters | meaning |",
         "|---|---:|---|",
-        *(f"| {effect} | {counts[effect]} | {words} |" for effect, words in EFFECTS.items()),
+        *(f"| {effect} | {counts[effect]} | {meaning} |" for effect, meaning in EFFECTS.items()),
         "",
         "| PNU | name | type | unit | scale | default | access | effect | source |",
         "|---:|---|---|---|---|---:|---|---|---|",

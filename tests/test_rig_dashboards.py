@@ -233,5 +233,5 @@ def test_dashboards_show_the_fault_the_lost_connection_and_the_recovery(promethe
     overview = queries(ROOT / "dashboards" / "json" / "farm-overview.json")
     (drives,) = prometheus(overview["Drives A"])
     assert {value for _, value in drives["values"]} == {"3"}
-    injected = {series["metric"]["kind"] for series in prometheus(overview["Injected faults at work A"])}
+    injected = {series["metric"]["kind"] for series in prometheus(overview["Activity of injected faults A"])}
     assert {"drive-fault", "loss"} <= injected or {"f702", "loss"} <= injected

@@ -26,7 +26,7 @@ def main() -> int:
         request = urllib.request.Request(f"{api}/api/v1/drives", headers=headers)  # noqa: S310 - the farm's own address
         with urllib.request.urlopen(request, timeout=3) as answer:  # noqa: S310 - as above
             drives = json.load(answer)["drives"]
-    except OSError as exc:  # no token's file, refused, timed out, or answered with an error
+    except OSError as exc:  # no token file, connection refused, timeout, or an error response
         sys.stderr.write(f"the farm at {api} does not tell: {exc}\n")
         return 1
     missing = [drive["name"] for drive in drives if drive["ar_state"] != "DATA"]

@@ -35,7 +35,7 @@ def main(arguments: list[str]) -> None:
     if name is None:
         sys.stderr.write(f"this container has no interface in {subnet}: put it into the network `fieldbus`\n")
         sys.exit(4)
-    os.execvpe(command[0], command, {**os.environ, **dict.fromkeys(NAMED, name)})  # noqa: S606 - no shell is wanted
+    os.execvpe(command[0], command, {**os.environ, **dict.fromkeys(NAMED, name)})  # noqa: S606 - no shell needed
 
 
 if __name__ == "__main__":

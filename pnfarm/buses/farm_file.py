@@ -46,7 +46,7 @@ class Claims:
 
 @dataclass(frozen=True, slots=True)
 class PlacedGroup(Generic[Group]):
-    """A group, where it is reported, and what the file's reader calls it: ``drives[2]``."""
+    """A group, where it is reported, and its ``label`` in messages: ``drives[2]``."""
 
     at: Location
     label: str

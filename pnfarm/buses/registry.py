@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.bus import PROFINET
-from pnfarm.captures.families import filter_words
+from pnfarm.captures.families import filters_of
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.terminal.command import Command
 
-__all__ = ["BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_words", "registered"]
+__all__ = ["BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "registered"]
 
 _buses: dict[str, Bus] = {PROFINET.name: PROFINET}
 #: By name.
@@ -68,9 +68,9 @@ def commands() -> list[Command]:
     return [command for one in BUSES.values() for command in one.commands()]
 
 
-def frame_words() -> dict[str, frozenset[str]]:
+def frame_filters() -> dict[str, frozenset[str]]:
     """The words by which a capture's frames are chosen, and the families of frames that each stands for."""
-    return filter_words(family for one in BUSES.values() for family in one.frame_families)
+    return filters_of(family for one in BUSES.values() for family in one.frame_families)
 
 
 def decoder(*, gap_cycles: float = 3.0, every_frame: bool = False) -> Decoder:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-__all__ = ["ACYCLIC", "CYCLIC", "NEUTRAL", "OTHER", "filter_words"]
+__all__ = ["ACYCLIC", "CYCLIC", "NEUTRAL", "OTHER", "filters_of"]
 
 CYCLIC, ACYCLIC = "cyclic", "acyclic"
 #: Families without a bus.
@@ -15,7 +15,7 @@ OTHER = "other"
 NEUTRAL = ("arp", "icmp", OTHER)
 
 
-def filter_words(families: Iterable[str]) -> dict[str, frozenset[str]]:
+def filters_of(families: Iterable[str]) -> dict[str, frozenset[str]]:
     """The families that each name of a filter selects: one family, or all but cyclic frames."""
     every = dict.fromkeys((CYCLIC, *families, *NEUTRAL))
     words = {CYCLIC: frozenset({CYCLIC}), ACYCLIC: frozenset(every) - {CYCLIC}}

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from pnfarm.errors import DecodeError
     from pnfarm.wire.udp import UdpDatagram
 
-__all__ = ["arp", "icmp", "ip_packet", "other", "udp_words", "unreadable"]
+__all__ = ["arp", "describe_udp", "icmp", "ip_packet", "other", "unreadable"]
 
 _NOBODY = IPv4Address(0)
 
 
-def udp_words(datagram: UdpDatagram) -> Description:
+def describe_udp(datagram: UdpDatagram) -> Description:
     """Ports and length of any other UDP datagram."""
     return Description(
         "UDP", f"port {datagram.source_port} -> {datagram.destination_port}, {len(datagram.data)} octets"
@@ -72,7 +72,7 @@ def other(packet: Packet, capture: Capture) -> Iterator[Description]:
     if packet.ethertype == ETHERTYPE_IPV4:
         ip = ip_packet(packet, capture)
         if ip is not None and ip.protocol == PROTOCOL_UDP:
-            yield udp_words(parse_udp(ip.payload))
+            yield describe_udp(parse_udp(ip.payload))
         elif ip is not None:
             yield Description("IP", f"protocol {ip.protocol}")
     elif packet.ethertype < 0x0600:

@@ -46,7 +46,7 @@ def decode(
         typer.Option(
             "--only",
             metavar="KIND",
-            help=f"Show only this kind of frame: {', '.join(registry.frame_words())}.",
+            help=f"Show only this kind of frame: {', '.join(registry.frame_filters())}.",
             show_default=False,
         ),
     ] = None,
@@ -100,7 +100,7 @@ def _families(words: Sequence[str]) -> frozenset[str]:
     """The frame families of these kinds; without any, all families that a decoder knows."""
     from pnfarm.captures.families import OTHER
 
-    known = registry.frame_words()
+    known = registry.frame_filters()
     for word in words:
         if word not in known:
             raise ConfigError(f"unknown kind of frame {word!r}, allowed are {', '.join(known)}")

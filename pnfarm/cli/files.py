@@ -18,8 +18,8 @@ __all__ = [
     "SchemaOf",
     "check_impairments",
     "counted",
-    "known_words",
-    "link_words",
+    "known_names",
+    "link_text",
     "read",
     "schema",
     "summary",
@@ -33,7 +33,7 @@ class SchemaOf(StrEnum):
     FARM = "farm"
 
 
-def known_words() -> Known:
+def known_names() -> Known:
     """The installed models and the fault catalogue, which a farm file refers to."""
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.config.known import catalogue
@@ -45,7 +45,7 @@ def read(path: Path) -> FarmConfig:
     """A farm file, checked against the models and the fault catalogue.  Raises :class:`FarmFileError`."""
     from pnfarm.farm.file.reading import load_farm
 
-    return load_farm(path, known_words())
+    return load_farm(path, known_names())
 
 
 def check_impairments(config: FarmConfig) -> None:
@@ -95,7 +95,7 @@ def summary(config: FarmConfig) -> str:
     if config.farm is not None:
         api = config.api
         parts.insert(0, f"farm {config.farm}")
-        parts.append(f"on {link_words(config)}")
+        parts.append(f"on {link_text(config)}")
         parts.append("no API" if api is None else f"API {api.host}:{api.port}")
     if config.controller is not None:
         parts.append(f"controller {config.controller.name}")
@@ -104,7 +104,7 @@ def summary(config: FarmConfig) -> str:
     return ", ".join(parts)
 
 
-def link_words(config: FarmConfig) -> str:
+def link_text(config: FarmConfig) -> str:
     """``macvlan eth1``, ``veth``."""
     link = config.link
     if link is None:
@@ -126,4 +126,4 @@ def schema(
     from pnfarm.terminal.output import print_json
 
     del of
-    print_json(farm_schema(known_words()))
+    print_json(farm_schema(known_names()))

@@ -112,7 +112,7 @@ def _controller(drive: dict[str, Any]) -> str:
     return f"{controller['name']} {controller['ip']}".strip() if controller else "-"
 
 
-def _fault_words(fault: dict[str, Any]) -> str:
+def _fault_text(fault: dict[str, Any]) -> str:
     return f"F{fault['number']} {fault['name']}".strip()
 
 
@@ -120,11 +120,11 @@ def _last_fault(drive: dict[str, Any]) -> str:
     fault = drive["fault"] or drive["last_fault"]
     if fault is None:
         return "-"
-    return _fault_words(fault) + (" (active)" if drive["fault"] else "")
+    return _fault_text(fault) + (" (active)" if drive["fault"] else "")
 
 
 def _one(drive: dict[str, Any], output: Format) -> None:
-    from pnfarm.farm.discard_words import discard_words
+    from pnfarm.farm.discard_texts import discard_text
     from pnfarm.terminal.output import number, print_json, print_line, print_table
 
     if output is Format.JSON:
@@ -140,7 +140,7 @@ def _one(drive: dict[str, Any], output: Format) -> None:
     if discards:
         print_line()
         most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))
-        table = [(number(count), reason, discard_words(reason)) for reason, count in most]
+        table = [(number(count), reason, discard_text(reason)) for reason, count in most]
         print_table((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
     if events:
         print_line()
@@ -161,7 +161,7 @@ def _cell(key: str, value: Any) -> str:
         case float():
             return f"{value:.6g}"
         case {"number": _, "name": _}:
-            return _fault_words(value)
+            return _fault_text(value)
         case {"port_id": _, "chassis": _}:
             where = " ".join(word for word in (value["mac"], value["ip"]) if word)
             return f"{value['station']} {value['port_id']} ({where}) at {value['port']}"

@@ -160,7 +160,7 @@ def _print(found: dict[str, Any]) -> None:
     )
     print_line()
     counts = Counter(row["effect"] for row in found["parameters"])
-    effects = [(counts[name], name, words) for name, words in EFFECTS.items()]
+    effects = [(counts[name], name, meaning) for name, meaning in EFFECTS.items()]
     print_table((">PARAMETERS", "EFFECT", "~MEANING"), effects)
     print_line()
     print_line(f"Every parameter: pnfarm models {found['name']} --parameters '*'; every row: --format json")

@@ -283,7 +283,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
 
 def _say_up(farm: Farm, url: str | None) -> None:
     """Print one line for a user or a script; with JSON logs the log has the same as events."""
-    from pnfarm.cli.files import counted, link_words
+    from pnfarm.cli.files import counted, link_text
     from pnfarm.terminal.output import print_line, print_table
 
     if settings.logs_json:
@@ -291,7 +291,7 @@ def _say_up(farm: Farm, url: str | None) -> None:
     where = f"API {url}" if url else "no API"
     if url and farm.config.token_path is not None:
         where += f", its token in {farm.config.token_path}"
-    print_line(f"{farm.config.farm}: {counted(len(farm.drives), 'drive')} on {link_words(farm.config)}, {where}")
+    print_line(f"{farm.config.farm}: {counted(len(farm.drives), 'drive')} on {link_text(farm.config)}, {where}")
     if not sys.stdout.isatty():
         return
     rows = [(drive.name, drive.model, *drive.addresses()) for drive in farm.drives[:MAX_ROWS]]

@@ -193,34 +193,34 @@ def read_scalar(value: Any) -> int | float | str | bool:
     return value
 
 
-def _words(**schema: Any) -> WithJsonSchema:
+def _schema(**schema: Any) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", **schema})
 
 
-DURATION_SCHEMA = _words(pattern=DURATION_PATTERN, examples=["500ms", "2s", "31.25us"])
+DURATION_SCHEMA = _schema(pattern=DURATION_PATTERN, examples=["500ms", "2s", "31.25us"])
 
-FarmName = Annotated[str, PlainValidator(read_farm_name), _words(pattern=f"^{_FARM_NAME.pattern}$", maxLength=40)]
+FarmName = Annotated[str, PlainValidator(read_farm_name), _schema(pattern=f"^{_FARM_NAME.pattern}$", maxLength=40)]
 NamePattern = Annotated[
     str,
     PlainValidator(read_name_pattern),
-    _words(minLength=1, maxLength=240, examples=["press", "axis-{n}", "axis-{n:02}"]),
+    _schema(minLength=1, maxLength=240, examples=["press", "axis-{n}", "axis-{n:02}"]),
 ]
 Cidr = Annotated[
     IPv4Interface,
     PlainValidator(read_cidr),
-    _words(pattern=r"^[0-9]{1,3}(\.[0-9]{1,3}){3}/[0-9]{1,2}$", examples=["10.77.0.11/24"]),
+    _schema(pattern=r"^[0-9]{1,3}(\.[0-9]{1,3}){3}/[0-9]{1,2}$", examples=["10.77.0.11/24"]),
 ]
-Gateway = Annotated[IPv4Address, PlainValidator(read_gateway), _words(format="ipv4", examples=["10.77.0.1"])]
+Gateway = Annotated[IPv4Address, PlainValidator(read_gateway), _schema(format="ipv4", examples=["10.77.0.1"])]
 MacSetting = Annotated[
     bytes | str,
     PlainValidator(read_mac),
-    _words(pattern=r"^(auto|[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5})$", examples=["auto", "02:00:00:00:00:01"]),
+    _schema(pattern=r"^(auto|[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5})$", examples=["auto", "02:00:00:00:00:01"]),
 ]
 Duration = Annotated[int, PlainValidator(read_duration), DURATION_SCHEMA]
 Globs = Annotated[list[str], PlainValidator(read_globs), WithJsonSchema(GLOBS_SCHEMA)]
-Interface = Annotated[str, PlainValidator(read_interface), _words(minLength=1, maxLength=15, examples=["eth1"])]
-Listen = Annotated[tuple[str, int], PlainValidator(read_listen), _words(examples=["127.0.0.1:8702"])]
-OctetString = Annotated[bytes, PlainValidator(read_octets), _words(pattern="^([0-9a-fA-F]{2} *)*$")]
+Interface = Annotated[str, PlainValidator(read_interface), _schema(minLength=1, maxLength=15, examples=["eth1"])]
+Listen = Annotated[tuple[str, int], PlainValidator(read_listen), _schema(examples=["127.0.0.1:8702"])]
+OctetString = Annotated[bytes, PlainValidator(read_octets), _schema(pattern="^([0-9a-fA-F]{2} *)*$")]
 Scalar = Annotated[
     int | float | str | bool,
     PlainValidator(read_scalar),

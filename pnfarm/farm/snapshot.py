@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NO_AR",
-    "bits_in_words",
     "discards",
     "drive_snapshot",
     "farm_snapshot",
     "injected_faults",
+    "named_bits",
 ]
 
 #: Keys that a bus shows of a drive (:meth:`pnfarm.station.device.Device.view`) and another may not have.
@@ -45,7 +45,7 @@ _NOT_SHOWN: Mapping[str, Any] = {
 NO_AR = "NO_AR"
 
 
-def bits_in_words(word: int, names: Sequence[str]) -> list[str]:
+def named_bits(word: int, names: Sequence[str]) -> list[str]:
     """The names of the bits that are set, bit 0 first; a bit without a name is ``bit_11``."""
     named = [*names, *[""] * (16 - len(names))]
     return [named[bit] or f"bit_{bit}" for bit in range(16) if word >> bit & 1]
@@ -101,9 +101,9 @@ def drive_snapshot(
         "powered": powered,
         "state": _state_word(powered, state),
         "zsw1": f"0x{zsw1:04X}",
-        "zsw1_bits": bits_in_words(zsw1, station.model.profidrive.bit_names("ZSW1", telegram) or ZSW1_BITS),
+        "zsw1_bits": named_bits(zsw1, station.model.profidrive.bit_names("ZSW1", telegram) or ZSW1_BITS),
         "stw1": f"0x{stw1:04X}",
-        "stw1_bits": bits_in_words(stw1, station.model.profidrive.bit_names("STW1", telegram) or STW1_BITS),
+        "stw1_bits": named_bits(stw1, station.model.profidrive.bit_names("STW1", telegram) or STW1_BITS),
         "telegram": telegram,
         "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
         "controller": _controller(known) if known is not None else None,

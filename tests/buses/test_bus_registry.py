@@ -52,11 +52,11 @@ def test_a_command_of_a_further_bus_is_in_its_help_panel_and_runs(bare, capsys):
 
 def test_its_frames_can_be_chosen_of_a_capture(bare, capsys):
     with registry.registered(bare):
-        assert registry.frame_words()["acyclic"] >= {"whisper", "dcp"}
-        assert registry.frame_words()["whisper"] == {"whisper"}
+        assert registry.frame_filters()["acyclic"] >= {"whisper", "dcp"}
+        assert registry.frame_filters()["whisper"] == {"whisper"}
         assert main(["decode", "--help"]) == 0
         assert "whisper" in capsys.readouterr().out
-    assert "whisper" not in registry.frame_words()
+    assert "whisper" not in registry.frame_filters()
 
 
 def test_nothing_of_a_bus_stays_after_its_block(bare, capsys):

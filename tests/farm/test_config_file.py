@@ -11,7 +11,7 @@ from farm_file import CONFIGS, GOOD, KNOWN, issues, parse, the_issue
 
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
-from pnfarm.cli.files import check_impairments, known_words
+from pnfarm.cli.files import check_impairments, known_names
 from pnfarm.config.known import catalogue
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, expand, load_farm, parse_farm
@@ -529,7 +529,7 @@ def work(text, path):
         nonlocal calls
         calls += event in {"call", "c_call"}
 
-    known = known_words()
+    known = known_names()
     before = sys.getprofile()
     sys.setprofile(count)
     try:

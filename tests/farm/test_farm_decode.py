@@ -18,7 +18,7 @@ from recorded_farm import FARM, described, record
 from pnfarm.buses.profinet.decode.cyclic import drive_state, status_text
 from pnfarm.buses.profinet.decode.decoder import FAMILIES, family_of
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
-from pnfarm.buses.registry import bus, frame_words
+from pnfarm.buses.registry import bus, frame_filters
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.decoder import family_of as neutral_family_of
 from pnfarm.captures.packet import Packet
@@ -369,8 +369,8 @@ def test_the_table_has_every_kind_of_frame():
     """What `--only` knows is what the decoders know, and what a capture's filter in the kernel knows."""
     profinet = set(bus("profinet").frame_families)
     assert set(FAMILIES) - {"other"} == profinet
-    assert set(frame_words()) == profinet | {"acyclic", "arp", "icmp", "other"} == set(KINDS)
-    assert {word: families for word, families in frame_words().items() if KINDS[word] != families} == {}
+    assert set(frame_filters()) == profinet | {"acyclic", "arp", "icmp", "other"} == set(KINDS)
+    assert {word: families for word, families in frame_filters().items() if KINDS[word] != families} == {}
 
 
 @given(st.integers(0, 0xFFFF), st.binary(max_size=80))

@@ -32,15 +32,15 @@ def check(
     known: Known,
     report: Report,
     *,
-    hangs_together: bool = True,
+    is_complete: bool = True,
     places: Sequence[int] | None = None,
 ) -> None:
     """Report all that does not fit together; one report per group and cause, not one per drive.
 
-    ``hangs_together=False`` leaves out the checks between sections, for a file of which some were set aside; ``places``
+    ``is_complete=False`` leaves out the checks between sections, for a file of which some were set aside; ``places``
     are then the numbers that the drive groups have in the file.
     """
-    if hangs_together:
+    if is_complete:
         _check_sections(sections, report)
     numbers = range(len(sections.drives)) if places is None else places
     groups = [
@@ -49,7 +49,7 @@ def check(
     ]
     for placed in groups:
         _check_group(placed.at, placed.group, known, report)
-    if hangs_together and sections.link is not None:
+    if is_complete and sections.link is not None:
         _check_links(sections.link.kind, groups, report)
     total = sum(group.count for group in sections.drives)
     if total > MAX_DRIVES:
@@ -180,12 +180,12 @@ def _check_between(
         # a pattern that does not count is reported as that
         if placed.group.count == 1 or numbered(placed.group.name):
             values.append(("name", drive.name, shown(drive.name)))
-        for key, value, words in values:
+        for key, value, text in values:
             by = claims.claim(key, value, placed.label, drive.name)
             if by is None or (drive.group, key, claims.place(key, value)) in reported:
                 continue
             reported.add((drive.group, key, claims.place(key, value)))
-            what = f"{words} belongs to {by} already"
+            what = f"{text} belongs to {by} already"
             if key != "name":
                 what = f"{shown(drive.name)}: {what}"
             report((*placed.at, key), what, "each once in the farm")

@@ -220,7 +220,7 @@ def _build(
             partial,
             known,
             lambda location, what, allowed: report(_moved(location, moved), what, allowed),
-            hangs_together=not _says_nothing_of_links(wrong),
+            is_complete=not _says_nothing_of_links(wrong),
             places=moved,
         )
     else:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
 from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_text, parameter_request, parameter_response
 from pnfarm.buses.profinet.decode.shared import Call
-from pnfarm.captures.neutral import ip_packet, udp_words
+from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
@@ -109,7 +109,7 @@ def rpc(packet: Packet, shared: Shared) -> Iterator[Description]:
     datagram = parse_udp(ip.payload)
     if not is_call(datagram.source_port, datagram.destination_port, datagram.data):
         # fragments: only the whole datagram can be classified
-        yield replace(udp_words(datagram), family="other")
+        yield replace(describe_udp(datagram), family="other")
         return
     pdu = parse_rpc(datagram.data)
     if pdu.interface == UUID_EPM:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pnfarm
-from pnfarm.farm.discard_words import PREFIXES, REASONS, discard_words
+from pnfarm.farm.discard_texts import PREFIXES, REASONS, discard_text
 from pnfarm.table.channel import DISCARDS
 
 ROOT = Path(pnfarm.__file__).parent
@@ -98,4 +98,4 @@ def test_every_reason_of_the_engine_has_words(reason):
     ],
 )
 def test_words_of(reason, words):
-    assert discard_words(reason) == words
+    assert discard_text(reason) == words

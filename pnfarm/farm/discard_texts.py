@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["PREFIXES", "REASONS", "discard_words"]
+__all__ = ["PREFIXES", "REASONS", "discard_text"]
 
 #: Reason -> what happened.
 REASONS: Mapping[str, str] = MappingProxyType(
@@ -178,7 +178,7 @@ PREFIXES: Mapping[str, str] = MappingProxyType(
 _IN_STATE = "-in-"
 
 
-def discard_words(reason: str) -> str:
+def discard_text(reason: str) -> str:
     """The meaning of a reason; for an unknown one, its slug as words."""
     known = REASONS.get(reason)
     if known is not None:

@@ -1,6 +1,6 @@
-"""What both dashboards say alike: names of states, reasons and bits, and the shapes of their queries.
+"""Shared by both dashboards: names of states, reasons and bits, and the forms of their queries.
 
-The names come from pnfarm itself, so that a dashboard says what the command line says.  Queries are Prometheus's; the
+The names come from pnfarm itself, so that dashboards and command line use the same.  Queries are Prometheus's; the
 metrics' names are those that pnfarm promises.
 """
 
@@ -23,7 +23,7 @@ from pnfarm.protocols.profinet.ar import CmdevState
 
 FARM_UID = "pnfarm-farm"
 DRIVE_UID = "pnfarm-drive"
-#: From a value of the table or a curve to that drive's own dashboard.
+#: Link from a value to the dashboard of its drive.
 TO_DRIVE = f"/d/{DRIVE_UID}?var-farm=${{farm}}&${{__url_time_range}}&var-drive="
 BY_LABEL = TO_DRIVE + "${__field.labels.drive}"
 
@@ -50,7 +50,7 @@ BITS: dict[int, tuple[str, str]] = {0: ("0", "#3a3f47"), 1: ("1", BLUE)}
 BAD_BITS = {"fault_present", "switching_on_inhibited", "warning_present"}
 
 NONE_IS_GOOD = thresholds((None, GREEN), (1, RED))
-#: A thousandth of a second is what a send clock of 1 ms forgives.
+#: A lateness of 1 ms is the limit for a send clock of 1 ms.
 LATENESS = thresholds((None, GREEN), (0.00025, YELLOW), (0.001, RED))
 RATE = "$__rate_interval"
 
@@ -72,25 +72,25 @@ def quantile(share: float, buckets: str, by: str = "le") -> str:
 
 
 def mean(histogram: str, selector: str) -> str:
-    """Mean of what a histogram saw in the shown range."""
+    """Mean of a histogram's values in the shown range."""
     total = f"sum(increase({histogram}_sum{selector}[$__range]))"
     return f"{total} / (sum(increase({histogram}_count{selector}[$__range])) > 0)"
 
 
 def spaced(name: str) -> str:
-    """A bit's name as a person writes it."""
+    """A bit's name with spaces."""
     return name.replace("_", " ")
 
 
 def farm_variable(board: Board) -> None:
-    """The choice of a farm that both dashboards have."""
+    """The selection of a farm, in both dashboards."""
     board.variable(
         "farm",
         "Farm",
         "pnfarm_build_info",
         "instance",
         everything=True,
-        description="Address at which a farm is scraped.",
+        description="Address at which the farm is scraped.",
     )
 
 
@@ -102,7 +102,7 @@ def annotations(board: Board, *, of_drive: bool) -> None:
         board.annotation("Injected fault acts", expression, "{{kind}}", "an injected fault acted on $drive", PURPLE)
     else:
         expression = f"sum by (kind) ({select('pnfarm_faults_active')}) > 0"
-        board.annotation("Injected faults", expression, "{{kind}}", "fault {{kind}} in force", PURPLE)
+        board.annotation("Injected faults", expression, "{{kind}}", "fault {{kind}} active", PURPLE)
     expression = f"sum by (drive, code) (increase({select('pnfarm_axis_faults_total')}[10s])) > 0"
     board.annotation("Drive faults", expression, "F{{code}}", "fault {{code}} of {{drive}}", RED)
     expression = f"sum by (drive, reason) (increase({select('pnfarm_ar_aborts_total')}[10s])) > 0"
