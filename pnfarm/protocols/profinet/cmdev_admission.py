@@ -37,7 +37,7 @@ class Caller:
     mac: bytes | None = None
 
     def is_of(self, ar: Ar, request: ArBlockReq) -> bool:
-        """Whether the AR's own Connect came from here, too."""
+        """Whether the AR's own Connect had the same origin."""
         same_frame = self.mac is None or ar.source_mac is None or self.mac == ar.source_mac
         return same_frame and self.ip == ar.peer_ip and request.initiator_mac == ar.initiator_mac
 

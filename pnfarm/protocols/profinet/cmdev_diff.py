@@ -36,7 +36,7 @@ class Holdings:
     """What an AR has of its expected submodules.
 
     ``locked`` are others', ``pending`` wait for parameters.  ``supervisor``: the AR is one, so that a locked submodule
-    says that its takeover is denied.  ``diagnosis`` gives the diagnosis bits of a submodule's SubmoduleState.
+    reports that its takeover is denied.  ``diagnosis`` gives the diagnosis bits of a submodule's SubmoduleState.
     """
 
     locked: Mapping[ExpectedKey, ArInfo] = field(default_factory=dict)

@@ -64,7 +64,7 @@ def _undecodable(service: ErrorCode, exc: DecodeError) -> ServedCall:
 
 
 def _fitting(answer: bytes, args_maximum: int) -> bytes:
-    """The header that goes with a refusal, left out where the caller takes less."""
+    """The header that goes with a refusal, left out where the caller accepts less."""
     return answer if len(answer) <= args_maximum else b""
 
 

@@ -1,4 +1,4 @@
-"""The calling end of connectionless RPC: a controller's Connect, Read, Write, Control, and a device's ApplicationReady.
+"""The client side of connectionless RPC: a controller's Connect, Read, Write, Control, and a device's ApplicationReady.
 
 Calls to one peer share an *activity* with rising sequence numbers, one call at a time; a call made while another is
 open gets an activity of its own.  One call walks through these states (C706 chapter 10, the connectionless client
@@ -79,7 +79,7 @@ _EPM_VERSION: Final = 3
 
 
 class RpcClient:
-    """See the module's text.  ``new_uuid`` gives a fresh activity UUID on each call of it."""
+    """See the module's docstring.  ``new_uuid`` gives a fresh activity UUID on each call of it."""
 
     def __init__(self, new_uuid: Callable[[], UUID], config: RpcClientConfig | None = None) -> None:
         self.config = config or RpcClientConfig()

@@ -1,4 +1,4 @@
-"""The called end of connectionless RPC: a device's context management port, or a controller's for ApplicationReady.
+"""The server side of connectionless RPC: a device's context management port, or a controller's for ApplicationReady.
 
 A client numbers its calls within an *activity*.  The server keeps one row per activity (C706 chapter 10, the
 connectionless server machine); what a datagram does depends on the row's state and on whether the datagram's sequence
@@ -87,7 +87,7 @@ NO_ADDRESS: Final = IPv4Address(0)
 
 
 class RpcServer:
-    """See the module's text.  ``address`` is the device's own, which the endpoint mapper reports; 0.0.0.0: none yet.
+    """See the module's docstring.  ``address`` is the device's, which the endpoint mapper reports; 0.0.0.0: none yet.
 
     ``late``, when set, is asked about every answer of the application; one that is held back leaves its call EXECUTING.
     """

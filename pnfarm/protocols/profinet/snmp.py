@@ -1,6 +1,6 @@
 """The SNMP agent of a drive: versions 1 and 2c, as PROFINET's conformance class B requires.
 
-Theory: a manager sends a message to UDP port 161; its community says what it may do, its PDU what it wants.  The agent
+Theory: a manager sends a message to UDP port 161; its community gives its rights, its PDU the request.  The agent
 holds nothing between two messages but its counters, so there is no state machine and no deadline:
 :meth:`SnmpAgent.receive` answers at once, or drops the message silently, as the standard requires where it is
 not for this agent.

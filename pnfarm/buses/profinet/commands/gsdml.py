@@ -19,7 +19,7 @@ def gsdml(
         ),
     ] = Path(),
 ) -> None:
-    """Write a model's GSDML file, which says what the virtual drive answers, and print its path."""
+    """Write a model's GSDML file, which describes the virtual drive, and print its path."""
     from pnfarm.drives import catalogue
     from pnfarm.errors import ConfigError, EnvironmentError_
     from pnfarm.protocols.profinet.gsdml.describe import describe_model, file_name

@@ -109,7 +109,7 @@ async def _listen(
         (port,) = await link.open([PortSpec("scan", bytes(6))])
         # two scans at once must not take each other's answers
         client = DcpClient(port.mac, first_xid=time.monotonic_ns() & 0x7FFF_FFFF | 1)
-        # it only listens: its to_send is never asked
+        # it only listens: its to_send is never called
         listener = LldpPort(LocalSystem(port.mac), LocalPort(1, port.mac), maximum=_MAXIMUM)
 
         def take() -> None:

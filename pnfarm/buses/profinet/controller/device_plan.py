@@ -43,7 +43,7 @@ class SignalSteps:
 
 @dataclass(frozen=True, slots=True)
 class DevicePlan:
-    """One drive as the controller wants it."""
+    """One drive as the controller expects it."""
 
     name: str
     model: str

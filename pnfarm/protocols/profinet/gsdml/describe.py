@@ -1,4 +1,4 @@
-"""The GSDML description of a drive model: what its virtual device answers, and nothing else.
+"""The GSDML description of a drive model: what its virtual device supports, and nothing else.
 
 Schema V2.35: TIA Portal accepts it since V15.1.  The file needs no feature beyond V2.3, and the DAP says PNIO_Version
 V2.3: from V2.31 on tools ask for PTP and DCP boundaries, which this device does not have.

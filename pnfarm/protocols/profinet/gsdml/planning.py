@@ -68,7 +68,7 @@ class PlannedDevice:
         return self.dap.min_device_interval * SEND_CLOCK_NS
 
     def clock(self, send_clock_factor: int, reduction_ratio: int) -> tuple[int, int]:
-        """The pair itself where the device takes it, else the pair for the same cycle with the send clock next to 1 ms.
+        """The pair itself if the device supports it, else the pair for the same cycle with the send clock next to 1 ms.
 
         A pair that no other can replace is returned unchanged; :meth:`check_clock` says what is wrong with it.
         """

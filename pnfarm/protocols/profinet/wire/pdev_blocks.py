@@ -1,4 +1,4 @@
-"""What a controller expects of a port and how it wants it: the blocks inside of PDPortDataCheck and PDPortDataAdjust.
+"""What a controller expects of a port and sets there: the blocks inside of PDPortDataCheck and PDPortDataAdjust.
 
 IEC 61158-6-10, PDev.  Fields align to four octets from the start of their block's header; what pads a block up to four
 octets may lie inside or behind it, senders differ.  A block of a type without codec stays a :class:`RawBlock`.

@@ -113,7 +113,7 @@ def emit_rta(pdu: RtaPdu) -> bytes:
     return w.u16(pdu.send_sequence).u16(pdu.ack_sequence).u16(len(pdu.body)).bytes(pdu.body).getvalue()
 
 
-# ERR-RTA-PDU: how either end of an AR says that it is over
+# ERR-RTA-PDU: how either end of an AR reports its end
 
 
 @dataclass(frozen=True, slots=True)
