@@ -1,4 +1,4 @@
-"""Where the tests' own code stands."""
+"""How the tests' own files depend on each other."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ def test_ci_tests_what_the_image_installs():
 
 
 def test_every_supported_python_has_a_version_of_each_package():
-    """A package that stands more than once stands with conditions that leave no supported version out."""
+    """A package that is listed more than once has conditions that leave no supported version out."""
     for name in LOCKS:
         text = (ROOT / "locks" / name).read_text("utf-8")
         lines = [Requirement(line) for line in re.findall(r"^([a-z0-9.-]+==[^\\\n]+)", text, re.MULTILINE)]

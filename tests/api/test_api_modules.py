@@ -1,4 +1,4 @@
-"""What stands in a drive's slots, pulled and plugged over HTTP while a controller watches."""
+"""The modules in a drive's slots, pulled and plugged over HTTP while a controller watches."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def profile_parameters(name: str, behaviour: str) -> object:
 
 @observes("fault-on-plc-stop", {"fault": True, "no-fault": False})
 def fault_on_plc_stop(name: str, behaviour: str) -> object:
-    """Whether ZSW1.3 stands while the controller is in STOP."""
+    """Whether ZSW1.3 is set while the controller is in STOP."""
     plc = speed_plc(name, behaviour)
     plc.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
     return bool(plc.put(STW1=RUN, wait=200) & FAULT)

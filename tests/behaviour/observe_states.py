@@ -35,7 +35,7 @@ def state(plc: Plc) -> str:
 
 
 def what_is_left(plc: Plc) -> tuple[str, str]:
-    """The state, and whether the axis goes on, stands or coasts, half a second later."""
+    """The state, and whether the axis goes on, stops or coasts, half a second later."""
     plc.wait(500)
     rpm = plc.rpm()
     return state(plc), "goes on" if rpm > RPM - 5 else "stands" if abs(rpm) < 5 else "coasts"
@@ -134,7 +134,7 @@ def jogging(name: str, behaviour: str, **options) -> Plc:
 
 @observes("jog-direction-bit", {"goes-on": 100, "ends": 0})
 def jog_direction_bit(name: str, behaviour: str) -> object:
-    """rpm when STW1.8, which gave the direction, falls and STW1.9 stands."""
+    """rpm when STW1.8, which gave the direction, falls and STW1.9 stays set."""
     plc = jogging(name, behaviour)
     plc.put(STW1=JOGGING | JOG_1, wait=300)
     assert plc.rpm() == pytest.approx(100, abs=1)

@@ -1,4 +1,4 @@
-"""A limit on the address space is told in a sentence, and nothing is begun that would not end."""
+"""A limit on the address space is reported in one sentence before anything starts that would fail."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The first start: how far the compilation is, told as it is, and not counted as anybody's start."""
+"""The first start: progress of the compilation is reported, and the demo times itself from its end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors, exit codes, global options: what every command does alike."""
+"""Errors, exit codes, global options: what all commands have in common."""
 
 from __future__ import annotations
 

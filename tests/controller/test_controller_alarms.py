@@ -1,4 +1,4 @@
-"""Alarms of a drive at the built-in controller: acknowledged on the wire, told in words, counted."""
+"""Alarms of a drive at the built-in controller: acknowledged on the wire, logged as text, counted."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def test_a_drive_that_vanishes_before_its_first_frame_is_given_up_within_seconds
 
 def test_nothing_is_sent_to_a_drive_that_gave_its_start_up_up() -> None:
     line = waiting_for_ready()
-    # the drive ends the connection, and nobody hears of it
+    # the drive ends the connection without a notice
     line.add("loss", direction="out")
     line.farm.stations[0].device.cm.abort_all(0x0D, line.world.now)
     line.farm.settle(line.farm.stations[0], line.world.now)

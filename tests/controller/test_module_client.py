@@ -1,4 +1,4 @@
-"""``pnfarm module list`` on the wire: what a device tells of its slots, read without a connection."""
+"""``pnfarm module list`` on the wire: what a device says of its slots, read without a connection."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def listed(line, target):
 
 
 def real(station):
-    """What stands in a station's slots, by its own account."""
+    """The modules in a station's slots, as it reports them."""
     return tuple(
         DeviceModule(
             module.slot,

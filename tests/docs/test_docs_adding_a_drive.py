@@ -1,4 +1,4 @@
-"""``docs/adding-a-drive.md``: its four files are a drive that runs, and its mistakes are told as it says."""
+"""``docs/adding-a-drive.md``: its four files are a drive that runs, and mistakes are reported as it says."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "adding-a-drive.md").read_text(encoding="utf-8")
 NAME = "example-servo"
 FILES = dict(re.findall(r"^## `(\S+)`\n\n```\w+\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL))
-#: File, what stands there, what is written instead, what the loader says.
+#: File, its text, what is written instead, what the loader says.
 MISTAKES = re.findall(r"^\| `([^`]+)` \| `([^`]+)` \| `([^`]+)` \| `([^`]+)` \|$", PAGE, re.MULTILINE)
 
 

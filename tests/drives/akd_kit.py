@@ -26,7 +26,7 @@ def refused(number: int, store: object, name: str | int, value: int = 1) -> None
 
 
 class Positioning(Running):
-    """In position mode, operation enabled, telegram 9; homed where it stands."""
+    """In position mode, operation enabled, telegram 9; homed at its position."""
 
     def __init__(self, *, homed: bool = True) -> None:
         super().__init__(NAME)

@@ -56,7 +56,7 @@ def new_drive(name: str) -> Drive:
 class Running:
     """A drive whose firmware is stepped by hand: ``send`` as a controller does, look at ``drive.axis``.
 
-    Set points that are valid come anew each millisecond.
+    Valid set points arrive each millisecond.
     """
 
     def __init__(self, name: str) -> None:

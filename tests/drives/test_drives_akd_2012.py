@@ -291,7 +291,7 @@ def test_5_11_the_telegrams_are_those_of_its_tables(manual: str) -> None:
         assert [int(row[0]) for row in rows] == list(range(1, max(len(telegram.output), len(telegram.input)) + 1))
         for column, words in ((1, telegram.output), (2, telegram.input)):
             in_table = [row[column] for row in rows][: len(words)]
-            # the second word of a double word may stand without a name
+            # the second word of a double word may have no name
             assert [signal.name for signal in words if signal] == [
                 name or in_table[place - 1] for place, name in enumerate(in_table)
             ]
@@ -363,7 +363,7 @@ def test_5_4_jogging_runs_at_pnu_1004_and_1005_with_the_ramp_of_1006_and_1007(ru
 
 
 class Positioning(Running):
-    """In position mode, operation enabled, homed where it stands; telegram 9."""
+    """In position mode, operation enabled, homed at its position; telegram 9."""
 
     def __init__(self) -> None:
         super().__init__(NAME)

@@ -122,7 +122,7 @@ def test_each_parameter_is_read_in_its_format(drive: Drive) -> None:
         assert list(entry.values) == [value & mask for value in drive.store.read(parameter.pnu, 0, count)]
 
 
-#: What stands behind a writable parameter that takes a few values only, each with tests of its own.
+#: What backs a writable parameter that takes a few values only, each with tests of its own.
 NO_VALUES = {
     "home", "enable", "service", "task-continue", "task-load", "task-move", "task-set", "refuse", "telegram",
     "fault-situations", "kept-situations",

@@ -193,7 +193,7 @@ def test_every_row_that_acts_by_its_value_reaches_what_the_firmware_reads(name: 
 
 
 def told(store: ParameterStore, parameter: Parameter) -> int:
-    """In how many ways the parameter makes the drive tell a fault."""
+    """In how many ways the parameter makes the drive report a fault."""
     seen = set()
     for value in range(parameter.maximum + 1):
         store.write(parameter.pnu, 0, [value])

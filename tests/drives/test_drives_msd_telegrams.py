@@ -11,7 +11,7 @@ from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
 MSD = model("moog-msd")
 
 
-#: Output and input words; a double word stands twice.
+#: Output and input words; a double word is named twice.
 WORDS = {
     1: ("STW1 NSOLL_A", "ZSW1 NIST_A"),  # table 8.2
     2: ("STW1 NSOLL_B NSOLL_B STW2", "ZSW1 NIST_B NIST_B ZSW2"),  # table 8.3

@@ -210,7 +210,7 @@ CHANGED, READ_ONLY, ARRAY, NO_FACTOR, RESET, TEXTS = 1 << 12, 1 << 9, 1 << 14, 1
 def test_the_identifier_has_the_bits_of_table_8_16_and_the_types_of_8_17(
     channel: Channel, pnu: int, identifier: int
 ) -> None:
-    """The type stands in the eighth octet, always as a number."""
+    """The type is in the eighth octet, always as a number."""
     assert channel.ask(4, pnu, 1) == Pkw(3, pnu, 1, 0, identifier)
 
 
@@ -244,7 +244,7 @@ def bits(number: float) -> int:
     ],
 )
 def test_a_description_has_the_twelve_elements_of_table_8_15(channel: Channel, pnu: int, values: list[int]) -> None:
-    """Of the name the first four octets; elements of two octets stand in the last word."""
+    """Of the name the first four octets; elements of two octets are in the last word."""
     assert [channel.ask(4, pnu, place).value for place in range(1, 13)] == values
 
 

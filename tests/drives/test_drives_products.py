@@ -1,4 +1,4 @@
-"""A product with its buses: what the folders of a model share, what each adds, and how a mistake in that is told."""
+"""A product with its buses: what the folders of a model share, what each adds, and how a mistake is reported."""
 
 from __future__ import annotations
 

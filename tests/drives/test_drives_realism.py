@@ -1,4 +1,4 @@
-"""What the models know of noise, latency, boot time and drift, and what a wrong figure is told."""
+"""What the models know of noise, latency, boot time and drift, and how a wrong figure is reported."""
 
 from __future__ import annotations
 

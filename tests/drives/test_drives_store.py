@@ -1,4 +1,4 @@
-"""The parameters of one drive: every row of every model, and what stands behind the rows."""
+"""The parameters of one drive: every row of every model, and what backs the rows."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_each_command_acts_or_says_why_not(drive: Drive) -> None:
         assert drive.store.read(parameter.pnu) == [0]
         head = int(drive.axis.commands.settings.head)
         drive.store.events()
-        # nothing is kept that could be loaded, and the axis stands in S1
+        # nothing is kept that could be loaded, and the axis is in S1
         if parameter.argument in {"refuse", "home", "enable", "service", "task-continue", "task-move"}:
             refused(E.OPERATING_STATE, lambda p=parameter: drive.store.write(p.pnu, 0, [1]))
             assert drive.store.events() == []

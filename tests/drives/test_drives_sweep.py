@@ -162,7 +162,7 @@ def test_a_model_is_printed_with_every_row_and_its_source(name: str) -> None:
 
 
 def test_what_a_parameter_is_told_to_count_in_is_its_own_unit_and_not_the_axiss(drive: Drive) -> None:
-    """A factor that leads on to what the firmware counts in stands behind the one to the unit."""
+    """A factor that leads on to what the firmware counts in comes after the one to the unit."""
     for parameter in drive.model.parameters.values():
         assert parameter.standardisation > 0.0, parameter
         if parameter.backing is Backing.FIELD and parameter.factor == parameter.standardisation != 1.0:

@@ -1,4 +1,4 @@
-"""What stands around the data of a cyclic frame is chosen by the number in its channel's row."""
+"""What surrounds the data of a cyclic frame is chosen by the number in its channel's row."""
 
 import ast
 from pathlib import Path

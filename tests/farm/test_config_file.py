@@ -119,7 +119,7 @@ def test_the_configurations_have_the_drives_that_their_comments_name():
 # --- each wrong thing alone -------------------------------------------------------------------------------------
 
 WRONG = [
-    # what stands in GOOD, what replaces it, line, field, words of the message, words of what is allowed
+    # text in GOOD, what replaces it, line, field, words of the message, words of what is allowed
     ("farm: line-1", "farm: Line_1", 1, "farm", "'Line_1' is not a farm name", "a-z"),
     ("farm: line-1", "farm: " + "x" * 41, 1, "farm", "is not a farm name", "40 characters"),
     ("farm: line-1", "farm: 7", 1, "farm", "is 7, not a word", "a-z"),

@@ -1,4 +1,4 @@
-"""Numbers of the farm file: each has physical limits, and no farm that is accepted makes a number that is none."""
+"""Numbers of the farm file: each has physical limits, and no accepted farm leads to NaN or infinity."""
 
 from __future__ import annotations
 

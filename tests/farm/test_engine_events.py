@@ -1,4 +1,4 @@
-"""The ring of the engine's events: what it lost, and what it tells of a row that another connection has by now."""
+"""The ring of the engine's events: what it lost, and events of a row that another connection has by now."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def connected() -> VirtualLine:
 
 
 def overrun(columns) -> None:
-    """More events than the ring holds, all of them told long ago."""
+    """More events than the ring holds, all of them taken long ago."""
     engine = columns.engine[0]
     for _ in range(EVENTS + 5):
         emit(engine, columns.events, 0, 0, int(engine.now_ns), 0)

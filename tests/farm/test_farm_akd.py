@@ -411,7 +411,7 @@ def test_5_4_real_time_jogging_takes_mdi_data_and_the_direction_of_bit_13():
 
 
 def map_words(line: VirtualLine, pnu: int, numbers: list[int]) -> None:
-    """Map every word of one direction anew, by one request."""
+    """Map every word of one direction again, by one request."""
     values = ParameterValues(WORD, tuple(numbers))
     answer = access(line, emit_request(change_request(7, [(ParameterAddress(pnu, 0, len(numbers)), values)])))
     assert answer is not None

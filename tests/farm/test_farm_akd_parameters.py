@@ -1,4 +1,4 @@
-"""The AKD of manual edition M over frames, records and DCP: what parameters tell of hardware, address and signals."""
+"""The AKD of manual edition M over frames, records and DCP: what parameters show of hardware, address and signals."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def shown(line, drive=0):
     return drive_snapshot(line.farm, line.farm.stations[drive], line.world.now)
 
 
-# -- while a connection stands -----------------------------------------------------------------------------------------
+# -- while a connection is open ----------------------------------------------------------------------------------------
 
 
 def test_another_name_ends_the_connection_with_its_own_error():

@@ -203,7 +203,7 @@ def test_6_6_1_pt534_and_pt537_are_the_ramps_and_mdi_acc_and_mdi_dec_their_share
     ({"SATZANW": 0xFFFF, "MDI_MOD": 0xFFFF}, 1.0), ({"SATZANW": 0x8001, "MDI_MOD": 0xFFFE}, 3.0),
 ])  # fmt: skip
 def test_tables_3_9_1_to_3_11_1_reserved_bits_do_nothing(words, target):
-    """Only SATZANW.15 selects the submode, and only MDI_MODE.0 tells an absolute from a relative task."""
+    """Only SATZANW.15 selects the submode, and only MDI_MODE.0 distinguishes an absolute from a relative task."""
     plc = E1Plc(9)
     plc.task(2.0)
     assert plc.go()

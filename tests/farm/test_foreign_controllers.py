@@ -74,7 +74,7 @@ def plc(request, line):
 
 
 def sent(line):
-    """The drive's frame as it stands ready, and the step of its cycle counter."""
+    """The drive's frame as it is prepared, and the step of its cycle counter."""
     (ar,) = line.farm.stations[0].device.ars.values()
     row, _ = ar.providers[0]
     ppm, frame = line.farm.columns.ppm[row], line.farm.columns.frames[row]

@@ -48,7 +48,7 @@ def test_a_station_without_a_name_shows_the_factorys(line):
 
 
 def changed(line: VirtualLine) -> tuple[bool, bool]:
-    """Whether P-1289 is told to differ from the factory's, by bit 12 of its description and by P-0990."""
+    """Whether P-1289 is reported to differ from the factory's, by bit 12 of its description and by P-0990."""
     (station,) = line.farm.stations
     request = ParameterChannel(station.store, LOCAL)
     request.write_request(bytes.fromhex("07 01 00 01 20 01 05 09 00 01"))

@@ -153,7 +153,7 @@ def test_drives_of_a_group_differ_and_a_seed_makes_the_same_farm_again():
 
 
 def test_a_parameter_shows_the_same_noise_as_the_frame():
-    """Noise stands for a whole firmware step: two ways to the same value tell the same."""
+    """Noise is constant for a whole firmware step: two ways to read a value agree."""
     line = VirtualLine(realism="{noise: {velocity: 5.0}}")
     line.enable()
     line.run(1.0)

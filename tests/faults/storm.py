@@ -69,7 +69,7 @@ def value_of(rng: Random, kind: InjectionKind, name: str, spec: ParamSpec, fault
         return rng.choice(sorted(spec.words))
     low = -1000 if spec.low is None else int(spec.low)
     high = 1000 if spec.high is None else int(spec.high)
-    # slots and channels are few: most of a wide range is nobody's
+    # slots and channels are few: most of a wide range is unused
     return rng.randint(low, min(high, low + 3)) if rng.random() < 0.7 else rng.randint(low, high)
 
 

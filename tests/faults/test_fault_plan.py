@@ -1,4 +1,4 @@
-"""What a user writes about a fault, and what is told when it is wrong."""
+"""What a user writes about a fault, and what is reported when it is wrong."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""STW1.10: what a controller does to edges while it does not control, and STW1.11 that stands through a task."""
+"""STW1.10: what a controller does to edges while it does not control, and STW1.11 that stays set through a task."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Position mode: what parameters start and end, what the status tells of it, and where editions differ."""
+"""Position mode: what parameters start and end, what the status shows of it, and where editions differ."""
 
 from __future__ import annotations
 

@@ -252,7 +252,7 @@ def test_a_fault_ends_homing() -> None:
 
 
 def follower() -> MsdBench:
-    """Interpolation is enabled where the axis stands."""
+    """Interpolation is enabled at the present position."""
     bench = positioner(8)
     bench.send(5, STW1=TASKS | START, XSOLL_A=0)
     return bench

@@ -86,7 +86,7 @@ def test_transitions_4_and_5_stw1_3_enables_and_disables() -> None:
 
 
 def test_p_0144_at_0_asks_for_the_edge_of_the_enable() -> None:
-    """Table 10.7, *: edge triggered; after a fault the bits that stand do not start the drive."""
+    """Table 10.7, *: edge triggered; after a fault bits that stay set do not start the drive."""
     bench = MsdBench()
     bench.send(10, STW1=RUN)
     assert bench.state == 3, "bits 0 and 3 stood before the drive was ready"
@@ -207,7 +207,7 @@ def test_transition_16_without_enpo_the_drive_coasts_from_any_state() -> None:
         assert bench.zsw1 & 0x4040 == 0x0040
         bench.axis.drive.settings.interlocks = 0
         bench.run(3)
-        # STW1.0 to 2 stand, and so does bit 3: they must rise again
+        # STW1.0 to 3 are still set: they must rise again
         assert bench.state == (2 if word == READY else 3)
 
 
@@ -305,7 +305,7 @@ def test_without_access_permission_nothing_is_taken_over() -> None:
 
 
 def test_with_another_control_location_the_control_word_is_ignored() -> None:
-    """14.1.1: P-0159 = 7 is a prerequisite; ZSW1.9 tells the permission (table 10.8)."""
+    """14.1.1: P-0159 = 7 is a prerequisite; ZSW1.9 shows the permission (table 10.8)."""
     bench = running()
     assert bench.zsw1 & 0x0200
     bench.store.set("P-0159", 1)

@@ -62,7 +62,7 @@ def test_the_next_task_waits_for_the_answer_to_this_one(image):
     image.answer(5)
     assert image.told()
     assert int(image.row.parameter_task) == NEXT
-    # until that one is answered, the last answer stands
+    # until that one is answered, the last answer stays
     assert image.sent == 5
 
 

@@ -1,4 +1,4 @@
-"""What position mode tells of rest and direction: ZSW1.13 and POS_ZSW2, where no profile and the shaft disagree."""
+"""Position mode on standstill and direction: ZSW1.13 and POS_ZSW2, where no profile and the shaft disagree."""
 
 from __future__ import annotations
 

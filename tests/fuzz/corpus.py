@@ -85,7 +85,7 @@ from pnfarm.wire.udp import parse_udp
 __all__ = ["BASE_MODE", "CAPTURES", "Conversation", "Corpus", "gather", "layers"]
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
-#: Frames of each capture that are kept; cyclic ones are all alike.
+#: Frames of each capture that are kept; cyclic ones hardly differ.
 CYCLIC_KEPT = 20
 PARAMETERS = (
     "01010001 1005 03c4 0000", "01020002 1001 03a8 0000 1001 03b3 0000", "02030001 1001 03c4 0000 4201 0001",

@@ -385,7 +385,7 @@ class Attacker:
         return self._sent("call", prey, *self._pdus(prey, head, body))
 
     def record(self, prey: Prey) -> Shot | None:
-        """Records of every kind, read and written in right and wrong places, under a connection that may stand."""
+        """Records of every kind, read and written in right and wrong places, under a connection that may be open."""
         rng = self.rng
         if not prey.is_drive:
             return None

@@ -1,4 +1,4 @@
-"""The protocol machines and whole stations under fire: a drive with a live connection, and the controller behind it.
+"""The protocol machines and whole stations that are fuzzed: a connected drive, and its controller.
 
 A machine's inputs are frames, datagrams and calls that were good, changed at one depth and wrapped again with the right
 lengths and checksums, so that what is wrong reaches the layer that it is meant for.

@@ -1,4 +1,4 @@
-"""Further machines under fire: the reading of captures, and submodules that come and go while calls arrive."""
+"""Further machines that are fuzzed: the reading of captures, and submodules that come and go while calls arrive."""
 
 from __future__ import annotations
 

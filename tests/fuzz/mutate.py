@@ -39,7 +39,7 @@ INTERESTING = (
 
 
 def random_octets(rng: Random) -> bytes:
-    """Mostly short; now and then all alike, which numbers read as counts love."""
+    """Mostly short; now and then all equal, which finds errors in counts."""
     length = rng.choice((0, 1, 2, rng.randrange(16), rng.randrange(64), rng.randrange(256), rng.randrange(1500)))
     if rng.random() < 0.1:
         return bytes([rng.choice((0, 1, 0x55, 0x80, 0xFF))]) * length

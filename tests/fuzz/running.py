@@ -51,7 +51,7 @@ __all__ = ["Episode", "main"]
 SHOT_SECONDS = 1.0
 #: Shots between two looks at the tables, and between two rests in which everything is checked.
 LOOK, REST = 250, 2000
-#: A rest is longer than what DCP and RPC keep somebody waiting for another: 3 s and 5 s.
+#: A rest is longer than what DCP and RPC make one client wait for another: 3 s and 5 s.
 REST_SECONDS = 8.0
 #: A connection must come back within this time of peace: a Connect that was left open is forgotten after 100 s at most.
 RETURN_SECONDS = 240.0
@@ -109,7 +109,7 @@ class Honest(Bystander):
             raise FailureFoundError(f"I&M0 of drive {index} reads {data.hex()}")
 
     def round(self) -> None:
-        """In peace everything is answered: each drive by DCP, by RPC and by SNMP."""
+        """Without attacks everything is answered: each drive by DCP, by RPC and by SNMP."""
         line = self.line
         if self._open is not None:
             call, _ = self._open
@@ -156,7 +156,7 @@ def _get_next(name: tuple[int, ...]) -> bytes:
 
 
 class Episode:
-    """One farm under fire."""
+    """One farm under attack."""
 
     def __init__(self, corpus: Corpus, seed: str, drives: int, *, impostor: bool) -> None:
         self.rng = Random(seed)
@@ -336,7 +336,7 @@ class Episode:
             raise FailureFoundError(f"a connection did not come back: {line.reasons()}; {addresses}")
 
     def _back(self) -> bool:
-        """Every connection stands; an address that was refused for a conflict's sake is in use again."""
+        """Every connection is open; an address that was refused for a conflict's sake is in use again."""
         line = self.line
         addresses = all(
             s.device.ip.address is not None and s.device.ip.address.ip == s.config.ip.ip for s in line.farm.stations

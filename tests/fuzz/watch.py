@@ -41,7 +41,7 @@ _LEAVES = (int, float, str, bool, type(None), Enum, np.ndarray, np.generic, type
 
 
 def holdings(roots: object) -> tuple[int, int]:
-    """(entries, octets) of every container that hangs on ``roots``, through the project's own objects alone."""
+    """(entries, octets) of every container reachable from ``roots``, through the project's own objects alone."""
     entries = octets = 0
     seen: set[int] = set()
     waiting = [roots]
@@ -96,7 +96,7 @@ class Monotonic:
             if station.powered:
                 counters = station.device.traffic.counters(station.device.discards())
                 for field in type(counters).__dataclass_fields__:
-                    # those of SNMP begin anew at power-on
+                    # those of SNMP start again at power-on
                     found[f"{name} boot {station.booted_ns} {field}"] = getattr(counters, field)
         for side, node in (("farm", line.farm), ("plc", line.plc)):
             found[f"{side} sent"] = node.link.counters.sent
@@ -134,7 +134,7 @@ class Memory:
         self.curve: list[tuple[int, int]] = []
 
     def look(self) -> None:
-        """Under fire, when the tables are full."""
+        """During an attack, when the tables are full."""
         line = self.line
         owners = [(station.configured_name, machines_of(station)) for station in line.farm.stations]
         owners.append(("plc", [*line.plc._machines, line.plc.dropped, line.plc.life.by_call, line.plc.records]))

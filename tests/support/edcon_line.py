@@ -202,7 +202,7 @@ class EdconLine(VirtualLine):
         telegram = model(name).profidrive.telegrams[number]
         registers = [tuple(map(word_code, range(len(w)))) for w in (telegram.output_words, telegram.input_words)]
         session.plan = replace(session.plan, output_words=registers[0], input_words=registers[1])
-        # nobody but edcon writes set points
+        # only edcon writes set points
         self.plc.columns.program[0].active = 0
         self.connect()
         self.run(0.2)
@@ -234,5 +234,5 @@ class EdconLine(VirtualLine):
 
     @property
     def turns(self) -> float:
-        """Where the axis stands, revolutions from the home position."""
+        """Position of the axis, revolutions from the home position."""
         return float(self.axis.motor.position) - float(self.axis.homing.origin)

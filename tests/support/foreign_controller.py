@@ -59,7 +59,7 @@ class Habit:
     """How one controller connects; times in the fields' units.
 
     ``missing`` are (slot, subslot) that the device does not have, ``silent`` ones that it has; neither stands in an
-    IOCR.  ``alarm_early``: the AlarmCR stands before the IOCRs.
+    IOCR.  ``alarm_early``: the AlarmCR comes before the IOCRs.
     """
 
     name: str

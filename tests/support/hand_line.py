@@ -42,7 +42,7 @@ class HandLine(VirtualLine):
         return int(self.plc.columns.image[0].received[getattr(signals, name)])
 
     def until(self, bits: int, within: float = 20.0) -> float:
-        """Virtual seconds until these bits of ZSW1 stand."""
+        """Virtual seconds until these bits of ZSW1 are set."""
         begun = self.world.now
         assert self.world.run(within, until=lambda: self.zsw1 & bits == bits), f"0x{self.zsw1:04X}"
         return (self.world.now - begun) / 1e9

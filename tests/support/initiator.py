@@ -1,6 +1,6 @@
 """A controller or supervisor on the memory switch, block by block: what the built-in controller never asks for.
 
-It connects as it is told, answers ApplicationReady, acknowledges alarms, and keeps a drive's data hold timer fed.
+It connects as it is asked to, answers ApplicationReady, acknowledges alarms, and keeps a drive's data hold timer fed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Machine code of this project for a cache elsewhere, so that nobody compiles it a second time."""
+"""Machine code of this project for a cache elsewhere, so that it is not compiled a second time."""
 
 from __future__ import annotations
 

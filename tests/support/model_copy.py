@@ -41,7 +41,7 @@ def files_of(folder: Path, name: str) -> list[Path]:
 
 
 def rewrite(folder: Path, name: str, old: str, new: str, count: int = 1) -> Path:
-    """Replace text in that one of :func:`files_of` in which it stands; gives the file."""
+    """Replace text in that one of :func:`files_of` that contains it; gives the file."""
     path = next(path for path in files_of(folder, name) if old in path.read_text(encoding="utf-8"))
     path.write_text(path.read_text(encoding="utf-8").replace(old, new, count), encoding="utf-8")
     return path

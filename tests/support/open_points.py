@@ -60,7 +60,7 @@ class Plc(HandPlc):
         return self._ask(emit_request(read_request(7, [ParameterAddress(947, 0, 16)]))).entries[0].values
 
     def power_cycle(self) -> None:
-        """Off and on; then connected anew, STW1 without anything but its bit 10."""
+        """Off and on; then connected again, STW1 without anything but its bit 10."""
         self.put(STW1=0x0400)
         self.farm.stations[0].power_cycle(self.world.now)
         self.run(1.0)
@@ -98,7 +98,7 @@ def task_plc(name: str, behaviour: str, *, homed: bool = True, **options) -> Plc
 
 
 def home(plc: Plc) -> None:
-    """Homing by STW1.11: the AKD where it stands, the others at the next zero mark."""
+    """Homing by STW1.11: the AKD at its position, the others at the next zero mark."""
     plc.put(STW1=READY | HOME)
     plc.wait_for(lambda: plc["ZSW1"] & HOMED != 0)
     plc.put(STW1=READY, wait=50)

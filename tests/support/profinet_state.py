@@ -15,7 +15,7 @@ def station(line):
 
 
 def alarms(line) -> list[str]:
-    """What the controller was told, in its words."""
+    """The controller's log lines of alarms."""
     return [entry.data["detail"] for entry in line.plc_log.entries("axis-01") if entry.event == "alarm"]
 
 

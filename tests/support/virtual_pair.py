@@ -17,7 +17,7 @@ from pnfarm.table.signals import ITIST_GLATT, NIST_A, NSOLL_A, STW1, ZSW1, word_
 DRIVE_MAC = 0x02_00_00_00_00_00
 CONTROLLER_MAC = 0x02_00_00_01_00_00
 CONTROLLER_PORT = 1
-#: Columns that an interpreted tick reads much of: plain objects stand in for their rows while time passes.
+#: Columns that an interpreted tick reads often: plain objects replace their rows while time passes.
 ROWS = ("engine", "axis", "image", "program", "ppm", "cpm", "impairment")
 EVENT_NAMES = {
     value: name.lower()

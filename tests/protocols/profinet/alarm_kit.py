@@ -14,7 +14,7 @@ STEP = 100_000_000
 
 
 def alarm(number: int = 0, *, high: bool = False, size: int = 2) -> AlarmNotification:
-    """An alarm that a test can tell from others by its subslot."""
+    """An alarm with a subslot of its own, by which a test finds it."""
     return AlarmNotification(1, 0x3A00, 1, number, 0x100, 0x68, 0, (AlarmItem(0x0010, bytes(size)),), high)
 
 

@@ -111,7 +111,7 @@ class Manager:
         return self.agent.to_send(self.now)
 
     def ask(self, tag, *varbinds, version=VERSION_2C, community=b"public", status=0, index=0):
-        """The PDU of the answer; names alone stand for variables without a value."""
+        """The PDU of the answer; names alone are variables without a value."""
         self._ids += 1
         bound = tuple(item if isinstance(item, VarBind) else VarBind(item, NULL_VALUE) for item in varbinds)
         request = SnmpMessage(version, community, Pdu(tag, self._ids, status, index, bound))

@@ -42,7 +42,7 @@ def numbers(pair: Pair) -> list[tuple[str, str, int, int]]:
     return [(name, RtaType(pdu.type).name, pdu.send_sequence, pdu.ack_sequence) for name, pdu in pair.frames]
 
 
-# The sunny day
+# Without errors
 
 
 def test_an_alarm_takes_four_frames_with_the_numbers_of_the_captured_controller():

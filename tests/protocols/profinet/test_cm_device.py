@@ -444,7 +444,7 @@ def test_an_acyclic_ar_whose_tool_fell_silent_ends_with_its_activity_timeout():
     (tool,) = bench.cm.ars
     silent = tool.activity_timeout_ns
     assert bench.cm.next_deadline() == silent
-    # each call of its own begins the time anew
+    # each of its calls restarts the time
     bench.now = silent - 1
     bench.call(Opnum.READ, emit_read_request(IodReadReqHeader(1, tool.uuid, 0, 0, 1, 0xAFF0, 4096)))
     bench.cm.handle_timeout(silent)

@@ -53,7 +53,7 @@ def test_any_vlan_id_is_taken_and_the_frames_carry_it(vlan):
     assert (frame.tag.priority, frame.tag.vid) == (5, vlan)
 
 
-# Submodules that stand in no IOCR
+# Submodules in no IOCR
 
 
 def beside(*submodules):

@@ -1,4 +1,4 @@
-"""Submodules that come, go and change hands while connections stand: alarms, differences, data that are usable."""
+"""Submodules that come, go and change hands while connections are open: alarms, differences, data that are usable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The controller's AR against a device made of codecs: records, release, abort, and octets that nobody meant."""
+"""The controller's AR against a device made of codecs: records, release, abort, and malformed octets."""
 
 from __future__ import annotations
 

@@ -164,7 +164,7 @@ def test_a_refused_record_after_a_plug_keeps_the_submodule_out_or_not_as_the_pla
     else:
         assert ended.reason.startswith("slot 1 subslot 0x0002 index 0x000A: ")
         assert end.unusable() == {(1, 2): ended.reason}
-        # the second record was never sent, and was told so
+        # the second record was never sent, and this was reported
         assert wire.records.writes.count(OF_TELEGRAM[1]) == 1
 
 

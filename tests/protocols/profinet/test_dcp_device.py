@@ -1,4 +1,4 @@
-"""What a DCP device tells when it is asked, and whom it listens to."""
+"""What a DCP device answers, and which requests it accepts."""
 
 import pytest
 import scapy.contrib.pnio_dcp as oracle
@@ -118,7 +118,7 @@ def test_block_info_shows_whether_the_address_is_in_use_and_in_conflict(named, c
     got, identified = answers(machine)
     told = [b for b in (*identified.blocks, *got.blocks) if isinstance(b, (IpParameterBlock, FullIpSuiteBlock))]
     assert [block.info for block in told] == [info] * 3
-    # the address that it shall have is told either way
+    # the configured address is reported either way
     assert {block.address for block in told} == {ADDRESS if named else ZERO}
 
 

@@ -1,4 +1,4 @@
-"""A DCP device that tells by itself that it is there."""
+"""A DCP device that announces itself."""
 
 import pytest
 from dcp_bench import ADDRESS, GATEWAY, MASK, MS, OEM, answers, device, frame, request

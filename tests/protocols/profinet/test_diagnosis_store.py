@@ -1,4 +1,4 @@
-"""The diagnosis of a device: what it tells of each change, and what it says when asked."""
+"""The diagnosis of a device: the event of each change, and what is read."""
 
 from __future__ import annotations
 

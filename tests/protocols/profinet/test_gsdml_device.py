@@ -1,7 +1,7 @@
 """The GSDML file and the device that it describes, model by model: what the file claims the device does, and what the
-device does stands in the file.
+device does is in the file.
 
-Each model is also taken with other limits than its manual's, so that the limits of drives to come are told from data.
+Each model is also taken with other limits than its manual's, so that the file is held to follow the data.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From a GSDML file to what a controller expects of a device that nobody here wrote."""
+"""From a GSDML file to what a controller expects of another maker's device."""
 
 from __future__ import annotations
 

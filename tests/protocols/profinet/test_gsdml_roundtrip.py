@@ -151,7 +151,7 @@ DAP = st.builds(
 )
 API = st.none() | U32
 EXTENDED = tuples(st.builds(ExtDiagnosis, U16, TEXT, TEXT)).map(lambda e: tuple(sorted(e, key=lambda x: x.error_type)))
-# those of profiles stand behind the others when they are read
+# those of profiles come after the others when they are read
 DIAGNOSIS = st.builds(ChannelDiagnosis, U16, TEXT, TEXT, API, EXTENDED)
 UNIT = st.builds(UnitDiagnosis, U16, TEXT, TEXT, tuples(REF), API)
 

@@ -9,7 +9,7 @@ from record_support import AXIS, DIAGNOSES, FAULT, read, read_blocks
 from pnfarm.protocols.profinet.record_store import owned_submodules
 from pnfarm.protocols.profinet.wire.iod import NIL_UUID
 
-#: Low octet of the index -> error types (0 for the manufacturer's) of all that it tells of the device.
+#: Low octet of the index -> error types (0 for the manufacturer's) of the device's diagnosis.
 TOLD = {
     0x0A: {5, 8, 0x8000},
     0x0B: {5, 8, 0, 0x8000},

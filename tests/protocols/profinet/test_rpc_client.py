@@ -1,4 +1,4 @@
-"""What a server sees of the calling end, and what the caller is told."""
+"""What a server sees of the calling end, and what the caller gets."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ def test_a_60_kb_record_is_read_and_a_4_kb_record_written_through_cm(lost):
     assert parse_read_response(ends[numbers[0]].payload).data == payload(60_000, 3)
     assert parse_write_response(ends[numbers[1]].payload)[0].status.ok
     assert records.written == [payload(4_096, 4)]
-    # 60 kB hang in 45 fragments; the window saves most of the acknowledgements
+    # 60 kB are 45 fragments; the window saves most of the acknowledgements
     assert len(net.seen) < 80
 
 

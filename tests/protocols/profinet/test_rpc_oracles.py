@@ -105,7 +105,7 @@ def test_captured_calls_are_answered_as_the_captured_server_did(name):
     assert len(rows) >= 4
     objects = {(asked.interface, asked.object_uuid) for _, asked, _ in rows}
     assert {interface for interface, _ in objects} == {UUID_PNIO_DEVICE, UUID_PNIO_CONTROLLER}
-    # one server for both roles: each captured object stands at its own interface
+    # one server for both roles: each captured object has its own interface
     endpoints = tuple(Endpoint(uuid, "captured", interface) for interface, uuid in objects)
     interfaces = tuple(Interface(uuid) for uuid in (UUID_PNIO_DEVICE, UUID_PNIO_CONTROLLER))
     device = RpcServer(RpcServerConfig(interfaces=interfaces, endpoints=endpoints), ADDRESS)

@@ -1,4 +1,4 @@
-"""toy-mute: the drive hears its orders and reports nothing."""
+"""toy-mute: the drive receives its orders and reports nothing."""
 
 from __future__ import annotations
 
