@@ -88,34 +88,47 @@ def _open_to_all(path: Path) -> bool:
     return all(folder.stat().st_mode & 0o001 for folder in path.resolve().parents)
 
 
-def _interpreter() -> tuple[str, dict[str, str]] | None:
-    """An interpreter that an ordinary user can run, with this environment's packages."""
+#: Shows the folder ``$1`` at ``$2`` to the command behind them alone.
+SHOWN_AT = 'mount --bind "$1" "$2" && shift 2 && exec "$@"'
+
+
+def _interpreter(home: Path) -> tuple[list[str], dict[str, str]] | None:
+    """How an ordinary user runs this interpreter with this environment's packages; None where others cannot read them.
+
+    An interpreter in a private folder is shown under ``home``.
+    """
     if _open_to_all(Path(sys.executable)) and _open_to_all(Path(os.__file__)):
-        return sys.executable, {}
-    system = Path(f"/usr/bin/python{sys.version_info.major}.{sys.version_info.minor}")
+        return [sys.executable], {}
     packages = [sysconfig.get_path("purelib"), str(Path(__file__).resolve().parents[2])]
-    if system.exists() and all(_open_to_all(Path(package)) for package in packages):
-        return str(system), {"PYTHONPATH": os.pathsep.join(packages)}
-    return None
+    if shutil.which("unshare") is None or not all(_open_to_all(Path(package)) for package in packages):
+        return None
+    place = home / "python"
+    place.mkdir(mode=0o755)
+    shown = ["unshare", "--mount", "sh", "-c", SHOWN_AT, "sh", sys.base_prefix, str(place)]
+    python = place / "bin" / f"python{sys.version_info.major}.{sys.version_info.minor}"
+    return [*shown, str(python)], {"PYTHONPATH": os.pathsep.join(packages), "LD_LIBRARY_PATH": str(place / "lib")}
 
 
 @pytest.mark.interop
 def test_demo_needs_no_root():
-    interpreter = _interpreter()
-    if os.geteuid() != 0 or shutil.which("setpriv") is None or interpreter is None:
-        pytest.skip("needs root and setpriv to become an ordinary user, and an interpreter that everybody may run")
-    python, extra = interpreter
-    with tempfile.TemporaryDirectory(prefix="pnfarm-demo-") as home:
-        Path(home).chmod(0o777)
+    if os.geteuid() != 0 or shutil.which("setpriv") is None:
+        pytest.skip("needs root and setpriv (util-linux), to become an ordinary user")
+    with tempfile.TemporaryDirectory(prefix="pnfarm-demo-") as folder:
+        home = Path(folder)
+        home.chmod(0o777)
+        interpreter = _interpreter(home)
+        if interpreter is None:
+            pytest.skip("needs packages that everybody may read")
+        (*shown, python), extra = interpreter
         # what root compiled, as the user's own: else this is a test of the compiler, which takes a minute
-        copy_machine_code(Path(home) / "cache" / "pnfarm" / "code", python, **extra)
+        copy_machine_code(home / "cache" / "pnfarm" / "code")
         subprocess.run(["chown", "-R", "65534:65534", f"{home}/cache"], check=True)
-        file = Path(home) / "demo.json"
+        file = home / "demo.json"
         run = subprocess.run(
-            ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--no-new-privs", "--bounding-set=-all",
-             python, "-m", "pnfarm.cli.main", "demo", "--seconds", "4", "--json", str(file)],
+            [*shown, "setpriv", "--reuid=65534", "--regid=65534", "--clear-groups", "--no-new-privs",
+             "--bounding-set=-all", python, "-m", "pnfarm.cli.main", "demo", "--seconds", "4", "--json", str(file)],
             capture_output=True, text=True, timeout=240, check=False, cwd=home,
-            env={**os.environ, **extra, "HOME": home, "XDG_CACHE_HOME": f"{home}/cache"},
+            env={**os.environ, **extra, "HOME": str(home), "XDG_CACHE_HOME": f"{home}/cache"},
         )  # fmt: skip
         output = run.stdout + run.stderr
         assert "user and network namespace of its own" in output or "runs in memory" in output, output

@@ -16,16 +16,16 @@ from pnfarm.engine.warm import warm
 from pnfarm.table.code_cache import DigestLocator
 warm()
 for room in ("table", "firmware", "engine"):
-    for file in (Path(pnfarm.__file__).parent / room).glob("*.py"):
+    for file in (Path(pnfarm.__file__).parent / room).rglob("*.py"):
         print(DigestLocator(warm, str(file)).get_cache_path())
 """
 
 
-def copy_machine_code(place: Path, python: str = sys.executable, **environment: str) -> None:
+def copy_machine_code(place: Path) -> None:
     """Put the machine code that this interpreter runs into the cache directory ``place``."""
     done = subprocess.run(
-        [python, "-c", FOLDERS], capture_output=True, text=True, check=False, timeout=900,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "0", **environment},
+        [sys.executable, "-c", FOLDERS], capture_output=True, text=True, check=False, timeout=900,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "0"},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     folders = [folder for line in done.stdout.splitlines() if (folder := Path(line)).is_dir()]
