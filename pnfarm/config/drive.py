@@ -46,8 +46,8 @@ class DriveGroup(Section):
     identity: Identity = Field(default_factory=dict)
     realism: DriveRealism = Field(
         default_factory=Realism,
-        description="What makes the drives less than ideal; `on`: all that the model has, `off`: nothing. Left out, "
-        "what a source gives a figure for (`pnfarm models MODEL`) on a real link and with strict limits, else nothing.",
+        description="Noise, latency, boot time, drift; `on`: all that the model has, `off`: none. Left out, those "
+        "whose figure has a source (`pnfarm models MODEL`), on a real link and with strict limits; otherwise none.",
     )
     params: dict[str, Scalar] = Field(
         default_factory=dict,

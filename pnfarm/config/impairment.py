@@ -36,7 +36,7 @@ FaultKind = Annotated[
 
 
 class Impairment(Section):
-    """A fault that is there from the start; the kinds are those of `pnfarm fault kinds`."""
+    """A fault that is active from the start; the kinds are those of `pnfarm fault kinds`."""
 
     kind: FaultKind = Field(description="Kind of fault, such as loss or f702.")
     on: Globs | None = Field(default=None, description="Drives; left out, all of the group.")

@@ -13,7 +13,7 @@ __all__ = ["LINK_KINDS", "Link", "MacvlanLink", "MemoryLink", "TapLink", "VethLi
 
 
 class MacvlanLink(Section):
-    """One macvlan per drive on an interface of this machine: the drives stand on the real wire."""
+    """One macvlan per drive on an interface of this machine: the drives are on the real network."""
 
     kind: Literal["macvlan"]
     parent: Interface = Field(description="Parent interface, such as eth1; it must be up.")
@@ -41,7 +41,7 @@ class TapLink(Section):
 
 
 class MemoryLink(Section):
-    """No wire: drives and controller in one process, in virtual time."""
+    """No network: drives and controller in one process, in virtual time."""
 
     kind: Literal["memory"]
 

@@ -53,9 +53,9 @@ class Cam(Section):
 
 
 class Machine(Section):
-    """What the axis runs into.
+    """Switches, cams and end stops around the axis.
 
-    Places are millimetres where `load.lead` or a linear motor makes the way straight, else revolutions behind the gear;
+    Places are millimetres with `load.lead` or a linear motor, otherwise revolutions behind the gear;
     the axis starts at 0.
     """
 

@@ -1,4 +1,4 @@
-"""``realism`` of a drive group: what makes its drives less than ideal, key by key, and its short forms.
+"""``realism`` of a drive group: noise, latency, boot time and clock drift, and its short forms.
 
 A key that is left out is on where a source gives the model's figure, the drives' limits are strict and the link is
 real; else it is off.  ``on`` takes the model's figure, even if it is assumed.
@@ -119,7 +119,7 @@ def _range_schema(kind: dict[str, Any]) -> WithJsonSchema:
 
 
 class Noise(Section):
-    """What is added to measured values: effective values of a noise that is drawn anew for each firmware step."""
+    """Noise added to measured values: effective values of the noise, which is drawn in each firmware step."""
 
     velocity: Annotated[
         float | str | None, PlainValidator(_amount("velocity_noise", "rpm")), _amount_schema("velocity_noise")
@@ -161,7 +161,7 @@ def _open_boot_time(value: Any) -> Any:
 
 
 class Realism(Section):
-    """What makes these drives less than ideal; each key is a figure, `on` (the model's own) or `off`."""
+    """Noise, latency, boot time and clock drift; each key is a figure, `on` (the model's figure) or `off`."""
 
     noise: Annotated[Noise, BeforeValidator(_open_noise)] = Field(
         default_factory=Noise, description="Noise of the measured velocity, current and position."

@@ -39,7 +39,7 @@ __all__ = [
 
 #: ``mac: auto``.
 AUTO = "auto"
-#: The word that switches a section off; ``false`` says the same, for editors that read YAML 1.1.
+#: Switches a section off; ``false`` means the same, for editors that read YAML 1.1.
 OFF: Literal["off"] = "off"
 
 #: IFNAMSIZ of Linux less the closing NUL.

@@ -20,7 +20,7 @@ __all__ = ["plan_controller"]
 
 
 def plan_controller(config: FarmConfig, drives: Sequence[DriveConfig]) -> tuple[Bus, ControllerPlan]:
-    """The controller's bus, and what it is to do with the drives on it.  Raises :class:`ConfigError`."""
+    """The controller's bus, and the plan for its drives.  Raises :class:`ConfigError`."""
     section = config.controller
     if section is None:
         raise ConfigError("the file has no `controller:` section; `pnfarm schema farm` shows its keys")

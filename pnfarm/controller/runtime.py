@@ -147,7 +147,7 @@ class Plc:
         core.release(time.monotonic_ns())
         self.driver.poke()
         with anyio.move_on_after(seconds):
-            while not core.all_stopped:  # noqa: ASYNC110 - the state lives in machines that know no tasks
+            while not core.all_stopped:  # noqa: ASYNC110 - the state machines have no events to wait for
                 await anyio.sleep(0.01)
         return core.all_stopped
 

@@ -66,12 +66,12 @@ class NonVolatileSaved:
 
 @dataclass(frozen=True, slots=True)
 class RebootRequested:
-    """The drive shall restart as after a power cycle."""
+    """The drive restarts as after a power cycle."""
 
 
 @dataclass(frozen=True, slots=True)
 class DisplayBlinkRequested:
-    """The drive shall flash its display, so that a person finds it."""
+    """The drive flashes its display, so that it can be found."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -190,13 +190,13 @@ class FarmCapture:
         except EnvironmentError_ as exc:
             self.failed = exc
             self._files.abandon()
-        except Exception as exc:  # noqa: BLE001 - the farm runs on without its capture, and says why
+        except Exception as exc:  # noqa: BLE001 - the farm continues without its capture, and logs the reason
             self.failed = EnvironmentError_(f"the capture failed: {type(exc).__name__}: {exc}")
             self._files.abandon()
         finally:
             ring.close()
-        told = str(self.path), self.frames, self.lost
-        self._note(CaptureEnded(*told) if self.failed is None else CaptureFailed(*told, str(self.failed)))
+        result = str(self.path), self.frames, self.lost
+        self._note(CaptureEnded(*result) if self.failed is None else CaptureFailed(*result, str(self.failed)))
 
     def _record(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
         memory = np.frombuffer(ring.memory, np.uint8)

@@ -71,7 +71,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "udp-bad-checksum": "UDP datagram with a wrong checksum",
         "icmp-other": "ICMP message other than an echo request",
         "no-route": "no route to the destination: no gateway",
-        "unresolved": "nobody answered the ARP request for the destination",
+        "unresolved": "no station answered the ARP request for the destination",
         "address-changed": "the drive's address changed before it could be sent",
         "queue-full": "too many packets are waiting already",
         "fragment-bad-length": "IP fragment with an impossible length",

@@ -102,7 +102,7 @@ def _compiler_cache() -> Finding:
         )
     directory = cache_directory()
     if is_cached():
-        return Finding("compiled engine", True, f"machine code lies ready in {directory}")
+        return Finding("compiled engine", True, f"machine code is ready in {directory}")
     return Finding(
         "compiled engine",
         None,
@@ -142,19 +142,19 @@ def _try() -> dict[str, str | None]:
         )
         results = json.loads(run.stdout)
     except subprocess.TimeoutExpired:
-        return dict.fromkeys(TRIALS, f"could not be told: the trial did not end within {_PROBE_SECONDS:.0f} s")
+        return dict.fromkeys(TRIALS, f"unknown: the trial did not end within {_PROBE_SECONDS:.0f} s")
     except (OSError, subprocess.CalledProcessError, ValueError) as exc:
-        return dict.fromkeys(TRIALS, f"could not be told: the trial failed ({exc})")
-    return {name: results.get(name, "could not be told") for name in TRIALS}
+        return dict.fromkeys(TRIALS, f"unknown: the trial failed ({exc})")
+    return {name: results.get(name, "unknown") for name in TRIALS}
 
 
-_UNTOLD = ("could not be told", "not tried")
+_UNKNOWN = ("unknown", "not tried")
 
 
 def _trial(name: str, refusal: str | None, fine: str, remedy: str, *, needed: bool = True) -> Finding:
     if refusal is None:
         return Finding(name, True, fine)
-    if refusal.startswith(_UNTOLD) or not needed:
+    if refusal.startswith(_UNKNOWN) or not needed:
         return Finding(name, None, refusal, remedy)
     return Finding(name, False, refusal, remedy)
 
@@ -212,7 +212,7 @@ def _memory_lock(trials: dict[str, str | None]) -> Finding:
 def _timer_slack() -> Finding:
     slack = ctypes.CDLL(None, use_errno=True).prctl(_PR_GET_TIMERSLACK, 0, 0, 0, 0)
     if slack < 0:
-        return Finding("timer slack", None, "could not be told")
+        return Finding("timer slack", None, "unknown")
     return Finding("timer slack", True, f"{slack} ns by default; the engine's thread may set its own")
 
 
@@ -224,7 +224,7 @@ def _processors() -> Finding:
         return Finding(
             "processors",
             None,
-            f"{detail}; the engine wants one for itself",
+            f"{detail}; the engine should have one to itself",
             "give the machine or container a second processor",
         )
     return Finding("processors", True, detail)

@@ -257,7 +257,7 @@ class Farm:
             self.log.record(now, "", RealTimeOptionRefused(what, why, asked=not by_default))
 
     async def close(self) -> None:
-        """Stop, tell the controllers, and remove every interface that the farm made."""
+        """Stop, notify the controllers, and remove every interface that the farm created."""
         try:
             if self._core is not None and self._driver is not None:
                 now = time.monotonic_ns()

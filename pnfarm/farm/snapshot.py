@@ -1,4 +1,4 @@
-"""The present state of a drive and a farm, as plain JSON values for the API, the command line and Python code.
+"""The present state of a drive and the engine, as plain JSON values for the API, the command line and Python code.
 
 Snapshots read the table and the stations; they never write (rule R8).  Times are given in seconds.
 """
@@ -27,7 +27,6 @@ __all__ = [
     "NO_AR",
     "discards",
     "drive_snapshot",
-    "farm_snapshot",
     "injected_faults",
     "named_bits",
 ]
@@ -154,17 +153,6 @@ def _lamps(station: Station, *, exchanging: bool, signalling: bool) -> dict[str,
         exchanging=exchanging,
         signalling=signalling,
     )
-
-
-def farm_snapshot(core: FarmCore, now: int) -> dict[str, Any]:
-    """The farm, its engine, and every drive in the farm file's order."""
-    injected = injected_faults(core.injections)
-    return {
-        "farm": core.name,
-        "link": core.link.kind,
-        "engine": engine_snapshot(core),
-        "drives": [drive_snapshot(core, station, now, injected=injected) for station in core.stations],
-    }
 
 
 def engine_snapshot(core: FarmCore) -> dict[str, Any]:

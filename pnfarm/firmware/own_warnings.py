@@ -29,7 +29,7 @@ def warned(warnings: Any, number: int) -> bool:
 
 
 @compiled
-def _tell(warnings: Any, count: int, number: int) -> int:
+def _append(warnings: Any, count: int, number: int) -> int:
     """Append a warning to the first ``count``, unless it is among them; returns the new count."""
     if number == 0 or count == WARNING_SLOTS:
         return count
@@ -41,30 +41,29 @@ def _tell(warnings: Any, count: int, number: int) -> int:
 
 
 @compiled
-def _tell_own(axis: Any, told: int) -> int:
-    """Append the drive's own warnings to the first ``told``; returns the new count."""
-    count = told
+def _append_own(axis: Any, count: int) -> int:
+    """Append the drive's own warnings to the first ``count``; returns the new count."""
     if axis.warnings.settings.thermal_level > 0.0 and axis.motor.thermal_load > axis.warnings.settings.thermal_level:
-        count = _tell(axis.warnings, count, int(axis.warnings.settings.thermal[1]))
+        count = _append(axis.warnings, count, int(axis.warnings.settings.thermal[1]))
     for i in range(2):
         if axis.foldback.limit[i] < axis.foldback.settings.warning_level:
-            count = _tell(axis.warnings, count, int(axis.foldback.settings.warning[i]))
+            count = _append(axis.warnings, count, int(axis.foldback.settings.warning[i]))
     if bus_below(axis.drive, axis.faults, axis.supply, axis.supply.settings.levels[0]):
-        count = _tell(axis.warnings, count, int(axis.supply.settings.warning[0]))
+        count = _append(axis.warnings, count, int(axis.supply.settings.warning[0]))
     elif 0.0 < axis.supply.settings.levels[1] < axis.supply.voltage:
-        count = _tell(axis.warnings, count, int(axis.supply.settings.warning[1]))
+        count = _append(axis.warnings, count, int(axis.supply.settings.warning[1]))
     for i in range(2):
         if axis.machine.limit_switch >> i & 1:
-            count = _tell(axis.warnings, count, int(axis.warnings.settings.switch[i]))
+            count = _append(axis.warnings, count, int(axis.warnings.settings.switch[i]))
     if axis.drive.settings.opmode == 2 and (
         axis.warnings.settings.limit[0] != 0 or axis.warnings.settings.limit[1] != 0
     ):
         reached = limits_reached(axis)
         for i in range(2):
             if reached >> i & 1:
-                count = _tell(axis.warnings, count, int(axis.warnings.settings.limit[i]))
+                count = _append(axis.warnings, count, int(axis.warnings.settings.limit[i]))
     return (
-        _tell(axis.warnings, count, int(axis.warnings.settings.task[axis.positioning.error - 1]))
+        _append(axis.warnings, count, int(axis.warnings.settings.task[axis.positioning.error - 1]))
         if axis.positioning.error
         else count
     )
@@ -77,7 +76,7 @@ def watch_warnings(axis: Any) -> None:
     while count < WARNING_SLOTS and axis.warnings.raised[count] != 0:
         axis.warnings.active[count] = axis.warnings.raised[count]
         count += 1
-    count = _tell_own(axis, count)
+    count = _append_own(axis, count)
     while count < WARNING_SLOTS and axis.warnings.active[count] != 0:
         axis.warnings.active[count] = 0
         count += 1

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pnfarm.farm.snapshot import discards as all_discards
-from pnfarm.farm.snapshot import drive_snapshot, farm_snapshot
+from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot
 
 if TYPE_CHECKING:
     from virtual_line import VirtualLine
@@ -166,7 +166,7 @@ class Memory:
 def look_at_snapshots(line: VirtualLine, names: list[str]) -> None:
     """Whatever was sent, everything that is known can be shown."""
     now = line.world.now
-    json.dumps(farm_snapshot(line.farm, now))
+    json.dumps(engine_snapshot(line.farm))
     for station in line.farm.stations:
         json.dumps(drive_snapshot(line.farm, station, now))
     json.dumps(line.plc.snapshot())

@@ -186,13 +186,13 @@ def _build(
     document: Document | None,
     known: Known,
 ) -> FarmConfig:
-    told = set(issues)
+    reported = set(issues)
 
     def report(location: Location, what: str, allowed: str) -> None:
         file, line, column = place(location)
         issue = FileIssue(file, line, column, field_path(location), what, allowed)
-        if issue not in told:
-            told.add(issue)
+        if issue not in reported:
+            reported.add(issue)
             issues.append(issue)
 
     if not isinstance(values, dict):

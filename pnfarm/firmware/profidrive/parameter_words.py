@@ -34,12 +34,12 @@ def exchange(image: Any, now: int) -> bool:
     image.sent[PKW_VALUE] = low - 0x100000000 if low & 0x80000000 else low
     waited = now - image.parameter_told_ns >= REPEAT_NS
     if image.parameter_answered != image.parameter_task:
-        tell = waited
+        report = waited
     elif task != image.parameter_task:
         image.parameter_task = task
-        tell = True
+        report = True
     else:
-        tell = waited and image.parameter_repeats != 0
-    if tell:
+        report = waited and image.parameter_repeats != 0
+    if report:
         image.parameter_told_ns = now
-    return tell
+    return report

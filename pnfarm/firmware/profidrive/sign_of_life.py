@@ -57,8 +57,8 @@ def count_life(axis: Any, image: Any) -> None:
     """Evaluate the frames since the last call, if any."""
     frames = (int(image.frames) - int(axis.life.frames)) & 0xFFFFFFFF
     axis.life.frames = image.frames
-    sent = (int(image.filled) - int(axis.life.told)) & 0xFFFFFFFF
-    axis.life.told = image.filled
+    sent = (int(image.filled) - int(axis.life.counted)) & 0xFFFFFFFF
+    axis.life.counted = image.filled
     if not image.valid:
         forget_life(axis.life)
         return

@@ -18,7 +18,7 @@ LIFE_RECORD = subject(
     state=[
         Field("errors", "i8", "", "firmware", "failed signs of life"),
         Field("frames", "u4", "", "firmware", "set point frames seen so far"),
-        Field("told", "u4", "", "firmware", "frames sent that its own sign of life has counted"),
+        Field("counted", "u4", "", "firmware", "frames sent that its own sign of life has counted"),
         Field("count", "u4", "", "firmware", "error counter: 10 up on a failure, 1 down on a good frame"),
         Field("seen", "u1", "", "firmware", "the controller's last count, 0 = none"),
         Field("run", "u1", "", "firmware", "frames in sequence, 15 = the controller is monitored"),

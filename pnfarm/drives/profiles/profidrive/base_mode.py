@@ -250,9 +250,9 @@ def emit_response(response: ParameterResponse) -> bytes:
 
 
 def error_values(error: ParameterError) -> ParameterValues:
-    """An error as an entry of a response: its number, and the subindex where the profile tells it."""
-    tells = error.number in {number for number in ParameterErrorNumber if number.tells_subindex}
-    if tells and error.value is not None:
+    """An error as an entry of a response: its number, and the subindex if the profile requires it."""
+    with_subindex = error.number in {number for number in ParameterErrorNumber if number.tells_subindex}
+    if with_subindex and error.value is not None:
         return ParameterValues(FORMAT_ERROR, (error.number & 0xFFFF, error.value & 0xFFFF))
     return ParameterValues(FORMAT_ERROR, (error.number & 0xFFFF,))
 

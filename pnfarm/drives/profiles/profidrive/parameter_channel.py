@@ -64,11 +64,11 @@ _INTEGER_FORMATS = {
 class ParameterChannel:
     """Requests on one record index of one drive.
 
-    ``index`` is the record's; on the local one the axis number is mirrored and not looked at.  ``client`` is the key of
-    the connection that asks, which alone gets the answer; a read without a connection is client 0, and never asked.
-    With ``strict`` limits a request holds as many parameters as the drive says, else as many as its field can say.
+    ``index`` is the record's; on the local one the axis number is mirrored and ignored.  ``client`` is the key of the
+    requesting connection, which alone gets the answer; a read without a connection is client 0, which has no request.
+    With ``strict`` limits a request has at most as many parameters as the drive allows, else as its field can hold.
 
-    ``latency`` gives the time in ns after which the next request is carried out; None is no delay.
+    ``latency`` gives the time in ns after which the next request is carried out; None: no delay.
     """
 
     __slots__ = ("_latency", "_local", "_most", "_responses", "_store", "_working")
@@ -110,7 +110,7 @@ class ParameterChannel:
             self._responses[client] = emit_response(self._answer(request))
 
     def write_request(self, data: bytes, client: int = 0, now: int = 0) -> bool:
-        """Take a request over and carry it out, now or after its time; it replaces one whose response nobody read.
+        """Accept a request and carry it out, now or after its latency; it replaces one whose response was not read.
 
         False while the drive works on the last one of this client: the record write is a state conflict (0xB5).  Raises
         :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is

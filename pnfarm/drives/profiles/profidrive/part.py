@@ -1,4 +1,4 @@
-"""What a model has of the PROFIdrive profile, on whatever bus: what it says that it is, its telegrams and signals."""
+"""What a model has of the PROFIdrive profile, on whatever bus: its identity, telegrams and signals."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Profidrive:
     """Empty of a drive that does not speak PROFIdrive: it has no telegram and no signal."""
 
     identity: Identity = NO_IDENTITY
-    #: Of a drive that nobody told another one.
+    #: Used unless farm file or controller choose another one.
     default_telegram: int = 0
     telegrams: Mapping[int, Telegram] = field(default_factory=dict)
     signals: Mapping[int, Signal] = field(default_factory=dict)

@@ -62,7 +62,7 @@ class Pkw:
     value: int = 0
 
 
-#: What stands in the channel while nothing is asked, and what answers it.
+#: Contents of the channel without a task, and of its answer.
 NO_TASK = Pkw(0)
 
 

@@ -39,7 +39,7 @@ STEP = 4
 class PkwChannel:
     """The channel of one drive over its parameters; ``words`` are the model's identifiers.
 
-    ``repeats``: the answer is a value that shall stay up to date, so that :meth:`answer` is to be called again with the
+    ``repeats``: the answer is a value to be kept up to date: call :meth:`answer` again with the
     same octets every now and then.
     """
 
@@ -70,7 +70,7 @@ class PkwChannel:
         self.repeats = False
 
     def answer(self, octets: bytes) -> bytes:
-        """The eight octets that answer these; a task that stands is not carried out again, unless it reads."""
+        """The eight octets that answer these; an unchanged task is not carried out again, unless it reads."""
         if octets != self._task or self.repeats:
             self._task = octets
             task = parse_pkw(octets)
@@ -101,7 +101,7 @@ class PkwChannel:
     def _place(self, task: Pkw, *, array: bool) -> tuple[Parameter, int]:
         """The parameter and the element: subindex 0 and 1 are element 0, 2 is element 1 (8.2.4, "Sub index").
 
-        A parameter that is no array has element 0 and takes no task for arrays; an array takes tasks of both kinds.
+        A parameter that is not an array has element 0 and takes no task for arrays; an array takes tasks of both kinds.
         """
         parameter = self._row(task.pnu)
         element = max(task.subindex - 1, 0)
