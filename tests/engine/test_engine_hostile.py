@@ -15,8 +15,19 @@ from pnfarm.table.channel import FRAME_SLOT
 from pnfarm.table.compiled import IS_COMPILED
 
 ROOT = Path(__file__).resolve().parents[2]
-#: What an inner run takes: all but the tests that start one.
-PYTEST = ("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "not slow")
+#: What an inner run takes: all but the tests that start one, and one that reads sources, which is the same there.
+PYTEST = (
+    "-m",
+    "pytest",
+    "-q",
+    "-x",
+    "-p",
+    "no:cacheprovider",
+    "-m",
+    "not slow",
+    "-k",
+    "not defined_once_in_the_project",
+)
 
 
 def test_random_and_mutated_frames_never_disturb_anything_but_counters():
