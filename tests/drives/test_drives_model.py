@@ -491,7 +491,7 @@ def test_a_wrong_identity_is_refused_by_its_field(overrides: dict[str, object], 
         ("model.toml", "vendor_id = {", "vendor = {", r"identity"),
         (
             "model.toml",
-            'source = "assumed", note = "stands in the maker\'s GSDML only" }\nhardware',
+            'source = "assumed", note = "only in the maker\'s GSDML file" }\nhardware',
             'source = "assumed" }\nhardware',
             r"device_id, note",
         ),
