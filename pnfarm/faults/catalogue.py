@@ -71,5 +71,5 @@ class Catalogue(Mapping[str, InjectionKind]):
 
 def _order(kind: InjectionKind) -> tuple[int, int, str]:
     if kind.family not in _FAMILIES:
-        raise InternalError(f"{kind.name} is of the family {kind.family!r}, which is none of {', '.join(_FAMILIES)}")
+        raise InternalError(f"{kind.name} is of the family {kind.family!r}, not one of {', '.join(_FAMILIES)}")
     return _FAMILIES.index(kind.family), kind.place, kind.name
