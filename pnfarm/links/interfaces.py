@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import errno
 import functools
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, Self, TypeVar
@@ -44,6 +45,8 @@ _T = TypeVar("_T")
 _IFF_UP = 0x1
 _IFF_LOOPBACK = 0x8
 _ARPHRD_ETHER = 1
+#: How long the kernel may take to let frames through an interface that was set up.
+_OPERATIONAL_SECONDS = 2.0
 #: A farm's own bridge passes LLDP: IEEE 802.1D would have it drop 01:80:C2:00:00:0E.
 _FORWARD_LLDP = 0x4000
 
@@ -218,6 +221,8 @@ class Interfaces:
             )
             bring_up([peer.index for peer in peers])
             self._start(farm, ports, wanted, "")
+            # the kernel takes them in this order
+            self.wait_operational(ports[-1].index)
         return [VethPair(port, peer) for port, peer in zip(ports, peers, strict=True)]
 
     def create_cable(self, near: str, far: str) -> None:
@@ -271,6 +276,18 @@ class Interfaces:
             raise EnvironmentError_(
                 f"interface {index} cannot be set {'up' if up else 'down'}: {exc.strerror}"
             ) from exc
+
+    def wait_operational(self, index: int) -> None:
+        """Wait until frames pass through an interface that was set up: until then, the kernel drops what is sent.
+
+        That takes milliseconds, more on a busy machine.  Returns after two seconds without it: there is no carrier.
+        """
+        end = time.monotonic() + _OPERATIONAL_SECONDS
+        while time.monotonic() < end:
+            (message,) = self._route.get_links(index)
+            if message.get_attr("IFLA_OPERSTATE") == "UP":
+                return
+            time.sleep(0.002)
 
     def set_mac(self, index: int, mac: bytes) -> None:
         """Give an own interface another address."""

@@ -72,3 +72,5 @@ class VethLink(PacketLink):
         # Pulled at the far end, as on a real machine: the drive's own interface stays up and sees no carrier.
         with Interfaces() as interfaces:
             interfaces.set_up(self._pairs[port.index].peer.index, up)
+            if up:
+                interfaces.wait_operational(port.index)

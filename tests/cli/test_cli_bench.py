@@ -38,7 +38,7 @@ def test_no_two_figures_have_one_name():
 
 
 def test_an_unknown_name_is_told_with_the_nearest(pnfarm):
-    with pytest.raises(ConfigError, match="no benchmark 'frame-cost-19', did you mean frame-cost-192"):
+    with pytest.raises(ConfigError, match="unknown benchmark 'frame-cost-19', did you mean frame-cost-192"):
         chosen(["frame-cost-19"])
     assert pnfarm("bench", "frame").code == 2
 

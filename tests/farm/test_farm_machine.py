@@ -94,7 +94,7 @@ def test_a_position_is_a_turn_behind_the_gear_where_there_is_no_spindle():
     [
         ("{limit_switches: [10, 20]}", "limit_switches", "no room around 0"),
         ("{end_stops: [null, 0]}", "end_stops", "no room around 0"),
-        ("{end_stops: [-1]}", "end_stops", "two places"),
+        ("{end_stops: [-1]}", "end_stops", "two positions"),
         ("{cams: [{input: 0, between: [5, 5]}]}", "cams[0].between", "ends before it begins"),
         ("{cams: [{input: 32, between: [5, 6]}]}", "cams[0].input", ""),
         ("{stops: [-1, 1]}", "stops", "did you mean"),
